@@ -20,7 +20,7 @@ MISTAKES = (
     ("record virtual:towel x.h5 --duration -1s", 2, 'Command "record" parameter'),
     ("record virtual: x.h5", 2, "expected virtual:OBJECT,"),
     ("record towel x.h5", 2, "expected virtual:OBJECT,"),
-    ("record virtual:towel x.wav", 1, "expected NAME.h5, or a folder that"),
+    ("record virtual:towel x.wav", 1, "expected NAME.h5, or an existing folder"),
     ("record virtual:towel nowhere/x.h5", 1, "expected the folder"),
     ("record virtual:towel there.h5", 1, "there.h5: is there already; give"),
     ("record virtual:towel x.h5 --repeats 0", 1, "expected 1 or more, got 0"),

@@ -46,7 +46,7 @@ def test_what_is_wrong_with_a_sensor_is_shown_and_in_the_file(sender, studio_at,
     page.page.locator("#record").click()
     page.until("studio.link.state.record.state === 'recording'")
     events = "[...document.querySelectorAll('.record .events li')].map(each => each.textContent).join('; ')"
-    for words in ("channel 5 (row 1, column 1) clips: turn its gain down", "channel 2 (row 0, column 2) is dead"):
+    for words in ("channel 5 (row 1, column 1) clips: reduce its gain", "channel 2 (row 0, column 2) is dead"):
         page.until(f"{events}.includes({words!r})")
     page.until(f"{events}.includes('10 frames (10 ms) were lost')")
     meters = "[...document.querySelectorAll('.meter')].map(each => each.textContent)"

@@ -14,10 +14,10 @@ NONE = np.zeros(16, bool)
     ("event", "words"),
     [
         (Event(kind="lost", frame=1200, frames=16), "1.200 s: 16 frames (16 ms) were lost"),
-        (Event(kind="lost", frame=1200), "1.200 s: frames were lost, the sensor does not say how many"),
+        (Event(kind="lost", frame=1200), "1.200 s: frames were lost, the sensor does not report how many"),
         (Event(kind="clipped", frame=0, frames=3, channel=6), "0.000 s: channel 6 (row 1, column 2) clips"),
         (Event(kind="dead", frame=0, channel=15), "channel 15 (row 3, column 3) is dead"),
-        (Event(kind="stuck", frame=500, channel=0), "0.500 s: channel 0 (row 0, column 0) stands still"),
+        (Event(kind="stuck", frame=500, channel=0), "0.500 s: channel 0 (row 0, column 0) is stuck"),
         (Event(kind="rate", frame=0, ppm=-3000), "3000 ± 20 ppm slower than 1000 a second"),
         (Event(kind="clock", frame=0, ppm=250), "the sensor's clock runs 250 ± 20 ppm faster"),
         (Event(kind="trigger", frame=64), "0.064 s: touched"),

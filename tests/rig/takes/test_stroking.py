@@ -133,7 +133,7 @@ def test_a_sensor_that_ends_before_the_stroke_is_a_failure(tmp_path):
     stage = Ghost()
     take, _ = drawn(tmp_path / "a.h5", stage, seconds=0.6)
     assert (take.end, take.frames) == ("failure", 600)
-    assert "before" in take.problem
+    assert "ended early" in take.problem
     assert not stage.moving
 
 

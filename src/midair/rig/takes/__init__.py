@@ -1,4 +1,4 @@
-"""Record: takes of a sensor, watched while they run."""
+"""Record takes of a sensor, with meters and triggers while they run."""
 
 from midair.rig.takes.capture import capture_recording
 from midair.rig.takes.clocks import Drift

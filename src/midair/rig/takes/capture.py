@@ -1,4 +1,4 @@
-"""From a sensor to a recording in one go, for programs; `rig/takes/take.py` is what a person has."""
+"""Record a sensor in one call, for programs; `rig/takes/take.py` is the interactive form."""
 
 from pathlib import Path
 
@@ -25,24 +25,21 @@ def capture_recording(
     ----------
     sensor : SensorDevice
         Open; it is started and stopped here.
-    duration : float
-        In s.
     path : Path, optional
-        A file that is written as the frames come, so that whatever was recorded survives a crash; it is read back at
-        the end, and nothing is kept in memory before.
+        File that is written during the recording, so that the frames survive a crash; the result is read from it.
     notes : dict of str to str, optional
-        What people want to remember: object, surface, speed, operator.
+        Notes such as object, surface, speed and operator.
     block : float
-        Seconds that are read at a time.
+        Duration of one read in s.
     progress : callable, optional
-        Called with (frames done, frames in all).
+        Called with (frames done, total frames).
 
     Raises
     ------
     InputError
-        If the duration holds no frame.
+        If the duration is shorter than one frame.
     DeviceError
-        If the sensor gives nothing, or loses frames.
+        If the sensor gives no frames, or loses frames.
     """
     frames = round(duration * sensor.rate)
     if frames < 1:

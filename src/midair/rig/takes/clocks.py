@@ -1,53 +1,46 @@
-"""How fast one clock runs against another, from pairs of readings of which the second may come late."""
+"""Drift of one clock against another, from pairs of readings of which the second may be delayed."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 LARGEST = 256
-"""Points that the line is laid through, at most; beyond, two neighbours become one and the memory stays bounded."""
+"""Maximum number of points of the fitted line; beyond it, neighbours are merged, which bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """How much faster a clock runs than this computer's.
-
-    Attributes
-    ----------
-    ppm : float
-        In millionths.
-    uncertainty : float
-        Two standard errors of the line, in millionths.
-    span : float
-        Time that was looked at, in s.
-    """
+    """Drift of a clock against this computer's."""
 
     ppm: float
+    """Drift in parts per million; positive if the clock is faster."""
     uncertainty: float
+    """Two standard errors of the slope, in parts per million."""
     span: float
+    """Observed time in s."""
 
     @property
     def certain(self) -> bool:
-        """Whether it differs from none by more than its uncertainty, and by more than rounding."""
+        """Whether the drift exceeds its uncertainty and rounding."""
         return abs(self.ppm) > max(self.uncertainty, 0.01)
 
 
 class ClockWatch:
-    """Compares a device's clock, or its count of frames over its rate, with this computer's.
+    """Compares a device's clock, or its frame count over its rate, with this computer's.
 
-    A block arrives late by a different time each, never early. So of each second only the reading that came soonest
-    counts (the lower envelope of the delay; V. Paxson, "On calibrating measurements of packet transit times",
-    SIGMETRICS 1998), and the drift is the slope of a line of least squares through them.
+    Blocks arrive with varying delay, never early. So of each second only the least delayed reading counts (the lower
+    envelope of the delay; V. Paxson, "On calibrating measurements of packet transit times", SIGMETRICS 1998), and the
+    drift is the slope of a least-squares line through them.
     """
 
     def __init__(self, *, every: float = 1.0) -> None:
         self._every = every
         self._begin: tuple[float, float] | None = None
-        self._points: list[tuple[float, float]] = []  # host time, ahead by: both since begin, in s
+        self._points: list[tuple[float, float]] = []  # (host time, lead of the device) since begin, in s
         self._cell, self._best = 0, (0.0, -np.inf)
 
     def add(self, device: float, host: float) -> None:
-        """A reading of both clocks, in s."""
+        """Add a reading of both clocks in s."""
         if self._begin is None:
             self._begin = device, host
         t = host - self._begin[1]
@@ -59,7 +52,7 @@ class ClockWatch:
             self._best = t, ahead
 
     def drift(self) -> Drift | None:
-        """What can be said so far; None before there are five points."""
+        """Drift so far; None before there are five points."""
         if len(self._points) < 5:
             return None
         t, ahead = np.array(self._points).T

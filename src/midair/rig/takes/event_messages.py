@@ -1,4 +1,4 @@
-"""What happened during a take, in words."""
+"""Messages for the events of a take."""
 
 from midair.model import Event, SensorGrid
 from midair.rig.takes.clocks import Drift
@@ -6,13 +6,13 @@ from midair.rig.takes.take_plan import Take
 
 
 def event_message(event: Event, rate: float, grid: SensorGrid, drift: Drift | None = None) -> str:
-    """One sentence for an event of a sensor that gives `rate` frames per second."""
+    """One sentence for an event of a sensor with `rate` frames per second."""
     channel = f"channel {event.channel} ({_cell(event.channel, grid)})"
     words = {
         "lost": _lost(event, rate),
-        "clipped": f"{channel} clips: turn its gain down, or press less",
+        "clipped": f"{channel} clips: reduce its gain, or press less",
         "dead": f"{channel} is dead: it has never changed; check its wire",
-        "stuck": f"{channel} stands still: it changed before; check its wire",
+        "stuck": f"{channel} is stuck: it changed before; check its wire",
         "rate": f"frames come {_drift(event.ppm, drift)} than {rate:g} a second, by this computer's clock",
         "clock": f"the sensor's clock runs {_drift(event.ppm, drift)} than this computer's",
         "trigger": "touched",
@@ -22,12 +22,12 @@ def event_message(event: Event, rate: float, grid: SensorGrid, drift: Drift | No
 
 
 def problems(take: Take, rate: float) -> list[tuple[str, str]]:
-    """What was wrong with a take, as names and values; empty for a good one."""
+    """Problems of a take as (name, value) pairs; empty for a good take."""
     levels = take.levels
     rows: list[tuple[str, str]] = []
     if take.lost:
         share = 100 * take.lost / max(1, take.frames)
-        rows.append(("lost", f"{take.lost} frames ({share:.2g} %), held at the last good one; the file says where"))
+        rows.append(("lost", f"{take.lost} frames ({share:.2g} %), replaced by the last good one; the file lists them"))
     for name, channels in (("clipped", levels.clipped > 0), ("dead", levels.dead), ("stuck", levels.stuck)):
         if channels.any():
             rows.append((f"{name} channels", ", ".join(str(i) for i in channels.nonzero()[0])))
@@ -42,8 +42,8 @@ def problems(take: Take, rate: float) -> list[tuple[str, str]]:
 
 def _lost(event: Event, rate: float) -> str:
     if event.frames == 0:
-        return "frames were lost, the sensor does not say how many: times after this are not certain"
-    return f"{event.frames} frames ({1e3 * event.frames / rate:.4g} ms) were lost; the last good one is held"
+        return "frames were lost, the sensor does not report how many: later times are uncertain"
+    return f"{event.frames} frames ({1e3 * event.frames / rate:.4g} ms) were lost; the last good one is repeated"
 
 
 def _cell(channel: int, grid: SensorGrid) -> str:

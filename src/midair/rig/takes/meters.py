@@ -1,4 +1,4 @@
-"""How strongly each channel speaks right now, and which ones clip, are dead, or stand still."""
+"""Level meters of the channels, with detection of clipping, dead and stuck channels."""
 
 from dataclasses import dataclass
 
@@ -14,51 +14,30 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Levels:
-    """What the meters show; each array has shape (channel,).
-
-    Attributes
-    ----------
-    rms : ndarray
-        About its mean, of the last `window`, in the sensor's unit.
-    peak : ndarray
-        Largest distance from its mean in the last `window`, in the sensor's unit.
-    highest : ndarray
-        Largest `peak` since the start.
-    clipped : ndarray of int
-        Frames at the limit, since the start.
-    clipping : ndarray of bool
-        Whether one of them was in the last `window`.
-    dead : ndarray of bool
-        Never changed since the start, for `still` or longer.
-    stuck : ndarray of bool
-        Changed before, but stands at one value for `still` or longer.
-    """
+    """Meter values; each array has shape (channel,)."""
 
     rms: Array
+    """Root mean square about the mean of the last `window`, in the sensor's unit."""
     peak: Array
+    """Largest deviation from the mean in the last `window`, in the sensor's unit."""
     highest: Array
+    """Largest `peak` since the start."""
     clipped: NDArray[np.int64]
+    """Number of frames at the limit since the start."""
     clipping: Flags
+    """Whether one of them was in the last `window`."""
     dead: Flags
+    """Channels that have not changed since the start, for `still` or longer."""
     stuck: Flags
+    """Channels that changed before, but have had one value for `still` or longer."""
 
 
 class Meters:
-    """Levels of every channel as the frames come.
+    """Computes the levels of every channel as the frames arrive.
 
-    Parameters
-    ----------
-    channels : int
-        Number of them.
-    rate : float
-        Frames per second, in Hz.
-    full_scale : float, optional
-        Limit of the converter on either side. If it is not known, a channel clips where it stays at its own highest or
-        lowest value of the window for three frames or more while it hardly ever repeats a value elsewhere.
-    window : float
-        Time that levels are taken over, in s.
-    still : float
-        A channel is dead or stuck when it has not changed for so long, in s.
+    `full_scale` is the limit of the converter on either side. If it is unknown, a channel clips where it stays at its
+    own highest or lowest value of the window for three frames or more while it hardly ever repeats a value elsewhere.
+    `window` is the time of the levels, `still` the time without change of a dead or stuck channel, both in s.
     """
 
     def __init__(
@@ -68,15 +47,12 @@ class Meters:
         self._window, self._still = max(4, round(window * rate)), max(2, round(still * rate))
         self._recent = np.zeros((0, channels))
         self._frames = 0
-        self._since = np.zeros(channels, np.int64)  # first frame of the value at which a channel stands
+        self._since = np.zeros(channels, np.int64)  # first frame of each channel's current value
         self._moved, self._told = np.zeros(channels, bool), np.zeros(channels, bool)
         self._highest, self._clipped = np.zeros(channels), np.zeros(channels, np.int64)
 
     def add(self, samples: Array) -> tuple[Event, ...]:
-        """Frames that came, shape (frame, row, column); what is to be told about their channels, each thing once.
-
-        The events' frames are counted from the first frame that was added.
-        """
+        """Process frames, shape (frame, row, column); return new events, counted from the first frame added."""
         if not len(samples):
             return ()
         block = np.asarray(samples, np.float64).reshape(len(samples), -1)
@@ -95,7 +71,7 @@ class Meters:
 
     @property
     def levels(self) -> Levels:
-        """What the meters show now."""
+        """Current meter values."""
         recent = self._recent if len(self._recent) else np.zeros((1, len(self._highest)))
         about = recent - recent.mean(axis=0)
         still = self._frames - self._since >= self._still
@@ -110,7 +86,7 @@ class Meters:
         )
 
     def _at_limit(self, block: Array) -> Flags:
-        """Which samples of a block are at the limit; what came before decides with it where the limit is not known."""
+        """Samples of a block at the limit; an unknown limit is estimated with the frames before."""
         if self._full_scale is not None:
             return self._limits(block)
         together = np.concatenate([self._recent, block])
@@ -129,19 +105,19 @@ class Meters:
         runs[1:-1] |= triple
         runs[:-2] |= triple
         elsewhere = ~extreme[1:]
-        # A slow or coarse signal repeats itself everywhere, and a run at its extreme then says nothing.
+        # A slow or coarse signal repeats values everywhere, so that a run at its extreme is no sign of clipping.
         repeats = (same & elsewhere).sum(axis=0) <= 0.05 * elsewhere.sum(axis=0)
         return runs & repeats & elsewhere.any(axis=0)
 
     def _stand(self, block: Array) -> None:
-        """Since which frame each channel has its value, and which ones have ever moved."""
+        """Update the frame since which each channel has its value, and the channels that have ever changed."""
         before = self._recent[-1:] if len(self._recent) else block[:1]
         changed = np.diff(np.concatenate([before, block]), axis=0) != 0
         moves = changed.any(axis=0)
         last = self._frames + len(block) - 1 - changed[::-1].argmax(axis=0)
         self._since = np.where(moves, last, self._since)
         self._moved |= moves
-        # What moves again and then stops is told again.
+        # A channel that changes and then stops again is reported again.
         self._told &= ~moves
         self._frames += len(block)
 

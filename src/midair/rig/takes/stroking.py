@@ -1,4 +1,4 @@
-"""A stroke of a stage beside a take: down to the sensor, along it, up again, in a thread of its own."""
+"""One stroke of a motion stage during a take: down to the sensor, along it, up again, in a separate thread."""
 
 import threading
 import time
@@ -11,20 +11,18 @@ from midair.rig.takes.take_plan import CompanionReport
 
 
 class Stroking:
-    """The companion of a take that draws an object over the sensor once.
+    """Companion of a take that strokes an object over the sensor once.
 
     Parameters
     ----------
     stage : StageDevice
-        Open, at rest above the beginning of the stroke.
+        Open, at rest above the start of the stroke.
     setup : StageSetup
-        Where it touches and where it does not.
-    stroke : float
-        Length, in m.
-    speed : float
-        In m/s.
+        Positions and speeds of the stroke.
+    stroke, speed : float
+        Length in m and speed in m/s.
     stopped : callable
-        Whether somebody wants it to stop, asked all the time.
+        Polled; True stops the stage.
     """
 
     def __init__(
@@ -39,19 +37,19 @@ class Stroking:
         self._thread: threading.Thread | None = None
 
     def begin(self) -> None:
-        """Go."""
+        """Start the stroke."""
         self._thread = threading.Thread(target=self._run, name="stroke", daemon=True)
         self._thread.start()
 
     def news(self) -> CompanionReport:
-        """What it did since the last time."""
+        """Report since the last call."""
         with self._lock:
             stamps, self._stamps = tuple(self._stamps), []
             strokes, self._strokes = tuple(self._strokes), []
             return CompanionReport(stamps=stamps, strokes=strokes, over=self._over, problem=self._problem)
 
     def end(self) -> None:
-        """Hold the stage if it moves, and wait until it stands."""
+        """Stop the stage if it moves, and wait until it stands still."""
         self._enough.set()
         if self._thread is not None:
             self._thread.join()
@@ -92,7 +90,7 @@ class Stroking:
 
 
 def bring_to_start(stage: StageDevice, setup: StageSetup, here: Place, stopped: Callable[[], bool]) -> bool:
-    """Up to where nothing is touched, then over the beginning of a stroke; False when it was stopped on the way."""
+    """Raise the stage clear of the sensor and move it above the start of a stroke; return False if it was stopped."""
     height = max(here[2], setup.clear)
     for target in ((here[0], here[1], height), (*setup.start, height), setup.above):
         if stage.move(target, setup.back, stamp=lambda _: None, stopped=stopped) is None:

@@ -1,7 +1,7 @@
-"""One take: wait for a key or a touch, write the frames as they come, tell at once what goes wrong, and go on.
+"""Record one take: wait for a key or a touch, write the frames as they arrive, report problems, and continue.
 
-A frame that never came holds the last good one, so that frame i stays at i / rate; where that was is told and stored.
-A take fails only when nothing came. If the sensor is lost or the disk is full half-way, what there was is kept.
+A lost frame is replaced by the last good one, so that frame i stays at i / rate; the event is reported and stored. A
+take fails only without any frame. If the sensor is lost or the disk is full, the frames so far are kept.
 """
 
 import time
@@ -19,32 +19,32 @@ from midair.files import RecordingWriter
 from midair.model import Event, EventKind, Provenance, Setting
 from midair.rig.takes.clocks import ClockWatch, Drift
 from midair.rig.takes.meters import Meters
-from midair.rig.takes.take_plan import Companion, Take, TakeOrder, TakePlan, View, WarmStart, Watcher
+from midair.rig.takes.take_plan import Companion, EndReason, Take, TakeOrder, TakePlan, View, Watcher
 from midair.rig.takes.trigger import PreRoll, Trigger
 
 Array = NDArray[np.float64]
 DRIFT_TOLD = 200.0
-"""Quartz clocks are about 100 ppm apart at most; a drift of this many ppm is told."""
+"""Drift in ppm above which an event is reported; quartz clocks differ by about 100 ppm at most."""
 
 
 def record_take(sensor: SensorDevice, plan: TakePlan, watcher: Watcher, companion: Companion | None = None) -> Take:
-    """Make one take with an open sensor, which is started and stopped here.
+    """Record one take with an open sensor, which is started and stopped here.
 
-    A companion begins with the first frame; when it is over, so is the take, and when that ends before, it comes to
-    rest.
+    A companion begins with the first frame. The take ends with the companion; if it ends earlier, the companion is
+    stopped.
 
     Raises
     ------
     InputError
-        If the duration holds no frame.
+        If the duration is shorter than one frame.
     DeviceError
-        If the sensor gives nothing, or is lost before the first frame.
+        If the sensor gives no frames, or is lost before the first frame.
     FileError
-        If the file cannot be made.
+        If the file cannot be created.
     """
     if plan.duration is not None and round(plan.duration * sensor.rate) < 1:
         raise InputError(f"duration: expected at least one frame of {1e3 / sensor.rate:g} ms, got {plan.duration:g} s")
-    # Before the sensor starts: frames would pile up while HDF5 is loaded.
+    # Before the sensor starts, since frames would queue up while HDF5 is loaded.
     RecordingWriter.warm_up()
     sensor.start()
     try:
@@ -57,7 +57,7 @@ def record_take(sensor: SensorDevice, plan: TakePlan, watcher: Watcher, companio
 
 
 class _Taking:
-    """The state of a take that runs."""
+    """State of a running take."""
 
     def __init__(
         self,
@@ -75,11 +75,11 @@ class _Taking:
         self._trigger = None if plan.level is None else Trigger(plan.level, sensor.rate)
         self._before = PreRoll(round(plan.pre_roll * sensor.rate))
         self._writer: RecordingWriter | None = None
-        # Bounded, since a take may wait for its touch for hours.
+        # Bounded, since a take may wait for a touch for hours.
         self._early: deque[Event] = deque(maxlen=1000)
         self._told: set[EventKind] = set()
         self._origin = self._lost = self._held = 0
-        # When frame 0 of the sensor was taken, by this computer's clock: blocks come late, never early.
+        # Time of the sensor's frame 0 by this computer's clock: blocks arrive late, never early.
         self._zero = np.inf
         self._latest = -np.inf
         self._wanted: int | None = None
@@ -87,8 +87,8 @@ class _Taking:
         self._range = np.inf, -np.inf
 
     def run(self) -> Take:
-        """Until the take ends."""
-        end: WarmStart | None = None
+        """Run until the take ends."""
+        end: EndReason | None = None
         problem = ""
         while end is None:
             try:
@@ -105,19 +105,21 @@ class _Taking:
     def _frames(self) -> int:
         return 0 if self._writer is None else self._writer.frames
 
-    def _step(self) -> WarmStart | None:
-        """Read a block and do what is due; why the take has ended, if it has."""
+    def _step(self) -> EndReason | None:
+        """Read and process a block; return the reason if the take has ended."""
         if (order := self._watcher.order()) in ("quit", "kill"):
             return order
         if self._writer is None and self._plan.start == "key" and self._sensor.on_demand and order is None:
-            # Reading would use up a source that gives frames on demand before anybody has pressed the key.
+            # Reading would consume an on-demand source before a key is pressed.
             time.sleep(self._plan.block)
             self._show()
             return None
         block = self._sensor.read(max(1, round(self._plan.block * self._sensor.rate)))
         if not len(block.samples):
             if self._companion is not None:
-                raise DeviceError(f"{self._sensor.name}: expected frames to the end of the stroke, it ended before")
+                raise DeviceError(
+                    f"{self._sensor.name}: expected frames to the end of the stroke, the sensor ended early"
+                )
             return "source"
         samples = self._receive(block)
         self._zero = min(self._zero, block.host_time - block.first / self._sensor.rate)
@@ -125,8 +127,8 @@ class _Taking:
         self._show()
         return end or self._accompany()
 
-    def _accompany(self) -> WarmStart | None:
-        """Write down what the companion did; the end, when it is over."""
+    def _accompany(self) -> EndReason | None:
+        """Store the companion's report; return the reason if it ended the take."""
         if self._companion is None or self._writer is None:
             return None
         news = self._companion.news()
@@ -139,11 +141,11 @@ class _Taking:
         if news.problem:
             raise DeviceError(news.problem)
         self._latest = max([self._latest, *(stamp.time - begin for stamp in news.stamps)])
-        # Frames come later than they were taken: those of its last moment still belong to it.
+        # Frames arrive with a delay: those of its last moment still belong to the take.
         return "companion" if news.over and self._frames >= self._latest * self._sensor.rate else None
 
     def _settle(self) -> str:
-        """Let the companion come to rest after any other end, and write down the rest; what was in the way of that."""
+        """Stop the companion after any other end and store its report; return the problem, if any."""
         if self._companion is None:
             return ""
         self._companion.end()
@@ -154,21 +156,21 @@ class _Taking:
         return ""
 
     def _receive(self, block: FrameBlock) -> Array:
-        """A block without its gap; what is to be told about it is told."""
+        """Fill the gaps of a block, and report its events."""
         seamless = self._seam.add(block)
         if seamless.lost or block.overflow:
             self._lost += seamless.lost
             self._tell([Event(kind="lost", frame=seamless.first, frames=seamless.lost)])
         self._tell(self._meters.add(seamless.samples))
         if not self._sensor.on_demand:
-            # A source on demand has no clock of its own.
+            # An on-demand source has no clock.
             self._rate.add(block.first / self._sensor.rate, block.host_time)
             self._clock.add(block.device_time, block.host_time)
             self._tell_drift()
         return seamless.samples
 
-    def _wait(self, samples: Array, order: TakeOrder | None) -> WarmStart | None:
-        """Begin if this is the moment, else keep the frames for the pre-roll."""
+    def _wait(self, samples: Array, order: TakeOrder | None) -> EndReason | None:
+        """Begin if the start condition is met, else buffer the frames for the pre-roll."""
         past = np.zeros(len(samples), bool) if self._trigger is None else self._trigger.exceeded(samples)
         if self._plan.start == "touch" and order is None:
             begin = int(past.argmax()) if past.any() else None
@@ -187,7 +189,7 @@ class _Taking:
         return self._keep(samples[begin:], None, past[begin:])
 
     def _open(self, origin: int, kept: int) -> None:
-        """Make the file, whose frame 0 is frame `origin` of the sensor."""
+        """Create the file, whose frame 0 is frame `origin` of the sensor."""
         sensor, plan = self._sensor, self._plan
         settings: dict[str, Setting] = dict(plan.settings)
         if plan.start != "at once":
@@ -218,7 +220,7 @@ class _Taking:
             self._tell([Event(kind="trigger", frame=origin + kept)])
 
     def _note_early(self) -> None:
-        """Write down what happened before the file was there and concerns its frames."""
+        """Store earlier events that concern the file's frames."""
         levels, origin = self._meters.levels, self._origin
         still = levels.dead | levels.stuck
         for event in self._early:
@@ -228,8 +230,8 @@ class _Taking:
                 self._note([replace(event, frame=max(event.frame, origin), frames=min(event.frames, after))])
         self._early.clear()
 
-    def _keep(self, samples: Array, order: TakeOrder | None, past: NDArray[np.bool_] | None = None) -> WarmStart | None:
-        """Write frames; why the take has ended, if it has."""
+    def _keep(self, samples: Array, order: TakeOrder | None, past: NDArray[np.bool_] | None = None) -> EndReason | None:
+        """Write frames; return the reason if the take has ended."""
         if self._wanted is not None:
             samples = samples[: self._wanted - self._frames]
         self._write(samples)
@@ -257,7 +259,7 @@ class _Taking:
             self._note(events)
 
     def _note(self, events: Sequence[Event]) -> None:
-        """Write events down, their frames counted from the beginning of the file, as far as it will reach."""
+        """Store events with frames counted from the start of the file and cut to its planned length."""
         rows = [replace(event, frame=max(0, event.frame - self._origin)) for event in events]
         if self._wanted is not None:
             rows = [replace(row, frames=min(row.frames, max(0, self._wanted - row.frame))) for row in rows]
@@ -286,7 +288,7 @@ class _Taking:
             )
         )
 
-    def _close(self, end: WarmStart, problem: str) -> Take:
+    def _close(self, end: EndReason, problem: str) -> Take:
         drifts = self._rate.drift(), self._clock.drift()
         kinds: tuple[EventKind, ...] = ("rate", "clock")
         for kind, drift in zip(kinds, drifts, strict=True):

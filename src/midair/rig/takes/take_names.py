@@ -1,4 +1,4 @@
-"""Takes that belong together: what is recorded, told once, and the names of the files."""
+"""Subject and file names of takes that belong together."""
 
 import json
 import re
@@ -13,48 +13,36 @@ from midair.files import whole_file
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subject:
-    """What is recorded, and by whom.
-
-    Attributes
-    ----------
-    object, surface : str
-        Such as towel and grooved; empty where nobody said.
-    speed : str
-        Speed of the stroke, with its unit, such as 50mm/s.
-    operator : str
-        The person who records.
-    """
+    """Subject of a recording; empty fields are unknown."""
 
     object: str = ""
+    """Such as towel."""
     surface: str = ""
+    """Such as grooved."""
     speed: str = ""
+    """Speed of the stroke with its unit, such as 50mm/s."""
     operator: str = ""
+    """Person who records."""
 
     @property
     def notes(self) -> dict[str, str]:
-        """What is known, for the notes of a recording."""
+        """Known fields, for the notes of a recording."""
         return {name: value for name, value in asdict(self).items() if value}
 
     @property
     def stem(self) -> str:
-        """Beginning of the names of its files: object-surface."""
+        """Start of the file names: object-surface."""
         return "-".join(part for part in (slug(self.object), slug(self.surface)) if part) or "recording"
 
 
 def slug(text: str) -> str:
-    """`text` as a part of a file's name: small letters and digits of any script, the rest as single underscores."""
+    """Convert text to a part of a file name: lower-case letters and digits of any script, underscores for the rest."""
     small = unicodedata.normalize("NFKC", text).casefold()
     return re.sub(r"[^\w.]+|_+", "_", small).strip("_.")[:60]
 
 
 def take_name(folder: Path, stem: str) -> Path:
-    """The next name in a folder: ``stem-01.h5``, or one more than the highest number that is there.
-
-    Raises
-    ------
-    MissingFileError
-        If there is no such folder.
-    """
+    """Next name in a folder: ``stem-01.h5``, or one above the highest number; MissingFileError without the folder."""
     if not folder.is_dir():
         raise MissingFileError(f"{folder}: expected a folder for the recordings, found none; make it first")
     numbers = [
@@ -66,54 +54,46 @@ def take_name(folder: Path, stem: str) -> Path:
 
 
 def take_path(output: Path | None, subject: Subject, *, repeats: int) -> Path:
-    """Where the next take goes.
+    """Path of the next take.
 
     Parameters
     ----------
     output : Path, optional
-        A folder, this one if None: names are made of the subject. Or the name of the one take, or the beginning of the
-        names of several.
-    subject : Subject
-        What is recorded.
+        A folder (the current one if None), in which the name is made from the subject; or the name of a single take, or
+        the start of the names of several.
     repeats : int
-        How many takes there will be.
+        Total number of takes.
 
     Raises
     ------
     InputError
-        If the name does not end in .h5, or somebody has it.
+        If the name does not end in .h5, or the file exists.
     MissingFileError
-        If its folder is not there.
+        If the folder does not exist.
     """
     if output is None or output.is_dir():
         return take_name(output or Path(), subject.stem)
     if output.suffix != ".h5":
-        raise InputError(f"{output}: expected NAME.h5, or a folder that is there")
+        raise InputError(f"{output}: expected NAME.h5, or an existing folder")
     if repeats > 1:
         return take_name(output.parent, output.stem)
     if output.exists():
-        raise InputError(f"{output}: is there already; give another name, or a folder, to have a new one made")
+        raise InputError(f"{output}: is there already; give another name, or a folder for a new name")
     return output
 
 
 def remembered() -> Subject:
-    """The subject that was recorded last, to offer when somebody is asked; an empty one if there is none."""
+    """Subject of the last recording, as a default for prompts; an empty one if there is none."""
     try:
         stored = json.loads((state_folder() / "subject.json").read_text(encoding="utf-8"))
         return Subject(**{each.name: str(stored.get(each.name, "")) for each in fields(Subject)})
-    # Only offered as an answer: what cannot be read is left out in silence.
+    # It is only a default for prompts, so read errors are ignored.
     except (OSError, ValueError, AttributeError, RecursionError):
         return Subject()
 
 
 def remember(subject: Subject) -> None:
-    """Keep the subject for the next time somebody is asked.
-
-    Raises
-    ------
-    FileError
-        If there is no place to keep it.
-    """
+    """Store the subject as the default of later prompts; FileError if it cannot be stored."""
     path = make_state_folder() / "subject.json"
     with whole_file(path) as partial:
         partial.write_text(json.dumps(asdict(subject)), encoding="utf-8")

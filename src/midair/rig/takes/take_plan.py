@@ -1,4 +1,4 @@
-"""A take: how it begins and ends, what can be seen of it while it runs, and what came of it."""
+"""Plan, display state and result of a take, and the interfaces of its observers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,49 +12,37 @@ from midair.rig.takes.meters import Levels
 from midair.validation import positive
 
 TakeOrder = Literal["toggle", "quit", "kill"]
-"""What a person can say: start or stop this take; stop, and no more takes; stop, for a signal came."""
-WarmStart = Literal["duration", "source", "toggle", "quiet", "quit", "kill", "companion", "failure"]
-"""Why a take ended: its time was over, the source ended, a key, silence, the end of
-what went on beside it, or what was in its way."""
+"""User command: start or stop this take; stop, and make no more takes; stop because of a signal."""
+EndReason = Literal["duration", "source", "toggle", "quiet", "quit", "kill", "companion", "failure"]
+"""Reason for the end of a take: duration reached, end of the source, key, silence, quit, signal, end of the companion,
+or failure."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakePlan:
-    """How a take begins and ends.
-
-    Attributes
-    ----------
-    path : Path
-        Path of the recording to make; nothing is written over.
-    start : {"at once", "key", "touch"}
-        What it waits for.
-    duration : float or None
-        Time from the start on, in s; None until something else ends it.
-    level : float or None
-        Distance of any channel from its resting value that is a touch, in the sensor's unit.
-    pre_roll : float
-        How much from before the start is kept, in s.
-    post_roll : float or None
-        Without a touch for so long, in s, the take ends.
-    notes : mapping of str to str
-        Object, surface, speed, operator.
-    settings : mapping
-        Into the step "record" of the recording's provenance, such as the number of the take.
-    block, interval : float
-        Seconds that are read at a time, and longest time that a frame waits for a flush. Together with the time of a
-        write they stay below a quarter of a second: that much is lost at most when the program is killed.
-    """
+    """Start and end conditions of a take."""
 
     path: Path
+    """Path of the recording; an existing file is not overwritten."""
     start: Literal["at once", "key", "touch"] = "at once"
+    """Start condition."""
     duration: float | None = None
+    """Duration from the start in s; None for no limit."""
     level: float | None = None
+    """Threshold of a touch: deviation of any channel from rest, in the sensor's unit."""
     pre_roll: float = 0.0
+    """Time before the start that is kept, in s."""
     post_roll: float | None = None
+    """Time without a touch after which the take ends, in s."""
     notes: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Object, surface, speed, operator."""
     settings: Mapping[str, Setting] = field(default_factory=dict[str, Setting])
+    """Settings of the step "record" in the provenance, such as the number of the take."""
     block: float = 0.05
+    """Duration of one read in s; with `interval` and the time of a write it stays below a quarter of a second, the most
+    that is lost when the program is killed."""
     interval: float = 0.1
+    """Longest time before a frame is flushed, in s."""
 
     def __post_init__(self) -> None:
         if self.duration is not None:
@@ -71,114 +59,86 @@ class TakePlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class View:
-    """What can be shown while a take runs.
-
-    Attributes
-    ----------
-    state : {"waiting", "recording"}
-        Whether it has begun.
-    frames, wanted : int, int or None
-        In the file so far, and in the end, if that is known.
-    lost : int
-        Frames that never came, since the sensor was started.
-    levels : Levels
-        Levels of the channels.
-    rate, clock : Drift or None
-        Drifts of the frames counted and of the device's clock, against this computer's.
-    """
+    """State of a running take, for display."""
 
     state: Literal["waiting", "recording"]
     frames: int
+    """Number of frames in the file so far."""
     wanted: int | None
+    """Planned number of frames, if known."""
     lost: int
+    """Number of lost frames since the sensor's start."""
     levels: Levels
     rate: Drift | None
+    """Drift of the frame count against this computer's clock."""
     clock: Drift | None
+    """Drift of the device's clock against this computer's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Take:
-    """What came of a take.
-
-    Attributes
-    ----------
-    path : Path or None
-        Path of the recording; None when it ended before it began.
-    frames, lost : int
-        In the file, and how many of them are held ones.
-    end : str
-        Why it ended.
-    problem : str
-        What was in its way, if that was the end.
-    levels : Levels
-        Levels of the channels.
-    lowest, highest : float
-        Lowest and highest of all samples in the file, in the sensor's unit.
-    rate, clock : Drift or None
-        As in `View`.
-    """
+    """Result of a take."""
 
     path: Path | None
+    """Path of the recording; None if the take ended before it began."""
     frames: int
+    """Number of frames in the file."""
     lost: int
-    end: WarmStart
+    """Number of replaced frames among them."""
+    end: EndReason
+    """Reason for the end."""
     problem: str
+    """Error message, if an error ended the take."""
     levels: Levels
     lowest: float
+    """Lowest sample in the file, in the sensor's unit."""
     highest: float
+    """Highest sample in the file, in the sensor's unit."""
     rate: Drift | None
     clock: Drift | None
 
 
 class Watcher(Protocol):
-    """Who looks on, and may say something."""
+    """User interface of a take."""
 
     def order(self) -> TakeOrder | None:
-        """What was said since the last time."""
+        """Command since the last call."""
         ...
 
     def show(self, view: View) -> None:
-        """Something has changed; called for every block."""
+        """Display the state; called for every block."""
         ...
 
     def tell(self, event: Event, drift: Drift | None = None) -> None:
-        """Something happened; its frame is counted from the sensor's start."""
+        """Report an event; its frame is counted from the sensor's start."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompanionReport:
-    """What a companion of a take has to say since the last time; times by this computer's steady clock.
-
-    Attributes
-    ----------
-    stamps : tuple of StageStamp
-        Where the stage was.
-    strokes : tuple of pairs of float
-        When strokes began and ended, whether whole or cut short.
-    over : bool
-        Whether it has come to its end, and the take with it.
-    problem : str
-        What was in its way, if anything.
-    """
+    """Report of a companion since the last call; times in s by this computer's monotonic clock."""
 
     stamps: tuple[StageStamp, ...] = ()
+    """Positions of the stage."""
     strokes: tuple[tuple[float, float], ...] = ()
+    """(start, end) of each stroke, complete or not."""
     over: bool = False
+    """Whether it has finished, which ends the take."""
     problem: str = ""
+    """Error message, if any."""
 
 
 class Companion(Protocol):
-    """What goes on beside a take from its first frame on, such as a stage that moves."""
+    """A task that runs during a take from its first frame, such as the motion of a stage."""
 
     def begin(self) -> None:
-        """The first frame is in the file."""
+        """Start; the first frame is in the file."""
         ...
 
     def news(self) -> CompanionReport:
-        """What happened; never waits."""
+        """Report since the last call, without waiting."""
         ...
 
     def end(self) -> None:
-        """The take is over: come to rest. Harmless at any time, and a second time."""
+        """Stop, since the take is over; allowed at any time and repeatedly."""
         ...

@@ -1,4 +1,4 @@
-"""Starting a recording when something touches the sensor, with what came just before, and ending it in silence."""
+"""Start a recording at a touch, with a pre-roll, and end it after silence."""
 
 from collections import deque
 
@@ -9,19 +9,10 @@ Array = NDArray[np.float64]
 
 
 class Trigger:
-    """Looks for the first frame at which any channel is further from its resting value than a level.
+    """Detects frames in which any channel deviates from its resting value by more than `level`, in the sensor's unit.
 
-    The resting value of each channel is its running mean with a time constant of `settle`, which starts at the first
-    frame; it stands still while the trigger is exceeded.
-
-    Parameters
-    ----------
-    level : float
-        In the sensor's unit, above 0.
-    rate : float
-        Frames per second, in Hz.
-    settle : float
-        Time constant, in s.
+    The resting value of each channel is its running mean with the time constant `settle` in s, starting at the first
+    frame; it is frozen while the trigger is exceeded.
     """
 
     def __init__(self, level: float, rate: float, *, settle: float = 0.5) -> None:
@@ -29,12 +20,12 @@ class Trigger:
         self._rest: Array | None = None
 
     def exceeded(self, samples: Array) -> NDArray[np.bool_]:
-        """Whether any channel is past the level, for each frame of samples of shape (frame, row, column)."""
+        """Whether any channel exceeds the level, for each frame of samples of shape (frame, row, column)."""
         if not len(samples):
             return np.zeros(0, bool)
         flat = np.asarray(samples, np.float64).reshape(len(samples), -1)
         rest = flat[0].copy() if self._rest is None else self._rest
-        # Block by block, not frame by frame: the mean moves far slower than a block is long.
+        # Per block, not per frame: the mean changes little within a block.
         past = np.asarray((np.abs(flat - rest) > self._level).any(axis=1))
         calm = flat[~past]
         keep = self._keep ** len(calm)
@@ -43,20 +34,14 @@ class Trigger:
 
 
 class PreRoll:
-    """The last frames, a fixed number at most.
-
-    Parameters
-    ----------
-    frames : int
-        How many; 0 keeps none.
-    """
+    """Buffer of the last `frames` frames; 0 keeps none."""
 
     def __init__(self, frames: int) -> None:
         self._frames, self._have = frames, 0
         self._parts: deque[Array] = deque()
 
     def add(self, samples: Array) -> None:
-        """Frames that came; the oldest are forgotten."""
+        """Add frames; the oldest are dropped."""
         if self._frames == 0:
             return
         # A copy, since a view would keep its whole block in memory.
@@ -66,7 +51,7 @@ class PreRoll:
             self._have -= len(self._parts.popleft())
 
     def take(self) -> Array | None:
-        """What was kept, oldest first, and forget it; None when there is nothing."""
+        """Return the frames, oldest first, and empty the buffer; None if it is empty."""
         if not self._have:
             return None
         kept = np.concatenate(self._parts)[-self._frames :]
