@@ -155,7 +155,7 @@ def test_another_key_is_let_in_nowhere():
         pass
     listener.close()
     assert listener.got == []
-    assert "another key" in str(listener.problem)
+    assert "check the key" in str(listener.problem)
     assert listener.source.counted.refused > 0
 
 

@@ -23,13 +23,13 @@ ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a t
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"sensor": "audio:USB"}, "sound card, whose buffers take 64 ms"),
+        ({"sensor": "audio:USB"}, "sound card, whose buffers delay by 64 ms"),
         ({"hold": 0.05}, "2 to 20 ms"),
         ({"delay": 0.05}, "2 to 10 ms"),
         ({"level": 0.0}, "above 0 and at most 1"),
         ({"duration": -1.0}, "above 0 s"),
-        ({"mapping": "constant-offset"}, "expected one in Pa"),
-        ({"offset": 3.0}, "none for the others"),
+        ({"mapping": "constant-offset"}, "expected a value in Pa"),
+        ({"offset": 3.0}, "none for other mappings"),
         ({"gain": -1.0}, "above 0"),
         ({"listen": "0.0.0.0:5005"}, "expected --key"),
         ({"listen": "somewhere", "key": "touch.key"}, "HOST:PORT"),
@@ -121,7 +121,7 @@ def test_a_stop_of_its_own_silences_it_at_once():
 
 @pytest.mark.slow
 def test_a_process_that_is_killed_is_said():
-    with pytest.raises(DeviceError, match="without a word"), midair.live("virtual:brush") as session:
+    with pytest.raises(DeviceError, match="without a report"), midair.live("virtual:brush") as session:
         session.wait(0.5)
         os.kill(session._process.pid, signal.SIGKILL)
         session.wait(5.0)

@@ -1,4 +1,4 @@
-"""Live: what a sensor feels now is played now."""
+"""Live touch: the signal of a sensor is played on an array while it is measured."""
 
 from midair.rig.live_touch.encryption import make_key
 from midair.rig.live_touch.live_loop import LiveLoop, Pace

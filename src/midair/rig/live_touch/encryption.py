@@ -1,9 +1,9 @@
-"""Frames of pressure as messages that nobody else can read, make, change or repeat.
+"""Authenticated encryption of pressure frames for the network.
 
-Every message is a box of libsodium's secretbox (XSalsa20 and Poly1305, through PyNaCl) with a key that both sides
-share: what does not open was not made by one who has it. Whoever plays answers a greeting with a number that it has
-just drawn, and every frame carries it: a run that somebody recorded is none of this one. Within a run each frame has
-a number of its own, which counts once.
+Every message is a secretbox of libsodium (XSalsa20 and Poly1305, through PyNaCl) with a key that both sides share, so
+that a message that fails authentication was not made by an owner of the key. The playing side answers a greeting with a
+random number, and every frame carries it, so that a recorded run cannot be replayed. Within a run each frame number is
+accepted once.
 """
 
 import json
@@ -22,21 +22,21 @@ from midair.model import SensorGrid
 Array = NDArray[np.float64]
 
 HELLO, WELCOME, FRAME, END = b"H", b"W", b"F", b"E"
-"""Kinds of messages: who begins says what it is; who plays answers with its number; then frames; and the end."""
+"""Message types: greeting of the sensor side, answer of the playing side with its random number, frame, end."""
 
 NUMBER = 16
-"""Bytes of the number that one side draws."""
+"""Length of the random number in bytes."""
 
 _HEAD = struct.Struct("<QdH")
 
 
 def make_key(path: Path) -> None:
-    """Write a new key, for this user only; the other side needs the same file.
+    """Write a new key file, readable by this user only; the other side needs a copy.
 
     Raises
     ------
     InputError
-        If the file is there already.
+        If the file exists.
     """
     import os
 
@@ -49,70 +49,47 @@ def make_key(path: Path) -> None:
 
 
 def read_key(path: Path) -> bytes:
-    """The key of a file.
-
-    Raises
-    ------
-    MissingFileError, InputError
-        If there is none.
-    """
+    """Read a key file; MissingFileError or InputError if there is none or it holds no key."""
     try:
         text = path.read_text(encoding="ascii", errors="replace").strip()
     except OSError as wrong:
         raise MissingFileError(
-            f"{path}: expected a key, got {wrong.strerror}; midair live --new-key makes one"
+            f"{path}: expected a key, got {wrong.strerror}; make one with midair live --new-key"
         ) from wrong
     if len(text) != 64 or not set(text) <= set("0123456789abcdef"):
-        raise InputError(f"{path}: expected a key of 64 hexadecimal digits, got other text; --new-key makes one")
+        raise InputError(
+            f"{path}: expected a key of 64 hexadecimal digits, got other text; make one with midair live --new-key"
+        )
     return bytes.fromhex(text)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionOffer:
-    """What the side that feels says of itself.
-
-    Attributes
-    ----------
-    rows, columns : int
-        Of the cells.
-    pitch : float
-        Between them, in m.
-    name : str
-        Of the sensor.
-    rate : float
-        Frames per second, in Hz.
-    delay : float
-        Of its filter, in s.
-    simulated : bool
-        Whether it is not real.
-    """
+    """Description of the sensor side, sent in the greeting."""
 
     rows: int
     columns: int
     pitch: float
+    """Cell pitch in m."""
     name: str
     rate: float
+    """Frame rate in Hz."""
     delay: float
+    """Delay of the sensor side's filter in s."""
     simulated: bool
 
     @property
     def grid(self) -> SensorGrid:
-        """Its cells."""
+        """Cells of the sensor."""
         return SensorGrid(rows=self.rows, columns=self.columns, pitch=self.pitch, name=self.name)
 
     def message(self) -> bytes:
-        """As bytes."""
+        """Encode as bytes."""
         return json.dumps(asdict(self)).encode()
 
     @classmethod
     def of(cls, message: bytes) -> "SessionOffer":
-        """From bytes of one who has the key, but perhaps another version.
-
-        Raises
-        ------
-        InputError
-            If they are none, or of a sensor that cannot be.
-        """
+        """Decode a message; InputError if it is from another version or describes an impossible sensor."""
         try:
             said: dict[str, Any] = json.loads(message)
             made = cls(**said)
@@ -120,52 +97,43 @@ class SessionOffer:
             if not (possible and 0 <= made.delay < 1 and made.grid.count):
                 raise ValueError
         except (ValueError, TypeError) as wrong:
-            raise InputError("live: expected a greeting of this midair, got another; use the same version") from wrong
+            raise InputError(
+                "live: expected a greeting of this midair version, got another; use the same version"
+            ) from wrong
         return made
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReceivedFrame:
-    """A frame as it came.
-
-    Attributes
-    ----------
-    number : int
-        Counted from 0.
-    taken : float
-        When it was taken, in s of the sender's clock.
-    pressure : ndarray, shape (channel,)
-        In Pa.
-    """
+    """A received frame."""
 
     number: int
+    """Frame number, from 0."""
     taken: float
+    """Sampling time in s of the sender's clock."""
     pressure: Array
+    """Pressure in Pa, shape (channel,)."""
 
 
 class FrameCipher:
-    """Closes and opens messages with a key.
-
-    Parameters
-    ----------
-    key : bytes
-        32 of them.
-    """
+    """Encrypts and decrypts messages with a key of 32 bytes."""
 
     def __init__(self, key: bytes) -> None:
         try:
             from nacl.exceptions import CryptoError
             from nacl.secret import SecretBox
         except ImportError as wrong:
-            raise MissingExtraError('network: expected the package pynacl; pip install "midair[network]"') from wrong
+            raise MissingExtraError(
+                'network: expected the package pynacl, which is not installed; pip install "midair[network]"'
+            ) from wrong
         self._box, self._broken = SecretBox(key), CryptoError
 
     def close(self, kind: bytes, message: bytes) -> bytes:
-        """A message as it travels; the nonce is drawn anew each time."""
+        """Encrypt a message with a new random nonce."""
         return bytes(self._box.encrypt(kind + message))
 
     def open(self, box: bytes) -> tuple[bytes, bytes] | None:
-        """Kind and message; None of what was not closed with this key, or was changed on the way."""
+        """Decrypt a message into type and content; None if authentication fails."""
         try:
             opened = self._box.decrypt(box)
         except (self._broken, ValueError):
@@ -174,12 +142,12 @@ class FrameCipher:
 
 
 def frame_message(number: int, taken: float, pressure: Array, drawn: bytes) -> bytes:
-    """A frame as bytes: number, time, channels, the other side's number, then pressure in single precision."""
+    """Encode a frame: number, time, channels, the other side's random number, then pressure in single precision."""
     return _HEAD.pack(number, taken, len(pressure)) + drawn + pressure.astype("<f4").tobytes()
 
 
 def frame_from(message: bytes, channels: int, drawn: bytes) -> ReceivedFrame | None:
-    """A frame of this run, or None."""
+    """Decode a frame; None if it does not belong to this run."""
     if len(message) != _HEAD.size + NUMBER + 4 * channels:
         return None
     number, taken, count = _HEAD.unpack_from(message)
@@ -192,20 +160,14 @@ def frame_from(message: bytes, channels: int, drawn: bytes) -> ReceivedFrame | N
 
 
 class ReplayFilter:
-    """Which numbers came already: each counts once, and one far behind the newest not at all.
-
-    Parameters
-    ----------
-    reach : int
-        How far behind one may be.
-    """
+    """Accepts each frame number once, and none more than `reach` behind the newest."""
 
     def __init__(self, reach: int = 1024) -> None:
         self._reach, self._newest = reach, -1
         self._seen = np.full(reach, -1, np.int64)
 
     def first(self, number: int) -> bool:
-        """Whether it comes for the first time."""
+        """Whether a number is new."""
         if number <= self._newest - self._reach or self._seen[number % self._reach] == number:
             return False
         self._seen[number % self._reach] = number

@@ -1,7 +1,7 @@
-"""The loop of live touch: take a frame, feel it, form phases, send them with their instant, a thousand times a second.
+"""The loop of live touch: read a frame, process it, compute phases, send them with their instant.
 
-One loop in one thread, and nothing in it waits for anything but the sensor. What comes too late is not played: the
-frame before stands, and it is counted. What does not come at all ends in silence.
+One thread runs the loop, and only the sensor blocks it. A frame that is ready after its instant is not played: the
+previous frame stays, and the late frame is counted. Missing frames end in silence.
 """
 
 import time
@@ -20,30 +20,20 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pace:
-    """How long the loop waits for what.
-
-    Attributes
-    ----------
-    hold : float
-        From a frame's being taken to its sounding, in s.
-    enough : float
-        Time that a frame needs to be formed and sent, in s: one that has less left is not begun, for those behind it.
-    quiet : float
-        After how long without a frame it fades, in s.
-    fade : float
-        How long it fades, in s.
-    rise : float
-        How long the level rises from nothing, at the beginning and after frames did not come, in s.
-    word : float
-        Between two silent frames while there is nothing else to say, in s; far below the units' failsafe.
-    """
+    """Time limits of the loop, all in s."""
 
     hold: float = 0.006
+    """Delay from sampling a frame to emitting it."""
     enough: float = 0.0015
+    """Time that a frame needs for computing and sending; a frame with less time left is skipped."""
     quiet: float = 0.02
+    """Time without a frame after which the level fades."""
     fade: float = 0.005
+    """Duration of the fade."""
     rise: float = 1.0
+    """Duration of the rise of the level, at the beginning and after missing frames."""
     word: float = 0.01
+    """Interval of silent frames while nothing else is sent; far below the units' failsafe."""
 
 
 class LiveLoop:
@@ -53,20 +43,16 @@ class LiveLoop:
     ----------
     sensor : StreamedSensor
         Started.
-    touch : Touch
-        For its frames.
     array : ImmediateArray
         Open; `run` is called inside its `frames_to_come`.
     ring : TouchRing
-        Where everything is written down.
-    pace : Pace
-        How long it waits.
+        Memory for all frames.
     strongest : int
         Intensity byte of full level.
     level : callable
-        How much of it is wanted now, 0 to 1.
+        Returns the requested level, 0 to 1.
     check : callable
-        Raises where nothing may sound any more; called at least every millisecond.
+        Raises where playing is no longer allowed; called at least every millisecond.
     """
 
     def __init__(
@@ -89,26 +75,21 @@ class LiveLoop:
         self._phases = touch.phases.reshape(self._shape)
         self._frame = np.zeros(sensor.grid.count)
         self._next = 0
-        # Frames that were put, by the number of their slot, until it is known when they left.
+        # Slots of the frames that were sent, until the time of their sending is known.
         self._put_slots = np.full(64, -1, np.int64)
         self._puts = self._looked = 0
-        # Since when the level rises; not yet.
+        # Start of the level's rise; None before.
         self._rising: float | None = None
         self._latest = -np.inf
         self._spoke = 0.0
         self._intensity = self._last_instant = 0
-        # Of the computer's clock to the units', in ns; asked again now and then, since clocks drift.
+        # Offset from the computer's clock to the units' in ns; updated regularly, since clocks drift.
         self._ahead, self._asked = 0, -np.inf
 
     def run(self, put: Put, duration: float | None = None) -> None:
-        """Play until the duration is over, or the ring says that it ends; then fade.
+        """Play until the duration is over or the ring's end flag is set; then fade.
 
-        Raises
-        ------
-        DeviceError
-            If the sensor or the array is lost.
-        StoppedError
-            If nothing may sound any more.
+        DeviceError if the sensor or the array is lost; StoppedError if playing is no longer allowed.
         """
         ring, began = self._ring, time.monotonic()
         while not ring.ends and (duration is None or self._next < duration * self._sensor.rate):
@@ -121,7 +102,7 @@ class LiveLoop:
         self._look_back()
 
     def _take(self, put: Put) -> None:
-        """All frames of the sensor's next piece."""
+        """Process all frames of the sensor's next block."""
         block = self._sensor.read(1)
         lost = block.first - self._next
         if lost > 0:
@@ -131,7 +112,7 @@ class LiveLoop:
         self._next = block.first + 1
 
     def _hold(self, lost: int, taken: float) -> None:
-        """Frames that never came: the last good one, so that the filter keeps its time."""
+        """Repeat the last good frame for lost frames, so that the filter keeps its timing."""
         self._ring.add("lost", lost)
         for back in range(lost, 0, -1):
             self._touch.feel(self._frame)
@@ -171,13 +152,13 @@ class LiveLoop:
         self._look_back()
 
     def _risen(self, taken: float) -> float:
-        """How far the level has risen at a frame, 0 to 1; stamps jitter, so that one may be before the first."""
+        """Fraction of the level's rise at a frame, 0 to 1; with jitter a time stamp may precede the first."""
         if self._rising is None or self._pace.rise <= 0:
             return 1.0
         return min(1.0, max(0.0, (taken - self._rising) / self._pace.rise))
 
     def _say(self, put: Put, instant: int, slot: int) -> None:
-        """Send what is to sound now, and note which frame of the ring it is."""
+        """Send the current phases and store the frame's slot of the ring."""
         put(self._phases, self._intensity, instant)
         self._last_instant = instant
         self._put_slots[self._puts % 64] = slot
@@ -198,7 +179,7 @@ class LiveLoop:
             ring.add("played")
 
     def _look_back(self) -> None:
-        """When the frames before left, as far as the units know by now."""
+        """Store the sending times that the units have reported since."""
         while self._looked < self._puts:
             left = self._array.units.sent(self._looked)
             if not left and self._puts - self._looked < 32:
@@ -215,7 +196,7 @@ class LiveLoop:
         self._ring.put("unanswered", told["lost"] + told["late"] + told["crowded"])
 
     def _wait(self, put: Put, began: float) -> None:
-        """What is due while no frame comes: fade, then a word now and then so that the units' failsafe stays away."""
+        """While no frame arrives: fade, then send silent frames that keep the units' failsafe from acting."""
         now = time.monotonic()
         if self._latest > began and self._rising is not None and now - self._latest > self._pace.quiet:
             self._fade(put)
@@ -225,10 +206,10 @@ class LiveLoop:
             self._say(put, self._array.units.now() + round(self._pace.hold * _NS), -1)
 
     def _fade(self, put: Put) -> None:
-        """From what sounds to silence; the level rises anew after it."""
+        """Fade to silence; the level rises again afterwards."""
         loud, steps = self._intensity, max(1, round(self._pace.fade * _NS / self._period))
         soon = self._array.units.now() + round(self._pace.hold * _NS / 2)
-        # After whatever the units still hold.
+        # After all frames that the units still hold.
         begin = max(soon, self._last_instant + self._period)
         for step in range(1, steps + 1):
             self._intensity = loud * (steps - step) // steps

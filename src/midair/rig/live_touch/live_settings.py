@@ -1,4 +1,4 @@
-"""Everything that a run of live touch is told."""
+"""Settings of a run of live touch."""
 
 from dataclasses import dataclass, field
 
@@ -11,93 +11,68 @@ from midair.rig.live_touch.live_loop import Pace
 from midair.rig.live_touch.touch import TouchSettings
 
 RATES = (100.0, 2000.0)
-"""Frames per second between which live touch makes sense: below it is not felt as vibration, above a frame takes longer
-than it lasts."""
+"""Frame rates in Hz for live touch: below, no vibration is felt; above, a frame takes longer to compute than it lasts.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkInput:
-    """Frames that come over a network.
-
-    Attributes
-    ----------
-    host, port : str, int
-        Where to listen.
-    key : bytes
-        That both sides share.
-    buffer : float
-        Length of the jitter buffer, in s.
-    """
+    """Frames received over a network."""
 
     host: str
+    """Address to listen at."""
     port: int
     key: bytes = field(repr=False)
+    """Key that both sides share."""
     buffer: float = 0.01
+    """Length of the jitter buffer in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveSettings:
-    """What is felt where, and how it is played.
-
-    Attributes
-    ----------
-    sensor : str
-        By name, as in `midair.record`; what to call it where frames come over a network.
-    device : str
-        ``virtual``, or an AUTD3 array by name: ``autd3``, ``autd3:INTERFACE``, ``autd3:emulator``.
-    exposure : ExposureChoices
-        What the level has to keep.
-    touch : TouchSettings
-        From frame to phases.
-    pace : Pace
-        How long the loop waits for what.
-    level : float
-        Highest drive of any transducer, above 0 to 1.
-    calibration : Calibration or None
-        Of the sensor; its own if None.
-    wiring : SensorWiring or None
-        Which channel is which cell.
-    placement : Placement or None
-        Of the array's units; two by two if None.
-    silencer : {"off", "quarter", "half", "default"}
-        Over how long the firmware spreads steps.
-    duration : float or None
-        In s; until it is told to end if None.
-    listen : Listening or None
-        Where frames come from over a network, in place of a sensor here.
-    priority : int
-        Real-time priority of the loop, 1 to 99; 0 asks for none.
-    seed : int
-        Of a virtual sensor.
-    """
+    """Settings of a run of live touch."""
 
     sensor: str
+    """Sensor name, as in `midair.record`; a label if frames arrive over a network."""
     device: str
+    """``virtual``, or an AUTD3 array: ``autd3``, ``autd3:INTERFACE``, ``autd3:emulator``."""
     exposure: ExposureChoices
+    """Exposure limits of the level."""
     touch: TouchSettings = field(default_factory=TouchSettings)
+    """Processing from frame to phases."""
     pace: Pace = field(default_factory=Pace)
+    """Time limits of the loop."""
     level: float = 1.0
+    """Largest drive of any transducer, above 0 to 1."""
     calibration: Calibration | None = None
+    """Calibration of the sensor; its own if None."""
     wiring: SensorWiring | None = None
+    """Assignment of channels to cells."""
     placement: Placement | None = None
+    """Placement of the array's units; two by two if None."""
     silencer: SilencerChoice = "off"
+    """How the firmware spreads phase steps: "off", "quarter", "half" or "default"."""
     duration: float | None = None
+    """Duration in s; until it is ended if None."""
     listen: "NetworkInput | None" = None
+    """Network input, which replaces a local sensor."""
     priority: int = 20
+    """Real-time priority of the loop, 1 to 99; 0 for none."""
     seed: int = 0
+    """Seed of a virtual sensor."""
 
     def __post_init__(self) -> None:
         if not 0 < self.level <= 1:
             raise InputError(f"level: expected above 0 and at most 1 of full drive, got {self.level:g}")
         if not 0.002 <= self.pace.hold <= 0.02:
             raise InputError(
-                f"hold: expected 2 to 20 ms, got {1e3 * self.pace.hold:g} ms; 6 ms leave time for what a frame takes "
-                "on its way, and a unit queues 7 frames"
+                f"hold: expected 2 to 20 ms, got {1e3 * self.pace.hold:g} ms; 6 ms suffice for computing and sending "
+                "a frame, and a unit queues 7 frames"
             )
         if self.duration is not None and not 0 < self.duration < np.inf:
             raise InputError(f"duration: expected above 0 s, got {self.duration:g} s")
         if self.sensor.startswith("audio:"):
             raise InputError(
-                "live: expected a sensor that gives its frames at once, got a sound card, whose buffers take 64 ms; "
-                "that is felt as delay. Use a converter over lsl:, serial: or ni:"
+                "live: expected a sensor without long buffers, got a sound card, whose buffers delay by 64 ms; "
+                "use a converter over lsl:, serial: or ni:"
             )

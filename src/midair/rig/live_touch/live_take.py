@@ -1,4 +1,4 @@
-"""A take of live touch: what was felt, and beside each frame what was played, written while it runs."""
+"""Take of a live run: the sensor's samples and, for each frame, the emitted phases, written while it runs."""
 
 import threading
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from midair.rig.live_touch.touch_ring import HELD
 
 
 class TouchFrames(Protocol):
-    """What a take is read from."""
+    """Source of the frames of a take."""
 
     def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
         """As `TouchRing.since`."""
@@ -25,27 +25,27 @@ class TouchFrames(Protocol):
 
 
 class LiveTake:
-    """Reads the ring in a thread of the program that looks on, so that no disk can hold up the loop.
+    """Writes the ring to a file in a thread of the parent program, so that no disk can delay the loop.
 
     Parameters
     ----------
     path : Path
-        The file to make.
-    order : LiveOrder
-        What was asked for.
-    opened : Opened
-        What was found.
+        File to create.
+    order : LiveSettings
+        Settings of the run.
+    opened : LoopStarted
+        State of the opened devices.
     ring : TouchFrames
-        Of the loop, or frames of it that were remembered.
+        Ring of the loop, or stored frames of it.
     notes : mapping of str to str
-        What people want to remember.
+        Notes such as object and operator.
     every : float
-        How often it reads, in s; the ring holds seconds.
+        Reading interval in s; the ring holds several seconds.
 
     Raises
     ------
     FileError
-        If the file cannot be made.
+        If the file cannot be created.
     """
 
     def __init__(
@@ -76,11 +76,11 @@ class LiveTake:
 
     @property
     def frames(self) -> int:
-        """That are in the file."""
+        """Number of frames in the file."""
         return self._writer.frames
 
     def run(self) -> None:
-        """Write until `end`, and then what is left."""
+        """Write until `end`, and then the remaining frames."""
         try:
             while not self._over.wait(self._every):
                 self._write()
@@ -89,7 +89,7 @@ class LiveTake:
             self.problem = wrong
 
     def end(self) -> None:
-        """No more frames come."""
+        """Signal that no more frames follow."""
         self._over.set()
 
     def close(self) -> None:
@@ -98,7 +98,7 @@ class LiveTake:
         Raises
         ------
         MidairError
-            What went wrong while it was written.
+            The error of the writing, if any.
         """
         self._writer.__exit__(None, self.problem, None)
         if self.problem is not None:
@@ -125,7 +125,7 @@ class LiveTake:
 
 
 def _runs(true: np.ndarray) -> list[tuple[int, int]]:
-    """(first, after the last) of each run of frames that is true."""
+    """(first, one after the last) of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]])))
     return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
 

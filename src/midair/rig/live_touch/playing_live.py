@@ -1,4 +1,4 @@
-"""`midair.live`: a sensor, an array, and what is felt on one played on the other."""
+"""`midair.live` and `midair.send_touch`: play a sensor's signal on an array, on one computer or over a network."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -48,76 +48,76 @@ def live(
     priority: int = 20,
     seed: int = 0,
 ) -> LiveSession:
-    """Play what a sensor feels while it feels it, 13 ms later; a context manager, silent once it is left.
+    """Play a sensor's signal on an array, 13 ms later; a context manager that is silent after leaving.
 
-    It runs in a process of its own. A script of yours has to begin it below ``if __name__ == "__main__":``, since that
-    process reads the script, too.
+    It runs in a separate process. A script has to start it below ``if __name__ == "__main__":``, since that process
+    imports the script as well.
 
     Parameters
     ----------
     sensor : str
-        By name: ``lsl:NAME``, ``serial:PORT``, ``ni:CHANNELS``; ``virtual:towel`` and ``replay:take.h5``, which are
-        repeated. Sound cards are refused: their buffers take 64 ms.
+        ``lsl:NAME``, ``serial:PORT``, ``ni:CHANNELS``; ``virtual:towel`` and ``replay:take.h5``, which are repeated.
+        Sound cards are refused: their buffers delay by 64 ms.
     device : str
         ``virtual``, ``autd3``, ``autd3:INTERFACE`` or ``autd3:emulator``.
     height : float
-        Of the palm above the array, in m.
+        Height of the palm above the array in m.
     gain : float
-        Multiplies the pressure.
+        Factor that multiplies the pressure.
     level : float
-        Highest drive of any transducer, above 0 to 1. Exposure is admitted for the worst that it can do.
+        Largest drive of any transducer, above 0 to 1. The exposure check assumes the worst case at this level.
     hold : float
-        From a frame's being taken to its sounding, in s: what all computing and sending has to fit into.
+        Delay from sampling a frame to emitting it, in s; all computing and sending must fit into it.
     delay : float
-        Of the filter that undoes the sensor, 2 to 10 ms, in s: the less, the further from what it felt.
+        Delay of the filter that inverts the sensor's response, 2 to 10 ms, in s; a shorter delay is less accurate.
     mapping : {"half-wave", "constant-offset", "slow-bias"}
-        From pressure of both signs to pressure that pushes. The slow bias waits for 90 ms more, which is felt as delay.
+        How signed pressure is made positive. The slow bias adds 90 ms of delay.
     offset : float, optional
-        Of the constant offset, in Pa.
+        Constant offset in Pa, for "constant-offset" only.
     band : tuple of float
-        (low, high) of what is felt, in Hz.
+        (low, high) of the frequency band in Hz.
     calibration : Calibration or path, optional
-        Of the sensor; its own if None.
+        Calibration of the sensor; its own if None.
     wiring : SensorWiring, optional
-        Which channel is which cell.
+        Assignment of channels to cells.
     placement : Placement, optional
-        Of the array's units; two by two if None.
+        Placement of the array's units; two by two if None.
     silencer : {"off", "quarter", "half", "default"}
-        Over how long the firmware spreads steps.
+        How the firmware spreads phase steps.
     acoustics : Acoustics, optional
-        Of the room's air; the paper's if None.
+        Air of the room and directivity; the paper's if None.
     exposure : ExposureChoices, optional
-        What the level has to keep; the usual profile, with nobody answering for more, if None.
+        Exposure limits; the default profile without override if None.
     duration : float, optional
-        In s; until it is left if None.
+        Duration in s; until the context is left if None.
     keep : str or Path, optional
-        A take of what was felt and what was played.
+        File for a take of the sensor's samples and the emitted phases.
     notes : dict of str to str, optional
-        For the take.
+        Notes of the take.
     listen : str, optional
-        Address and port, such as ``0.0.0.0:5005``, where frames of `send_touch` arrive over a network.
+        Address and port, such as ``0.0.0.0:5005``, at which frames of `send_touch` are received.
     key : str or Path, optional
-        Of a file that both sides share, see `make_key`.
+        Key file that both sides share, see `make_key`.
     buffer : float
-        Length of the jitter buffer, in s.
-    permit : Permit, optional
-        That another renews, and that can silence it.
-    leave : Leave, optional
-        By which the other armed that permit; armed here if None.
+        Length of the jitter buffer in s.
+    permit : PlayLease, optional
+        Lease that another program renews and can stop; a lease of its own if None.
+    leave : LeaseToken, optional
+        Token of that lease's arming; armed here if None.
     priority : int
-        Real-time priority that is asked for, 1 to 99; 0 asks for none.
+        Real-time priority, 1 to 99; 0 for none.
     seed : int
-        Of a virtual sensor.
+        Seed of a virtual sensor.
 
     Returns
     -------
     LiveSession
-        To be entered by ``with``: ``wait(seconds)``, ``statistics``, ``stop()``.
+        Enter it with ``with``: ``wait(seconds)``, ``statistics``, ``stop()``.
 
     Raises
     ------
     InputError
-        If a value is out of range, or what it asks for takes too long to be called live.
+        If a value is out of range, or a sensor is too slow for live touch.
 
     Examples
     --------
@@ -127,7 +127,7 @@ def live(
     """
     if (mapping == "constant-offset") != (offset is not None):
         raise InputError(
-            "offset: expected one in Pa for constant-offset and none for the others, got "
+            "offset: expected a value in Pa for constant-offset and none for other mappings, got "
             f"{'none' if offset is None else 'one'} for {mapping}; measure it on an earlier recording"
         )
     known = calibration if isinstance(calibration, Calibration | None) else load_calibration(calibration)
@@ -159,21 +159,17 @@ def live(
 
 
 def live_clearance(order: LiveSettings, *, rate: float = 1000.0) -> ExposureClearance:
-    """What an order would expose people to, told without opening a device, for whoever has to decide first.
-
-    What plays asks once more, of the device itself.
+    """Check the exposure of live settings without opening a device; `live` checks again with the device.
 
     Parameters
     ----------
-    order : LiveOrder
-        What and how.
     rate : float
-        Frames per second, in Hz.
+        Frame rate in Hz.
 
     Raises
     ------
     ExposureError
-        If the worst that its level can do exceeds the profile, and nobody answers for it.
+        If the worst case at this level exceeds the profile without an override.
     """
     array = array_for(order, rate)
     return check_exposure_level(order.level, array, order.exposure, rate=rate)
@@ -192,27 +188,27 @@ def send_touch(
     patience: float = 30.0,
     seed: int = 0,
 ) -> Generator[FrameSender]:
-    """What a sensor feels here, for a `live` that listens elsewhere: greeted when entered, sent by its ``run``.
+    """Send a sensor's pressure to a `live` that listens elsewhere: connects on entering; ``run`` sends.
 
     Parameters
     ----------
     sensor : str
-        By name, as in `live`.
+        Sensor name, as in `live`.
     to : str
-        Host and port of the side that plays, such as ``lab.example:5005``.
+        Host and port of the playing side, such as ``lab.example:5005``.
     key : str or Path
-        Of the file that both sides share.
+        Key file that both sides share.
     delay, band, calibration, wiring, seed
         As in `live`.
     patience : float
-        How long to wait for an answer, in s.
+        Longest time to wait for an answer in s.
 
     Raises
     ------
     DeviceError
-        If nobody answers who has the key.
+        If there is no answer from a side with the key.
     InputError
-        If an address, a key or a setting cannot be used.
+        If an address, a key or a setting is invalid.
     """
     known = calibration if isinstance(calibration, Calibration | None) else load_calibration(calibration)
     here = LiveSettings(
@@ -238,13 +234,7 @@ def send_touch(
 
 
 def host_and_port(text: str, option: str) -> tuple[str, int]:
-    """Both parts of an address such as ``lab.example:5005`` or ``[::1]:5005``.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
+    """Split an address such as ``lab.example:5005`` or ``[::1]:5005``; InputError if it is invalid."""
     host, colon, port = text.rpartition(":")
     if not (colon and host and port.isdecimal() and 0 < int(port) < 65536):
         raise InputError(f"{option}: expected HOST:PORT, such as 192.168.1.20:5005, got {text!r}")
@@ -253,6 +243,8 @@ def host_and_port(text: str, option: str) -> tuple[str, int]:
 
 def _listening(listen: str, key: str | Path | None, buffer: float) -> NetworkInput:
     if key is None:
-        raise InputError("--listen: expected --key with the file that both sides share; --new-key FILE makes one")
+        raise InputError(
+            "--listen: expected --key with the key file that both sides share, got none; make one with --new-key FILE"
+        )
     host, port = host_and_port(listen, "--listen")
     return NetworkInput(host=host, port=port, key=read_key(Path(key)), buffer=buffer)

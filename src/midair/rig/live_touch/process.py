@@ -1,4 +1,4 @@
-"""The process in which live touch runs, alone with its loop: no file, no page and no person can hold it up."""
+"""The separate process of live touch, so that no file, page or person can delay its loop."""
 
 import os
 import signal
@@ -34,82 +34,54 @@ from midair.rig.play_lease import LeaseToken, PlayLease
 from midair.solvers import one_blas_thread
 
 ROUND = 3.0
-"""Of a virtual sensor's touch, which is repeated, in s."""
+"""Duration of a virtual sensor's touch in s, which is repeated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopStarted:
-    """What the process found when its devices were open: said once, before the first frame.
-
-    Attributes
-    ----------
-    sensor : SensorGrid
-        Its cells.
-    unit : {"V", "count", "Pa"}
-        Of its samples.
-    rate : float
-        Frames per second, in Hz.
-    calibration : Calibration or None
-        Of the sensor, or that it had none.
-    simulated : bool
-        Whether sensor or array is not real.
-    transducers, units : int
-        Of the array.
-    exposure : str
-        The verdict of the level's admission.
-    level : float
-        That was admitted.
-    strongest : int
-        Its intensity byte.
-    granted : Granted
-        What the computer granted.
-    delay : float
-        Of the filter and the mapping, in s.
-    parts : tuple of tuple of float
-        Of the band, in Hz.
-    error : tuple of float
-        Of the causal inverse in each of them; empty where there is none.
-    silencer : str
-        How the units spread steps.
-    described : dict of str to str
-        What the units say of themselves.
-    """
+    """State of the opened devices, sent once before the first frame."""
 
     sensor: SensorGrid
     unit: Unit
+    """Unit of the samples: "V", "count" or "Pa"."""
     rate: float
+    """Frame rate in Hz."""
     calibration: Calibration | None
+    """Calibration of the sensor; None if frames arrive in Pa over a network."""
     simulated: bool
+    """Whether sensor or array is simulated."""
     transducers: int
     units: int
     exposure: str
+    """Verdict of the exposure check."""
     level: float
+    """Cleared level."""
     strongest: int
+    """Its intensity byte."""
     granted: SchedulerGrant
+    """Real-time rights that the computer granted."""
     delay: float
+    """Delay of filter and mapping in s."""
     parts: tuple[tuple[float, float], ...]
+    """Parts of the band in Hz."""
     error: tuple[float, ...]
+    """Error of the causal inverse in each part; empty without one."""
     silencer: str
+    """How the units spread phase steps."""
     described: dict[str, str]
+    """Description by the units."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopEnded:
-    """How a run ended.
-
-    Attributes
-    ----------
-    error : MidairError or None
-        By what; None if it was its time, or somebody ended it.
-    told : dict of str to int
-        What became of all frames on their way to the units.
-    network : dict of str to int
-        What came over a network, and what became of it; empty where nothing did.
-    """
+    """End of a run."""
 
     error: MidairError | None
+    """Error that ended it; None for a normal end."""
     told: dict[str, int]
+    """Counts of the frames sent to the units."""
     network: dict[str, int] = field(default_factory=dict[str, int])
+    """Counts of the frames received over a network; empty without one."""
 
 
 def _viewed(known: dict[Any, Any]) -> MappingProxyType[Any, Any]:
@@ -117,29 +89,27 @@ def _viewed(known: dict[Any, Any]) -> MappingProxyType[Any, Any]:
 
 
 def _as_dict(view: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
-    """A read-only view of a dict, which pickle does not know, as what it is made of."""
+    """Reduce a read-only view of a dict, which pickle does not support."""
     return _viewed, (dict(view),)
 
 
-# Between processes go calibrations, whose provenance has such views.
+# The provenance of calibrations that are sent between processes has such views.
 ForkingPickler.register(MappingProxyType, _as_dict)
 
 
 def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: LeaseToken, told: Connection) -> None:
-    """What the process does: open, admit, say what was found, play, say how it ended.
+    """Run the process: open the devices, check the exposure, report, play, report the end.
 
     Parameters
     ----------
-    order : LiveOrder
-        What and how.
     ring : TouchRing
-        Where every frame is written down.
+        Memory for all frames.
     permit, leave
-        While they hold, something may sound.
+        Lease and token; playing is allowed while they hold.
     told : Connection
-        Takes one `LoopStarted` and one `LoopEnded`, or an `LoopEnded` alone.
+        Receives one `LoopStarted` and one `LoopEnded`, or a `LoopEnded` alone.
     """
-    # Ctrl-C of the terminal is for whoever started this, who then ends it in order; `midair stop` sends one too.
+    # Ctrl-C also reaches the parent process, which ends this one in order; `midair stop` sends it too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     counted: dict[str, int] = {}
     network: dict[str, int] = {}
@@ -151,9 +121,9 @@ def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: Le
         error = wrong
     except KeyboardInterrupt:
         error = StoppedError(f"{order.device}: stopped by a key")
-    except Exception as wrong:  # noqa: BLE001  # a process has nobody above it: whoever started it is told
+    except Exception as wrong:  # noqa: BLE001  # reported to the parent process
         error = DeviceError(f"live: this is an error in midair, please report it: {type(wrong).__name__}: {wrong}")
-    with suppress(OSError):  # nobody is there any more
+    with suppress(OSError):  # the parent process may be gone
         told.send(LoopEnded(error=error, told=counted, network=network))
 
 
@@ -167,7 +137,7 @@ def _play(
     network: dict[str, int],
 ) -> None:
     sensor, source = sensor_for(order)
-    # Before the SDK starts threads of its own, which then have it too.
+    # Before the SDK starts its threads, which inherit the priority.
     granted = request_realtime(order.priority)
     with sensor:
         check_rate(sensor)
@@ -206,7 +176,7 @@ def _checks(permit: PlayLease, leave: LeaseToken, name: str) -> Callable[[], Non
     def check() -> None:
         permit.check(leave, name)
         if os.getppid() != parent:
-            raise StoppedError(f"{name}: silenced, for the program that looked on is gone; start again")
+            raise StoppedError(f"{name}: stopped, since the program that started it is gone; start again")
 
     return check
 
@@ -221,7 +191,7 @@ def _running(sensor: StreamedSensor) -> Generator[None]:
 
 
 def check_rate(sensor: StreamedSensor) -> None:
-    """Refuse a rate at which nothing can be played live."""
+    """Refuse a frame rate that live touch does not support."""
     if not RATES[0] <= sensor.rate <= RATES[1]:
         raise InputError(
             f"{sensor.name}: expected {RATES[0]:g} to {RATES[1]:g} frames per second, got {sensor.rate:g} Hz; "
@@ -230,13 +200,13 @@ def check_rate(sensor: StreamedSensor) -> None:
 
 
 def room_of(order: LiveSettings) -> Medium | None:
-    """The air of the room, where somebody stated it."""
+    """Air of the room; None if no temperature was given."""
     medium = order.touch.acoustics.medium
     return None if medium.temperature is None else medium
 
 
 def sensor_for(order: LiveSettings) -> tuple[StreamedSensor, NetworkSource | None]:
-    """The sensor of an order, not yet open; and where its frames come from, if that is a network."""
+    """Make the sensor, not yet open, and its network source, if it has one."""
     if order.listen is None:
         named = sensor_named(order.sensor, VirtualRig(seed=order.seed), duration=ROUND, wiring=order.wiring)
         return streamed(named, longest=ROUND), None
@@ -246,19 +216,16 @@ def sensor_for(order: LiveSettings) -> tuple[StreamedSensor, NetworkSource | Non
 
 
 def calibration_for(order: LiveSettings, sensor: StreamedSensor) -> Calibration | None:
-    """The calibration that undoes a sensor; None where it gives pressure already.
+    """Calibration of a sensor; None where frames arrive in Pa over a network.
 
-    Raises
-    ------
-    InputError
-        If it gives volts or counts and nobody knows what they mean.
+    InputError if a sensor gives volts or counts without a calibration, or its cells do not fit.
     """
     if order.listen is not None:
         return None
     known = order.calibration or sensor.calibration
     if known is None and sensor.unit != "Pa":
         raise InputError(
-            f"{sensor.name}: expected a calibration of a sensor that gives {sensor.unit}, got none; give its "
+            f"{sensor.name}: expected a calibration, since the sensor gives {sensor.unit}, got none; give its "
             "file with --calibration, or its ?sensitivity="
         )
     if known is not None and known.sensor.shape != sensor.grid.shape:
@@ -270,13 +237,7 @@ def calibration_for(order: LiveSettings, sensor: StreamedSensor) -> Calibration 
 
 
 def array_for(order: LiveSettings, rate: float) -> ImmediateArray:
-    """The array of an order, not yet open.
-
-    Raises
-    ------
-    UnknownDeviceError
-        If it takes no single frames.
-    """
+    """Make the array, not yet open; UnknownDeviceError if it does not support single frames."""
     kind, _, where = order.device.partition(":")
     if order.device == "virtual":
         return virtual_immediate(order.placement, hold=order.pace.hold)
@@ -285,8 +246,8 @@ def array_for(order: LiveSettings, rate: float) -> ImmediateArray:
             where or "auto", order.placement, silencer=order.silencer, rate=rate, hold=order.pace.hold
         )
     raise UnknownDeviceError(
-        "live: expected virtual, autd3, autd3:INTERFACE or autd3:emulator, whose units take single frames with their "
-        f"instant, got {order.device!r}; others play recordings: midair play"
+        "live: expected virtual, autd3, autd3:INTERFACE or autd3:emulator, which support single frames with their "
+        f"instant, got {order.device!r}; use midair play for recordings on other arrays"
     )
 
 

@@ -1,8 +1,8 @@
-"""The side that plays: frames from a network as a sensor, each at its time, whatever the way did to them.
+"""The playing side of the network: received frames as a sensor with regular timing.
 
-A frame waits in the jitter buffer until the fastest frame of the last seconds, plus the length of the buffer, would
-have come: so jitter up to that length is not felt. One that has not come by then is concealed: the last one is held.
-One that comes after that is thrown away.
+A frame waits in the jitter buffer until the arrival time of the fastest recent frame plus the buffer length, which
+hides jitter up to that length. A frame that has not arrived by then is concealed by the last one, and dropped if it
+arrives later.
 """
 
 import secrets
@@ -30,51 +30,33 @@ from midair.rig.live_touch.encryption import (
 )
 
 LARGEST = 2048
-"""Bytes of a message, at most."""
+"""Maximum length of a message in bytes."""
 
 
 @dataclass(slots=True)
 class PacketCounts:
-    """What came over the network, and what became of it.
-
-    Attributes
-    ----------
-    frames : int
-        That came, of this run, for the first time.
-    concealed : int
-        That had not come when it was their turn: the last one was held.
-    tardy : int
-        Of them, those that came after their turn.
-    repeated : int
-        That came a second time, and were refused.
-    refused : int
-        Messages that did not open, or were of another run.
-    """
+    """Counts of received frames and messages."""
 
     frames: int = 0
+    """Frames of this run, without repetitions."""
     concealed: int = 0
+    """Frames that had not arrived in time, replaced by the last one."""
     tardy: int = 0
+    """Frames among them that arrived later."""
     repeated: int = 0
+    """Frames that arrived a second time, and were refused."""
     refused: int = 0
+    """Messages that failed authentication or belong to another run."""
 
 
 @dataclass(slots=True, kw_only=True)
 class JitterBuffer:
-    """Frames in order, each at its time.
-
-    Attributes
-    ----------
-    rate : float
-        Frames per second, in Hz.
-    length : float
-        In s.
-    over : int
-        Frames among which the fastest is looked for; after so many a faster one is forgotten, as clocks drift.
-    """
+    """Frames in order, each at its time; `rate` in Hz, `length` in s."""
 
     rate: float
     length: float
     over: int = 4000
+    """Number of frames for which the fastest arrival is remembered, as clocks drift."""
     counted: PacketCounts = field(default_factory=PacketCounts)
     _waiting: dict[int, np.ndarray] = field(default_factory=dict[int, np.ndarray])
     _fastest: deque[tuple[int, float]] = field(default_factory=deque[tuple[int, float]])
@@ -82,11 +64,11 @@ class JitterBuffer:
     _last: np.ndarray | None = None
 
     def put(self, sealed: ReceivedFrame, came: float) -> None:
-        """A frame that came at an instant of this computer's clock, in s."""
+        """Add a frame that arrived at `came`, in s of this computer's clock."""
         if self._next < 0:
             self._next = sealed.number
         self.counted.frames += 1
-        # The least of the last frames, kept in order of time and of size.
+        # Sliding minimum over the last frames.
         way = came - sealed.number / self.rate
         while self._fastest and self._fastest[-1][1] >= way:
             self._fastest.pop()
@@ -99,13 +81,13 @@ class JitterBuffer:
             self._waiting[sealed.number] = sealed.pressure
 
     def due(self) -> float:
-        """When the next frame is to be given, by this computer's clock; never while none has come."""
+        """Time of the next frame by this computer's clock; infinite before the first."""
         if not self._fastest:
             return np.inf
         return self._fastest[0][1] + self._next / self.rate + self.length
 
     def get(self) -> tuple[int, np.ndarray] | None:
-        """The next frame, whose time has come, or the last one in its place; None while none has come at all."""
+        """Return the next frame, or the last one in its place; None before the first."""
         number, self._next = self._next, self._next + 1
         pressure = self._waiting.pop(number, None)
         if pressure is None:
@@ -116,20 +98,20 @@ class JitterBuffer:
 
 
 class NetworkSource:
-    """Waits for one who feels, lets nobody else in, and gives its frames: a `Source` for `StreamedSensor`.
+    """Waits for one authenticated sender, refuses others, and gives its frames: a `Source` for `StreamedSensor`.
 
     Parameters
     ----------
     where : tuple of (str, int)
         Address and port to listen at.
     key : bytes
-        That both sides share.
+        Key that both sides share.
     buffer : float
-        Length of the jitter buffer, in s.
+        Length of the jitter buffer in s.
     patience : float
-        How long to wait for a greeting, in s.
+        Longest time to wait for a greeting in s.
     silence : float
-        After how long without any frame they are no longer concealed, in s; the loop fades 20 ms after that.
+        Time in s without any frame after which concealment ends; the loop fades 20 ms later.
     """
 
     def __init__(
@@ -157,28 +139,22 @@ class NetworkSource:
 
     @property
     def port(self) -> int:
-        """At which it listens."""
+        """Port at which it listens."""
         return 0 if self._socket is None else int(self._socket.getsockname()[1])
 
     @property
     def wiring(self) -> SensorWiring:
-        """Of the cells that the other side feels with, in Pa."""
+        """Wiring of the sender's cells, in Pa."""
         grid = SensorGrid() if self.greeting is None else self.greeting.grid
         return SensorWiring(grid=grid, order=tuple(range(grid.count)), unit="Pa")
 
     @property
     def delay(self) -> float:
-        """Of the other side's filter and of the jitter buffer, in s."""
+        """Delay of the sender's filter and of the jitter buffer in s."""
         return self._length + (0.0 if self.greeting is None else self.greeting.delay)
 
     def bind(self) -> None:
-        """Listen, without waiting for anybody yet.
-
-        Raises
-        ------
-        DeviceError
-            If the address or the port cannot be had.
-        """
+        """Open the port without waiting for a sender; DeviceError if address or port is not available."""
         if self._socket is not None:
             return
         family = socket.AF_INET6 if ":" in self._where[0] else socket.AF_INET
@@ -191,40 +167,44 @@ class NetworkSource:
         self._socket = made
 
     def open(self) -> Stream:
-        """Wait for a greeting of one who has the key, and answer it."""
+        """Wait for a greeting from a sender with the key, and answer it."""
         self.bind()
         until = time.monotonic() + self._patience
         while self.greeting is None:
             if time.monotonic() > until:
-                more = f"; {self.counted.refused} messages did not open: another key?" if self.counted.refused else ""
-                raise DeviceError(f"live: expected somebody who feels, nobody greeted in {self._patience:g} s{more}")
+                more = (
+                    f"; {self.counted.refused} messages failed authentication: check the key"
+                    if self.counted.refused
+                    else ""
+                )
+                raise DeviceError(f"live: expected a greeting of a sender, got none in {self._patience:g} s{more}")
             self._take(0.1)
         self._buffer = JitterBuffer(rate=self.greeting.rate, length=self._length, counted=self.counted)
         return Stream(channels=self.greeting.grid.count, rate=self.greeting.rate, unit="Pa")
 
     def start(self) -> None:
-        """From the next frame on."""
+        """Begin with the next frame."""
         if self.greeting is not None:
             self._buffer = JitterBuffer(rate=self.greeting.rate, length=self._length, counted=self.counted)
         self._origin = -1
 
     def pull(self, wait: float) -> Chunk | None:
-        """The next frame when its time has come."""
+        """Return the next frame at its time."""
         buffer, until = self._buffer, time.monotonic() + wait
         if buffer is None:
-            raise DeviceStateError("live: expected open before frames")
+            raise DeviceStateError("live: expected an open source before reading frames")
         while True:
             now = time.monotonic()
             due = buffer.due()
             if due <= now:
-                # What has come while this computer was busy has come.
+                # Read all messages that arrived while this computer was busy.
                 while self._take(0.0):
                     pass
                 now = time.monotonic()
                 if now - self._heard > self._silence + self._length:
-                    # Nobody speaks: what is held is no longer touch.
+                    # The sender is silent: a repeated frame would no longer be touch.
                     if self._ended:
-                        raise DeviceError("live: the side that feels has ended")
+                        raise DeviceError("live: the sender has ended")
                     return self._quiet(buffer, until)
                 got = buffer.get()
                 if got is not None:
@@ -235,16 +215,16 @@ class NetworkSource:
             self._take(min(due, until) - now)
 
     def stop(self) -> None:
-        """Nothing to stop."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         made, self._socket = self._socket, None
         if made is not None:
             made.close()
 
     def describe(self) -> dict[str, str]:
-        """What came, and what became of it."""
+        """Counts of received frames."""
         told = self.counted
         return {
             "network": f"{told.frames} frames, {told.concealed} concealed ({told.tardy} came too late), "
@@ -253,7 +233,7 @@ class NetworkSource:
         }
 
     def _quiet(self, buffer: JitterBuffer, until: float) -> None:
-        """Wait for somebody to speak again; frames whose time goes by meanwhile are lost."""
+        """Wait until frames arrive again; frames whose time passes meanwhile are lost."""
         while time.monotonic() < until and time.monotonic() - self._heard > self._silence + self._length:
             self._take(max(0.0, min(0.005, until - time.monotonic())))
         if time.monotonic() - self._heard <= self._silence + self._length:
@@ -268,7 +248,7 @@ class NetworkSource:
         return Chunk(samples=pressure[None], first=first, device_time=number / rate, host_time=due)
 
     def _take(self, wait: float) -> bool:
-        """One message, if one comes in time; whether one came."""
+        """Process one message if one arrives in time; return whether one arrived."""
         made = self._socket
         if made is None:
             return False
@@ -295,7 +275,7 @@ class NetworkSource:
         if self.greeting is None:
             self.greeting, self._begun, self._drawn = SessionOffer.of(said), begun, secrets.token_bytes(NUMBER)
         elif begun != self._begun:
-            # Whoever comes second, or says again what another run began with, is not let in.
+            # A second sender, or a replayed greeting of another run, is refused.
             self.counted.refused += 1
             return
         if self._socket is not None:

@@ -1,4 +1,4 @@
-"""A recording as a source that never ends, at the pace of this computer's clock: what a live mode is tried out with."""
+"""A recording as an endless real-time source, for tests of live touch without a live sensor."""
 
 import time
 
@@ -11,16 +11,12 @@ from midair.model import SensorWiring
 
 
 class RepeatedSource:
-    """Gives frames again and again, a few at a time, when they are due: as a converter does.
+    """Repeats frames in real time, in blocks of `block` frames as a converter does.
 
     Parameters
     ----------
     samples : ndarray, shape (frame, channel)
-        Of one round.
-    stream : Stream
-        What it is.
-    block : int
-        Frames in a piece.
+        One period.
     """
 
     def __init__(self, samples: NDArray[np.float64], stream: Stream, *, block: int = 2) -> None:
@@ -29,15 +25,15 @@ class RepeatedSource:
         self._next = 0
 
     def open(self) -> Stream:
-        """Nothing to take hold of."""
+        """Return the stream."""
         return self._stream
 
     def start(self) -> None:
-        """The first frame is taken now."""
+        """Start with the first frame now."""
         self._begin, self._next = time.monotonic(), 0
 
     def pull(self, wait: float) -> Chunk | None:
-        """The next piece when its last frame was taken."""
+        """Return the next block when its last frame is due."""
         first, rate = self._next, self._stream.rate
         left = self._begin + (first + self._block) / rate - time.monotonic()
         if left > wait:
@@ -46,35 +42,25 @@ class RepeatedSource:
         time.sleep(max(0.0, left))
         self._next += self._block
         at = np.arange(first, first + self._block) % len(self._samples)
-        # The moment of its end: it stands for the time up to there.
+        # Time stamp of the end of the frame.
         taken = self._begin + (first + 1) / rate
         return Chunk(samples=self._samples[at], first=first, device_time=first / rate, host_time=taken)
 
     def stop(self) -> None:
-        """Nothing to stop."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing."""
 
     def describe(self) -> dict[str, str]:
-        """How long a round is."""
+        """Duration of the period."""
         return {"round": f"{len(self._samples) / self._stream.rate:g} s, repeated"}
 
 
 def streamed(sensor: SensorDevice, *, longest: float = 30.0) -> StreamedSensor:
-    """A live sensor as it is; one whose time is its own, virtual or replayed, once felt and then repeated for ever.
+    """Return a live sensor; record an on-demand one (virtual or replayed) for `longest` seconds and repeat it.
 
-    Parameters
-    ----------
-    sensor : SensorDevice
-        Not open.
-    longest : float
-        Of a round, in s.
-
-    Raises
-    ------
-    DeviceStateError
-        If it is neither.
+    DeviceStateError if the sensor is neither.
     """
     if isinstance(sensor, StreamedSensor):
         return sensor

@@ -1,4 +1,4 @@
-"""The side that feels: a sensor's frames, undone, sealed and sent one by one to the side that plays."""
+"""The sensor side of the network: calibrated, encrypted frames, sent one by one to the playing side."""
 
 import secrets
 import socket
@@ -26,42 +26,33 @@ from midair.rig.live_touch.encryption import (
 
 @dataclass(slots=True)
 class SendStatistics:
-    """What was sent.
-
-    Attributes
-    ----------
-    frames : int
-        Of the sensor, those that it never gave included.
-    lost : int
-        That the sensor never gave; they are not sent, and the other side holds the last one.
-    unsent : int
-        That this computer's network did not take.
-    """
+    """Counts of sent frames."""
 
     frames: int = 0
+    """Frames of the sensor, lost ones included."""
     lost: int = 0
+    """Frames that the sensor lost; they are not sent, and the other side repeats the last one."""
     unsent: int = 0
+    """Frames that this computer's network refused."""
 
 
 class FrameSender:
-    """Sends what a sensor feels to one who listens.
+    """Sends a sensor's pressure to the playing side.
 
     Parameters
     ----------
     sensor : StreamedSensor
         Open.
-    calibration : Calibration
-        That undoes it.
     to : tuple of (str, int)
-        Address and port of the side that plays.
+        Address and port of the playing side.
     key : bytes
-        That both sides share.
+        Key that both sides share.
     band : tuple of float
-        (low, high) of what is felt, in Hz.
+        (low, high) of the frequency band in Hz.
     delay : float
-        Of the causal inverse, in s.
+        Delay of the causal inverse in s.
     patience : float
-        How long to wait for an answer, in s.
+        Longest time to wait for an answer in s.
     """
 
     def __init__(
@@ -90,20 +81,14 @@ class FrameSender:
         try:
             family, _, _, _, address = socket.getaddrinfo(*to, type=socket.SOCK_DGRAM)[0]
         except OSError as wrong:
-            raise InputError(f"--to {to[0]}:{to[1]}: expected a host that is known, {wrong.strerror}") from wrong
+            raise InputError(f"--to {to[0]}:{to[1]}: expected a known host, got: {wrong.strerror}") from wrong
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.connect(address)
         self._drawn = b""
         self.spoken = SendStatistics()
 
     def greet(self) -> None:
-        """Say what is felt here, until the other side answers.
-
-        Raises
-        ------
-        DeviceError
-            If nobody answers who has the key.
-        """
+        """Send greetings until the other side answers; DeviceError if no side with the key answers."""
         begun, until = secrets.token_bytes(NUMBER), time.monotonic() + self._patience
         hello = begun + self.greeting.message()
         while time.monotonic() < until:
@@ -111,18 +96,12 @@ class FrameSender:
             if self._answered(begun, 0.2):
                 return
         raise DeviceError(
-            f"live: expected an answer, got none in {self._patience:g} s; is midair live --listen running there, with "
-            "the same key, and does a firewall let UDP through?"
+            f"live: expected an answer, got none in {self._patience:g} s; check that midair live --listen runs there "
+            "with the same key, and that firewalls allow UDP"
         )
 
     def run(self, going: Callable[[], bool]) -> None:
-        """Send frames while `going` says so.
-
-        Raises
-        ------
-        DeviceError
-            If the sensor is lost.
-        """
+        """Send frames while `going` returns True; DeviceError if the sensor is lost."""
         pressure, expected = np.zeros(self._sensor.grid.count), 0
         self._sensor.start()
         try:
@@ -144,13 +123,13 @@ class FrameSender:
                 self._send(END, self._drawn)
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         self._socket.close()
 
     def _send(self, kind: bytes, message: bytes) -> bool:
         try:
             self._socket.send(self._seal.close(kind, message))
-        except OSError:  # nobody is there yet, or any more
+        except OSError:  # the other side is not listening
             return False
         return True
 
@@ -159,7 +138,7 @@ class FrameSender:
         try:
             opened = self._seal.open(self._socket.recv(2048))
         except OSError:
-            # A port where nobody listens yet answers at once; somebody may soon.
+            # A closed port answers at once, but may open soon.
             time.sleep(0.05)
             return False
         if opened is None or opened[0] != WELCOME or opened[1][:NUMBER] != begun:

@@ -1,4 +1,4 @@
-"""Live touch for whoever looks on: starts the loop's process, renews its permit, keeps the take, tells how it goes."""
+"""Control of a live run: start the loop's process, renew its lease, write the take, report statistics."""
 
 import threading
 import time
@@ -22,55 +22,42 @@ from midair.rig.live_touch.touch_ring import STEP, RingShape, TouchRing
 from midair.rig.play_lease import LeaseToken, PlayLease
 
 CHANNELS = 64
-"""Of a sensor that can be felt live, at most."""
+"""Maximum number of channels of a live sensor."""
 
 RISE = 0.4e-3
-"""Of the transducers, in s."""
+"""Rise time of the transducers in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveStatistics:
-    """How a run goes, or went.
-
-    Attributes
-    ----------
-    frames : int
-        Of the sensor, those that it never gave included.
-    played : int
-        Of them, those that sounded.
-    lost : int
-        That the sensor never gave: the last good one was held.
-    late : int
-        That were ready after their instant, or found no room on their way: the frame before stood on.
-    hurried : int
-        That had less than half of the hold left, and were solved in half the time.
-    unanswered : int
-        That left, and no unit said that it had them.
-    gaps : int
-        How often 20 ms passed without a frame, so that it faded.
-    latency : float
-        From skin to skin, half of all frames, in s: filter, hold, transducers and air.
-    parts : dict of str to float
-        Of which it is the sum, in s.
-    left, work : tuple of float
-        From a frame's being taken to its leaving, and what the computer worked on it: half, 99, 99.9 % and all of them
-        took no longer, in s; NaN before the first.
-    """
+    """Statistics of a live run."""
 
     frames: int
+    """Frames of the sensor, lost ones included."""
     played: int
+    """Frames that were emitted."""
     lost: int
+    """Frames that the sensor lost: the last good one was repeated."""
     late: int
+    """Frames that were ready after their instant or did not fit into a queue: the previous frame stayed."""
     hurried: int
+    """Frames that had less than half of the hold left, and were solved in half the time."""
     unanswered: int
+    """Frames that were sent without a confirmation from any unit."""
     gaps: int
+    """Number of gaps of 20 ms without a frame, after which the level faded."""
     latency: float
+    """Median latency from skin to skin in s: filter, hold, transducers and air."""
     parts: dict[str, float]
+    """Parts of the latency in s."""
     left: tuple[float, ...]
+    """Quantiles (50, 99, 99.9 and 100 %) of the time from sampling a frame to sending it, in s; NaN before the first.
+    """
     work: tuple[float, ...]
+    """Quantiles of the computing time of a frame in s, as for `left`."""
 
     def plain(self) -> dict[str, Any]:
-        """For a program: times in ms."""
+        """As plain values, with times in ms."""
         names = ("half", "99%", "99.9%", "all")
         return {
             "frames": self.frames,
@@ -88,22 +75,22 @@ class LiveStatistics:
 
 
 class LiveSession:
-    """A run of live touch; a context manager, which is silent and has ended when it is left.
+    """A run of live touch; a context manager that is silent and has ended after leaving.
 
     Parameters
     ----------
-    order : LiveOrder
-        What and how.
+    order : LiveSettings
+        Settings of the run.
     keep : Path, optional
-        Where to keep what was felt and what was played.
+        File for a take.
     notes : dict of str to str, optional
-        For the take.
-    permit : Permit, optional
-        That another renews; a permit of its own, renewed for as long as this process is well, if None.
-    leave : Leave, optional
-        By which the other armed that permit; armed here if None.
+        Notes of the take.
+    permit : PlayLease, optional
+        Lease that another program renews; a lease of its own, renewed while this process runs, if None.
+    leave : LeaseToken, optional
+        Token of that lease's arming; armed here if None.
     slots : int
-        Frames that are remembered, for whoever reads them late.
+        Number of frames in the ring, for slow readers.
 
     Examples
     --------
@@ -138,19 +125,19 @@ class LiveSession:
 
     @property
     def opened(self) -> LoopStarted:
-        """What the process found; DeviceStateError before it is entered."""
+        """State of the opened devices; DeviceStateError before entering."""
         if self._opened is None:
-            raise DeviceStateError("live: expected to be entered before asking what was found")
+            raise DeviceStateError("live: expected a session that was entered before reading its state")
         return self._opened
 
     @property
     def running(self) -> bool:
-        """Whether it plays."""
+        """Whether it is playing."""
         return self._process is not None and self._process.is_alive() and self._ended is None
 
     @property
     def statistics(self) -> LiveStatistics:
-        """How it goes, or went."""
+        """Statistics of the run so far."""
         ring, opened = self.ring, self.opened
         grid, medium = self.order.touch.grid, self.order.touch.acoustics.medium
         buffer = 0.0 if self.order.listen is None else self.order.listen.buffer
@@ -177,20 +164,20 @@ class LiveSession:
 
     @property
     def network(self) -> dict[str, int]:
-        """What came over a network, once it has ended: see `PacketCounts`; empty where nothing did."""
+        """Counts of received frames after the end, see `PacketCounts`; empty without a network."""
         return {} if self._ended is None else self._ended.network
 
     def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
-        """Frames from a number on, as `TouchRing.since`; the sensor's channels come first of 64."""
+        """Frames from a number on, as `TouchRing.since`; the sensor's channels are the first of 64."""
         return self.ring.since(seen)
 
     def wait(self, seconds: float | None = None) -> bool:
-        """Return when it has ended, or after so long; whether it still plays.
+        """Wait until it has ended, or for `seconds`; return whether it is still playing.
 
         Raises
         ------
         MidairError
-            By which it ended.
+            The error that ended it.
         """
         until = None if seconds is None else time.monotonic() + seconds
         while self.running and (until is None or time.monotonic() < until):
@@ -199,7 +186,7 @@ class LiveSession:
         return self.running
 
     def stop(self) -> None:
-        """Silence at once; the session ends."""
+        """Silence at once and end the session."""
         self.permit.stop()
 
     def __enter__(self) -> Self:
@@ -210,7 +197,7 @@ class LiveSession:
         self._start("permit", lambda: self._renew(leave))
         try:
             self._process.start()
-            # So that the end of the process is the end of the pipe.
+            # The end of the process is then the end of the pipe.
             tells.close()
             while self._opened is None and self._ended is None:
                 self._listen(0.1)
@@ -242,7 +229,7 @@ class LiveSession:
         thread.start()
 
     def _listen(self, wait: float) -> None:
-        """Take what the process says."""
+        """Receive a message of the process."""
         try:
             if not self._told.poll(wait):
                 return
@@ -250,8 +237,8 @@ class LiveSession:
         except (EOFError, OSError):
             self._process.join(1)
             lost = DeviceError(
-                f"live: the process that plays ended with status {self._process.exitcode} and without a word; the "
-                "array's own failsafe has silenced it"
+                f"live: the playing process ended with status {self._process.exitcode} without a report; the "
+                "array's own failsafe has silenced it; start again"
             )
             self._ended = self._ended or LoopEnded(error=lost, told={})
             return
@@ -265,9 +252,9 @@ class LiveSession:
             raise self._ended.error
 
     def _end(self) -> None:
-        """In order, if that takes no longer than it may; at once if not."""
+        """End in order within a time limit, else at once."""
         self.ring.end()
-        # One that has not opened its devices yet makes no sound.
+        # A process that has not opened its devices emits no sound.
         until = time.monotonic() + (0 if self._opened is None else 5)
         while self._process is not None and self._ended is None and time.monotonic() < until:
             self._listen(0.1)
@@ -288,7 +275,7 @@ class LiveSession:
 
 
 def _shares(histogram: NDArray[np.int64]) -> tuple[float, ...]:
-    """Upper ends of the bins below which half, 99, 99.9 % and all of them lie."""
+    """Upper bin edges of the 50, 99, 99.9 and 100 % quantiles."""
     total = histogram.sum()
     if not total:
         return (np.nan,) * 4

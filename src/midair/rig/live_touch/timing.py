@@ -1,4 +1,4 @@
-"""When frames are to sound, and what a computer grants to those who must not be late."""
+"""Instants of frames, and real-time rights of the process."""
 
 import ctypes
 import ctypes.util
@@ -8,25 +8,25 @@ import sys
 from dataclasses import dataclass
 
 TICK = 25_000
-"""Period of the ultrasound in ns: instants of units are multiples of it."""
+"""Period of the ultrasound in ns: the units' instants are multiples of it."""
 
 
 class Timetable:
-    """Instants on an even grid, a hold after the frames were taken, that follow the sensor's clock slowly.
+    """Instants on a regular grid, a hold after the sampling times, that follow the sensor's clock slowly.
 
-    A frame every period, whatever the jitter of the stamps: the grid moves by a tick at a time towards where the stamps
-    are on average. What is far off, after the sensor or the computer stood still, begins a new grid.
+    Frames have a constant period despite jitter of the time stamps: the grid moves by one tick at a time towards the
+    mean of the stamps. A deviation above `far`, after a pause of sensor or computer, starts a new grid.
 
     Parameters
     ----------
     period : int
-        Between two frames, in ns.
+        Time between frames in ns.
     hold : int
-        From a frame's being taken to its instant, in ns.
+        Time from sampling a frame to its instant in ns.
     far : int
-        In ns.
+        Deviation in ns that starts a new grid.
     over : int
-        Frames over which stamps are averaged.
+        Number of frames over which stamps are averaged.
     """
 
     def __init__(self, period: int, hold: int, *, far: int = 50_000_000, over: int = 256) -> None:
@@ -34,7 +34,7 @@ class Timetable:
         self._number, self._instant, self._off = -1, 0, 0.0
 
     def instant(self, number: int, taken: int) -> int:
-        """The instant of a frame of this number that was taken at `taken`, in ns of device time; numbers may skip."""
+        """Instant of a frame that was sampled at `taken`, in ns of device time; numbers may skip."""
         grid = self._instant + (number - self._number) * self._period
         off = taken + self._hold - grid
         if self._number < 0 or abs(off) > self._far:
@@ -50,39 +50,28 @@ class Timetable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SchedulerGrant:
-    """What the computer granted to this process.
-
-    Attributes
-    ----------
-    priority : str
-        Empty if real-time priority was granted; else why not.
-    memory : str
-        Empty if its memory was locked; else why not.
-    """
+    """Real-time rights that the computer granted to this process."""
 
     priority: str
+    """Empty if real-time priority was granted; else the reason."""
     memory: str
+    """Empty if the memory was locked; else the reason."""
 
     def words(self) -> str:
-        """As one line."""
+        """Describe in one line."""
         first = "real-time priority" if not self.priority else f"no real-time priority ({self.priority})"
         second = "memory locked" if not self.memory else f"memory not locked ({self.memory})"
         return f"{first}, {second}"
 
 
 def request_realtime(priority: int = 20) -> SchedulerGrant:
-    """Take real-time priority and lock the memory, where that is granted; the collector of garbage is switched off.
+    """Request real-time priority (1 to 99, 0 for none) and lock the memory; switch off the garbage collector.
 
-    Threads that are started later have the priority too, so this comes before an SDK starts its own.
-
-    Parameters
-    ----------
-    priority : int
-        1 to 99; below what the system's own threads have. 0 asks for none.
+    Threads that start later inherit the priority, so call this before an SDK starts its threads.
     """
     gc.collect()
     gc.disable()
-    # Other threads of this process take frames in and send them: they must not wait 5 ms for their turn.
+    # Other threads of this process receive and send frames: they must not wait 5 ms for their turn.
     sys.setswitchinterval(5e-5)
     return SchedulerGrant(priority=_take_priority(priority), memory=_lock_memory())
 
@@ -100,7 +89,7 @@ def _take_priority(priority: int) -> str:
 
 
 def _lock_memory() -> str:
-    """MCL_CURRENT and MCL_FUTURE of mlockall(2), so that no page of this process has to be fetched from a disk."""
+    """Lock all memory with mlockall(2), MCL_CURRENT and MCL_FUTURE, so that no page has to be read from a disk."""
     if sys.platform != "linux":
         return "not known on this system"
     library = ctypes.CDLL(ctypes.util.find_library("c"), use_errno=True)

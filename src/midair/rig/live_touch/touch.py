@@ -1,7 +1,7 @@
-"""From one frame of a sensor to the phases that press the same, within a millisecond: the stages of `flow`, causal.
+"""From one sensor frame to phases within a millisecond: the causal form of the stages of `pipeline`.
 
-What a whole recording lets a stage look up, it must be told here: the level of the drive, and the offset of cells that
-pull. Memory is taken once, before the first frame.
+Settings that other modes derive from a whole recording must be given here: the level of the drive and the constant
+offset. Memory is allocated once, before the first frame.
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,43 +23,29 @@ Bytes = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchSettings:
-    """How touch is made of what a sensor feels.
-
-    Attributes
-    ----------
-    band : tuple of float
-        (low, high) of what is felt, in Hz.
-    delay : float
-        Of the causal inverse, in s: 2 to 10 ms; see `midair.calibration.causal_fir`.
-    mapping : {"half-wave", "constant-offset", "slow-bias"}
-        From pressure of both signs to pressure that pushes.
-    offset : float or None
-        Of the constant offset, in Pa.
-    gain : float
-        Multiplies the pressure.
-    faintest : float
-        Pressure on the loudest cell below which a frame is silence, in Pa: the sensor's own noise is not to be played.
-    grid : ControlGrid
-        The control points.
-    acoustics : Acoustics
-        Of the air.
-    solver : Live
-        Of the phases.
-    """
+    """Settings of the processing from frame to phases."""
 
     band: tuple[float, float] = (20.0, 470.0)
+    """(low, high) of the frequency band in Hz."""
     delay: float = 0.006
+    """Delay of the causal inverse, 2 to 10 ms, in s; see `midair.calibration.causal_fir`."""
     mapping: str = "half-wave"
+    """How signed pressure is made positive: "half-wave", "constant-offset" or "slow-bias"."""
     offset: float | None = None
+    """Constant offset in Pa."""
     gain: float = 1.0
+    """Factor that multiplies the pressure."""
     faintest: float = 0.1
+    """Pressure in Pa on the strongest cell below which a frame is silent: the sensor's noise is not played."""
     grid: ControlGrid = field(default_factory=ControlGrid)
     acoustics: Acoustics = field(default_factory=Acoustics)
-    # A first frame of 200 iterations makes those behind it late; the level rises from nothing while they catch up. One
-    # more of each for every frame make up for the modes that folding adds, see `solvers.live.folded`.
+    """Air and directivity."""
+    # The 200 iterations of the first frame delay later frames; the level rises from zero while they catch up. One more
+    # iteration of each kind compensates for the modes that symmetry adds, see `solvers.live`.
     solver: Live = field(
         default_factory=lambda: Live(iterations=12, lift_iterations=18, warm_iterations=8, warm_lift_iterations=10)
     )
+    """Solver of the phases."""
 
     def __post_init__(self) -> None:
         if not 0.002 <= self.delay <= 0.01:
@@ -71,33 +57,12 @@ class TouchSettings:
 
 
 class Touch:
-    """One stream of touch: `feel` a frame, then `form` the phases of what was felt.
+    """One stream of touch: `feel` a frame, then `form` its phases.
 
-    Parameters
-    ----------
-    settings : TouchSettings
-        How.
-    calibration : Calibration or None
-        Of the sensor; None where it gives pressure that was undone elsewhere, which then is taken as it is.
-    sensor : SensorGrid
-        Its cells.
-    rate : float
-        Frames per second, in Hz.
-    array : TransducerArray
-        That plays.
-    level : float
-        Drive of every transducer while something is to be felt, 0 to 1.
-
-    Attributes
-    ----------
-    pressure : ndarray, shape (channel,)
-        What is to press now, in Pa, before the mapping: felt `delay` ago.
-    phases : ndarray of uint8, shape (transducer,)
-        Of the last frame that sounds, in steps of 2 pi / 256.
-    delay : float
-        Between what was felt and `pressure`, and between that and what is played, in s.
-    error : ndarray, shape (part,) or None
-        Of the causal inverse, in `parts` of the band; None where there is none.
+    `pressure`, shape (channel,), is the calibrated pressure in Pa, sampled `delay` s ago; `phases`, shape
+    (transducer,), are those of the last audible frame in steps of 2 pi / 256; `error` is the error of the causal
+    inverse in each of `parts`. `calibration` is None where frames arrive in Pa; `level` is the drive of every
+    transducer in audible frames, 0 to 1.
     """
 
     parts = ((20.0, 40.0), (40.0, 100.0), (100.0, 470.0))
@@ -130,7 +95,7 @@ class Touch:
         self._mapping = MappingStream(settings.mapping, rate, offset=settings.offset, band=settings.band)
         medium, grid = settings.acoustics.medium, settings.grid
         focus = focus_amplitude(grid, array, acoustics=settings.acoustics)
-        # P -> p of the control points in units of the focus: sound goes with the root of the pressure.
+        # Sound amplitude of 1 Pa relative to the focus: amplitude is proportional to the square root of pressure.
         self._unit = float(sound_amplitude(np.array(1.0), medium)) / focus
         self._apart, self._between = _undone(sensor, grid, rate), interpolation_matrix(sensor, grid)
         none = np.zeros((1, grid.count))
@@ -145,14 +110,14 @@ class Touch:
         self._slow = self._mapping.delay > 0
 
     def feel(self, frame: Array) -> None:
-        """Take the sensor's next frame, shape (channel,), in its unit."""
+        """Process the sensor's next frame, shape (channel,), in its unit."""
         if self._inverse is None:
             self.pressure[:] = frame
         else:
             self._inverse.step(frame, self.pressure)
 
     def form(self, *, hurried: bool = False) -> bool:
-        """Phases of what was felt, into `phases`, in half the time if `hurried`; False where it is silence."""
+        """Compute the phases of the last frame, in half the time if `hurried`; return False for a silent frame."""
         np.dot(self._apart, self.pressure, out=self._pushes)
         self._pushes *= self.settings.gain
         if self._slow:
@@ -163,30 +128,30 @@ class Touch:
         np.maximum(self._pushes, 0.0, out=self._pushes)
         if self._pushes.max() <= self.settings.faintest:
             return False
-        # Pressure is interpolated, as in the best mode: between the cells it is what presses.
+        # Pressure is interpolated, not amplitude, as in the best mode.
         np.dot(self._between, self._pushes, out=self._wanted)
         np.sqrt(self._wanted, out=self._wanted)
         self._wanted *= self._unit
         np.multiply(self._follower.follow(self._wanted, hurried=hurried), 256 / (2 * np.pi), out=self._steps)
         np.rint(self._steps, out=self._whole, casting="unsafe")
-        # A turn is 256 steps, and so is a byte.
+        # 256 steps are one turn, so that the overflow of a byte is harmless.
         np.copyto(self.phases, self._whole, casting="unsafe")
         return True
 
     @property
     def wanted(self) -> Array:
-        """What `form` asked for at the control points, shape (point,), over the focus of the whole array."""
+        """Target of `form` at the control points, shape (point,), relative to a focus of the whole array."""
         return self._wanted
 
 
 def _parts(parts: tuple[tuple[float, float], ...], band: tuple[float, float]) -> list[tuple[float, float]]:
-    """The parts of the usual band that lie in this one, cut to it; itself where none does."""
+    """Parts of the default band, cut to this band; the band itself if they do not overlap."""
     inside = [(max(low, band[0]), min(high, band[1])) for low, high in parts]
     return [(low, high) for low, high in inside if high > low] or [band]
 
 
 def _undone(sensor: SensorGrid, grid: ControlGrid, rate: float) -> Array:
-    """The matrix that undoes what a cell feels of what is played for its neighbours, shape (channel, channel)."""
+    """Matrix that corrects for the pressure that cells receive from neighbouring cells, shape (channel, channel)."""
     each = np.eye(sensor.count).reshape(sensor.count, *sensor.shape)
     alone = PressureFrames(pressure=each, rate=rate, sensor=sensor)
     return np.ascontiguousarray(decouple(alone, grid=grid).pressure.reshape(sensor.count, sensor.count).T)

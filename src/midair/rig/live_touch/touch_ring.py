@@ -1,7 +1,7 @@
-"""What was felt and what was played, frame by frame, in memory that the loop shares with whoever looks on.
+"""Ring buffer of samples and emitted phases, in memory that the loop shares with other programs.
 
-The loop writes and never waits: a reader that is too slow finds out how many frames it missed. Counts and times of all
-frames since the start are beside it, so that they can be told without having read every frame.
+The loop writes and never waits: a slow reader learns how many frames it missed. Counts and times of all frames since
+the start are stored as well, so that statistics need not read every frame.
 """
 
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 SOUNDS, LATE, HELD = 1, 2, 4
-"""Of a frame: it sounded; it was ready after its instant, and the one before stood on; the sensor never gave it."""
+"""Flags of a frame: it was emitted; it was late, so the previous one stayed; the sensor lost it (repeated frame)."""
 
 STEP = 50e-6
-"""Width of a bin of the histograms, in s."""
+"""Bin width of the histograms in s."""
 
 _BINS = 1000
 _COUNTS = ("head", "frames", "lost", "late", "gaps", "unanswered", "played", "hurried", "ends")
@@ -24,15 +24,7 @@ _TIMES = ("work", "left")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RingShape:
-    """How large a ring is.
-
-    Attributes
-    ----------
-    slots : int
-        Frames that it holds.
-    channels, transducers : int
-        Of a frame.
-    """
+    """Size of a ring: frames, and channels and transducers of a frame."""
 
     slots: int
     channels: int
@@ -40,8 +32,10 @@ class RingShape:
 
     @property
     def slot(self) -> np.dtype[Any]:
-        """What is known of a frame: number, when it was taken (s, by the computer's clock), its instant (ns of device
-        time), when it left (ns, 0 if it did not), the sensor's samples, pressure in Pa, flags, intensity, phases.
+        """Data type of a frame.
+
+        number; taken, sampling time in s of the computer's clock; instant in ns of device time; left, sending time in
+        ns, 0 if not sent; samples; pressure in Pa; flags; intensity; phases.
         """
         return np.dtype(
             [
@@ -60,18 +54,12 @@ class RingShape:
 
     @property
     def size(self) -> int:
-        """In bytes."""
+        """Size in bytes."""
         return 8 * (len(_COUNTS) + len(_TIMES) * _BINS) + self.slots * self.slot.itemsize
 
 
 class TouchRing:
-    """A ring of frames; `LiveSession` makes one and hands it to the loop's process.
-
-    Parameters
-    ----------
-    shape : RingShape
-        How large.
-    """
+    """A ring of frames, made by `LiveSession` and shared with the loop's process."""
 
     def __init__(self, shape: RingShape) -> None:
         self.shape = shape
@@ -79,7 +67,7 @@ class TouchRing:
         self._view()
 
     def __getstate__(self) -> dict[str, Any]:
-        """What another process gets: the same memory."""
+        """State for another process: the same memory."""
         return {"shape": self.shape, "_memory": self._memory}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -95,54 +83,48 @@ class TouchRing:
         self.slots: NDArray[Any] = whole[numbers.nbytes :].view(self.shape.slot)
 
     def count(self, name: str) -> int:
-        """How many so far: frames (held ones included), lost, late, gaps, unanswered, played, hurried."""
+        """Count since the start: frames (repeated ones included), lost, late, gaps, unanswered, played, hurried."""
         return int(self._counts[name][0])
 
     def add(self, name: str, more: int = 1) -> None:
-        """Count; the loop's."""
+        """Increase a count (loop only)."""
         self._counts[name][0] += more
 
     def put(self, name: str, value: int) -> None:
-        """Set a count; the loop's."""
+        """Set a count (loop only)."""
         self._counts[name][0] = value
 
     def time(self, name: str, seconds: float) -> None:
-        """Note how long something took: work on a frame, or left, from its being taken to its leaving; the loop's."""
+        """Add a duration to a histogram (loop only): "work", computing time; "left", from sampling to sending."""
         self._times[name][min(max(int(seconds / STEP), 0), _BINS - 1)] += 1
 
     def histogram(self, name: str) -> NDArray[np.int64]:
-        """How many took so long, shape (bin,), in bins of `STEP`; the last holds all that took longer."""
+        """Number of durations per bin of `STEP`, shape (bin,); the last bin holds all longer ones."""
         return self._times[name].copy()
 
     def next_slot(self) -> Any:
-        """The slot that the loop writes next; `publish` makes it seen."""
+        """Slot that the loop writes next; `publish` makes it visible."""
         return self.slots[self.count("head") % self.shape.slots]
 
     def publish(self) -> None:
-        """The next slot is written."""
+        """Make the next slot visible."""
         self._counts["head"][0] += 1
 
     def end(self) -> None:
-        """Ask the loop to end in order."""
+        """Request an orderly end of the loop."""
         self._counts["ends"][0] = 1
 
     @property
     def ends(self) -> bool:
-        """Whether it was asked to end."""
+        """Whether an end was requested."""
         return bool(self._counts["ends"][0])
 
     def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
-        """Frames from a number on: a copy of them, where to go on, and how many were overwritten before they were read.
-
-        Parameters
-        ----------
-        seen : int
-            Frames that were read before, counted from the start.
-        """
+        """Frames from number `seen` on: a copy, the number to continue with, and the count of overwritten frames."""
         head, slots = self.count("head"), self.shape.slots
         first = max(seen, head - slots)
         found = self.slots[np.arange(first, head) % slots]
-        # What the loop wrote over while this copied is not what it was; one more is being written now.
+        # Slots that the loop overwrote during the copy are invalid; one more is being written now.
         torn = max(first, self.count("head") - slots + 1) - first
         torn = min(max(0, torn), len(found)) if self.count("head") > slots else 0
         return found[torn:], head, first - seen + torn
