@@ -78,37 +78,24 @@ _SWITCHED: Mapping[str, tuple[str, type[Guard] | type[Circle]]] = MappingProxyTy
 """Terms that are on when their first length is above 0."""
 
 CHOICES: tuple[Choice, ...] = (
-    Choice(
-        name="band",
-        path="calibration.band",
-        unit="Hz",
-        help="Frequency band that is kept: lowest and highest frequency.",
-    ),
-    Choice(
-        name="inverse",
-        path="calibration.inverse",
-        help="Filter that inverts the sensor's response: zero-phase FFT or linear-phase FIR.",
-    ),
-    Choice(name="rate", path="target.rate", unit="Hz", help="Frame rate of the drive."),
+    Choice(name="band", path="calibration.band", unit="Hz", help="Frequency band that is kept."),
+    Choice(name="inverse", path="calibration.inverse", help="Sensor inverse: zero-phase FFT or linear-phase FIR."),
+    Choice(name="rate", path="target.rate", unit="Hz", help="Drive frame rate."),
     Choice(
         name="mapping",
         path="target.mapping",
         help="How signed pressure is made positive: half-wave, constant-offset or slow-bias.",
     ),
-    Choice(
-        name="interpolate",
-        path="target.interpolate",
-        help="Quantity that is interpolated between sensor cells: sound amplitude or pressure.",
-    ),
+    Choice(name="interpolate", path="target.interpolate", help="Quantity interpolated between cells."),
     Choice(name="gain", path="target.gain", help="Factor that multiplies the pressure."),
     Choice(
         name="strength",
         path="target.strength",
         help="Target peak relative to a single focus of the whole array (replaces --gain).",
     ),
-    Choice(name="height", path="target.grid.height", unit="m", help="Height of the palm above the array."),
-    Choice(name="pitch", path="target.grid.pitch", unit="m", help="Distance between neighbouring control points."),
-    Choice(name="points", path="target.grid.rows", help="Number of rows and of columns of control points."),
+    Choice(name="height", path="target.grid.height", unit="m", help="Palm height above the array."),
+    Choice(name="pitch", path="target.grid.pitch", unit="m", help="Pitch of the control points."),
+    Choice(name="points", path="target.grid.rows", help="Rows and columns of control points."),
     Choice(
         name="circle",
         path="target.circle.radius",
@@ -116,71 +103,45 @@ CHOICES: tuple[Choice, ...] = (
         help="Radius of a slow circle on which the pattern moves, for touch below 20 Hz; not validated on people.",
     ),
     Choice(name="circle-rate", path="target.circle.frequency", unit="Hz", help="Turns per second on that circle."),
-    Choice(
-        name="decouple",
-        path="compensation.decouple",
-        help="Correct the target for the pressure that each cell receives from neighbouring cells.",
-    ),
+    Choice(name="decouple", path="compensation.decouple", help="Correct for the pressure of neighbouring cells."),
     Choice(
         name="precompensate",
         path="compensation.precompensate",
         help="Amplify frequencies that the frame hold and the transducers attenuate.",
     ),
-    Choice(
-        name="compensate",
-        path="compensation.compensate",
-        help="Quantity that is precompensated: sound amplitude, or pressure within 20 to 480 Hz.",
-    ),
-    Choice(
-        name="method",
-        path="solver.method",
-        help="Solver of the transducer phases; lm is the paper's, exact its faster form.",
-    ),
-    Choice(
-        name="iterations",
-        path="solver.iterations",
-        help="Maximum iterations: first frame, later frames; 50 and 20 in the paper.",
-    ),
-    Choice(
-        name="start", path="solver.start", help="Initial phases of each frame: the previous frame's solution, or zero."
-    ),
-    Choice(
-        name="level",
-        path="solver.level",
-        help="Drive level of all transducers, 0 to 1; auto: the lowest level that the loudest frame needs.",
-    ),
-    Choice(
-        name="amplitudes",
-        path="solver.amplitudes",
-        help="Transducer amplitudes: all equal to the level, or individual and bounded by it.",
-    ),
+    Choice(name="compensate", path="compensation.compensate", help="Precompensate sound, or pressure in 20 to 480 Hz."),
+    Choice(name="method", path="solver.method", help="Solver; lm is the paper's, exact its faster form."),
+    Choice(name="iterations", path="solver.iterations", help="Maximum iterations: first frame, later frames."),
+    Choice(name="start", path="solver.start", help="Initial phases: the previous frame's, or zero."),
+    Choice(name="level", path="solver.level", help="Drive level, 0 to 1; auto fits the loudest frame."),
+    Choice(name="amplitudes", path="solver.amplitudes", help="All transducers equal, or each up to the level."),
     Choice(
         name="guard",
         path="solver.guard.margin",
         unit="m",
-        help="Width of a ring around the control points in which the field is kept quiet; 0mm switches it off.",
+        help="Width of the quiet ring around the control points; 0mm switches it off.",
     ),
     Choice(
         name="fit",
         path="solver.fit",
-        help="Where the error is measured: control points, 8 mm windows, or sensor cells (fixed sensor only).",
+        help="Where the error is measured: control points, 8 mm windows, or sensor cells.",
     ),
     Choice(name="smooth", path="solver.smooth", help="Penalty on phase change between frames; 0.01 is strong."),
     Choice(
         name="robust",
         path="solver.robust",
         unit="K",
-        help="Temperature range in which the phases stay accurate: this far below and above --temperature.",
+        help="Range below and above --temperature in which the phases stay accurate.",
     ),
     Choice(
         name="quiet-ears",
         path="solver.quiet_ears",
-        help="Penalty on sound at the ears of a person in front of the array; 3 is moderate, 30 strong.",
+        help="Penalty on sound at the ears of the user; 3 is moderate, 30 strong.",
     ),
     Choice(
         name="quiet-palm",
         path="solver.quiet_palm",
-        help="Penalty on sound on a palm around the points, 100 mm wide or set by --palm; 0.1 is strong.",
+        help="Penalty on sound on the palm around the points (100 mm, or --palm); 0.1 is strong.",
     ),
     Choice(
         name="backend",
