@@ -93,10 +93,8 @@ class PlayLease:
 
         Raises
         ------
-        InputError
-            If level or time is out of range.
-        DeviceStateError
-            If called by the player.
+        InputError, DeviceStateError
+            If level or time is out of range; if called by the player.
         """
         self._holding("arm")
         _within(level, "level", 1.0)
@@ -125,13 +123,7 @@ class PlayLease:
         return True
 
     def turn(self, level: float) -> None:
-        """Set the level, up to that of the arming.
-
-        Raises
-        ------
-        InputError
-            If it is higher: a higher level needs a new exposure check and a new arming.
-        """
+        """Set the level, up to that of the arming; InputError above it, which needs a new exposure check and arming."""
         self._holding("turn")
         _within(level, "level", self._get("ceiling"))
         self._put("level", level)
@@ -190,15 +182,10 @@ class LeaseGuard(Protocol):
 
 @contextmanager
 def under_lease(array: LeaseGuard, permit: PlayLease, leave: LeaseToken, *, every: float = 0.005) -> Generator[None]:
-    """Inside the context, an array plays only under this token, and is silenced as soon as the lease ends.
+    """Inside the context, an array plays only under this token; StoppedError as soon as the lease ends.
 
     The array checks the lease before every frame or bank switch. Since a switch may hand over a quarter of a second of
-    frames, a thread checks it as well, every `every` seconds.
-
-    Raises
-    ------
-    StoppedError
-        From the playing inside, when the lease ends.
+    frames, a thread checks it as well, every `every` seconds, and silences the array.
     """
     left = threading.Event()
 

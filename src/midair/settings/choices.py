@@ -36,14 +36,9 @@ class Choice:
         return value.weight if isinstance(value, QuietPalm) else value
 
     def put(self, settings: Settings, value: Any) -> Settings:
-        """Return the settings with this one set to `value`.
+        """Return the settings with this one set to `value`; 0 switches a circle or a guard off.
 
-        A radius or a margin of 0 switches the circle or the guard off; any other value switches it on.
-
-        Raises
-        ------
-        InputError
-            If the value is out of range, or the term that it belongs to is off.
+        InputError if the value is out of range, or the term that it belongs to is off.
         """
         group, name, *inner = self.path.split(".")
         if group == "acoustics":

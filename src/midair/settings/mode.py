@@ -63,15 +63,6 @@ def beside_paper(mode: Mode, paper: Settings, other: Settings | None = None) -> 
 
     `mode` "paper" returns the first alone. Without `other`, the other mode takes the air of the first, since both are
     played in the same room.
-
-    Parameters
-    ----------
-    mode : {"paper", "best", "quick", "finest"}
-        Name of the other mode.
-    paper : Settings
-        Settings of the paper's mode.
-    other : Settings, optional
-        Settings of the other mode, if not its own.
     """
     return (
         {"paper": paper}

@@ -133,10 +133,7 @@ class Settings:
     def but(self, **changes: Any) -> "Settings":
         """Return the settings with other values, named as in their groups: ``but(rate=4000.0, gain=2.0)``.
 
-        Raises
-        ------
-        InputError
-            If there is no setting of that name.
+        InputError if there is no setting of that name.
         """
         if "acoustics" in changes:
             return replace(self, acoustics=changes.pop("acoustics")).but(**changes)
@@ -156,10 +153,7 @@ class Settings:
     def plain(self) -> dict[str, Any]:
         """Return nested dicts of numbers and strings, without None values; inverse of `from_plain`.
 
-        Raises
-        ------
-        InputError
-            If `fit` is a configured object, which has no text form.
+        InputError if `fit` is a configured object, which has no text form.
         """
         # A configured fit holds arrays: its drive cannot be reproduced from text.
         if not isinstance(self.solver.fit, str):
@@ -175,12 +169,8 @@ class Settings:
     def from_plain(cls, values: Mapping[str, Any]) -> "Settings":
         """Build settings from the dicts of `plain`; missing values are the paper's.
 
-        A medium that has only temperature, humidity and alpha becomes `Medium.at` of them.
-
-        Raises
-        ------
-        InputError
-            If a name or a value is not valid.
+        A medium that has only temperature, humidity and alpha becomes `Medium.at` of them. InputError if a name or a
+        value is not valid.
         """
         values = _with_air(values)
         solver: Any = values.get("solver", {})
@@ -194,13 +184,7 @@ class Settings:
         return made.but(method=from_plain(kind, given, where="solver.method."))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the settings as TOML.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
-        """
+        """Write the settings as TOML; FileError if the file cannot be written."""
         import tomli_w
 
         with whole_file(path) as file:
@@ -208,13 +192,7 @@ class Settings:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Settings":
-        """Read settings from a TOML file.
-
-        Raises
-        ------
-        MissingFileError, BrokenFileError
-            If the file does not exist, or does not hold settings in TOML.
-        """
+        """Read settings from a TOML file; MissingFileError or BrokenFileError if there are none."""
         plain = read_toml(path, "settings in TOML")
         try:
             return cls.from_plain(plain)

@@ -14,13 +14,7 @@ Rows = list[tuple[str, str]]
 
 
 def write_calibration_page(calibration: Calibration, path: Path) -> None:
-    """Write the figure page of a calibration to `path`, NAME.png or NAME.html.
-
-    Raises
-    ------
-    UnknownFormatError
-        If the name ends differently.
-    """
+    """Write the figure page of a calibration to NAME.png or NAME.html; UnknownFormatError for other names."""
     check_page_name(path)
     html = path.suffix.lower() == ".html"
     page = render_calibration(calibration).encode() if html else png(calibration_figure(calibration), dpi=100)
@@ -29,13 +23,7 @@ def write_calibration_page(calibration: Calibration, path: Path) -> None:
 
 
 def check_page_name(path: Path) -> None:
-    """Check the name of a figure page before any work is done.
-
-    Raises
-    ------
-    UnknownFormatError
-        If it ends neither in .png nor in .html.
-    """
+    """Check the name of a figure page before any work is done; UnknownFormatError for other endings."""
     if path.suffix.lower() not in (".png", ".html"):
         raise UnknownFormatError(f"{path}: expected a name that ends in .png or .html for a figure page")
 

@@ -71,19 +71,9 @@ class Identity:
 def identify(answer: Array, noise: Array, grid: SensorGrid, *, signals: Array | None = None) -> Identity:
     """Assign channels to cells.
 
-    Parameters
-    ----------
-    answer : ndarray, shape (cell, channel)
-        Strength of each channel's response when each cell was touched, 0 or more.
-    noise : ndarray, shape (channel,)
-        The same figure when nothing is touched.
-    signals : ndarray, shape (frame, channel), optional
-        Samples of all touches, to detect channels that carry the same signal.
-
-    Raises
-    ------
-    ShapeError, InputError
-        If the shapes do not fit, or no channel responded.
+    `answer`, shape (cell, channel), is the strength of each channel's response when each cell was touched; `noise`,
+    shape (channel,), the same figure without touch; `signals`, shape (frame, channel), serve to detect channels that
+    carry the same signal. ShapeError if shapes do not fit, InputError if no channel responded.
     """
     if answer.shape != (grid.count, grid.count) or noise.shape != (grid.count,):
         raise ShapeError(f"answers: expected {grid.count} cells and channels, got {answer.shape} and {noise.shape}")

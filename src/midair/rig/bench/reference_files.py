@@ -36,12 +36,9 @@ def read_takes(
 
     Parameters
     ----------
-    recordings : sequence of Path
-        Recordings of the sensor.
-    references : sequence of Path
-        One file for each recording, begun at the same moment; empty if the reference is a channel of the recordings.
-    choice : ReferenceChoice
-        The reference.
+    recordings, references : sequence of Path
+        Recordings of the sensor, and one reference file for each, begun at the same moment; no references if they
+        are a channel of the recordings.
     cells : sequence of int or None, optional
         Channel of the cell that was pressed in each recording, None for all cells; by default from the recordings'
         notes (``pressed``: ``cell 3`` or ``all cells``).

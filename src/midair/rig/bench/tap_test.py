@@ -45,8 +45,6 @@ def identify_by_taps(sensor: SensorDevice, test: TapTest, prompt: Prompt, skip: 
     ----------
     sensor : SensorDevice
         Open; it is started and stopped here.
-    test : TapTest
-        Settings of tap detection.
     prompt : callable
         Called with each cell when it is to be tapped.
     skip : callable
@@ -54,10 +52,8 @@ def identify_by_taps(sensor: SensorDevice, test: TapTest, prompt: Prompt, skip: 
 
     Raises
     ------
-    DeviceError
-        If the sensor ends before the first tap.
-    InputError
-        If no channel responded.
+    DeviceError, InputError
+        If the sensor ends before the first tap; if no channel responded.
     """
     sensor.start()
     try:
@@ -77,12 +73,8 @@ def identify_by_taps(sensor: SensorDevice, test: TapTest, prompt: Prompt, skip: 
 def identify_by_tones(sensor: SensorDevice, frequency: Array, duration: float) -> Identity:
     """Assign channels to cells from a tone in each cell: `frequency` in Hz, in the order of the cells.
 
-    Raises
-    ------
-    InputError
-        If there is not one frequency for each cell, or `duration` (s) is too short to separate them.
-    DeviceError
-        If the sensor ends early.
+    InputError if there is not one frequency for each cell, or `duration` (s) is too short to separate them; DeviceError
+    if the sensor ends early.
     """
     if len(frequency) != sensor.grid.count:
         raise InputError(f"tones: expected {sensor.grid.count}, one for each cell, got {len(frequency)}")

@@ -59,8 +59,6 @@ def error_budget(
     ----------
     original : PressureFrames
         Pressure in the settings' band and at their rate (`pipeline.calibrated_pressure`).
-    plan : BudgetPlan
-        Settings and rig.
     kept : float, optional
         Share of the recording's power in the band, see `kept_in_band`.
     stage : callable

@@ -26,11 +26,8 @@ from midair.solvers import solve
 def check_up(device: str | None = None) -> list[Check]:
     """Run all checks that need no hardware, and those of an array or a live sensor if one is named.
 
-    Parameters
-    ----------
-    device : str, optional
-        An array as in `array_named`, which is opened, queried and closed and stays silent; or a live sensor as in
-        `sensor_named`, which is read for half a second.
+    An array (`array_named`) is opened, queried and closed, and stays silent; a live sensor (`sensor_named`) is read for
+    half a second.
     """
     live = device is not None and is_live_sensor(device)
     looks: list[Callable[[], Sequence[Check]]] = [

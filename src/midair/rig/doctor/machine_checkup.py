@@ -25,15 +25,7 @@ Moderation = Callable[[str], int | None]
 
 
 def machine_findings(root: Path = Path("/"), *, moderation: Moderation | None = None) -> list[Check]:
-    """Check all settings of this computer that an array or a sensor needs.
-
-    Parameters
-    ----------
-    root : Path
-        Folder below which /proc, /sys, /etc and /run are read.
-    moderation : callable, optional
-        Returns a network card's interrupt delay; the system's own value if None.
-    """
+    """Check the settings of this computer that devices need: files below `root` and interrupt delays of the cards."""
     if sys.platform != "linux":
         return [
             Check(

@@ -31,13 +31,7 @@ _HEAD = struct.Struct("<QdH")
 
 
 def make_key(path: Path) -> None:
-    """Write a new key file, readable by this user only; the other side needs a copy.
-
-    Raises
-    ------
-    InputError
-        If the file exists.
-    """
+    """Write a new key file, readable by this user only; InputError if the file exists. The other side needs a copy."""
     import os
 
     try:

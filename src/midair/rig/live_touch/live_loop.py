@@ -37,22 +37,10 @@ class Pace:
 
 
 class LiveLoop:
-    """One run of live touch.
+    """One run of live touch, inside the array's `frames_to_come`.
 
-    Parameters
-    ----------
-    sensor : StreamedSensor
-        Started.
-    array : ImmediateArray
-        Open; `run` is called inside its `frames_to_come`.
-    ring : TouchRing
-        Memory for all frames.
-    strongest : int
-        Intensity byte of full level.
-    level : callable
-        Returns the requested level, 0 to 1.
-    check : callable
-        Raises where playing is no longer allowed; called at least every millisecond.
+    `strongest` is the intensity byte of full level; `level` returns the requested level, 0 to 1; `check`, called at
+    least every millisecond, raises where playing is no longer allowed.
     """
 
     def __init__(

@@ -29,16 +29,10 @@ class LiveTake:
 
     Parameters
     ----------
-    path : Path
-        File to create.
-    order : LiveSettings
-        Settings of the run.
-    opened : LoopStarted
-        State of the opened devices.
+    order, opened, notes
+        Settings, state of the opened devices, and notes for the provenance.
     ring : TouchFrames
         Ring of the loop, or stored frames of it.
-    notes : mapping of str to str
-        Notes such as object and operator.
     every : float
         Reading interval in s; the ring holds several seconds.
 
@@ -93,13 +87,7 @@ class LiveTake:
         self._over.set()
 
     def close(self) -> None:
-        """Close the file, once `run` has returned.
-
-        Raises
-        ------
-        MidairError
-            The error of the writing, if any.
-        """
+        """Close the file, once `run` has returned; raise the error of the writing, if any."""
         self._writer.__exit__(None, self.problem, None)
         if self.problem is not None:
             raise self.problem

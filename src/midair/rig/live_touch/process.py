@@ -98,16 +98,9 @@ ForkingPickler.register(MappingProxyType, _as_dict)
 
 
 def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: LeaseToken, told: Connection) -> None:
-    """Run the process: open the devices, check the exposure, report, play, report the end.
+    """Run the process: open the devices, check the exposure, report, play while lease and token hold, report the end.
 
-    Parameters
-    ----------
-    ring : TouchRing
-        Memory for all frames.
-    permit, leave
-        Lease and token; playing is allowed while they hold.
-    told : Connection
-        Receives one `LoopStarted` and one `LoopEnded`, or a `LoopEnded` alone.
+    `told` receives one `LoopStarted` and one `LoopEnded`, or a `LoopEnded` alone.
     """
     # Ctrl-C also reaches the parent process, which ends this one in order; `midair stop` sends it too.
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -100,18 +100,8 @@ class JitterBuffer:
 class NetworkSource:
     """Waits for one authenticated sender, refuses others, and gives its frames: a `Source` for `StreamedSensor`.
 
-    Parameters
-    ----------
-    where : tuple of (str, int)
-        Address and port to listen at.
-    key : bytes
-        Key that both sides share.
-    buffer : float
-        Length of the jitter buffer in s.
-    patience : float
-        Longest time to wait for a greeting in s.
-    silence : float
-        Time in s without any frame after which concealment ends; the loop fades 20 ms later.
+    `buffer` is the length of the jitter buffer, `patience` the longest wait for a greeting, and `silence` the time
+    without any frame after which concealment ends (the loop fades 20 ms later), all in s.
     """
 
     def __init__(

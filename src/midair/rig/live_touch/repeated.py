@@ -11,13 +11,7 @@ from midair.model import SensorWiring
 
 
 class RepeatedSource:
-    """Repeats frames in real time, in blocks of `block` frames as a converter does.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (frame, channel)
-        One period.
-    """
+    """Repeats `samples`, shape (frame, channel), in real time, in blocks of `block` frames as a converter does."""
 
     def __init__(self, samples: NDArray[np.float64], stream: Stream, *, block: int = 2) -> None:
         self._samples, self._stream, self._block = samples, stream, block

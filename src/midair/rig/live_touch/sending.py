@@ -37,23 +37,7 @@ class SendStatistics:
 
 
 class FrameSender:
-    """Sends a sensor's pressure to the playing side.
-
-    Parameters
-    ----------
-    sensor : StreamedSensor
-        Open.
-    to : tuple of (str, int)
-        Address and port of the playing side.
-    key : bytes
-        Key that both sides share.
-    band : tuple of float
-        (low, high) of the frequency band in Hz.
-    delay : float
-        Delay of the causal inverse in s.
-    patience : float
-        Longest time to wait for an answer in s.
-    """
+    """Sends a sensor's pressure to address and port `to` of the playing side; `patience` is the longest wait in s."""
 
     def __init__(
         self,

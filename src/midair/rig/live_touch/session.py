@@ -172,13 +172,7 @@ class LiveSession:
         return self.ring.since(seen)
 
     def wait(self, seconds: float | None = None) -> bool:
-        """Wait until it has ended, or for `seconds`; return whether it is still playing.
-
-        Raises
-        ------
-        MidairError
-            The error that ended it.
-        """
+        """Wait until it has ended, or for `seconds`; return whether it plays, or raise the error that ended it."""
         until = None if seconds is None else time.monotonic() + seconds
         while self.running and (until is None or time.monotonic() < until):
             self._listen(0.05 if until is None else min(0.05, max(0.0, until - time.monotonic())))

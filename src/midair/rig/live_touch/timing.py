@@ -15,18 +15,8 @@ class Timetable:
     """Instants on a regular grid, a hold after the sampling times, that follow the sensor's clock slowly.
 
     Frames have a constant period despite jitter of the time stamps: the grid moves by one tick at a time towards the
-    mean of the stamps. A deviation above `far`, after a pause of sensor or computer, starts a new grid.
-
-    Parameters
-    ----------
-    period : int
-        Time between frames in ns.
-    hold : int
-        Time from sampling a frame to its instant in ns.
-    far : int
-        Deviation in ns that starts a new grid.
-    over : int
-        Number of frames over which stamps are averaged.
+    mean of the stamps over `over` frames. A deviation above `far`, after a pause of sensor or computer, starts a new
+    grid. All times in ns.
     """
 
     def __init__(self, period: int, hold: int, *, far: int = 50_000_000, over: int = 256) -> None:

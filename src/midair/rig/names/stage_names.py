@@ -23,12 +23,8 @@ def stage_named(name: str) -> StageDevice:
 
     Raises
     ------
-    UnknownDeviceError
-        If the name is unknown.
-    InputError
-        If an option is unknown or invalid.
-    MissingExtraError
-        If pyserial is not installed.
+    UnknownDeviceError, InputError, MissingExtraError
+        If the name is unknown, an option is invalid, or pyserial is not installed.
     """
     kind, place, stated = split_name(name)
     if not place or kind not in STAGES:

@@ -44,10 +44,7 @@ class VirtualRig:
     def hearing(self, band: tuple[float, float]) -> "VirtualRig":
         """Return the rig with a sensor rate high enough for a band: at 1 kHz up to 487 Hz, at 8 kHz up to 3.9 kHz.
 
-        Raises
-        ------
-        BandError
-            If the band exceeds that.
+        BandError if the band exceeds that.
         """
         for rate in (1e3, 2e3, 4e3, 8e3):
             if 2.05 * band[1] <= rate:
@@ -83,14 +80,9 @@ class VirtualRig:
         ----------
         thing : str
             ``brush``, ``sponge`` or ``towel``, each with ``+groove`` for the grooved surface; ``am-i``, ``am-ii`` or
-            ``am-iii``; or ``taps``, on each cell in turn.
+            ``am-iii``; or ``taps``, on each cell in turn. UnknownDeviceError for other names.
         duration : float, optional
             Duration in s; a whole stroke, or half a second of a modulated focus, if None.
-
-        Raises
-        ------
-        UnknownDeviceError
-            If the name is unknown.
         """
         skin = self.skin()
         touch = self._touch(thing, skin, duration)

@@ -19,12 +19,10 @@ def capture_recording(
     block: float = 0.1,
     progress: Progress | None = None,
 ) -> Recording:
-    """Record an open sensor for `duration` seconds, or until it ends.
+    """Record an open sensor for `duration` seconds, or until it ends; it is started and stopped here.
 
     Parameters
     ----------
-    sensor : SensorDevice
-        Open; it is started and stopped here.
     path : Path, optional
         File that is written during the recording, so that the frames survive a crash; the result is read from it.
     notes : dict of str to str, optional
@@ -36,10 +34,8 @@ def capture_recording(
 
     Raises
     ------
-    InputError
-        If the duration is shorter than one frame.
-    DeviceError
-        If the sensor gives no frames, or loses frames.
+    InputError, DeviceError
+        If the duration is shorter than one frame; if the sensor gives no frames, or loses frames.
     """
     frames = round(duration * sensor.rate)
     if frames < 1:

@@ -35,12 +35,10 @@ def record_take(sensor: SensorDevice, plan: TakePlan, watcher: Watcher, companio
 
     Raises
     ------
-    InputError
-        If the duration is shorter than one frame.
+    InputError, FileError
+        If the duration is shorter than one frame; if the file cannot be created.
     DeviceError
         If the sensor gives no frames, or is lost before the first frame.
-    FileError
-        If the file cannot be created.
     """
     if plan.duration is not None and round(plan.duration * sensor.rate) < 1:
         raise InputError(f"duration: expected at least one frame of {1e3 / sensor.rate:g} ms, got {plan.duration:g} s")
