@@ -45,7 +45,7 @@ def test_an_arming_lasts_until_its_deadline_and_each_renewal_moves_that(permit, 
     assert permit.refusal(leave) == "expired"
 
 
-def test_a_missed_deadline_is_not_made_good(permit, clock):
+def test_a_missed_deadline_cannot_be_renewed(permit, clock):
     leave = permit.arm()
     clock.now += 0.6
     assert not permit.renew()
@@ -89,7 +89,7 @@ def test_a_level_is_above_0_and_at_most_1(permit, level):
 
 
 def player(permit, leave, pipe):
-    """What a process of its own sees, says, and may not do."""
+    """Run in another process: read the lease, and try what only the holder may do."""
     pipe.send((permit.refusal(leave), permit.level))
     try:
         permit.renew()
@@ -102,7 +102,7 @@ def player(permit, leave, pipe):
     pipe.send(permit.refusal(leave))
 
 
-def test_another_process_sees_the_same_words_and_can_stop_but_not_renew():
+def test_another_process_reads_the_lease_and_can_only_stop_it():
     permit = PlayLease()
     leave = permit.arm(0.75, lasts=10)
     here, there = multiprocessing.Pipe()
@@ -130,7 +130,7 @@ def small_drive():
     return Drive(array=array, phase=np.zeros((3500, array.count), np.float32), level=np.full(3500, 0.01), rate=1000.0)
 
 
-def test_an_array_looks_before_every_frame_and_is_silent_after_the_first_refusal(permit, small_drive):
+def test_an_array_checks_the_lease_before_every_frame(permit, small_drive):
     leave = permit.arm(lasts=10)
     array = VirtualArray(small_drive.array)
     seen = []
@@ -146,7 +146,7 @@ def test_an_array_looks_before_every_frame_and_is_silent_after_the_first_refusal
     assert not array.emitting
 
 
-def test_between_two_looks_of_the_array_a_thread_silences_it(permit, clock):
+def test_a_thread_silences_the_array_between_its_own_checks(permit, clock):
     leave = permit.arm()
     silenced = []
 

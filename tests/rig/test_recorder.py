@@ -1,4 +1,4 @@
-"""The tape recorder in Python: record, play and loop on devices by their names."""
+"""Record, play and loop from Python on devices by name."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def solution():
     return midair.solve(AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=COARSE), ARRAY, method="fast")
 
 
-def test_what_is_recorded_comes_with_its_calibration(tmp_path):
+def test_a_recording_has_its_calibration(tmp_path):
     take = record("virtual:am-i", 0.1, notes={"object": "tone"})
     assert take.recording.frames == 100
     assert take.calibration is not None
@@ -50,7 +50,7 @@ def test_an_open_sensor_can_be_recorded_twice():
     assert one.recording.frames == two.recording.frames == 20
 
 
-def test_a_solution_is_played_on_a_virtual_rig_and_heard(solution):
+def test_a_solution_is_played_and_rerecorded_on_a_virtual_rig(solution):
     played = play(solution)
     assert played.outcome == "exceeded"
     assert played.take.recording.frames == 80
@@ -66,7 +66,7 @@ def test_a_drive_is_played_on_a_rig_that_is_open_as_often_as_asked(solution):
         assert not rig.array.emitting
 
 
-def test_the_air_of_the_virtual_rig_is_another_than_the_drives(solution):
+def test_the_virtual_rig_can_have_other_air_than_the_drive(solution):
     here = play(solution).take.recording.samples
     with open_rig(acoustics=midair.Acoustics(medium=Medium.at(temperature=24.0))) as warm:
         there = play(solution, warm).take.recording.samples
@@ -107,13 +107,13 @@ def test_a_drive_for_another_array_is_refused(solution):
         (lambda: record("virtual:towel", 0.0), InputError, "at least one frame"),
     ],
 )
-def test_names_that_nothing_answers_to_are_refused(make, error, says):
+def test_unknown_names_are_refused(make, error, says):
     with pytest.raises(error, match=says):
         make()
 
 
 @pytest.mark.slow
-def test_the_loop_takes_a_take_a_file_or_a_pressure(tmp_path):
+def test_the_loop_accepts_a_take_a_file_or_a_pressure(tmp_path):
     take = record("virtual:am-i", 0.1, path=tmp_path / "take.h5")
     pressure = midair.pipeline.calibrated_pressure(take.recording, take.calibration, QUICK).cut(0.02, 0.04)
     done = midair.loop(pressure, QUICK)
@@ -132,7 +132,7 @@ def test_a_loop_needs_a_sensor():
         midair.loop(pressure, QUICK, deaf)
 
 
-def test_what_was_loaded_is_what_was_recorded(tmp_path):
+def test_a_loaded_take_equals_the_recording(tmp_path):
     record("virtual:am-i", 0.05, path=tmp_path / "take.h5")
     assert isinstance(midair.load(tmp_path / "take.h5"), Recording)
     assert "OpenRig virtual" in repr(open_rig())

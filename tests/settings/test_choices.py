@@ -1,4 +1,4 @@
-"""Every setting can be typed, but for those that are known to be Python's."""
+"""Every setting has an option, except those that are listed as Python only."""
 
 from dataclasses import fields, is_dataclass
 
@@ -8,7 +8,7 @@ from midair.errors import InputError
 from midair.model import Acoustics, Medium
 from midair.settings import CHOICES, MODES, Settings, over_mode, spelt_setting
 
-# What only Python can say: parts of what has an option, and constants of the array.
+# Settings without an option: parts of settings that have one, and constants of the array.
 PYTHON_ONLY = {
     "target.grid.columns": "points",
     "target.grid.centre": "of the array",
@@ -29,7 +29,7 @@ def leaves(value, before=""):
             yield path
 
 
-def test_every_setting_is_a_choice_or_known_to_be_python_s():
+def test_every_setting_has_an_option_or_is_python_only():
     offered = {choice.path for choice in CHOICES}
     assert {path for path in leaves(Settings()) if path not in offered} == set(PYTHON_ONLY)
 
@@ -53,7 +53,7 @@ def test_a_temperature_is_the_air_of_a_laboratory_and_the_surface_stays():
     assert put(soft, "temperature", 26.0).acoustics.medium.humidity == 0.5
 
 
-def test_a_humidity_alone_says_nothing():
+def test_a_humidity_without_a_temperature_is_refused():
     with pytest.raises(InputError, match="--humidity: expected --temperature beside it"):
         put(Settings(), "humidity", 0.3)
 
@@ -69,7 +69,7 @@ def test_a_humidity_alone_says_nothing():
         ("target.strength", None, "default"),
     ],
 )
-def test_a_setting_is_told_with_its_unit(path, value, words):
+def test_a_setting_is_formatted_with_its_unit(path, value, words):
     assert spelt_setting(path, value) == words
 
 

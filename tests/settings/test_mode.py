@@ -1,4 +1,4 @@
-"""What each mode stands for."""
+"""Settings of each mode."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from midair.settings import Settings, beside_paper, best_mode, coarser, finest_m
 from midair.solvers import Glide
 
 
-def test_the_modes_are_what_they_say():
+def test_settings_of_the_modes():
     paper, best = paper_mode(), best_mode()
     assert paper == Settings()
     assert (paper.target.mapping, paper.target.rate) == ("half-wave", 1000.0)

@@ -1,4 +1,4 @@
-"""Settings as one value: changed by name, written down and read again."""
+"""Settings as one value: changed by name, saved and loaded."""
 
 import pytest
 
@@ -9,7 +9,7 @@ from midair.solvers import Cells, Exact, Fast, Windows
 from midair.targets import Circle
 
 
-def test_but_finds_each_choice_in_its_group():
+def test_but_finds_each_setting_in_its_group():
     made = Settings().but(rate=4000.0, gain=2.0, band=(30.0, 300.0), method="fast", decouple=True)
     assert (made.target.rate, made.target.gain, made.calibration.band) == (4000.0, 2.0, (30.0, 300.0))
     assert (made.solver.method, made.compensation.decouple) == ("fast", True)
@@ -54,7 +54,7 @@ def test_a_file_that_does_not_fit_is_one_clear_line(text, says, tmp_path):
         Settings.load(path)
 
 
-def test_a_temperature_in_a_file_is_all_of_its_air(tmp_path):
+def test_a_temperature_in_a_file_sets_the_whole_medium(tmp_path):
     path = tmp_path / "take.toml"
     path.write_text("[acoustics.medium]\ntemperature = 26\nhumidity = 0.3\n", encoding="utf-8")
     assert Settings.load(path).acoustics.medium == Medium.at(temperature=26.0, humidity=0.3)
@@ -66,7 +66,7 @@ def test_a_temperature_in_a_file_is_all_of_its_air(tmp_path):
         Settings.load(path)
 
 
-def test_no_file_is_said():
+def test_a_missing_file_is_an_error():
     with pytest.raises(MissingFileError, match=r"no\.toml: expected settings in TOML"):
         Settings.load("no.toml")
 

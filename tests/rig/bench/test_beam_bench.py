@@ -1,4 +1,4 @@
-"""A virtual sensor calibrated by a virtual array whose strength, and the cells' sizes, are not what is assumed."""
+"""Beam calibration on a virtual rig whose strength and cell sizes differ from the assumed values."""
 
 from dataclasses import replace
 
@@ -44,7 +44,7 @@ def test_the_response_is_recovered_within_what_is_stated(found):
     assert "focused beam" in calibration.measurement.method
 
 
-def test_what_differs_between_channels_is_known_much_better(found):
+def test_differences_between_channels_have_a_smaller_uncertainty(found):
     calibration, model = found
     level = np.abs(ratio(calibration, model))
     between = level / level.mean(axis=(1, 2), keepdims=True)
@@ -81,7 +81,7 @@ def test_a_plan_of_another_rate_is_refused():
         by_beam(SensorModel(grid=GRID), plan=BeamPlan(rate=800.0, high=380.0))
 
 
-def test_what_can_be_heard_keeps_the_profile_and_needs_a_real_sensor():
+def test_a_gated_array_keeps_the_profile_and_needs_a_real_sensor():
     skin = VirtualSkin(SensorModel(grid=GRID))
     array, sensor = VirtualArray(ARRAY, skin), VirtualSensor(skin)
     array.gated = True
@@ -94,7 +94,7 @@ def test_what_can_be_heard_keeps_the_profile_and_needs_a_real_sensor():
 
 
 @pytest.mark.slow
-def test_it_covers_what_it_does_not_know():
+def test_uncertainty_covers_unknown_parameters():
     """Strength, aperture and spread are drawn with the stated uncertainties: inside k = 2 for about 95 % of rigs."""
     setting = BeamSetting(pressure_uncertainty=0.11)
     inside = []

@@ -21,7 +21,7 @@ def measured():
     return measure_calibration(takes, quiet=bench.quiet(8), date="2026-01-31", version=2)
 
 
-def test_the_rows_say_what_counts(measured):
+def test_the_rows_have_the_main_figures(measured):
     rows = dict(calibration_rows(measured))
     assert rows["identifier"] == f"{measured.identifier}, version 2, 2026-01-31"
     assert rows["uncertainty"].startswith("± 2 % of the response (k = 2, median over 20 to 470 Hz), 2 % of it shared")
@@ -31,7 +31,7 @@ def test_the_rows_say_what_counts(measured):
     assert "crosstalk" in rows
 
 
-def test_a_stated_calibration_says_that_nobody_knows():
+def test_a_stated_calibration_has_unknown_uncertainty():
     rows = dict(calibration_rows(Calibration.flat(SensorGrid(), sensitivity=2.0, unit="count")))
     assert rows["uncertainty"] == "unknown: stated, not measured"
     assert "reference" not in rows

@@ -1,4 +1,4 @@
-"""Which channel is which cell: wires that were mixed up, cut, and doubled are found, whatever neighbours feel."""
+"""Channel identification with permuted, cut and doubled wires and responses of neighbouring cells."""
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def test_any_order_is_found_whatever_strengths_gains_and_neighbours(order, stren
 
 
 def test_the_strongest_answer_alone_would_have_been_wrong():
-    """Channel 1 is ten times as sensitive as the rest: it answers most to the tap on cell 0, too."""
+    """Channel 1 is ten times as sensitive as the rest: it also has the largest response to the tap on cell 0."""
     gain = np.ones(16)
     gain[1] = 10
     answer = answers(range(16), gain=gain)
@@ -82,7 +82,7 @@ def test_a_swap_is_named():
         (lambda cells: cells.T, "transposed, rows for columns"),
     ],
 )
-def test_a_sensor_that_lies_wrong_is_named(turned, words):
+def test_a_rotated_or_mirrored_sensor_is_recognised(turned, words):
     order = turned(np.arange(16).reshape(4, 4)).ravel()
     (said,) = findings(found(order))
     assert words in said
@@ -99,7 +99,7 @@ def test_other_orders_are_listed():
     dead=st.integers(0, 15),
     strength=st.lists(st.floats(0.5, 1), min_size=16, max_size=16),
 )
-def test_a_dead_channel_is_found_and_its_cell_gets_it(order, dead, strength):
+def test_a_dead_channel_is_found_and_assigned_to_the_remaining_cell(order, dead, strength):
     answer = answers(order, strength=strength)
     answer[:, dead] = 0
     identity = identify(answer, NOISE, GRID)
@@ -124,8 +124,8 @@ def test_a_doubled_channel_is_found():
     assert findings(identity)[0] == "channels 5 and 9 carry the same signal: one wire goes to both"
 
 
-def test_a_cell_that_was_tapped_instead_of_another_is_doubtful():
-    """Somebody tapped cell 5 twice, and never cell 6: the two cannot be told apart for certain."""
+def test_a_wrongly_tapped_cell_is_doubtful():
+    """Cell 5 is tapped twice and cell 6 never: the two channels cannot be separated with certainty."""
     answer = answers(range(16), crosstalk=0.9)
     answer[6] = answer[5]
     identity = identify(answer, NOISE, GRID)
@@ -158,6 +158,6 @@ def test_tones_are_measured_among_each_other():
 @pytest.mark.parametrize(
     ("frequency", "frames"), [([0, 100], 2000), ([100, 500], 2000), ([100, 100.5], 2000), ([100, 200], 5)]
 )
-def test_tones_that_cannot_be_told_apart_are_refused(frequency, frames):
+def test_inseparable_tones_are_refused(frequency, frames):
     with pytest.raises(InputError, match="tones"):
         tone_answers(np.zeros((frames, 2)), 1000.0, np.array(frequency, float))

@@ -53,7 +53,7 @@ def test_the_notes_say_which_cell(lab):
         take_of(folder)
 
 
-def test_a_spare_channel_is_as_good_as_a_file(lab):
+def test_a_reference_on_a_spare_channel_equals_a_file(lab):
     _, recording, reference, folder = lab
     both = np.concatenate([recording.samples.reshape(-1, 16), reference.samples.reshape(-1, 1)], axis=1)
     sensor = SensorGrid(rows=1, columns=17, name="box")
@@ -75,7 +75,7 @@ def test_a_reference_of_another_rate_is_resampled_and_gives_the_same(lab):
     assert again.response_at(band) == pytest.approx(once.response_at(band), rel=0.01)
 
 
-def test_a_frame_more_is_cut_off_and_said(lab):
+def test_an_extra_frame_is_cut_off_and_reported(lab):
     _, _, reference, folder = lab
     save(replace(reference, samples=reference.samples[:-20]), folder / "ref.h5")
     take, notes = take_of(folder)

@@ -1,4 +1,4 @@
-"""A sensor that is tapped cell by cell, or hears a tone in each: the whole way from frames to the order."""
+"""Identification by taps and by tones, from frames to the order of the channels."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ ORDER = tuple(int(i) for i in np.random.default_rng(3).permutation(16))
 
 @pytest.fixture(scope="module")
 def tapped():
-    """What the virtual sensor said while every cell was tapped, neighbours feeling a quarter of it."""
+    """Samples of the virtual sensor while every cell is tapped; neighbours receive a quarter of each tap."""
     with VirtualRig(seed=1).touched_by("taps") as sensor:
         sensor.start()
         return sensor.read(17_100).samples
@@ -59,7 +59,7 @@ def test_a_dead_channel_is_found_in_the_rhythm(tapped):
     assert identity.order == ORDER
 
 
-def test_a_cut_wire_that_only_hums_is_dead(tapped):
+def test_a_cut_wire_with_noise_is_dead(tapped):
     samples = tapped.copy()
     samples[:, 1, 2] = np.random.default_rng(5).normal(0, 1e-4, len(samples))
     assert heard(sensor_of(samples)).dead == (ORDER[6],)
@@ -73,8 +73,8 @@ def test_a_doubled_channel_is_found(tapped):
     assert not identity.sound
 
 
-def test_strong_neighbours_do_not_fool_it(tapped):
-    """Every cell feels .6 of each neighbour's tap on top of what it felt."""
+def test_strong_neighbour_responses_are_handled(tapped):
+    """Every cell also receives .6 of each neighbour's tap."""
     cells = tapped.reshape(len(tapped), 16)
     row, column = np.divmod(np.arange(16), 4)
     beside = np.abs(row[:, None] - row) + np.abs(column[:, None] - column) == 1
@@ -92,7 +92,7 @@ def test_a_cell_that_never_answers_is_left_out_after_a_while(tapped):
 
 
 def test_a_cell_can_be_left_out_by_hand(tapped):
-    """While cell 0 is due nothing is heard; the first tap, which is on cell 0, is then taken for cell 1's."""
+    """No tap is detected while cell 0 is due; the first tap, which is on cell 0, then counts for cell 1."""
     asked = iter([True])
     identity = heard(sensor_of(tapped, range(16)), TapTest(), lambda: next(asked, False))
     assert identity.channel[1] == 0
@@ -103,7 +103,7 @@ def test_a_source_that_ends_in_the_quiet_is_an_error(tapped):
         identify_by_taps(sensor, RHYTHM, lambda cell: None)
 
 
-def test_a_sensor_that_nobody_touches_is_an_error():
+def test_a_sensor_without_touch_is_an_error():
     samples = np.random.default_rng(0).normal(0, 1e-3, (18_000, 4, 4))
     with sensor_of(samples) as sensor, pytest.raises(InputError, match="got none"):
         identify_by_taps(sensor, RHYTHM, lambda cell: None)

@@ -1,4 +1,4 @@
-"""One loop for all tests of what is made of one."""
+"""One loop that several tests share."""
 
 import pytest
 

@@ -61,7 +61,7 @@ def test_every_stage_has_its_line(paper, best):
 
 
 @pytest.mark.long
-def test_rectification_costs_what_it_must(paper):
+def test_loss_of_rectification(paper):
     """Half a wave: as much power in harmonics as is left over; 5 to 8 dB remain in the band, whatever comes after."""
     assert 4 < paper.stage("mapping").alone.distortion_ratio < 9
     assert paper.stage("sensor").so_far.distortion_ratio < 10
@@ -74,7 +74,7 @@ def test_a_slow_bias_costs_next_to_nothing(best):
 
 
 @pytest.mark.long
-def test_what_follows_its_drive_later_than_the_target_is_not_distorted_by_that(best):
+def test_a_delay_of_the_transducers_is_no_distortion(best):
     """Cut out before its delay was, a perfect piece came to 30 dB; and all that was played seemed a moment early."""
     moving = best.stage("transducers")
     assert moving.alone.distortion_ratio > 30
@@ -85,11 +85,11 @@ def test_eight_bits_cost_next_to_nothing(paper):
     assert paper.stage("quantisation").alone.distortion_ratio > 35
 
 
-def test_the_sensor_hears_what_presses(best):
+def test_the_sensor_records_the_pressure(best):
     assert best.stage("sensor").so_far.distortion_ratio > best.stage("silencer").so_far.distortion_ratio - 3
 
 
-def test_what_is_off_costs_nothing(paper):
+def test_a_stage_that_is_off_costs_nothing(paper):
     assert paper.stage("silencer").alone.distortion_ratio > 100
 
 
@@ -105,7 +105,7 @@ def test_only_the_field_of_the_solver_can_leak(paper):
     assert all(stage.leak is None for stage in paper.stages if stage.name != "solver")
 
 
-def test_how_much_of_a_recording_lies_in_the_band():
+def test_share_of_a_recording_in_the_band():
     take, _ = recording()
     kept = kept_in_band(take, (20.0, 470.0))
     assert 0.95 < kept <= 1
@@ -119,7 +119,7 @@ def test_how_much_of_a_recording_lies_in_the_band():
     ("rows", "columns", "pitch", "band"), [(3, 2, 11e-3, (20.0, 470.0)), (2, 2, 6e-3, (20.0, 1e3))]
 )
 def test_a_sensor_of_any_size_and_a_wider_band(rows, columns, pitch, band):
-    """3 x 3 was a traceback after all the work, 6 mm lost 10 dB without a word, 1 kHz failed at the end."""
+    """Earlier defects: 3 x 3 cells raised a traceback, 6 mm lost 10 dB without a message, 1 kHz failed at the end."""
     cells = SensorGrid(rows=rows, columns=columns, pitch=pitch)
     time = np.arange(240) / 4000
     wave = np.sin(2 * np.pi * 60 * time) * np.hanning(240)

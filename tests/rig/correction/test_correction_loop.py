@@ -66,7 +66,7 @@ def test_the_same_with_the_paper_s_settings(stimulus):
 
 
 class Perfect(VirtualSensor):
-    """Hears the beam test as it is, and then, whatever is played, the wanted pressure itself."""
+    """Records the beam test, and afterwards returns the target pressure whatever is played."""
 
     wanted: PressureFrames
     starts = 0
@@ -87,7 +87,7 @@ class Perfect(VirtualSensor):
 @pytest.mark.long
 @pytest.mark.parametrize("mapping", ["half-wave", "slow-bias"])
 def test_a_perfect_chain_scores_above_60_db(mapping):
-    """A piece that is cut in a touch, and comes back as it was asked for: nothing is lost, and nothing to correct."""
+    """A part cut inside a touch is re-recorded without error: nothing is lost, and there is nothing to correct."""
     grid = ControlGrid(rows=4, columns=4, pitch=11e-3)
     settings = Settings().but(grid=grid, method="fast", iterations=1, mapping=mapping)
     with RIG.touched_by("towel", duration=0.7) as sensor:
@@ -102,7 +102,7 @@ def test_a_perfect_chain_scores_above_60_db(mapping):
     assert comparison.distortion_ratio > 60
     assert comparison.waveform_error < 1e-3
     assert abs(comparison.delay) < 1e-6
-    # Compared with the original itself it would be marked down.
+    # Compared with the unfiltered original, the score would be lower.
     assert compare(piece, done.passes[0].felt).distortion_ratio < 30
 
 
@@ -121,14 +121,14 @@ def test_the_beam_s_gain_is_straight_and_repeats():
 
 
 @pytest.mark.long
-def test_the_steps_of_a_rerecording_tell_its_life():
+def test_the_provenance_of_a_rerecording_has_its_steps():
     done = loop("am-i", COARSE, 0.12)
     stages = [step.stage for step in done.passes[-1].felt.provenance.steps]
     assert stages == ["calibrate", "settings", "prepare", "solve", "play", "calibrate"]
 
 
 @pytest.mark.long
-def test_a_real_sensor_cannot_hear_a_virtual_array():
+def test_a_real_sensor_with_a_virtual_array_is_refused():
     from midair.devices import ReplaySensor, check_exposure
 
     skin = RIG.skin()

@@ -1,4 +1,4 @@
-"""What a drive gives a virtual sensor is what a re-recording of it gives, with the palm of a loop beside it."""
+"""A drive on the virtual rig gives the same recording as a re-recording, and the same palm fidelity as a loop."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def made():
 
 
 @pytest.mark.long
-def test_the_sensor_says_what_it_says_of_a_play(made):
+def test_the_recording_equals_that_of_play(made):
     rig, original, asked, drive = made
     heard = rerecord_drive(drive, original, asked, rig, palm=SPOT)
     skin = rig.skin()

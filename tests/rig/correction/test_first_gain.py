@@ -1,4 +1,4 @@
-"""How loud the model expects a first pass to be."""
+"""Expected gain of the first pass."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def gain(settings, frequency=100.0, duration=0.2):
     return expected_gain(original, led_in(original, lead_of(settings)), settings)
 
 
-def test_where_everything_is_undone_beforehand_it_is_one():
+def test_with_full_compensation_the_gain_is_one():
     assert gain(BEST) == pytest.approx(1, abs=0.01)
     assert gain(BEST.but(gain=2.0)) == pytest.approx(2, abs=0.02)
 
@@ -40,11 +40,11 @@ def test_held_frames_and_slow_transducers_are_quieter():
     assert gain(slow, 200.0) / gain(slow, 25.0) == pytest.approx(0.935 * 0.973, abs=0.03)
 
 
-def test_what_is_not_decoupled_spreads_beyond_the_cell():
+def test_without_decoupling_pressure_spreads_beyond_the_cell():
     assert gain(BEST.but(decouple=False)) < 0.85
 
 
-def test_of_a_long_recording_the_strongest_second_counts():
+def test_the_strongest_second_of_a_long_recording_counts():
     long = tone(100.0, 1000.0, duration=3.0)
     settings = BEST.but(rate=1000.0)
     assert expected_gain(long, led_in(long, 0.15), settings) == pytest.approx(1, abs=0.03)

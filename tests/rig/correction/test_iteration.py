@@ -71,7 +71,7 @@ def test_the_delay_does_not_drift(corrected):
     assert np.ptp(delays) < 1e-4
 
 
-def test_the_life_of_a_corrected_pass_tells_its_steps(corrected):
+def test_the_provenance_of_a_corrected_pass_has_its_steps(corrected):
     stages = [step.stage for step in corrected.passes[-1].asked.provenance.steps]
     assert stages.count("correct") == 2
     assert [one.step for one in corrected.passes] == [None, None, 0.8, 0.8]
@@ -87,7 +87,7 @@ def test_five_passes_at_the_paper_s_grid(mapping):
 
 
 def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(corrected, monkeypatch):
-    """A rig that answers every correction with something worse: three steps, each smaller, none kept."""
+    """On a rig where every correction increases the error: three steps, each smaller, none kept."""
     start, tried = corrected.passes[1], []
 
     def worse(original, asked, rig, settings, name, stage, *, step):
@@ -122,7 +122,7 @@ def test_it_stops_when_it_no_longer_helps(corrected, monkeypatch):
     assert "less than 0.2 %" in further.end
 
 
-def test_only_what_can_be_played_is_asked_for():
+def test_the_target_is_limited_to_playable_pressure():
     asked = np.array([-5.0, 3.0, 99.0])
     assert playable(asked, mapping="half-wave", top=10.0).tolist() == [0.0, 3.0, 10.0]
     assert playable(asked, mapping="slow-bias", top=10.0).tolist() == [-5.0, 3.0, 10.0]

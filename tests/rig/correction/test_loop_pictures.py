@@ -25,7 +25,7 @@ def test_a_small_sensor_has_fewer():
 
 
 @pytest.mark.parametrize(("level", "words"), [(0.7, "all have the same level"), ((0.2, 0.5), "0.20 to 0.50 of full")])
-def test_the_caption_of_the_array_tells_how_loud_it_is(level, words):
+def test_the_caption_of_the_array_states_its_levels(level, words):
     array = TransducerArray.autd3()
     levels = np.resize(np.atleast_1d(level), (3, array.count))
     drive = Drive(phase=np.zeros((3, array.count)), level=levels, rate=1000.0, array=array)

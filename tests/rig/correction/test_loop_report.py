@@ -27,7 +27,7 @@ def page(loop, tmp_path_factory):
 
 
 @pytest.mark.long
-def test_holds_its_pictures_and_needs_nothing_from_outside(loop, tmp_path):
+def test_the_page_is_self_contained(loop, tmp_path):
     page = written(loop, tmp_path)
     assert "Target and reproduced field" in page
     assert not re.search(r"(src|href)=\"(?!data:)", page)
@@ -36,19 +36,19 @@ def test_holds_its_pictures_and_needs_nothing_from_outside(loop, tmp_path):
 
 
 @pytest.mark.long
-def test_can_be_watched_and_heard(page):
+def test_the_view_has_pressure_and_sound(page):
     assert set(re.findall(r'data-name="(\w+)"', page)) == {"about", "samples", "again", "wanted", "played", "phases"}
     assert page.count('src="data:audio/wav;base64,') == 2
 
 
 @pytest.mark.long
-def test_may_ask_for_nothing(page):
+def test_zero_priority_requests_nothing(page):
     (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
     assert policy.startswith("default-src 'none'; img-src data:; media-src data:;")
     assert policy.count("script-src 'sha256-") == 1
 
 
-def test_holds_what_a_reader_looks_for(loop, page):
+def test_the_page_has_all_sections(loop, page):
     for words in (
         "SIMULATED",
         "Towel, reproduced in midair",
@@ -75,7 +75,7 @@ def test_only_a_rectified_original_is_said_to_lose_its_negative_half(loop, page)
     assert "negative half" not in render(replace(loop, settings=loop.settings.but(mapping="slow-bias")), [])
 
 
-def test_every_setting_is_told():
+def test_every_setting_is_listed():
     names = {name for name, _ in settings_rows(Settings())}
     assert {"calibration.band", "target.grid.height", "acoustics.medium.attenuation", "solver.iterations"} <= names
 
@@ -96,7 +96,7 @@ def test_a_failed_write_leaves_the_old_report(loop, tmp_path):
     assert list(tmp_path.iterdir()) == [old]
 
 
-def test_a_reader_meets_the_verdict_then_pictures_then_tables(page):
+def test_the_page_shows_verdict_then_pictures_then_tables(page):
     places = [page.index(words) for words in ('class="verdict"', "<img", "Figures of each pass", "Commands that")]
     assert places == sorted(places)
 

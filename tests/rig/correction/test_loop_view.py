@@ -1,4 +1,4 @@
-"""What of a loop can be watched and heard."""
+"""Interactive view of a loop."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from midair.rig.correction.loop_view import view_of_loop
 from midair.targets import piece_of
 
 
-def test_the_recording_what_was_played_and_what_was_felt_of_it(loop):
+def test_the_view_has_recording_drive_and_rerecording(loop):
     shown = view_of_loop(loop)
     last = loop.passes[-1]
     made = last.reproduction
@@ -20,7 +20,7 @@ def test_the_recording_what_was_played_and_what_was_felt_of_it(loop):
     assert np.array_equal(shown.sound.drive.phase, made.solution.drive.phase[inside])
 
 
-def test_of_a_long_one_the_beginning(loop):
+def test_a_long_loop_shows_its_beginning(loop):
     shown = view_of_loop(loop, longest=20)
     assert (shown.frames, len(shown.sound.wanted), len(shown.again.values)) == (20, 20, 20)
 

@@ -17,7 +17,7 @@ def palm(outside):
 
 
 def a_card():
-    """Of noise that came back nearly whole."""
+    """Outcome of noise that was re-recorded almost without loss."""
     noise = 3 * np.random.default_rng(0).standard_normal((200, 4, 4))
     frames = PressureFrames(pressure=noise, rate=1000.0, band=(20.0, 470.0), provenance=Provenance(simulated=True))
     return perceptual_metrics(frames, replace(frames, pressure=1.02 * noise))

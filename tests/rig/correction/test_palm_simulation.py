@@ -1,4 +1,4 @@
-"""What a drive does to a palm; and the same by a second simulator."""
+"""Palm simulation, compared with a second, independent simulator."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A re-recording beside its original."""
+"""Pairing of a re-recording with its original."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from midair.settings import Settings
 from midair.targets import led_in
 
 
-def test_a_perfect_chain_that_is_early_or_late_loses_nothing_of_the_piece(tmp_path):
+def test_a_delay_of_a_perfect_chain_costs_nothing(tmp_path):
     """300 us of delay: cut out first and moved then, its ends would be lost."""
     rng, settings = np.random.default_rng(4), Settings().but(band=(20.0, 470.0))
     life = Provenance(source="bench")

@@ -17,7 +17,7 @@ def by_subject(findings):
     return {finding.subject: finding for finding in findings}
 
 
-def test_what_is_installed_and_where_the_log_is(tmp_path):
+def test_packages_and_log_are_listed(tmp_path):
     found = by_subject(array_findings())
     assert {"virtual array", "autd3", "pyautd3", "network", "log of what played", "playing now"} <= set(found)
     assert str(tmp_path) in found["log of what played"].found
@@ -48,7 +48,7 @@ def test_a_log_that_cannot_be_written(tmp_path, monkeypatch):
     assert "MIDAIR_STATE" in finding.advice
 
 
-def test_only_what_lives_plays_now(tmp_path):
+def test_only_running_programs_play_now(tmp_path):
     (tmp_path / "state").mkdir()
     (tmp_path / "state" / "playing-1.json").write_text('{"process": 1, "device": "dead"}', encoding="utf-8")
     assert by_subject(array_findings())["playing now"].found == "nothing"
@@ -58,7 +58,7 @@ def test_only_what_lives_plays_now(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "package"), [("autd3:emulator", "autd3"), ("pyautd3:audit", "pyautd3")])
-def test_a_device_tells_of_itself(name, package):
+def test_a_device_describes_itself(name, package):
     pytest.importorskip(package)
     found = by_subject(device_findings(name))
     assert "4 answer" in found[f"{name}: units"].found
@@ -67,7 +67,7 @@ def test_a_device_tells_of_itself(name, package):
     assert not [each for each in found.values() if each.state == "broken"]
 
 
-def test_a_device_that_does_not_answer_comes_with_advice():
+def test_a_missing_device_gives_advice():
     pytest.importorskip("autd3")
     (finding,) = device_findings("autd3:[::1]:9")
     assert finding.state == "broken"

@@ -1,7 +1,7 @@
 from midair.rig.doctor.checkup import check_up
 
 
-def test_a_machine_that_runs_the_tests_is_well(tmp_path, monkeypatch):
+def test_the_test_machine_passes_all_checks(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     findings = check_up()
     assert [finding.subject for finding in findings if finding.state == "broken"] == []
@@ -9,7 +9,7 @@ def test_a_machine_that_runs_the_tests_is_well(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_wrong_comes_with_advice(tmp_path, monkeypatch):
+def test_each_problem_gives_advice(tmp_path, monkeypatch):
     import importlib.metadata
 
     real = importlib.metadata.version

@@ -1,4 +1,4 @@
-"""What of a computer hinders units and sensors: this one as it is, and others made of a few files."""
+"""Checks of the computer: this one, and simulated ones made of a few files."""
 
 import os
 import socket
@@ -56,7 +56,7 @@ def test_this_computer_is_looked_at_without_any_right():
     assert {each.subject.removeprefix("interrupts of ") for each in findings if "interrupts" in each.subject} <= cards
 
 
-def test_a_computer_that_is_well_needs_no_advice(tmp_path):
+def test_a_good_computer_needs_no_advice(tmp_path):
     findings = found(tmp_path, {})
     assert [each for each in findings.values() if each.state != "ok" or each.advice] == []
     assert findings["IPv6"].found == "addresses on eth0"
@@ -123,7 +123,7 @@ UNWELL = {
 
 
 @pytest.mark.parametrize("case", UNWELL)
-def test_what_is_unwell_comes_with_a_line_of_advice(case, tmp_path, monkeypatch):
+def test_each_problem_of_the_computer_gives_advice(case, tmp_path, monkeypatch):
     monkeypatch.setenv("USER", "a-tester")
     files, subject, state, word, advice = UNWELL[case]
     finding = found(tmp_path, files)[subject]
@@ -134,7 +134,7 @@ def test_what_is_unwell_comes_with_a_line_of_advice(case, tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize(("delay", "word"), [(None, "does not report"), (50, "waits 50 us")])
-def test_a_card_that_waits_for_more_packets_is_told(delay, word, tmp_path):
+def test_an_interrupt_delay_is_reported(delay, word, tmp_path):
     finding = found(tmp_path, {}, delay)["interrupts of eth0"]
     assert word in finding.found
     assert "sudo ethtool -C eth0" in finding.advice
@@ -150,12 +150,12 @@ def test_root_may_all(tmp_path):
     assert {each.state for each in findings.values()} == {"ok"}
 
 
-def test_a_computer_of_which_nothing_can_be_read_is_no_error(tmp_path):
+def test_unreadable_system_files_are_no_error(tmp_path):
     findings = machine_findings(tmp_path)
     assert all(each.advice for each in findings if each.state != "ok")
 
 
-def test_a_full_disk_is_told(monkeypatch):
+def test_a_full_disk_is_reported(monkeypatch):
     from midair.rig.doctor import machine_checkup
 
     monkeypatch.setattr(machine_checkup, "ROOM", 1e30)

@@ -11,7 +11,7 @@ from midair.rig.doctor.checkup import check_up
 from midair.rig.doctor.sensor_checkup import live_sensor_findings, sensor_findings
 
 
-def test_every_kind_is_looked_at_and_none_is_an_error():
+def test_every_kind_of_sensor_is_checked_without_an_error():
     found = {finding.subject: finding for finding in sensor_findings()}
     assert set(found) == {"virtual sensor", "lsl: sensors", "audio: sensors", "serial: sensors", "ni: sensors"}
     assert all(finding.state != "broken" and (finding.state == "ok" or finding.advice) for finding in found.values())
@@ -72,7 +72,7 @@ class Sick:
         return {"port": "COM3"}
 
 
-def test_a_live_sensor_is_listened_to(monkeypatch):
+def test_a_live_sensor_is_read(monkeypatch):
     for slow in ("_folder", "_field", "_solver", "_threads"):
         monkeypatch.setattr(checkup, slow, lambda: Check(subject="left out", state="ok", found=""))
     monkeypatch.setattr(sensor_checkup, "source_sensor", lambda name, wiring: StreamedSensor(Sick(), name=name))
@@ -84,7 +84,7 @@ def test_a_live_sensor_is_listened_to(monkeypatch):
     assert found["samples"].found.startswith("-2 to ")
 
 
-def test_a_live_sensor_that_does_not_answer_is_one_broken_line():
+def test_a_missing_live_sensor_is_one_broken_check():
     pytest.importorskip("serial")
     (finding,) = live_sensor_findings("serial:/dev/nothing")
     assert (finding.subject, finding.state) == ("serial:/dev/nothing", "broken")

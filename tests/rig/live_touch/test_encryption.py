@@ -35,7 +35,7 @@ def test_a_key_is_for_this_user_only_and_comes_back(tmp_path):
     assert read_key(tmp_path / "touch.key") != read_key(tmp_path / "other.key")
 
 
-def test_what_is_no_key_is_refused_in_one_line(tmp_path):
+def test_an_invalid_key_is_refused_in_one_line(tmp_path):
     with pytest.raises(MissingFileError, match="--new-key"):
         read_key(tmp_path / "touch.key")
     (tmp_path / "touch.key").write_text("secret\n")
@@ -70,7 +70,7 @@ def test_a_frame_comes_back_in_single_precision():
     assert np.array_equal(sealed.pressure, PRESSURE.astype(np.float32))
 
 
-def test_a_frame_of_another_run_or_sensor_or_of_no_number_is_none():
+def test_invalid_frames_decode_to_none():
     message = frame_message(7, 12.25, PRESSURE, DRAWN)
     assert frame_from(message, 16, b"e" * NUMBER) is None
     assert frame_from(message, 9, DRAWN) is None

@@ -1,4 +1,4 @@
-"""The loop on a source that says what it is told to say, and on virtual units whose frames can be looked at."""
+"""The live loop with a scripted source and with virtual units whose frames can be inspected."""
 
 import time
 

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 SOON = {
     "Ctrl-C": 0.6,
     "midair stop": 0.3,
-    # Half a second is how long a permit lasts that nobody renews.
+    # A lease lasts half a second without renewal.
     "program that looks on killed": 0.8,
     "program that looks on hangs": 0.8,
     "loop killed": 0.4,
@@ -27,7 +27,7 @@ SOON = {
 
 
 @pytest.mark.parametrize("name", outside.DEATHS)
-def test_every_death_is_silence(name):
+def test_every_kind_of_end_is_silent(name):
     took, by = outside.deaths((name,))[name]
     assert took < SOON[name], by
     if name.startswith("loop") or name.startswith("cable"):

@@ -55,7 +55,7 @@ def taking(path, ring):
     return take, thread
 
 
-def test_holds_what_was_felt_and_what_was_played_frame_by_frame(tmp_path):
+def test_the_take_holds_samples_and_emitted_phases_of_each_frame(tmp_path):
     ring = TouchRing(RingShape(slots=4096, channels=64, transducers=249))
     take, thread = taking(tmp_path / "felt.h5", ring)
     fill(ring, 0, 500)
@@ -76,7 +76,7 @@ def test_holds_what_was_felt_and_what_was_played_frame_by_frame(tmp_path):
     assert take.missed == 0
 
 
-def test_frames_that_it_could_not_read_in_time_are_told(tmp_path):
+def test_frames_not_read_in_time_are_counted(tmp_path):
     ring = TouchRing(RingShape(slots=64, channels=64, transducers=249))
     fill(ring, 0, 200)
     take, thread = taking(tmp_path / "felt.h5", ring)
@@ -89,7 +89,7 @@ def test_frames_that_it_could_not_read_in_time_are_told(tmp_path):
     assert kept.recording.frames == 63
 
 
-def test_a_file_that_is_there_is_left_alone(tmp_path):
+def test_an_existing_file_is_not_overwritten(tmp_path):
     (tmp_path / "felt.h5").write_bytes(b"something")
     with pytest.raises(FileError):
         taking(tmp_path / "felt.h5", TouchRing(RingShape(slots=64, channels=64, transducers=249)))

@@ -35,7 +35,7 @@ def skin(monkeypatch):
             running.kill()
 
 
-def test_every_frame_of_another_program_is_felt_and_what_it_left_out_is_told(skin, tmp_path):
+def test_all_frames_of_another_program_arrive_and_lost_ones_are_counted(skin, tmp_path):
     path = tmp_path / "felt.h5"
     with midair.live(skin[0], "autd3:emulator", exposure=ANSWERED, duration=5.0, keep=path) as session:
         session.wait()

@@ -1,4 +1,4 @@
-"""Two sides on loopback, a way between them that is as bad as it is told to be, and what is felt of it."""
+"""Both sides of the network on loopback, with a simulated faulty network between them."""
 
 import threading
 import time
@@ -42,7 +42,7 @@ def test_frames_come_out_in_order_a_buffer_after_the_fastest():
     assert given[-1][1] == pytest.approx(0.009 + 0.01, abs=1e-3)
 
 
-def test_what_has_not_come_is_the_last_one_held_and_told():
+def test_a_missing_frame_is_concealed_and_counted():
     buffer = JitterBuffer(rate=1000.0, length=0.002)
     for number in (0, 1, 3):
         buffer.put(sealed(number), number / 1000)
@@ -69,7 +69,7 @@ def free_port():
 
 
 class Listener:
-    """The side that plays, in a thread: keeps the frames that it got."""
+    """The playing side in a thread; it stores the received frames."""
 
     def __init__(self, *, key=KEY, buffer=0.01, patience=5.0):
         self.source = NetworkSource(("127.0.0.1", free_port()), key, buffer=buffer, patience=patience)
@@ -133,7 +133,7 @@ def spoken(seconds, *, buffer=0.01, **way):
     return listener, proxy, speaker
 
 
-def test_what_is_felt_here_is_given_there_in_order_and_on_time():
+def test_sent_frames_arrive_in_order_and_on_time():
     # A busy machine may hold this process up for longer than the buffer is: one run of some is on time.
     for _ in range(20):
         listener, _, speaker = spoken(0.4)
@@ -149,7 +149,7 @@ def test_what_is_felt_here_is_given_there_in_order_and_on_time():
     assert on_time
 
 
-def test_another_key_is_let_in_nowhere():
+def test_another_key_is_refused_on_both_sides():
     listener = Listener(patience=1.0)
     with pytest.raises(DeviceError, match="the same key"), speaking(listener.port, key=OTHER, patience=0.6):
         pass
@@ -159,8 +159,8 @@ def test_another_key_is_let_in_nowhere():
     assert listener.source.counted.refused > 0
 
 
-def test_a_run_that_somebody_recorded_is_refused_by_the_next():
-    """Every datagram of a run, sent again: within it they count once, and whoever listens next lets none of it in."""
+def test_a_replayed_run_is_refused():
+    """Every datagram of a run is sent again: it counts once within the run, and the next receiver refuses it."""
     first, proxy, _ = spoken(0.2)
     assert first.got
     listener = Listener()
@@ -181,8 +181,8 @@ def test_a_run_that_somebody_recorded_is_refused_by_the_next():
     assert told.frames == speaker.spoken.frames
 
 
-def test_a_recorded_greeting_gets_nobody_in():
-    """It is answered, for the answer opens nothing: frames of that run bear a number that is no more."""
+def test_a_replayed_greeting_is_harmless():
+    """A replayed greeting is answered, without harm: frames of that run carry an invalid number."""
     first, proxy, _ = spoken(0.2)
     listener = Listener(patience=2.0)
     again = Proxy(listener.port)
@@ -208,7 +208,7 @@ def test_a_recorded_greeting_gets_nobody_in():
     ],
     ids=["nothing", "loss", "jitter", "reordering", "all"],
 )
-def test_what_a_bad_way_does_is_concealed_and_told(way, most):
+def test_network_faults_are_concealed_and_counted(way, most):
     listener, proxy, speaker = spoken(3.0, buffer=0.015, **way)
     told = listener.source.counted
     numbers = [number for number, *_ in listener.got]
@@ -221,14 +221,14 @@ def test_what_a_bad_way_does_is_concealed_and_told(way, most):
     assert speaker.spoken.frames > 2000
 
 
-def test_a_side_that_falls_silent_is_not_held_for_ever():
+def test_concealment_ends_when_the_sender_is_silent():
     listener, _, _ = spoken(0.2)
     assert "has ended" in str(listener.problem)
     gap = [b - a for (_, _, a, _), (_, _, b, _) in zip(listener.got, listener.got[1:], strict=False)]
     assert max(gap) < 0.2
 
 
-def test_a_port_that_is_taken_and_a_buffer_that_cannot_be_are_said():
+def test_an_occupied_port_and_an_invalid_buffer_are_errors():
     listener = Listener(patience=0.1)
     with pytest.raises(DeviceError, match="--listen"):
         NetworkSource(("127.0.0.1", listener.port), KEY).bind()

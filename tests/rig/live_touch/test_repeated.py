@@ -7,7 +7,7 @@ from midair.rig import VirtualRig
 from midair.rig.live_touch.repeated import RepeatedSource, streamed
 
 
-def test_gives_the_round_again_and_again_when_its_frames_are_due():
+def test_frames_are_repeated_when_they_are_due():
     samples = np.arange(10.0).reshape(5, 2)
     source = RepeatedSource(samples, Stream(channels=2, rate=1000.0, unit="V"))
     source.open()
@@ -22,7 +22,7 @@ def test_gives_the_round_again_and_again_when_its_frames_are_due():
     assert source.pull(0.0) is None
 
 
-def test_a_virtual_sensor_is_felt_once_and_then_streamed_with_its_calibration():
+def test_a_virtual_sensor_is_recorded_once_and_repeated_with_its_calibration():
     named = VirtualRig().touched_by("am-i", duration=0.05)
     sensor = streamed(named, longest=0.05)
     assert isinstance(sensor, StreamedSensor)

@@ -1,4 +1,4 @@
-"""The whole of live touch in its own process: from a virtual sensor to emulated units, and into a take."""
+"""Live touch in its own process: from a virtual sensor to emulated units and into a take."""
 
 import json
 import os
@@ -35,12 +35,12 @@ ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a t
         ({"listen": "somewhere", "key": "touch.key"}, "HOST:PORT"),
     ],
 )
-def test_what_cannot_be_live_is_refused_before_anything_opens(wrong, words):
+def test_invalid_live_settings_are_refused_before_opening(wrong, words):
     with pytest.raises(InputError, match=words):
         midair.live(**wrong)
 
 
-def test_a_calibration_that_is_not_there_is_said_at_once():
+def test_a_missing_calibration_is_an_error_at_once():
     with pytest.raises(MissingFileError):
         midair.live(calibration="nowhere.calibration.h5")
 
@@ -60,7 +60,7 @@ def test_errors_of_the_process_are_raised_here(wrong, error, words):
 
 
 @pytest.mark.slow
-def test_felt_and_played_are_one_take_in_which_nothing_is_missing(tmp_path):
+def test_a_take_holds_all_samples_and_all_emitted_frames(tmp_path):
     path = tmp_path / "felt.h5"
     with midair.live("virtual:towel", "autd3:emulator", exposure=ANSWERED, duration=3.0, keep=path) as session:
         session.wait()
@@ -120,7 +120,7 @@ def test_a_stop_of_its_own_silences_it_at_once():
 
 
 @pytest.mark.slow
-def test_a_process_that_is_killed_is_said():
+def test_a_killed_process_is_reported():
     with pytest.raises(DeviceError, match="without a report"), midair.live("virtual:brush") as session:
         session.wait(0.5)
         os.kill(session._process.pid, signal.SIGKILL)
@@ -173,7 +173,7 @@ def test_two_sides_by_the_command_line(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_take_that_is_there_is_left_alone(tmp_path):
+def test_an_existing_take_is_not_overwritten(tmp_path):
     (tmp_path / "felt.h5").write_bytes(b"something")
     line = [sys.executable, "-m", "midair", "live", "--duration", "1s", "--keep", "felt.h5"]
     done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -36,13 +36,13 @@ def test_lost_frames_leave_their_place_and_a_long_pause_begins_anew():
     assert table.instant(5, 2 * 10**9) == 2 * 10**9 + 6 * MS
 
 
-def test_what_was_not_granted_is_said():
+def test_refused_rights_are_reported():
     both = SchedulerGrant(priority="Operation not permitted; midair doctor says how", memory="Cannot allocate memory")
     assert both.words().startswith("no real-time priority (Operation not permitted")
     assert SchedulerGrant(priority="", memory="").words() == "real-time priority, memory locked"
 
 
-def test_asks_for_time_or_says_why_not_and_keeps_no_garbage_collector():
+def test_realtime_request_reports_refusals_and_disables_the_garbage_collector():
     """In a process of its own, since it changes the process."""
     code = (
         "import gc, os; from midair.rig.live_touch.timing import request_realtime; said = request_realtime(5);"
@@ -52,7 +52,7 @@ def test_asks_for_time_or_says_why_not_and_keeps_no_garbage_collector():
     assert done.stdout.split() == ["False", "True"]
 
 
-def test_who_asks_for_no_priority_is_not_told_that_it_was_refused():
+def test_zero_priority_is_not_reported_as_refused():
     code = "from midair.rig.live_touch.timing import request_realtime; print(request_realtime(0).words())"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert said.startswith("no real-time priority (none was asked for)")

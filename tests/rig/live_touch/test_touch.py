@@ -25,7 +25,7 @@ def felt(rng, frames=3, size=20.0):
 
 
 @pytest.mark.parametrize(("mapping", "offset"), [("half-wave", None), ("constant-offset", 15.0)])
-def test_asks_for_what_the_stages_ask_for(mapping, offset):
+def test_targets_equal_those_of_the_stages(mapping, offset):
     """Decoupled, mapped, gained and interpolated as by `prepare`, over the focus of the array."""
     pressure = felt(np.random.default_rng(1))
     live = touch(None, mapping=mapping, offset=offset, gain=1.7)
@@ -54,7 +54,7 @@ def test_phases_press_where_it_was_felt():
     assert abs(SMALL.x[column] - SENSOR.x[2]) < 6e-3
 
 
-def test_feels_through_the_causal_inverse_and_says_its_delay_and_error():
+def test_the_causal_inverse_has_the_stated_delay_and_error():
     live = touch(delay=0.004)
     samples = np.random.default_rng(2).standard_normal((40, 16))
     alone = CausalInverse(KNOWN, 1000.0, delay=0.004).push(samples.reshape(40, 4, 4))
@@ -67,7 +67,7 @@ def test_feels_through_the_causal_inverse_and_says_its_delay_and_error():
     assert touch(None).delay == 0.0
 
 
-def test_noise_that_nobody_feels_is_silence():
+def test_noise_below_the_threshold_is_silent():
     live = touch(None, faintest=0.5)
     live.feel(np.full(16, 0.01))
     assert not live.form()
@@ -77,7 +77,7 @@ def test_noise_that_nobody_feels_is_silence():
     assert not live.form()
 
 
-def test_the_slow_bias_is_late_and_says_so():
+def test_the_slow_bias_has_the_stated_delay():
     live = touch(None, mapping="slow-bias")
     assert live.delay == pytest.approx(0.09, abs=0.002)
     frames = round(live.delay * 1000)

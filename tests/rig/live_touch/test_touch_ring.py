@@ -24,7 +24,7 @@ def test_gives_every_frame_once_and_in_order():
     assert len(ring.since(seen)[0]) == 0
 
 
-def test_a_reader_that_is_too_slow_finds_out_how_many_it_missed():
+def test_a_slow_reader_gets_the_number_of_missed_frames():
     ring = TouchRing(SHAPE)
     written(ring, range(20))
     found, seen, missed = ring.since(3)

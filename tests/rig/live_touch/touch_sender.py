@@ -1,6 +1,6 @@
-"""A skin over LSL: 16 channels in Pa and a counter. Run by tests; the argument is its name.
+"""A simulated skin over LSL: 16 channels in Pa and a counter; started by tests with its name as argument.
 
-Channel 5 feels 100 Hz of 20 Pa, the others nothing. Of every 1000 frames the last 20 are left out.
+Channel 5 has 100 Hz of 20 Pa, the others zero. The last 20 of every 1000 frames are left out.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""A way between two programs that loses, delays, repeats and overtakes datagrams, as a network does."""
+"""A UDP proxy that loses, delays, repeats and reorders datagrams, as a network does."""
 
 import heapq
 import select
@@ -47,7 +47,7 @@ class Proxy:
         self._back.close()
 
     def again(self, datagrams):
-        """Send what was seen once more, to whoever listens now."""
+        """Send all recorded datagrams again to the current receiver."""
         for each in datagrams:
             self._back.sendto(each, self._to)
 

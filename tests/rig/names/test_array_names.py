@@ -55,7 +55,7 @@ def test_names_of_boards(name, kind):
     assert array.array.same_as(array_of_kind(kind))
 
 
-def test_what_a_name_of_boards_cannot_say():
+def test_invalid_names_of_boards():
     with pytest.raises(InputError, match="expected no placement"):
         array_named("openmpd:COM3", Placement.grid())
     with pytest.raises(InputError, match="expected the option board, got baud"):
@@ -76,6 +76,6 @@ def test_kinds_of_arrays_that_can_be_solved_for():
 @pytest.mark.parametrize(
     "name", ["", "virtual", "openmpd", "openmpd:", "autd9", "autd3:", "autd3-server:", "pyautd3:", "soem"]
 )
-def test_names_that_nothing_answers_to(name):
+def test_unknown_names(name):
     with pytest.raises(UnknownDeviceError, match="expected virtual, autd3"):
         array_named(name)

@@ -28,7 +28,7 @@ def test_replay_of_a_file(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["", "virtual", "virtual:", "virtual:cat", "virtual:towel+fur", "usb:1", "replay:"])
-def test_names_that_nothing_answers_to(name):
+def test_unknown_names(name):
     with pytest.raises(UnknownDeviceError, match="expected"):
         sensor_named(name, RIG)
 

@@ -47,7 +47,7 @@ def test_options_that_make_no_sense_are_one_clear_line(name, complaint):
     assert "\n" not in str(told.value)
 
 
-def test_what_is_stated_goes_before_the_sensor_file_and_that_before_the_stream():
+def test_options_override_the_sensor_file_and_that_the_stream():
     stream = Stream(channels=16, rate=1000.0, unit="V")
     file = SensorWiring(grid=SensorGrid(name="palm"), order=tuple(range(15, -1, -1)), unit="V", sensitivity=0.02)
     assert SensorOptions().wire(stream, None, "lsl:x") == SensorWiring(grid=SensorGrid(name="lsl:x"), unit="V")

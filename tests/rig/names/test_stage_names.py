@@ -1,4 +1,4 @@
-"""Stages by name."""
+"""Motion stages by name."""
 
 import pytest
 
@@ -11,12 +11,12 @@ def test_a_port_with_its_rate():
 
 
 @pytest.mark.parametrize("name", ["grbl", "grbl:", "marlin:COM3", ""])
-def test_what_is_no_stage_is_refused(name):
+def test_an_invalid_stage_name_is_refused(name):
     with pytest.raises(UnknownDeviceError, match="expected grbl:PORT"):
         stage_named(name)
 
 
 @pytest.mark.parametrize("name", ["grbl:COM3?baud=fast", "grbl:COM3?baud=0", "grbl:COM3?speed=3"])
-def test_options_that_mean_nothing_are_refused(name):
+def test_unknown_options_are_refused(name):
     with pytest.raises(InputError, match="expected the option baud"):
         stage_named(name)

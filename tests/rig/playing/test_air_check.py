@@ -1,4 +1,4 @@
-"""What is said of the air before a drive is played."""
+"""Comparison of the room's air with the air of a drive."""
 
 import re
 from dataclasses import replace
@@ -30,7 +30,7 @@ def never():
     raise AssertionError("the target is read where it matters only")
 
 
-def test_a_room_that_nobody_stated_is_said_and_never_guessed(drive):
+def test_an_unknown_room_temperature_is_reported_and_not_guessed(drive):
     found = room_air(drive, None, never)
     assert found.warns
     assert "room temperature unknown: the drive was solved for 22 °C, 50 % humidity" in found.said
@@ -49,7 +49,7 @@ def test_two_degrees_are_near_enough(drive, temperature):
 
 
 @pytest.mark.parametrize("temperature", [19.9, 24.1, 30.0])
-def test_more_than_two_degrees_are_said_with_what_they_cost(drive, target, temperature):
+def test_more_than_two_degrees_are_reported_with_the_error(drive, target, temperature):
     room = Medium.at(temperature=temperature)
     found = room_air(drive, room, lambda: target)
     assert found.warns

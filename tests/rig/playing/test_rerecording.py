@@ -1,4 +1,4 @@
-"""Re-recording on rigs that are not virtual: the gate, the latency, frames that get lost."""
+"""Re-recording on rigs that are not virtual: gating, latency, lost frames."""
 
 from dataclasses import replace
 
@@ -64,14 +64,14 @@ def test_a_real_array_does_not_play_what_was_admitted_on_a_silent_one(drive):
     assert not array.emitting
 
 
-def test_what_exceeds_the_profile_is_refused_and_nothing_sounds(drive):
+def test_a_drive_above_the_profile_is_refused_and_not_played(drive):
     array, sensor = real()
     with array, sensor, pytest.raises(InputError, match="exposure"):
         rerecord(check_exposure(drive, array, ExposureChoices(profile=PROFILE)), array, sensor)
     assert not array.emitting
 
 
-def test_what_a_person_answers_for_is_played_and_logged(drive):
+def test_an_override_is_played_and_logged(drive):
     array, sensor = real()
     with array, sensor:
         heard = rerecord(check_exposure(drive, array, ANSWERED), array, sensor, tail=0.2)
@@ -82,7 +82,7 @@ def test_what_a_person_answers_for_is_played_and_logged(drive):
     assert "played" in log
 
 
-def test_what_is_attenuated_says_so(drive):
+def test_attenuation_is_reported(drive):
     array, sensor = real()
     with array, sensor:
         heard = rerecord(

@@ -19,7 +19,7 @@ class Losing(ReplaySensor):
         return FrameBlock(samples=block.samples, first=block.first + shift, device_time=0, host_time=0)
 
 
-def test_what_was_recorded_is_what_the_sensor_gave(tmp_path):
+def test_the_recording_equals_the_sensor_s_frames(tmp_path):
     with ReplaySensor(TAKE) as sensor:
         recording = capture_recording(sensor, 0.25, path=tmp_path / "take.h5", notes={"object": "none"})
     np.testing.assert_array_equal(recording.samples, TAKE.samples)
@@ -34,7 +34,7 @@ def test_a_source_that_ends_early_gives_what_there_was():
         assert capture_recording(sensor, 10.0).frames == 250
 
 
-def test_lost_frames_are_told_and_the_sensor_is_stopped(tmp_path):
+def test_lost_frames_are_an_error_and_stop_the_sensor(tmp_path):
     with Losing(TAKE) as sensor:
         with pytest.raises(DeviceError, match=r"lost frames before 0\.100 s"):
             capture_recording(sensor, 0.25, path=tmp_path / "take.h5")

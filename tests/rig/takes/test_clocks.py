@@ -20,7 +20,7 @@ def test_without_delays_the_drift_is_exact(ppm):
     assert drift.certain == (ppm != 0)
 
 
-def test_nothing_is_said_in_the_first_seconds():
+def test_no_drift_in_the_first_seconds():
     assert watched(100, 5).drift() is None
     assert watched(100, 7).drift() is not None
 

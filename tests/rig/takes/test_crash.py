@@ -59,14 +59,14 @@ class Clock(SensorDevice):
         return FrameBlock(samples=samples, first=first, device_time=first / 1000, host_time=self.begin + first / 1000)
 
 
-class Nobody:
+class SilentWatcher:
     def order(self): ...
     def show(self, view): ...
     def tell(self, event, drift=None): ...
 
 
 with open(sys.argv[2], "r+b") as file, Clock(mmap.mmap(file.fileno(), 16)) as sensor:
-    record_take(sensor, TakePlan(path=Path(sys.argv[1])), Nobody())
+    record_take(sensor, TakePlan(path=Path(sys.argv[1])), SilentWatcher())
 """
 
 
@@ -198,7 +198,7 @@ def test_a_request_to_end_closes_the_file_in_order(tmp_path):
 
 
 @pytest.mark.long
-def test_what_would_replace_a_recording_that_runs_is_refused_and_nothing_is_lost(tmp_path, monkeypatch, capsys):
+def test_a_running_recording_cannot_be_replaced(tmp_path, monkeypatch, capsys):
     path = tmp_path / "n.h5"
     monkeypatch.chdir(tmp_path)
     source = Recording(samples=np.random.default_rng(0).normal(size=(60_000, 4, 4)), rate=RATE)

@@ -41,7 +41,7 @@ def test_a_good_take_has_no_problems():
     assert problems(take(rate=Drift(ppm=5, uncertainty=6, span=10)), 1000.0) == []
 
 
-def test_a_bad_take_has_a_line_each():
+def test_each_problem_of_a_take_has_a_line():
     bad = take(lost=16, problem="bench: unplugged", rate=Drift(ppm=3200, uncertainty=6, span=10))
     rows = dict(problems(bad, 1000.0))
     assert rows["lost"].startswith("16 frames (1.6 %)")

@@ -41,7 +41,7 @@ def test_clipping_at_a_known_limit(block):
     assert events[0][2] == int(np.abs(samples[:, 0]).argmax()) or block > 1
 
 
-def test_clipping_at_a_limit_that_nobody_stated():
+def test_clipping_at_an_unknown_limit():
     samples = np.stack([np.clip(1.3 * np.sin(2 * np.pi * 50.3 * TIME), -1, 1), np.sin(2 * np.pi * 50.3 * TIME)], axis=1)
     levels, events = heard(samples)
     assert levels.clipping.tolist() == [True, False]
@@ -55,7 +55,7 @@ def test_a_quiet_converter_that_repeats_its_few_codes_does_not_clip():
     assert events == []
 
 
-def test_dead_and_stuck_channels_are_told_once_when_they_have_been_still_for_half_a_second():
+def test_dead_and_stuck_channels_are_reported_once_after_half_a_second():
     samples = np.random.default_rng(0).normal(size=(2000, 3))
     samples[:, 0] = 7
     samples[800:1500, 1] = samples[799, 1]

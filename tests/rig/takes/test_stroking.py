@@ -1,4 +1,4 @@
-"""A stroke beside a take: what the stage did is in the file at the time it did it, and it never outlives the take."""
+"""Strokes of a stage during a take: their times in the file, and their end with the take."""
 
 import threading
 import time
@@ -108,7 +108,7 @@ def test_the_stroke_is_in_the_file_when_it_was(tmp_path):
     # On the stroke, the place along x is a line through its beginning, at 50 mm/s.
     assert during[:, 1] == pytest.approx(0.01 + 0.05 * (during[:, 0] - first / 1000), abs=0.003)
     assert during[:, 3] == pytest.approx(0.0, abs=1e-3)
-    # What the stage did last is within the recording.
+    # The last motion of the stage is within the recording.
     assert take.frames >= 1000 * table[-1, 0]
 
 
@@ -166,7 +166,7 @@ def test_the_way_to_the_start_goes_up_first_and_down_last(here, first):
     assert stage.went == [first, (0.01, 0.02, first[2]), (0.01, 0.02, 0.01)]
 
 
-def test_a_way_to_the_start_that_was_stopped_says_so():
+def test_a_stopped_move_to_the_start_returns_false():
     stage = Ghost()
     stage.at = (0.1, 0.05, 0.04)
     assert not bring_to_start(stage, SETUP, stage.at, lambda: True)

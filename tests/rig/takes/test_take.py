@@ -1,4 +1,4 @@
-"""Takes: what is in the file is what the sensor gave, where it was lost is known, and nothing ends in silence."""
+"""Takes: the file holds the sensor's frames, lost frames are marked, and every end is reported."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ COUNT = Recording(samples=np.arange(1000 * 16.0).reshape(1000, 4, 4), rate=RATE)
 
 
 class Watcher:
-    """Gives orders at the times it was told to, and remembers what it was told."""
+    """Gives commands at set times, and stores the reported events."""
 
     def __init__(self, orders=()):
         self.orders, self.asked = dict(orders), -1
@@ -80,7 +80,7 @@ def test_a_duration_ends_it_to_the_frame(path):
     np.testing.assert_array_equal(load(path).samples, COUNT.samples[:333])
 
 
-def test_lost_frames_are_held_told_and_found_again_in_the_file(path):
+def test_lost_frames_are_repeated_reported_and_stored(path):
     """Frames 100 to 102 and 500 to 539 never come: frame i of the file is still frame i of the sensor."""
     watcher = Watcher()
     made = take(Leaky(COUNT, {100: 3, 500: 40}), path, watcher)
@@ -176,7 +176,7 @@ def test_without_a_touch_nothing_is_recorded(path):
     assert not path.exists()
 
 
-def test_clipping_dead_and_stuck_channels_are_told_and_stored(path):
+def test_clipping_dead_and_stuck_channels_are_reported_and_stored(path):
     rng = np.random.default_rng(1)
     samples = rng.normal(0, 0.1, (2000, 4, 4))
     samples[:, 0, 3] = 0.25  # channel 3 is dead
@@ -203,7 +203,7 @@ class Unplugged(ReplaySensor):
         return super().read(frames)
 
 
-def test_what_came_before_the_sensor_was_lost_is_kept(path):
+def test_frames_before_the_loss_of_the_sensor_are_kept(path):
     made = take(Unplugged(COUNT), path)
     assert (made.frames, made.end, made.problem) == (400, "failure", "bench: unplugged")
     np.testing.assert_array_equal(load(path).samples, COUNT.samples[:400])
@@ -262,7 +262,7 @@ class Fast(ReplaySensor):
         )
 
 
-def test_clocks_that_drift_are_told_once_and_stored(path):
+def test_clock_drift_is_reported_once_and_stored(path):
     long = Recording(samples=np.random.default_rng(2).normal(size=(20_000, 1, 1)), rate=RATE, sensor=_one())
     watcher = Watcher()
     made = take(Fast(long), path, watcher)

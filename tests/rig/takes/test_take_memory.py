@@ -1,4 +1,4 @@
-"""A recording of hours must not grow in memory."""
+"""A recording of hours does not grow in memory."""
 
 import numpy as np
 import psutil
