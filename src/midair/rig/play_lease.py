@@ -53,13 +53,13 @@ class PlayLease:
 
     def __init__(self, clock: Callable[[], float] = uptime) -> None:
         # Without a lock: a holder that is suspended while it has the lock would block the player.
-        self._words = cast("_Words", get_context("spawn").RawArray("d", len(_PLACES)))
+        self._fields = cast("_SharedArray", get_context("spawn").RawArray("d", len(_INDEX)))
         self._clock = clock
         self._here: Literal["holder", "player"] = "holder"
 
     def __getstate__(self) -> dict[str, object]:
         """State for another process: the same memory, with the role of the player."""
-        return {"_words": self._words, "_clock": self._clock, "_here": "player"}
+        return {"_fields": self._fields, "_clock": self._clock, "_here": "player"}
 
     @property
     def level(self) -> float:
@@ -96,9 +96,9 @@ class PlayLease:
         InputError, DeviceStateError
             If level or time is out of range; if called by the player.
         """
-        self._holding("arm")
-        _within(level, "level", 1.0)
-        _within(lasts, "lasts", 10.0)
+        self._require_holder("arm")
+        _check_range(level, "level", 1.0)
+        _check_range(lasts, "lasts", 10.0)
         self._put("armed", 0.0)
         stops = self.stops
         number = int(self._get("armings")) + 1
@@ -113,8 +113,8 @@ class PlayLease:
 
     def renew(self, *, lasts: float = 0.5) -> bool:
         """Move the deadline; return False, and disarm, if the lease has expired or was stopped."""
-        self._holding("renew")
-        _within(lasts, "lasts", 10.0)
+        self._require_holder("renew")
+        _check_range(lasts, "lasts", 10.0)
         if not self.armed:
             # A missed deadline cannot be renewed: the player may have noticed it and is ending.
             self.disarm()
@@ -124,13 +124,13 @@ class PlayLease:
 
     def turn(self, level: float) -> None:
         """Set the level, up to that of the arming; InputError above it, which needs a new exposure check and arming."""
-        self._holding("turn")
-        _within(level, "level", self._get("ceiling"))
+        self._require_holder("turn")
+        _check_range(level, "level", self._get("ceiling"))
         self._put("level", level)
 
     def disarm(self) -> None:
         """Forbid playing until the lease is armed again."""
-        self._holding("disarm")
+        self._require_holder("disarm")
         self._put("armed", 0.0)
         self._put("level", 0.0)
 
@@ -153,17 +153,17 @@ class PlayLease:
         """Raise StoppedError where playing is not allowed under a token."""
         refusal = self.refusal(leave)
         if refusal is not None:
-            raise StoppedError(f"{name}: {_SAID[refusal]}")
+            raise StoppedError(f"{name}: {_REASONS[refusal]}")
 
-    def _holding(self, what: str) -> None:
+    def _require_holder(self, what: str) -> None:
         if self._here != "holder":
             raise DeviceStateError(f"lease: expected its holder to {what}, got the player, which can only stop")
 
     def _get(self, word: str) -> float:
-        return self._words[_PLACES[word]]
+        return self._fields[_INDEX[word]]
 
     def _put(self, word: str, value: float) -> None:
-        self._words[_PLACES[word]] = value
+        self._fields[_INDEX[word]] = value
 
 
 class LeaseGuard(Protocol):
@@ -208,7 +208,7 @@ def under_lease(array: LeaseGuard, permit: PlayLease, leave: LeaseToken, *, ever
         array.allowing(None)
 
 
-class _Words(Protocol):
+class _SharedArray(Protocol):
     """Interface of the shared array of numbers."""
 
     def __getitem__(self, place: int) -> float: ...
@@ -216,7 +216,7 @@ class _Words(Protocol):
     def __setitem__(self, place: int, value: float) -> None: ...
 
 
-_PLACES = {
+_INDEX = {
     word: place
     for place, word in enumerate(
         ("deadline", "armed", "armings", "base", "level", "ceiling", "stops_by_holder", "stops_by_player")
@@ -224,7 +224,7 @@ _PLACES = {
 }
 """Index of each field; the player writes `stops_by_player` alone. Eight aligned numbers of eight bytes."""
 
-_SAID: dict[Refusal, str] = {
+_REASONS: dict[Refusal, str] = {
     "stopped": "stopped on request; start again when it is safe",
     "expired": "stopped, since the page or program did not renew its permission in time (it was closed, hidden, hung "
     "or delayed by other programs); start again",
@@ -232,6 +232,6 @@ _SAID: dict[Refusal, str] = {
 }
 
 
-def _within(value: float, name: str, most: float) -> None:
+def _check_range(value: float, name: str, most: float) -> None:
     if not 0 < value <= most:
         raise InputError(f"{name}: expected more than 0 and at most {most:g}, got {value:g}")

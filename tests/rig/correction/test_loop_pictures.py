@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.model import Drive, PressureFrames, SensorGrid, TransducerArray
-from midair.rig.correction.loop_pictures import _loudness, strongest_channels
+from midair.rig.correction.loop_pictures import _level_text, strongest_channels
 
 
 def touched(channels, sensor):
@@ -29,4 +29,4 @@ def test_the_caption_of_the_array_states_its_levels(level, words):
     array = TransducerArray.autd3()
     levels = np.resize(np.atleast_1d(level), (3, array.count))
     drive = Drive(phase=np.zeros((3, array.count)), level=levels, rate=1000.0, array=array)
-    assert words in _loudness(drive, 1)
+    assert words in _level_text(drive, 1)

@@ -90,7 +90,7 @@ def test_a_missing_device_gives_advice():
     ],
 )
 def test_reports_are_judged(key, well, unwell):
-    assert array_checkup._judged("x", key, well).state == "ok"
-    finding = array_checkup._judged("x", key, unwell)
+    assert array_checkup._check_report("x", key, well).state == "ok"
+    finding = array_checkup._check_report("x", key, unwell)
     assert finding.state == "broken"
     assert finding.advice

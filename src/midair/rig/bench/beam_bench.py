@@ -77,7 +77,7 @@ def calibrate_by_beam(
     level = _level(plan, strongest)
     recordings: list[Recording] = []
     output: list[Complex] = []
-    expected, commanded, slow = _command(plan, strongest, _played(level, array), dynamics)
+    expected, commanded, slow = _command(plan, strongest, _played_amplitude(level, array), dynamics)
     cells = sensor.grid.count
     for cell in range(cells):
         drive = _drive(plan, level, array, focus_of(sensor.grid, cell, setting), acoustics)
@@ -101,8 +101,8 @@ def calibrate_by_beam(
         # The beam begins anywhere within a frame: standard deviation of a uniform distribution.
         timing=1 / (np.sqrt(12) * plan.rate),
     )
-    told = _life(recordings[0], array, plan)
-    return measure_beam(reading, sensor=told, quiet=_quiet(sensor), date=date, version=version)
+    told = _with_provenance(recordings[0], array, plan)
+    return measure_beam(reading, sensor=told, quiet=_record_silence(sensor), date=date, version=version)
 
 
 def _level(plan: BeamPlan, strongest: float) -> Array:
@@ -110,7 +110,7 @@ def _level(plan: BeamPlan, strongest: float) -> Array:
     return np.rint(255 * np.sqrt(plan.waveform * min(plan.top / strongest, 1.0))) / 255
 
 
-def _played(level: Array, array: ArrayDevice) -> Array:
+def _played_amplitude(level: Array, array: ArrayDevice) -> Array:
     """Amplitude of a level: an array with real firmware has discrete pulse widths."""
     return amplitude_of(np.rint(level * 255).astype(np.uint8)) if array.gated else level
 
@@ -133,7 +133,7 @@ def _drive(plan: BeamPlan, level: Array, array: ArrayDevice, focus: Array, acous
     return Drive(phase=phase, level=level, rate=plan.rate, array=array.array, acoustics=acoustics, provenance=life)
 
 
-def _quiet(sensor: SensorDevice, *, duration: float = 4.0) -> Recording:
+def _record_silence(sensor: SensorDevice, *, duration: float = 4.0) -> Recording:
     """Record the sensor while nothing plays."""
     sensor.start()
     try:
@@ -143,7 +143,7 @@ def _quiet(sensor: SensorDevice, *, duration: float = 4.0) -> Recording:
     return Recording(samples=samples, rate=sensor.rate, sensor=sensor.grid, unit=sensor.unit)
 
 
-def _life(recording: Recording, array: ArrayDevice, plan: BeamPlan) -> Recording:
+def _with_provenance(recording: Recording, array: ArrayDevice, plan: BeamPlan) -> Recording:
     """Return the first recording with the provenance of the whole measurement."""
     life = Provenance(source=f"measured by a beam of {array.name}", simulated=recording.provenance.simulated).then(
         "beam", {"array": array.name, "tones_hz": tuple(float(tone) for tone in plan.tones), "rate_hz": plan.rate}

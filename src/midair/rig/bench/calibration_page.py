@@ -30,7 +30,7 @@ def check_page_name(path: Path) -> None:
 
 def render_calibration(calibration: Calibration) -> str:
     """Render the page as HTML without external resources."""
-    at = _middle(calibration)
+    at = _reference_frequency(calibration)
     picture = Picture(
         title="Response, uncertainty, coherence, noise, crosstalk, linearity and delay",
         data=png(calibration_figure(calibration), dpi=100),
@@ -96,7 +96,7 @@ def uncertainty_of(calibration: Calibration) -> str:
     return f"± {100 * typical:.2g} % of the response (k = 2, median over {where}), {shared:.2g} % of it shared"
 
 
-def _middle(calibration: Calibration) -> float:
+def _reference_frequency(calibration: Calibration) -> float:
     """Frequency of the bin closest to 100 Hz."""
     return float(calibration.frequency[np.argmin(np.abs(calibration.frequency - 100.0))])
 
@@ -121,12 +121,14 @@ def _channel(calibration: Calibration, channel: int, at: float) -> list[str]:
     size = factor * abs(calibration.response_at(np.array([at]))[0, row, column])
     measured, line = calibration.measurement, calibration.linearity
     relative = calibration.uncertainty_at(np.array([at]))
-    cells = [str(channel), _with(size, None if relative is None else 2 * size * relative[0, row, column])]
+    cells = [str(channel), _with_uncertainty(size, None if relative is None else 2 * size * relative[0, row, column])]
     if measured is None or not measured.delay.any():
         cells.append("-")
     else:
-        cells.append(_with(1e6 * measured.delay[row, column], 2e6 * measured.delay_uncertainty[row, column]))
-    cells.append(_hidden(calibration, row, column))
+        cells.append(
+            _with_uncertainty(1e6 * measured.delay[row, column], 2e6 * measured.delay_uncertainty[row, column])
+        )
+    cells.append(_noise_pressure(calibration, row, column))
     if line is None:
         return [*cells, "-", "-", "-"]
     for value, unsure, scale in (
@@ -134,11 +136,11 @@ def _channel(calibration: Calibration, channel: int, at: float) -> list[str]:
         (line.intercept, line.intercept_uncertainty, 1.0),
         (line.curvature, line.curvature_uncertainty, 100.0),
     ):
-        cells.append(_with(scale * value[row, column], 2 * scale * unsure[row, column]))
+        cells.append(_with_uncertainty(scale * value[row, column], 2 * scale * unsure[row, column]))
     return cells
 
 
-def _hidden(calibration: Calibration, row: int, column: int) -> str:
+def _noise_pressure(calibration: Calibration, row: int, column: int) -> str:
     """Noise-equivalent pressure of a channel with its uncertainty."""
     measured, frequency = calibration.measurement, calibration.frequency
     band = (max(20.0, float(frequency[0])), min(470.0, float(frequency[-1])))
@@ -149,10 +151,10 @@ def _hidden(calibration: Calibration, row: int, column: int) -> str:
     if measured is None or not np.isfinite(hidden):
         return "-"
     sure = np.hypot(measured.noise_uncertainty[row, column], np.median(measured.magnitude_uncertainty[:, row, column]))
-    return _with(hidden, 2 * hidden * sure)
+    return _with_uncertainty(hidden, 2 * hidden * sure)
 
 
-def _with(value: float, unsure: float | None) -> str:
+def _with_uncertainty(value: float, unsure: float | None) -> str:
     """Format a value with the digits that its uncertainty supports."""
     if unsure is None or not np.isfinite(unsure):
         return f"{value:.4g}"

@@ -84,7 +84,7 @@ def identify(answer: Array, noise: Array, grid: SensorGrid, *, signals: Array | 
         raise InputError(
             "expected a response of at least one channel, got none; tap harder, check the power of the sensor"
         )
-    alike = () if signals is None else _alike(signals, heard)
+    alike = () if signals is None else _duplicates(signals, heard)
     used = np.array([c for c in np.flatnonzero(heard) if c not in {second for _, second in alike}])
     share = np.maximum(answer, floor)[:, used]
     cost = -20 * np.log10(share / share.max(axis=0))
@@ -103,9 +103,9 @@ def findings(identity: Identity) -> list[str]:
     """Problems of an assignment, one sentence each; empty if every channel works and is in its place."""
     said = [f"channel {c} is dead: it never responded; check its wire" for c in identity.dead]
     said += [f"channels {a} and {b} carry the same signal: one wire goes to both" for a, b in identity.alike]
-    said += [f"{_cell(c, identity.grid)}: no channel of its own responded" for c in identity.silent]
+    said += [f"{_cell_name(c, identity.grid)}: no channel of its own responded" for c in identity.silent]
     said += [
-        f"{_cell(c, identity.grid)}: channel {identity.channel[c]} is not certain, "
+        f"{_cell_name(c, identity.grid)}: channel {identity.channel[c]} is not certain, "
         f"only {identity.margin[c]:.1f} dB above the next; tap again, harder, and only there"
         for c in identity.doubtful
     ]
@@ -151,7 +151,7 @@ def _margin(cost: Array, cell: int, column: int, total: float) -> float:
     return np.inf if without >= forbidden else (without - total) / 2
 
 
-def _alike(signals: Array, heard: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
+def _duplicates(signals: Array, heard: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
     about = signals - signals.mean(axis=0)
     size = np.sqrt(np.square(about).sum(axis=0))
     about = about / np.where(size > 0, size, 1)
@@ -161,7 +161,7 @@ def _alike(signals: Array, heard: NDArray[np.bool_]) -> tuple[tuple[int, int], .
     )
 
 
-def _cell(cell: int, grid: SensorGrid) -> str:
+def _cell_name(cell: int, grid: SensorGrid) -> str:
     row, column = divmod(cell, grid.columns)
     return f"cell {cell} (row {row}, column {column})"
 
@@ -169,7 +169,7 @@ def _cell(cell: int, grid: SensorGrid) -> str:
 def _permutation(identity: Identity) -> str:
     """Describe how the channels are permuted."""
     moved = [(cell, c) for cell, c in enumerate(identity.channel) if c is not None and c != cell]
-    for name, order in _turns(identity.grid).items():
+    for name, order in _orientations(identity.grid).items():
         if all(c in (None, order[cell]) for cell, c in enumerate(identity.channel)):
             return f"the sensor is {name}: {len(moved)} channels are in another place"
     if len(moved) == 2 and moved[0] == moved[1][::-1]:
@@ -178,7 +178,7 @@ def _permutation(identity: Identity) -> str:
     return f"{len(moved)} channels are in another place (cell: channel that responds): {pairs}"
 
 
-def _turns(grid: SensorGrid) -> dict[str, list[int]]:
+def _orientations(grid: SensorGrid) -> dict[str, list[int]]:
     """Channel orders of a sensor that is rotated or mirrored as a whole."""
     cells = np.arange(grid.count).reshape(grid.shape)
     turns = {

@@ -68,22 +68,22 @@ def read_takes(
             recording, said = split_channel(recording, choice.channel)
         else:
             said = open_take(references[index]).recording
-        recording, said, changed = _alike(recording, said, path)
+        recording, said, changed = _match_frames(recording, said, path)
         notes += changed
-        cell = _pressed(recording, path) if cells is None else cells[index]
+        cell = _pressed_cell(recording, path) if cells is None else cells[index]
         reference = Reference.read(
             said, sensitivity=_sensitivity(said, choice), uncertainty=choice.uncertainty, name=choice.name
         )
-        takes.append(ReferencedTake(recording=_named(recording, path), reference=reference, cell=cell))
+        takes.append(ReferencedTake(recording=_with_source(recording, path), reference=reference, cell=cell))
     return takes, notes
 
 
 def read_quiet(path: Path) -> Recording:
     """Read a recording without pressure, named after its file."""
-    return _named(open_take(path).recording, path)
+    return _with_source(open_take(path).recording, path)
 
 
-def _alike(recording: Recording, said: Recording, path: Path) -> tuple[Recording, Recording, list[str]]:
+def _match_frames(recording: Recording, said: Recording, path: Path) -> tuple[Recording, Recording, list[str]]:
     """Bring both to the sensor's rate and to the shorter length."""
     notes: list[str] = []
     if said.rate != recording.rate:
@@ -111,7 +111,7 @@ def _sensitivity(said: Recording, choice: ReferenceChoice) -> float:
     return 1.0
 
 
-def _pressed(recording: Recording, path: Path) -> int | None:
+def _pressed_cell(recording: Recording, path: Path) -> int | None:
     """Cell that the notes of a recording name; None for all cells."""
     note = recording.provenance.notes.get("pressed", "all cells")
     if note in ("all cells", "all"):
@@ -124,6 +124,6 @@ def _pressed(recording: Recording, path: Path) -> int | None:
     return int(number)
 
 
-def _named(recording: Recording, path: Path) -> Recording:
+def _with_source(recording: Recording, path: Path) -> Recording:
     """Return the recording with its file's name as source."""
     return replace(recording, provenance=replace(recording.provenance, source=path.name))

@@ -57,16 +57,16 @@ def identify_by_taps(sensor: SensorDevice, test: TapTest, prompt: Prompt, skip: 
     """
     sensor.start()
     try:
-        ear = _Ear(sensor, test)
-        ear.learn()
+        reader = _SensorReader(sensor, test)
+        reader.measure_rest()
         heard: list[Array] = []
         for cell in range(sensor.grid.count):
             prompt(cell)
-            heard.append(ear.next_beat() if test.every else ear.next_tap(skip))
+            heard.append(reader.next_beat() if test.every else reader.next_tap(skip))
     finally:
         sensor.stop()
     return identify(
-        np.array([ear.strength(tap) for tap in heard]), ear.noise, sensor.grid, signals=np.concatenate(heard)
+        np.array([reader.strength(tap) for tap in heard]), reader.noise, sensor.grid, signals=np.concatenate(heard)
     )
 
 
@@ -80,31 +80,31 @@ def identify_by_tones(sensor: SensorDevice, frequency: Array, duration: float) -
         raise InputError(f"tones: expected {sensor.grid.count}, one for each cell, got {len(frequency)}")
     sensor.start()
     try:
-        samples = _Ear(sensor, TapTest()).take(round(duration * sensor.rate))
+        samples = _SensorReader(sensor, TapTest()).take(round(duration * sensor.rate))
     finally:
         sensor.stop()
     answer, noise = tone_answers(samples, sensor.rate, frequency)
     return identify(answer, noise, sensor.grid, signals=samples)
 
 
-class _Ear:
+class _SensorReader:
     """Read a sensor frame by frame, relative to its rest values and noise."""
 
     def __init__(self, sensor: SensorDevice, test: TapTest) -> None:
         self._sensor, self._test = sensor, test
-        self._seam = GapFiller(sensor.name, sensor.rate)
+        self._gap_filler = GapFiller(sensor.name, sensor.rate)
         self._waiting = np.zeros((0, sensor.grid.count))
         self._ended = False
         self.rest = self.noise = np.zeros(sensor.grid.count)
 
-    def learn(self) -> None:
+    def measure_rest(self) -> None:
         """Measure rest values and noise in the quiet time."""
         quiet = self.take(self._frames(self._test.quiet))
         self.rest, self.noise = quiet.mean(axis=0), quiet.std(axis=0)
 
     def take(self, frames: int) -> Array:
         """Return the next frames, shape (frame, channel); DeviceError if the sensor ends early."""
-        while len(self._waiting) < frames and self._more():
+        while len(self._waiting) < frames and self._read_block():
             pass
         if len(self._waiting) < frames:
             raise DeviceError(
@@ -116,7 +116,7 @@ class _Ear:
     def next_beat(self) -> Array:
         """Return one interval relative to rest; no frames after the end of the source."""
         frames = self._frames(self._test.every or 1.0)
-        while len(self._waiting) < frames and self._more():
+        while len(self._waiting) < frames and self._read_block():
             pass
         if len(self._waiting) < frames:
             return np.zeros((0, len(self.rest)))
@@ -125,15 +125,15 @@ class _Ear:
     def next_tap(self, skip: Skip) -> Array:
         """Return the next tap relative to rest, no frames after the timeout; then wait until the signal has decayed."""
         passed, block = 0, self._frames(0.05)
-        while passed < self._frames(self._test.wait) and not skip() and self._fill(block):
-            begin = self._begin(self._waiting[:block])
+        while passed < self._frames(self._test.wait) and not skip() and self._fill_buffer(block):
+            begin = self._find_onset(self._waiting[:block])
             if begin is None:
                 passed += len(self.take(min(block, len(self._waiting))))
                 continue
             self.take(begin)
-            self._fill(self._frames(self._test.window))
+            self._fill_buffer(self._frames(self._test.window))
             tap = self.take(min(self._frames(self._test.window), len(self._waiting))) - self.rest
-            self._calm(block)
+            self._wait_for_decay(block)
             return tap
         return np.zeros((0, len(self.rest)))
 
@@ -143,33 +143,33 @@ class _Ear:
             return np.zeros(len(self.rest))
         return np.sqrt(np.maximum(np.square(tap).mean(axis=0) - np.square(self.noise), 0))
 
-    def _calm(self, block: int) -> None:
+    def _wait_for_decay(self, block: int) -> None:
         """Wait until a tenth of a second stays below half the level, up to the timeout."""
         calm = passed = 0
-        while calm < self._frames(0.1) and passed < self._frames(self._test.wait) and self._fill(block):
+        while calm < self._frames(0.1) and passed < self._frames(self._test.wait) and self._fill_buffer(block):
             part = self.take(min(block, len(self._waiting)))
-            calm = 0 if self._begin(part, share=0.5) is not None else calm + len(part)
+            calm = 0 if self._find_onset(part, share=0.5) is not None else calm + len(part)
             passed += len(part)
 
-    def _begin(self, samples: Array, *, share: float = 1.0) -> int | None:
+    def _find_onset(self, samples: Array, *, share: float = 1.0) -> int | None:
         """First frame at which any channel exceeds the threshold."""
         # Without a minimum, a channel without noise would detect the smallest change as a tap.
         floor = np.maximum(self.noise, max(0.1 * float(np.median(self.noise)), 1e-12))
         past = (np.abs(samples - self.rest) > share * self._test.level * floor).any(axis=1)
         return int(past.argmax()) if past.any() else None
 
-    def _fill(self, frames: int) -> bool:
+    def _fill_buffer(self, frames: int) -> bool:
         """Buffer some frames; False when the source has ended and the buffer is empty."""
-        while len(self._waiting) < frames and self._more():
+        while len(self._waiting) < frames and self._read_block():
             pass
         return len(self._waiting) > 0
 
-    def _more(self) -> bool:
+    def _read_block(self) -> bool:
         if self._ended:
             return False
         block = self._sensor.read(max(1, self._frames(0.05)))
         self._ended = not len(block.samples)
-        samples = self._seam.add(block).samples
+        samples = self._gap_filler.add(block).samples
         self._waiting = np.concatenate([self._waiting, samples.reshape(len(samples), self._sensor.grid.count)])
         return not self._ended
 

@@ -94,7 +94,7 @@ def kept_in_band(recording: Recording, band: tuple[float, float]) -> float | Non
 def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage: Stage) -> Generator[StageOutput]:
     settings, rig, drive = plan.settings, plan.rig, made.solution.drive
     compensated = compensate_pressure(asked, settings)
-    done = _done_before(settings)
+    done = _compensation_text(settings)
     if done:
         yield StageOutput(name="beforehand", what=f"{done}; later stages cancel this", pressure=compensated)
     to_push = mapping_of(settings.target.mapping, compensated.band)
@@ -134,13 +134,13 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
     yield StageOutput(
         name="sensor",
         what="records changes only, with noise, up to half its rate, and is calibrated",
-        pressure=_simulated(_heard(cells, asked, plan)),
+        pressure=_simulated(_recorded(cells, asked, plan)),
         reference=apply_band_twice(asked),
         tells_images=False,
     )
 
 
-def _done_before(settings: Settings) -> str:
+def _compensation_text(settings: Settings) -> str:
     """Describe the processing of the pressure before the mapping."""
     decoupled = ["corrects the mixing of neighbouring cells by interpolation"] if settings.compensation.decouple else []
     louder = settings.compensation.precompensate and settings.compensation.compensate == "pressure"
@@ -166,7 +166,7 @@ def _chains(drive: Drive, plan: BudgetPlan) -> Generator[tuple[str, str, Playbac
     yield "silencer", f"spreads phase steps: {silencer}", spread
 
 
-def _heard(cells: Array, asked: PressureFrames, plan: BudgetPlan) -> PressureFrames:
+def _recorded(cells: Array, asked: PressureFrames, plan: BudgetPlan) -> PressureFrames:
     rig, settings = plan.rig, plan.settings
     model, over = rig.sensor_model, rig.steps
     whole = len(cells) // over * over

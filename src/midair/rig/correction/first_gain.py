@@ -34,9 +34,9 @@ def expected_gain(original: PressureFrames, asked: PressureFrames, settings: Set
     attenuate it unless that is compensated.
     """
     lead = (asked.frames - original.frames) / 2 / asked.rate
-    start = lead + _strongest(original)
+    start = lead + _strongest_second(original)
     part = asked.cut(max(0.0, start - lead), LONGEST + 2 * lead)
-    expected, heard = _pressed(part, settings), apply_band_twice(part)
+    expected, heard = _expected_reading(part, settings), apply_band_twice(part)
     first = min(round(lead * part.rate), part.frames // 4)
     inside = slice(first, part.frames - first)
     got = apply_band_twice(PressureFrames(pressure=expected, rate=part.rate, sensor=part.sensor, band=part.band))
@@ -76,7 +76,7 @@ def played_part(frequency: float, settings: Settings) -> float:
     return float(np.abs(playback_response(np.array([frequency]), settings.target.rate, dynamics=dynamics))[0])
 
 
-def _pressed(part: PressureFrames, settings: Settings) -> Array:
+def _expected_reading(part: PressureFrames, settings: Settings) -> Array:
     """Expected reading of the cells in Pa, shape (frame, row, column), from squares around the control points."""
     points, chosen = settings.target.grid, settings.compensation
     target = map_pressure(compensate_pressure(part, settings), settings).amplitude
@@ -95,7 +95,7 @@ def _pressed(part: PressureFrames, settings: Settings) -> Array:
     return pressed.reshape(part.pressure.shape)
 
 
-def _strongest(original: PressureFrames) -> float:
+def _strongest_second(original: PressureFrames) -> float:
     """Start in s of the second with the most power."""
     frames = round(LONGEST * original.rate)
     if original.frames <= frames:

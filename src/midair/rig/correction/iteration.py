@@ -59,10 +59,10 @@ def run_iterations(
     for number in range(1, times + 1):
         best, name, delay = passes[-1], f"correction {number}", start.comparison.delay
         if lifts:
-            made = _nudged(original, best, settings, step, delay)
+            made = _minimum_norm_step(original, best, settings, step, delay)
             tried = play_made(original, best.asked, made, rig, settings, name, stage, step=step)
         else:
-            asked = _asked(original, best, rig, settings, correction, step, delay)
+            asked = _next_target(original, best, rig, settings, correction, step, delay)
             tried = play_pass(original, asked, rig, settings, name, stage, step=step)
         before, after = (each.comparison.waveform_error for each in (passes[-1], tried))
         if after >= before:
@@ -78,9 +78,11 @@ def run_iterations(
     return IterationResult(passes=tuple(passes[1:]), taken_back=taken_back, end=end)
 
 
-def _nudged(original: PressureFrames, best: Pass, settings: Settings, step: float, delay: float) -> Reproduction:
+def _minimum_norm_step(
+    original: PressureFrames, best: Pass, settings: Settings, step: float, delay: float
+) -> Reproduction:
     """The best pass's reproduction with a drive that adds the missing pressure; errors are those of the solve."""
-    lacking = replace(original, pressure=step * _lacking(original, best, delay))
+    lacking = replace(original, pressure=step * _missing_pressure(original, best, delay))
     chosen, grid = settings.compensation, settings.target.grid
     # Pressure below the band stays unchanged; the delay was removed already.
     louder = precompensate(lacking, dynamics=chosen.dynamics, ramp=chosen.ramp)
@@ -91,13 +93,13 @@ def _nudged(original: PressureFrames, best: Pass, settings: Settings, step: floa
     return replace(best.reproduction, solution=replace(best.reproduction.solution, drive=drive))
 
 
-def _lacking(original: PressureFrames, best: Pass, delay: float) -> Array:
+def _missing_pressure(original: PressureFrames, best: Pass, delay: float) -> Array:
     """Missing pressure in Pa (original minus re-recording) at each frame of the target.
 
     The delay is that of the first pass: estimated anew each time, it would drift with the correction.
     """
     count = best.asked.frames
-    heard = _fitted(advance(best.heard.pressure, delay, original.rate), count)
+    heard = _with_length(advance(best.heard.pressure, delay, original.rate), count)
     first = (count - original.frames) // 2
     part = slice(first, first + original.frames)
     lacking = np.zeros_like(heard)
@@ -106,7 +108,7 @@ def _lacking(original: PressureFrames, best: Pass, delay: float) -> Array:
     return lacking
 
 
-def _asked(
+def _next_target(
     original: PressureFrames,
     best: Pass,
     rig: Rig,
@@ -119,8 +121,8 @@ def _asked(
     focus = focus_amplitude(settings.target.grid, rig.transducers, acoustics=settings.acoustics)
     top = float(radiation_pressure(np.array(focus), settings.acoustics.medium)) / best.gain
     asked, rate = playable(best.asked.pressure, mapping=settings.target.mapping, top=top), original.rate
-    heard = _fitted(advance(best.heard.pressure, delay, rate), len(asked))
-    lacking = _lacking(original, best, delay)
+    heard = _with_length(advance(best.heard.pressure, delay, rate), len(asked))
+    lacking = _missing_pressure(original, best, delay)
     response = measured_response(asked, heard, rate, band=settings.calibration.band)
     change = correction.change(lacking, rate, response, band=settings.calibration.band, step=step)
     return replace(
@@ -139,6 +141,6 @@ def playable(asked: Array, *, mapping: str, top: float) -> Array:
     return np.clip(asked, 0.0 if mapping == "half-wave" else -top, top)
 
 
-def _fitted(frames: Array, count: int) -> Array:
+def _with_length(frames: Array, count: int) -> Array:
     """Return `count` frames, cut or padded with silence."""
     return np.concatenate([frames[:count], np.zeros((max(0, count - len(frames)), *frames.shape[1:]))])

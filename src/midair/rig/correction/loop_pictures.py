@@ -77,7 +77,7 @@ def pictures(loop: Loop) -> Iterator[Picture]:
     )
     yield Picture(
         title="Phases of the array",
-        caption=f"Phase of each transducer in the same frame ({moment}); {_loudness(solution.drive, frame)}.",
+        caption=f"Phase of each transducer in the same frame ({moment}); {_level_text(solution.drive, frame)}.",
         data=png(phase_figure(solution.drive, frame, simulated=simulated)),
     )
     yield Picture(
@@ -142,7 +142,7 @@ def strongest_channels(original: PressureFrames, most: int = 4) -> list[int]:
     return sorted(int(channel) for channel in np.argsort(power)[::-1][:most])
 
 
-def _loudness(drive: Drive, frame: int) -> str:
+def _level_text(drive: Drive, frame: int) -> str:
     """Describe the range of the transducers' levels."""
     levels = drive.level[frame]
     low, high = float(np.min(levels)), float(np.max(levels))

@@ -91,7 +91,7 @@ def render(
         passes=[f"pass {number + 1}" for number in range(len(loop.passes))],
         rectified=loop.settings.target.mapping == "half-wave",
         settings=settings_rows(loop.settings),
-        steps=[(step.stage, _words(step.settings)) for step in loop.passes[-1].felt.provenance.steps],
+        steps=[(step.stage, _settings_text(step.settings)) for step in loop.passes[-1].felt.provenance.steps],
         versions=versions(),
         commands=commands,
     )
@@ -169,13 +169,13 @@ def _pass_figures(loop: Loop, number: int) -> Mapping[str, tuple[float, str]]:
     }
 
 
-def _words(settings: Mapping[str, object]) -> str:
-    return ", ".join(f"{name} {_word(value)}" for name, value in settings.items() if value not in ((), "", None))
+def _settings_text(settings: Mapping[str, object]) -> str:
+    return ", ".join(f"{name} {_value_text(value)}" for name, value in settings.items() if value not in ((), "", None))
 
 
-def _word(value: object) -> str:
+def _value_text(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, tuple):
-        return " to ".join(_word(part) for part in value)
+        return " to ".join(_value_text(part) for part in value)
     return "default" if value is None else str(value)

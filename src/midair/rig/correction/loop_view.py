@@ -22,10 +22,10 @@ def _sound(loop: Loop, seconds: float) -> Sound | None:
     """Sound of the original's part, without its lead; None where its frames differ from the recording's."""
     made = loop.passes[-1].reproduction
     inside = piece_of(made.target.provenance, made.target.frames, made.target.rate)
-    if not _as_many(loop.original, inside, made.target.rate):
+    if not _same_frames(loop.original, inside, made.target.rate):
         return None
     return show_drive(made.solution, target=made.target, part=(inside.start / made.target.rate, seconds)).sound
 
 
-def _as_many(original: PressureFrames, inside: slice, rate: float) -> bool:
+def _same_frames(original: PressureFrames, inside: slice, rate: float) -> bool:
     return bool(np.isclose(original.rate, rate, rtol=1e-9)) and inside.stop - inside.start == original.frames

@@ -46,7 +46,7 @@ def palm_of_drive(
     progress : callable, optional
         Called with (frames done, total frames).
     """
-    wanted, pressure = _pressed(asked, drive, palm, chain, rig, progress)
+    wanted, pressure = _palm_pressure(asked, drive, palm, chain, rig, progress)
     rates, square = (asked.rate, rig.skin().rate), _square(asked.sensor)
     return palm_fidelity(wanted, pressure, palm, rates=rates, square=square, judged=judged, band=band)
 
@@ -63,7 +63,7 @@ def palm_frames_of_drive(
     skin: str = "soft, deep",
 ) -> PalmFrames:
     """Simulate a drive on a palm frame by frame, for display; parameters as in `palm_of_drive`."""
-    wanted, pressure = _pressed(asked, drive, palm, chain, rig, None)
+    wanted, pressure = _palm_pressure(asked, drive, palm, chain, rig, None)
     rates, square = (asked.rate, rig.skin().rate), _square(asked.sensor)
     return palm_frames(wanted, pressure, palm, rates=rates, square=square, judged=judged, band=band, skin=skin)
 
@@ -73,7 +73,7 @@ def _square(sensor: SensorGrid) -> tuple[float, float]:
     return (sensor.columns + 1) / 2 * sensor.pitch, (sensor.rows + 1) / 2 * sensor.pitch
 
 
-def _pressed(
+def _palm_pressure(
     asked: PressureFrames, drive: Drive, palm: Palm, chain: PlaybackChain, rig: VirtualRig, progress: Progress | None
 ) -> tuple[Array, Array]:
     """Target and resulting pressure in Pa, at the points of the palm that are skin."""

@@ -103,7 +103,7 @@ def play_made(
     virtual = rig.sensor.simulated
     heard = at_rate(calibrated_pressure(rerecorded, rig.sensor.calibration, settings, from_rest=virtual), original.rate)
     if not virtual:
-        heard = _from_the_first_frame(heard, asked)
+        heard = _cut_to_first_frame(heard, asked)
     first = (asked.frames - original.frames) // 2
     again = heard if not first else heard.cut(first / heard.rate, original.frames / original.rate)
     return Pass(
@@ -118,7 +118,7 @@ def play_made(
     )
 
 
-def _from_the_first_frame(heard: PressureFrames, asked: PressureFrames) -> PressureFrames:
+def _cut_to_first_frame(heard: PressureFrames, asked: PressureFrames) -> PressureFrames:
     """Cut the re-recording to start near the drive's first frame: a real array starts playing with a delay."""
     spare = (heard.frames - asked.frames) / heard.rate
     if spare <= 0:

@@ -44,10 +44,10 @@ def device_findings(name: str) -> list[Check]:
         return [
             Check(subject=name, state="broken", found=found, advice=advice or "midair play --help lists the arrays")
         ]
-    return [_judged(f"{name}: {subject}", subject, found) for subject, found in said.items()]
+    return [_check_report(f"{name}: {subject}", subject, found) for subject, found in said.items()]
 
 
-def _judged(subject: str, key: str, found: str) -> Check:
+def _check_report(subject: str, key: str, found: str) -> Check:
     unwell = {
         "firmware": "but the SDK supports" in found,
         "link": "heartbeats missed" in found and " 0 heartbeats missed" not in found,

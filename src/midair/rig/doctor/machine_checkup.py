@@ -34,7 +34,7 @@ def machine_findings(root: Path = Path("/"), *, moderation: Moderation | None = 
                 found="IPv6, firewall, network card, priority and groups are checked on Linux only",
                 advice=f"allow inbound UDP from port {PORT}, and switch off interrupt moderation of the card",
             ),
-            _room(Path()),
+            _disk_space(Path()),
         ]
     cards = _cards(root)
     return [
@@ -44,7 +44,7 @@ def machine_findings(root: Path = Path("/"), *, moderation: Moderation | None = 
         _priority(root),
         _locked_memory(root),
         *(_group(root, name, use) for name, use in (("dialout", "serial sensors"), ("audio", "sound cards"))),
-        _room(Path()),
+        _disk_space(Path()),
     ]
 
 
@@ -184,7 +184,7 @@ def _status(root: Path) -> dict[str, list[str]]:
     return {name: rest.split() for name, _, rest in lines}
 
 
-def _room(folder: Path) -> Check:
+def _disk_space(folder: Path) -> Check:
     """Check the free disk space for recordings and for the log."""
     said, short = [], False
     for name, place in (("here", folder), ("for the log", state_folder())):

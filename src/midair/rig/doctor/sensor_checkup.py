@@ -42,8 +42,8 @@ def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[
     still = [str(channel) for channel in np.flatnonzero(low.ravel() == high.ravel())]
     return [
         *(Check(subject=f"{plain}: {subject}", state="ok", found=found) for subject, found in said.items()),
-        _counted(plain, "cells that never change", still, "check their wires and their supply"),
-        _counted(plain, "cells that clip", _clipping(low, high, full_scale), "lower the gain"),
+        _channel_check(plain, "cells that never change", still, "check their wires and their supply"),
+        _channel_check(plain, "cells that clip", _clipping(low, high, full_scale), "lower the gain"),
         Check(subject=f"{plain}: samples", state="ok", found=f"{low.min():.4g} to {high.max():.4g} {unit}"),
     ]
 
@@ -55,7 +55,7 @@ def _clipping(low: Any, high: Any, full_scale: float | None) -> list[str]:
     return [str(channel) for channel in np.flatnonzero(at_limit(largest, full_scale))]
 
 
-def _counted(name: str, subject: str, cells: list[str], advice: str) -> Check:
+def _channel_check(name: str, subject: str, cells: list[str], advice: str) -> Check:
     if not cells:
         return Check(subject=f"{name}: {subject}", state="ok", found="none")
     return Check(subject=f"{name}: {subject}", state="broken", found=", ".join(cells), advice=advice)

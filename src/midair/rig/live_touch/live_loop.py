@@ -69,7 +69,7 @@ class LiveLoop:
         # Start of the level's rise; None before.
         self._rising: float | None = None
         self._latest = -np.inf
-        self._spoke = 0.0
+        self._last_sent = 0.0
         self._intensity = self._last_instant = 0
         # Offset from the computer's clock to the units' in ns; updated regularly, since clocks drift.
         self._ahead, self._asked = 0, -np.inf
@@ -87,19 +87,19 @@ class LiveLoop:
             self._wait(put, began)
         self._fade(put)
         time.sleep(self._pace.hold)
-        self._look_back()
+        self._collect_sending_times()
 
     def _take(self, put: Put) -> None:
         """Process all frames of the sensor's next block."""
         block = self._sensor.read(1)
         lost = block.first - self._next
         if lost > 0:
-            self._hold(lost, block.host_time)
+            self._repeat_frame(lost, block.host_time)
         self._frame[:] = block.samples.reshape(-1)
         self._play(put, block.host_time, 0)
         self._next = block.first + 1
 
-    def _hold(self, lost: int, taken: float) -> None:
+    def _repeat_frame(self, lost: int, taken: float) -> None:
         """Repeat the last good frame for lost frames, so that the filter keeps its timing."""
         self._ring.add("lost", lost)
         for back in range(lost, 0, -1):
@@ -125,7 +125,7 @@ class LiveLoop:
         hurried = left < self._pace.hold / 2
         if self._touch.form(hurried=hurried):
             self._ring.add("hurried", int(hurried))
-            self._intensity = int(self._strongest * self._risen(taken) * min(1.0, self._level()))
+            self._intensity = int(self._strongest * self._level_rise(taken) * min(1.0, self._level()))
             flags |= SOUNDS if self._intensity else 0
         else:
             self._intensity = 0
@@ -133,25 +133,25 @@ class LiveLoop:
             self._ring.add("late")
             flags |= LATE
         else:
-            self._say(put, instant, slot)
+            self._send(put, instant, slot)
             self._latest = began
         self._write(taken, instant, flags)
         self._ring.time("work", time.monotonic() - began)
-        self._look_back()
+        self._collect_sending_times()
 
-    def _risen(self, taken: float) -> float:
+    def _level_rise(self, taken: float) -> float:
         """Fraction of the level's rise at a frame, 0 to 1; with jitter a time stamp may precede the first."""
         if self._rising is None or self._pace.rise <= 0:
             return 1.0
         return min(1.0, max(0.0, (taken - self._rising) / self._pace.rise))
 
-    def _say(self, put: Put, instant: int, slot: int) -> None:
+    def _send(self, put: Put, instant: int, slot: int) -> None:
         """Send the current phases and store the frame's slot of the ring."""
         put(self._phases, self._intensity, instant)
         self._last_instant = instant
         self._put_slots[self._puts % 64] = slot
         self._puts += 1
-        self._spoke = time.monotonic()
+        self._last_sent = time.monotonic()
 
     def _write(self, taken: float, instant: int, flags: int) -> None:
         ring = self._ring
@@ -166,7 +166,7 @@ class LiveLoop:
         if flags & SOUNDS and not flags & LATE:
             ring.add("played")
 
-    def _look_back(self) -> None:
+    def _collect_sending_times(self) -> None:
         """Store the sending times that the units have reported since."""
         while self._looked < self._puts:
             left = self._array.units.sent(self._looked)
@@ -189,9 +189,9 @@ class LiveLoop:
         if self._latest > began and self._rising is not None and now - self._latest > self._pace.quiet:
             self._fade(put)
             self._ring.add("gaps")
-        if self._rising is None and now - self._spoke > self._pace.word:
+        if self._rising is None and now - self._last_sent > self._pace.word:
             self._intensity = 0
-            self._say(put, self._array.units.now() + round(self._pace.hold * _NS), -1)
+            self._send(put, self._array.units.now() + round(self._pace.hold * _NS), -1)
 
     def _fade(self, put: Put) -> None:
         """Fade to silence; the level rises again afterwards."""
@@ -201,6 +201,6 @@ class LiveLoop:
         begin = max(soon, self._last_instant + self._period)
         for step in range(1, steps + 1):
             self._intensity = loud * (steps - step) // steps
-            self._say(put, begin + (step - 1) * self._period, -1)
+            self._send(put, begin + (step - 1) * self._period, -1)
             time.sleep(self._period / _NS)
         self._rising = None

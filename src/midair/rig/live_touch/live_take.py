@@ -62,7 +62,7 @@ class LiveTake:
             rate=opened.rate,
             sensor=opened.sensor,
             unit=opened.unit,
-            provenance=_life(order, opened, notes),
+            provenance=_provenance(order, opened, notes),
             calibration=opened.calibration,
             array=(order.placement or Placement.grid()).array(),
         )
@@ -118,7 +118,7 @@ def _runs(true: np.ndarray) -> list[tuple[int, int]]:
     return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _life(order: LiveSettings, opened: LoopStarted, notes: Mapping[str, str]) -> Provenance:
+def _provenance(order: LiveSettings, opened: LoopStarted, notes: Mapping[str, str]) -> Provenance:
     touch, pace = order.touch, order.pace
     return Provenance(source=order.sensor, simulated=opened.simulated, notes=dict(notes)).then(
         "live",

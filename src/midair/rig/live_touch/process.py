@@ -84,13 +84,13 @@ class LoopEnded:
     """Counts of the frames received over a network; empty without one."""
 
 
-def _viewed(known: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+def _as_view(known: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(known)
 
 
 def _as_dict(view: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
     """Reduce a read-only view of a dict, which pickle does not support."""
-    return _viewed, (dict(view),)
+    return _as_view, (dict(view),)
 
 
 # The provenance of calibrations that are sent between processes has such views.
@@ -140,7 +140,7 @@ def _play(
             touch = Touch(order.touch, calibration, sensor.grid, sensor.rate, array.array, admission.level)
             if source is not None:
                 touch.delay += source.delay
-            told.send(_found(sensor, calibration, array, admission, touch, granted))
+            told.send(_loop_started(sensor, calibration, array, admission, touch, granted))
             loop = LiveLoop(
                 sensor,
                 touch,
@@ -149,7 +149,7 @@ def _play(
                 pace=order.pace,
                 strongest=admission.strongest,
                 level=lambda: permit.level,
-                check=_checks(permit, leave, array.name),
+                check=_lease_check(permit, leave, array.name),
             )
             try:
                 with (
@@ -163,7 +163,7 @@ def _play(
                     network |= asdict(source.counted)
 
 
-def _checks(permit: PlayLease, leave: LeaseToken, name: str) -> Callable[[], None]:
+def _lease_check(permit: PlayLease, leave: LeaseToken, name: str) -> Callable[[], None]:
     parent = os.getppid()
 
     def check() -> None:
@@ -244,7 +244,7 @@ def array_for(order: LiveSettings, rate: float) -> ImmediateArray:
     )
 
 
-def _found(
+def _loop_started(
     sensor: StreamedSensor,
     calibration: Calibration | None,
     array: ImmediateArray,

@@ -195,7 +195,7 @@ class NetworkSource:
                     # The sender is silent: a repeated frame would no longer be touch.
                     if self._ended:
                         raise DeviceError("live: the sender has ended")
-                    return self._quiet(buffer, until)
+                    return self._wait_for_frames(buffer, until)
                 got = buffer.get()
                 if got is not None:
                     return self._chunk(got, due)
@@ -222,7 +222,7 @@ class NetworkSource:
             "jitter buffer": f"{1e3 * self._length:g} ms",
         }
 
-    def _quiet(self, buffer: JitterBuffer, until: float) -> None:
+    def _wait_for_frames(self, buffer: JitterBuffer, until: float) -> None:
         """Wait until frames arrive again; frames whose time passes meanwhile are lost."""
         while time.monotonic() < until and time.monotonic() - self._heard > self._silence + self._length:
             self._take(max(0.0, min(0.005, until - time.monotonic())))
@@ -251,16 +251,16 @@ class NetworkSource:
         opened = self._seal.open(box)
         kind, message = opened or (b"", b"")
         if kind == HELLO:
-            self._greeted(message, sender)
+            self._accept_greeting(message, sender)
         elif kind == FRAME and self.greeting is not None and self._drawn:
-            self._framed(message, came)
+            self._accept_frame(message, came)
         elif kind == END and self._drawn and message == self._drawn:
             self._ended = True
         else:
             self.counted.refused += 1
         return True
 
-    def _greeted(self, message: bytes, sender: object) -> None:
+    def _accept_greeting(self, message: bytes, sender: object) -> None:
         begun, said = message[:NUMBER], message[NUMBER:]
         if self.greeting is None:
             self.greeting, self._begun, self._drawn = SessionOffer.of(said), begun, secrets.token_bytes(NUMBER)
@@ -272,7 +272,7 @@ class NetworkSource:
             answer = self._seal.close(WELCOME, begun + self._drawn)
             self._socket.sendto(answer, sender)  # pyright: ignore[reportArgumentType]
 
-    def _framed(self, message: bytes, came: float) -> None:
+    def _accept_frame(self, message: bytes, came: float) -> None:
         channels = 0 if self.greeting is None else self.greeting.grid.count
         sealed = frame_from(message, channels, self._drawn)
         if sealed is None:

@@ -158,8 +158,8 @@ class LiveSession:
             gaps=ring.count("gaps"),
             latency=sum(parts.values()),
             parts=parts,
-            left=_shares(ring.histogram("left")),
-            work=_shares(ring.histogram("work")),
+            left=_quantiles(ring.histogram("left")),
+            work=_quantiles(ring.histogram("work")),
         )
 
     @property
@@ -175,7 +175,7 @@ class LiveSession:
         """Wait until it has ended, or for `seconds`; return whether it plays, or raise the error that ended it."""
         until = None if seconds is None else time.monotonic() + seconds
         while self.running and (until is None or time.monotonic() < until):
-            self._listen(0.05 if until is None else min(0.05, max(0.0, until - time.monotonic())))
+            self._receive(0.05 if until is None else min(0.05, max(0.0, until - time.monotonic())))
         self._raise()
         return self.running
 
@@ -194,7 +194,7 @@ class LiveSession:
             # The end of the process is then the end of the pipe.
             tells.close()
             while self._opened is None and self._ended is None:
-                self._listen(0.1)
+                self._receive(0.1)
             self._raise()
             if self._keep is not None:
                 self._take = LiveTake(self._keep, self.order, self.opened, self.ring, self._notes)
@@ -222,7 +222,7 @@ class LiveSession:
         self._threads.append(thread)
         thread.start()
 
-    def _listen(self, wait: float) -> None:
+    def _receive(self, wait: float) -> None:
         """Receive a message of the process."""
         try:
             if not self._told.poll(wait):
@@ -251,7 +251,7 @@ class LiveSession:
         # A process that has not opened its devices emits no sound.
         until = time.monotonic() + (0 if self._opened is None else 5)
         while self._process is not None and self._ended is None and time.monotonic() < until:
-            self._listen(0.1)
+            self._receive(0.1)
         self._over.set()
         with suppress(DeviceStateError):
             self.permit.stop()
@@ -268,7 +268,7 @@ class LiveSession:
             take.close()
 
 
-def _shares(histogram: NDArray[np.int64]) -> tuple[float, ...]:
+def _quantiles(histogram: NDArray[np.int64]) -> tuple[float, ...]:
     """Upper bin edges of the 50, 99, 99.9 and 100 % quantiles."""
     total = histogram.sum()
     if not total:

@@ -82,7 +82,7 @@ class Touch:
         if calibration is not None:
             band = check_band(settings.band, rate)
             self._inverse = CausalInverse(calibration, rate, band=band, delay=settings.delay)
-            self.parts = tuple((low, high) for low, high in _parts(self.parts, band))
+            self.parts = tuple((low, high) for low, high in _parts_in_band(self.parts, band))
             self.error = causal_error(
                 self._inverse.fir,
                 calibration,
@@ -97,7 +97,7 @@ class Touch:
         focus = focus_amplitude(grid, array, acoustics=settings.acoustics)
         # Sound amplitude of 1 Pa relative to the focus: amplitude is proportional to the square root of pressure.
         self._unit = float(sound_amplitude(np.array(1.0), medium)) / focus
-        self._apart, self._between = _undone(sensor, grid, rate), interpolation_matrix(sensor, grid)
+        self._apart, self._between = _decoupling_matrix(sensor, grid, rate), interpolation_matrix(sensor, grid)
         none = np.zeros((1, grid.count))
         problem = problem_at([grid.position], none, array, acoustics=settings.acoustics)
         problem = replace(problem, level=level)
@@ -144,13 +144,13 @@ class Touch:
         return self._wanted
 
 
-def _parts(parts: tuple[tuple[float, float], ...], band: tuple[float, float]) -> list[tuple[float, float]]:
+def _parts_in_band(parts: tuple[tuple[float, float], ...], band: tuple[float, float]) -> list[tuple[float, float]]:
     """Parts of the default band, cut to this band; the band itself if they do not overlap."""
     inside = [(max(low, band[0]), min(high, band[1])) for low, high in parts]
     return [(low, high) for low, high in inside if high > low] or [band]
 
 
-def _undone(sensor: SensorGrid, grid: ControlGrid, rate: float) -> Array:
+def _decoupling_matrix(sensor: SensorGrid, grid: ControlGrid, rate: float) -> Array:
     """Matrix that corrects for the pressure that cells receive from neighbouring cells, shape (channel, channel)."""
     each = np.eye(sensor.count).reshape(sensor.count, *sensor.shape)
     alone = PressureFrames(pressure=each, rate=rate, sensor=sensor)

@@ -36,11 +36,11 @@ def sensor_named(
     kind, _, rest = name.partition(":")
     if kind not in ("virtual", "replay") and kind in SENSORS and (rest or SENSORS[kind].has_default):
         return source_sensor(name, wiring=wiring)
-    made = _made(kind, rest, name, rig, duration)
+    made = _on_demand_sensor(kind, rest, name, rig, duration)
     return made if wiring is None else RemappedSensor(made, wiring)
 
 
-def _made(kind: str, rest: str, name: str, rig: VirtualRig, duration: float | None) -> SensorDevice:
+def _on_demand_sensor(kind: str, rest: str, name: str, rig: VirtualRig, duration: float | None) -> SensorDevice:
     if kind == "virtual" and rest:
         return rig.touched_by(rest, duration=duration)
     if kind == "replay" and rest:

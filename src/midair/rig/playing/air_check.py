@@ -50,10 +50,12 @@ def room_air(
     both = f"the room has {room}, the drive was solved for {own}"
     if abs(room.degrees - own.degrees) <= FAR:
         return RoomAir(said=f"air: {both}", warns=False)
-    return RoomAir(said=f"air: {both}: {_cost(drive, room, target(), frames)}; solve it again for this air", warns=True)
+    return RoomAir(
+        said=f"air: {both}: {_error_text(drive, room, target(), frames)}; solve it again for this air", warns=True
+    )
 
 
-def _cost(drive: Drive, room: Medium, target: AmplitudeFrames | None, frames: int) -> str:
+def _error_text(drive: Drive, room: Medium, target: AmplitudeFrames | None, frames: int) -> str:
     if target is None:
         return "the error cannot be computed, since the file has no target"
     here, own = (error_at_temperature(drive, target, each, frames=frames) for each in (room, drive.acoustics.medium))

@@ -7,7 +7,7 @@ from midair.rig.takes.take_plan import Take
 
 def event_message(event: Event, rate: float, grid: SensorGrid, drift: Drift | None = None) -> str:
     """One sentence for an event of a sensor with `rate` frames per second."""
-    channel = f"channel {event.channel} ({_cell(event.channel, grid)})"
+    channel = f"channel {event.channel} ({_cell_name(event.channel, grid)})"
     words = {
         "lost": _lost(event, rate),
         "clipped": f"{channel} clips: reduce its gain, or press less",
@@ -46,7 +46,7 @@ def _lost(event: Event, rate: float) -> str:
     return f"{event.frames} frames ({1e3 * event.frames / rate:.4g} ms) were lost; the last good one is repeated"
 
 
-def _cell(channel: int, grid: SensorGrid) -> str:
+def _cell_name(channel: int, grid: SensorGrid) -> str:
     row, column = divmod(max(channel, 0), grid.columns)
     return f"row {row}, column {column}"
 

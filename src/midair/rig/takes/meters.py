@@ -48,7 +48,7 @@ class Meters:
         self._recent = np.zeros((0, channels))
         self._frames = 0
         self._since = np.zeros(channels, np.int64)  # first frame of each channel's current value
-        self._moved, self._told = np.zeros(channels, bool), np.zeros(channels, bool)
+        self._moved, self._reported = np.zeros(channels, bool), np.zeros(channels, bool)
         self._highest, self._clipped = np.zeros(channels), np.zeros(channels, np.int64)
 
     def add(self, samples: Array) -> tuple[Event, ...]:
@@ -58,7 +58,7 @@ class Meters:
         block = np.asarray(samples, np.float64).reshape(len(samples), -1)
         at_limit = self._at_limit(block)
         first = self._frames
-        self._stand(block)
+        self._update_changes(block)
         self._recent = np.concatenate([self._recent, block])[-self._window :]
         self._highest = np.maximum(self._highest, np.abs(block - self._recent.mean(axis=0)).max(axis=0))
         counts = at_limit.sum(axis=0)
@@ -67,7 +67,7 @@ class Meters:
             Event(kind="clipped", frame=first + int(at_limit[:, i].argmax()), frames=int(counts[i]), channel=int(i))
             for i in np.flatnonzero(counts)
         ]
-        return (*clipped, *self._news())
+        return (*clipped, *self._new_events())
 
     @property
     def levels(self) -> Levels:
@@ -109,7 +109,7 @@ class Meters:
         repeats = (same & elsewhere).sum(axis=0) <= 0.05 * elsewhere.sum(axis=0)
         return runs & repeats & elsewhere.any(axis=0)
 
-    def _stand(self, block: Array) -> None:
+    def _update_changes(self, block: Array) -> None:
         """Update the frame since which each channel has its value, and the channels that have ever changed."""
         before = self._recent[-1:] if len(self._recent) else block[:1]
         changed = np.diff(np.concatenate([before, block]), axis=0) != 0
@@ -118,12 +118,12 @@ class Meters:
         self._since = np.where(moves, last, self._since)
         self._moved |= moves
         # A channel that changes and then stops again is reported again.
-        self._told &= ~moves
+        self._reported &= ~moves
         self._frames += len(block)
 
-    def _news(self) -> list[Event]:
-        new = (self._frames - self._since >= self._still) & ~self._told
-        self._told |= new
+    def _new_events(self) -> list[Event]:
+        new = (self._frames - self._since >= self._still) & ~self._reported
+        self._reported |= new
         return [
             Event(kind="stuck" if self._moved[i] else "dead", frame=int(self._since[i]), channel=int(i))
             for i in np.flatnonzero(new)

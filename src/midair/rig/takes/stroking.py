@@ -57,28 +57,28 @@ class Stroking:
     def _run(self) -> None:
         problem = ""
         try:
-            self._draw()
+            self._stroke_once()
         except MidairError as wrong:
             problem = str(wrong)
         with self._lock:
             self._over, self._problem = True, problem
 
-    def _draw(self) -> None:
+    def _stroke_once(self) -> None:
         x, y = self._setup.start
         end = self._setup.end(self._stroke)
-        if self._go((x, y, self._setup.contact), self._setup.approach) is None:
+        if self._move((x, y, self._setup.contact), self._setup.approach) is None:
             return
         begun = time.monotonic()
         times = None
         try:
-            times = self._go(end, self._speed)
+            times = self._move(end, self._speed)
         finally:
             with self._lock:
                 self._strokes.append(times or (begun, time.monotonic()))
         if times is not None:
-            self._go((end[0], end[1], self._setup.clear), self._setup.back)
+            self._move((end[0], end[1], self._setup.clear), self._setup.back)
 
-    def _go(self, target: Place, speed: float) -> tuple[float, float] | None:
+    def _move(self, target: Place, speed: float) -> tuple[float, float] | None:
         return self._stage.move(target, speed, stamp=self._keep, stopped=self._stop)
 
     def _keep(self, stamp: StageStamp) -> None:

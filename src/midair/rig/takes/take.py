@@ -47,14 +47,14 @@ def record_take(sensor: SensorDevice, plan: TakePlan, watcher: Watcher, companio
     sensor.start()
     try:
         with ExitStack() as stack:
-            return _Taking(sensor, plan, watcher, stack, companion).run()
+            return _TakeRun(sensor, plan, watcher, stack, companion).run()
     finally:
         if companion is not None:
             companion.end()
         sensor.stop()
 
 
-class _Taking:
+class _TakeRun:
     """State of a running take."""
 
     def __init__(
@@ -67,7 +67,7 @@ class _Taking:
     ) -> None:
         self._sensor, self._plan, self._watcher, self._stack = sensor, plan, watcher, stack
         self._companion = companion
-        self._seam = GapFiller(sensor.name, sensor.rate)
+        self._gap_filler = GapFiller(sensor.name, sensor.rate)
         self._meters = Meters(sensor.grid.count, sensor.rate, full_scale=sensor.full_scale)
         self._rate, self._clock = ClockWatch(), ClockWatch()
         self._trigger = None if plan.level is None else Trigger(plan.level, sensor.rate)
@@ -75,7 +75,7 @@ class _Taking:
         self._writer: RecordingWriter | None = None
         # Bounded, since a take may wait for a touch for hours.
         self._early: deque[Event] = deque(maxlen=1000)
-        self._told: set[EventKind] = set()
+        self._reported: set[EventKind] = set()
         self._origin = self._lost = self._held = 0
         # Time of the sensor's frame 0 by this computer's clock: blocks arrive late, never early.
         self._zero = np.inf
@@ -95,9 +95,9 @@ class _Taking:
                 if self._frames == 0:
                     raise
                 end, problem = "failure", str(wrong)
-        if end == "source" and self._frames == 0 and self._seam.frames == 0:
+        if end == "source" and self._frames == 0 and self._gap_filler.frames == 0:
             raise DeviceError(f"{self._sensor.name}: expected frames, got none; is it connected and switched on?")
-        return self._close(end, problem or self._settle())
+        return self._close(end, problem or self._stop_companion())
 
     @property
     def _frames(self) -> int:
@@ -135,14 +135,14 @@ class _Taking:
         for first, last in news.strokes:
             frames = round((last - first) * self._sensor.rate)
             frame = max(0, round((first - self._zero) * self._sensor.rate))
-            self._tell([Event(kind="stroke", frame=frame, frames=frames)])
+            self._report([Event(kind="stroke", frame=frame, frames=frames)])
         if news.problem:
             raise DeviceError(news.problem)
         self._latest = max([self._latest, *(stamp.time - begin for stamp in news.stamps)])
         # Frames arrive with a delay: those of its last moment still belong to the take.
         return "companion" if news.over and self._frames >= self._latest * self._sensor.rate else None
 
-    def _settle(self) -> str:
+    def _stop_companion(self) -> str:
         """Stop the companion after any other end and store its report; return the problem, if any."""
         if self._companion is None:
             return ""
@@ -155,16 +155,16 @@ class _Taking:
 
     def _receive(self, block: FrameBlock) -> Array:
         """Fill the gaps of a block, and report its events."""
-        seamless = self._seam.add(block)
+        seamless = self._gap_filler.add(block)
         if seamless.lost or block.overflow:
             self._lost += seamless.lost
-            self._tell([Event(kind="lost", frame=seamless.first, frames=seamless.lost)])
-        self._tell(self._meters.add(seamless.samples))
+            self._report([Event(kind="lost", frame=seamless.first, frames=seamless.lost)])
+        self._report(self._meters.add(seamless.samples))
         if not self._sensor.on_demand:
             # An on-demand source has no clock.
             self._rate.add(block.first / self._sensor.rate, block.host_time)
             self._clock.add(block.device_time, block.host_time)
-            self._tell_drift()
+            self._report_drift()
         return seamless.samples
 
     def _wait(self, samples: Array, order: TakeOrder | None) -> EndReason | None:
@@ -179,7 +179,7 @@ class _Taking:
             return None
         self._before.add(samples[:begin])
         early = self._before.take()
-        now = self._seam.frames - len(samples) + begin
+        now = self._gap_filler.frames - len(samples) + begin
         kept = 0 if early is None else len(early)
         self._open(now - kept, kept)
         if early is not None:
@@ -213,19 +213,19 @@ class _Taking:
         self._origin = origin
         if self._companion is not None:
             self._companion.begin()
-        self._note_early()
+        self._store_early()
         if plan.start == "touch":
-            self._tell([Event(kind="trigger", frame=origin + kept)])
+            self._report([Event(kind="trigger", frame=origin + kept)])
 
-    def _note_early(self) -> None:
+    def _store_early(self) -> None:
         """Store earlier events that concern the file's frames."""
         levels, origin = self._meters.levels, self._origin
         still = levels.dead | levels.stuck
         for event in self._early:
             if event.kind in ("dead", "stuck"):
-                self._note([replace(event, frame=max(event.frame, origin))] if still[event.channel] else [])
+                self._store([replace(event, frame=max(event.frame, origin))] if still[event.channel] else [])
             elif (after := event.frame + event.frames - origin) > 0:
-                self._note([replace(event, frame=max(event.frame, origin), frames=min(event.frames, after))])
+                self._store([replace(event, frame=max(event.frame, origin), frames=min(event.frames, after))])
         self._early.clear()
 
     def _keep(self, samples: Array, order: TakeOrder | None, past: NDArray[np.bool_] | None = None) -> EndReason | None:
@@ -248,15 +248,15 @@ class _Taking:
             self._writer.append(samples)
             self._range = min(self._range[0], float(samples.min())), max(self._range[1], float(samples.max()))
 
-    def _tell(self, events: Sequence[Event], drift: Drift | None = None) -> None:
+    def _report(self, events: Sequence[Event], drift: Drift | None = None) -> None:
         for event in events:
             self._watcher.tell(event, drift)
         if self._writer is None:
             self._early.extend(events)
         else:
-            self._note(events)
+            self._store(events)
 
-    def _note(self, events: Sequence[Event]) -> None:
+    def _store(self, events: Sequence[Event]) -> None:
         """Store events with frames counted from the start of the file and cut to its planned length."""
         rows = [replace(event, frame=max(0, event.frame - self._origin)) for event in events]
         if self._wanted is not None:
@@ -265,13 +265,13 @@ class _Taking:
         if self._writer is not None:
             self._writer.note(rows)
 
-    def _tell_drift(self) -> None:
+    def _report_drift(self) -> None:
         watches: tuple[tuple[EventKind, ClockWatch], ...] = (("rate", self._rate), ("clock", self._clock))
         for kind, watch in watches:
-            drift = None if kind in self._told else watch.drift()
+            drift = None if kind in self._reported else watch.drift()
             if drift is not None and drift.certain and abs(drift.ppm) > DRIFT_TOLD:
-                self._told.add(kind)
-                self._tell([Event(kind=kind, frame=self._seam.frames - 1, ppm=drift.ppm)], drift)
+                self._reported.add(kind)
+                self._report([Event(kind=kind, frame=self._gap_filler.frames - 1, ppm=drift.ppm)], drift)
 
     def _show(self) -> None:
         self._watcher.show(
@@ -291,7 +291,7 @@ class _Taking:
         kinds: tuple[EventKind, ...] = ("rate", "clock")
         for kind, drift in zip(kinds, drifts, strict=True):
             if drift is not None and self._frames and end != "failure":
-                self._note([Event(kind=kind, frame=self._origin + self._frames - 1, ppm=drift.ppm)])
+                self._store([Event(kind=kind, frame=self._origin + self._frames - 1, ppm=drift.ppm)])
         return Take(
             path=None if self._writer is None else self._plan.path,
             frames=self._frames,
