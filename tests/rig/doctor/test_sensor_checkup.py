@@ -34,7 +34,7 @@ def test_every_kind_of_sensor_is_checked_without_an_error():
         ),
     ],
 )
-def test_what_is_not_there_comes_with_advice(wrong, found, advice, monkeypatch):
+def test_a_missing_package_gives_advice(wrong, found, advice, monkeypatch):
     class Missing(Registry):
         def __getitem__(self, name):
             raise wrong

@@ -15,13 +15,13 @@ from midair.rig.names import SENSORS, source_sensor
 def sensor_findings() -> list[Check]:
     """Check the virtual sensor, and the package, library and connected devices of each kind of live sensor."""
     return [
-        Check(subject="virtual sensor", state="ok", found="always there; so is replay:FILE"),
+        Check(subject="virtual sensor", state="ok", found="always available, as is replay:FILE"),
         *(_kind(kind) for kind in SENSORS),
     ]
 
 
 def is_live_sensor(name: str) -> bool:
-    """Whether a name means a live sensor rather than an array."""
+    """Whether a name is that of a live sensor rather than of an array."""
     return name.partition(":")[0] in SENSORS
 
 

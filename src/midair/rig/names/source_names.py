@@ -26,23 +26,10 @@ SENSORS: Registry[type[SensorOptions]] = Registry(
 
 
 def source_sensor(name: str, *, wiring: SensorWiring | None = None) -> StreamedSensor:
-    """Live sensor of a name; not open yet.
+    """Make the live sensor that a name stands for, not yet open.
 
-    Parameters
-    ----------
-    name : str
-        KIND:PLACE or KIND:PLACE?option=value&option=value.
-    wiring : SensorWiring, optional
-        Wiring from its sensor file.
-
-    Raises
-    ------
-    MissingExtraError
-        If the package that the kind needs is not installed.
-    DeviceError
-        If that package lacks a library.
-    InputError
-        If an option is unknown or cannot be used.
+    MissingExtraError if its package is not installed, DeviceError if the package lacks a library, InputError if an
+    option is unknown or invalid.
     """
     kind, place, stated = split_name(name)
     options = _options(name, SENSORS[kind], stated)
@@ -58,7 +45,7 @@ def source_sensor(name: str, *, wiring: SensorWiring | None = None) -> StreamedS
 
 
 def split_name(name: str) -> tuple[str, str, dict[str, str]]:
-    """Kind, place and options of a name."""
+    """Split a name into kind, place and options."""
     # A question mark without an option after it belongs to the place.
     match = re.fullmatch(r"([^:]*):(.*?)(?:\?((?:\w+=[^&?]*&)*\w+=[^&?]*))?", name, re.DOTALL)
     if match is None:
