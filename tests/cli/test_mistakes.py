@@ -213,7 +213,7 @@ MISTAKES = (
     ("study withdraw nothing", 2, "PARTICIPANT"),
     ("study run nothing", 1, "expected a study with a plan.json;"),
     ("study run nothing --participant 1", 1, "expected a study with a plan.json;"),
-    ("study analyse nothing", 1, "expected a table, got no such file"),
+    ("study analyse nothing", 1, "expected a table, the file does not exist"),
     ("study analyse five.csv", 1, "expected `presented` and"),
     ("study export nothing out", 1, "expected a study with a plan.json;"),
     ("study verify nothing", 1, "expected a study with a plan.json;"),
