@@ -1,7 +1,7 @@
-"""Calibrate: from a recording in volts or counts to pressure in Pa, within the band in which the sensor hears.
+"""Convert recordings in V or counts to pressure in Pa within the sensor's band, and measure calibrations.
 
-And before that: measure the calibration, against a reference (`measure_calibration`, `measure_tone`) or by a focused
-beam (`midair.calibration.measure.beam`); and the transducers of an array, by codes (`fit_array`).
+A calibration is measured against a reference (`measure_calibration`, `measure_tone`) or with a focused beam
+(`midair.calibration.measure.beam`). `fit_array` measures the transducers of an array.
 """
 
 from midair.calibration.apply import (

@@ -1,4 +1,4 @@
-"""Apply a calibration: whole recordings, or block by block while they are made."""
+"""Apply a calibration to whole recordings or to a stream of blocks."""
 
 from midair.calibration.apply.causal import CausalInverse, causal_error, causal_fir
 from midair.calibration.apply.crosstalk_inverse import undo_matrix

@@ -1,9 +1,9 @@
-"""Undo a sensor while it is felt, with a small delay that is stated: what a live mode can wait for.
+"""Causal inverse filter of a sensor with a short, stated delay, for live use.
 
-A filter that undoes a sensor and cuts below 20 Hz without turning phases needs to look 100 ms ahead. One that may look
-only `delay` ahead cannot do the same; this is the one of its length that comes closest, the least-squares or Wiener
-filter (Wiener, Extrapolation, Interpolation, and Smoothing of Stationary Time Series, 1949; Oppenheim and Verghese,
-Signals, Systems and Inference, 11). What it is worth is a number: `causal_error`.
+A zero-phase inverse with a 20 Hz high-pass needs 100 ms of future samples. With only `delay` seconds of them, the best
+filter of a given length is the least-squares (Wiener) filter (Wiener, Extrapolation, Interpolation, and Smoothing of
+Stationary Time Series, 1949; Oppenheim and Verghese, Signals, Systems and Inference, 11). `causal_error` gives its
+error.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from midair.model import Calibration
 Array = NDArray[np.float64]
 
 _BINS = 16
-"""Frequencies at which a filter is fitted, for each of its taps."""
+"""Frequencies in the fit per filter tap."""
 
 
 def causal_fir(
@@ -34,27 +34,27 @@ def causal_fir(
     floor: float = 0.05,
     edges: tuple[float, float] | None = None,
 ) -> Array:
-    """The filter of a stated length and delay that comes closest to undoing a sensor within a band.
+    """Compute the causal least-squares filter of a given length and delay that inverts a sensor within a band.
 
-    Of all filters W it has the least ``sum over f of phi (|H W - B exp(-j 2 pi f delay)|^2 + eps |W|^2)``: with a long
-    delay it is `inverse_response`, late by it. phi = 1 + (below / f)^3 is how strong what acts on a sensor is taken to
-    be: a hand that presses and drifts is far stronger below 10 Hz than any texture in the band, and would else come
-    through. Where the band leaves 0 Hz out, a constant, such as a converter's offset, gives exactly 0.
+    The filter W minimises ``sum over f of phi (|H W - B exp(-j 2 pi f delay)|^2 + eps |W|^2)``. With a long delay it is
+    `inverse_response`, delayed. The weight phi = 1 + (below / f)^3 models the input spectrum: a hand that presses and
+    drifts is far stronger below 10 Hz than any texture in the band, and would otherwise leak through. If the band
+    excludes 0 Hz, a constant input (such as a converter's offset) gives exactly 0.
 
     Parameters
     ----------
     calibration : Calibration
-        H, and the noise in eps.
+        Provides H, and the noise in eps.
     rate : float
-        Rate of the frames, in Hz.
+        Frame rate in Hz.
     band, edges, floor
         As in `calibrate`.
     delay : float
-        In s; below half of the filter's length.
+        In s; at most half of the filter's length.
     taps : int
-        Length of the filter; 256 at 1 kHz do what 1024 do, to a percent.
+        Length of the filter; at 1 kHz, 256 taps match the result of 1024 to 1 %.
     below : float
-        In Hz; 0 for an even phi.
+        Corner of phi in Hz; 0 for a flat phi.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def causal_fir(
     BandError
         If the band does not fit the rate or the calibration.
     InputError
-        If delay, taps or below make no sense.
+        If delay, taps or below is out of range.
     """
     from scipy.linalg import solve_toeplitz
 
@@ -75,12 +75,12 @@ def causal_fir(
         raise InputError(f"below: expected 0 Hz or more, got {below:g} Hz")
     frequency = fft_frequencies(_BINS * taps, rate)
     response = calibration.response_at(frequency)
-    # Below half a hertz it stays as it is, since it has no bound.
+    # phi diverges at 0 Hz, so it is held constant below 0.5 Hz.
     phi = (1 + (below / np.maximum(frequency, 0.5)) ** 3)[:, None, None]
     late = (band_window(frequency, band, edges=edges) * np.exp(-2j * np.pi * frequency * delay))[:, None, None]
     alike = np.fft.irfft(phi * heard_power(calibration, response, floor), axis=0)[:taps].reshape(taps, -1)
     wanted = np.fft.irfft(phi * response.conj() * late, axis=0)[:taps].reshape(taps, -1)
-    # Rounding of the transforms, which must not make a matrix of a quiet channel worse than it is.
+    # Rounding errors of the FFTs must not make the matrix of a quiet channel ill conditioned.
     alike[0] *= 1 + 1e-9
     each = [
         solve_toeplitz(column, np.stack([right, np.ones(taps)], axis=1))
@@ -88,7 +88,7 @@ def causal_fir(
     ]
     fir, sums = np.stack([two[:, 0] for two in each], axis=1), np.stack([two[:, 1] for two in each], axis=1)
     if not late[0].any():
-        # The multiple of A^-1 1 is what Lagrange's condition asks for (Boyd and Vandenberghe, 10.1.1).
+        # The constraint sum = 0 adds a multiple of A^-1 1 (Lagrange condition; Boyd and Vandenberghe, 10.1.1).
         fir = fir - sums * (fir.sum(axis=0) / sums.sum(axis=0))
     return fir.reshape(taps, *calibration.sensor.shape)
 
@@ -104,24 +104,24 @@ def causal_error(
     floor: float = 0.05,
     edges: tuple[float, float] | None = None,
 ) -> Array:
-    """How far what a filter gives is from what the zero-phase inverse gives `delay` later, by part of the band.
+    """Relative rms error of a causal filter against the delayed zero-phase inverse, in parts of the band.
 
-    For an even spectrum within each part: the root of the summed squares over f of ``H W exp(j 2 pi f delay) - H W0``
-    over those of ``H W0``, with W0 of `inverse_response`; the mean square over channels.
+    For a flat input spectrum within each part: the root of the sum over f of ``|H W exp(j 2 pi f delay) - H W0|^2``
+    over the sum of ``|H W0|^2``, with W0 from `inverse_response`, in mean square over the channels.
 
     Parameters
     ----------
     fir : ndarray, shape (taps, row, column)
         From `causal_fir`.
     calibration, rate, band, delay, floor, edges
-        As it was made with.
+        The arguments that `causal_fir` was called with.
     parts : sequence of tuple of float
-        (low, high) of each, in Hz.
+        (low, high) of each part in Hz.
 
     Returns
     -------
     ndarray, shape (part,)
-        1 is as bad as silence.
+        An output of zeros has the error 1.
     """
     band, edges = _checked(calibration, rate, band, edges, delay, len(fir))
     frequency = fft_frequencies(_BINS * len(fir), rate)
@@ -135,30 +135,23 @@ def causal_error(
 
 
 class CausalInverse:
-    """The filter of `causal_fir` for a stream, frame by frame, in memory that it took once.
+    """Apply the filter of `causal_fir` to a stream, frame by frame, in preallocated memory.
+
+    The attribute `delay` is the delay of the output in s, and `fir` is the filter, shape (taps, row, column).
 
     Parameters
     ----------
-    calibration : Calibration
-        Of the sensor.
     rate : float
-        Rate of the frames, in Hz.
+        Frame rate in Hz.
     band, delay, taps, below, floor, edges
         As in `causal_fir`.
     crosstalk, damping
         As in `calibrate`.
 
-    Attributes
-    ----------
-    delay : float
-        By which what comes out is late, in s.
-    fir : ndarray, shape (taps, row, column)
-        The filter.
-
     Raises
     ------
     BandError, InputError
-        As `causal_fir`, or if nobody measured the crosstalk that is to be undone.
+        As in `causal_fir`, or if the calibration has no crosstalk matrix to undo.
     """
 
     def __init__(
@@ -179,18 +172,18 @@ class CausalInverse:
         self.fir, self.delay, self._shape = fir, delay, calibration.sensor.shape
         self._mix = mixing(calibration, crosstalk, damping)
         flat = fir.reshape(taps, -1)
-        # The newest frame last, as they lie in memory.
+        # Reversed, because the buffer holds the newest frame last.
         self._turned = np.ascontiguousarray(flat[::-1])
         self._taps, self._at = taps, 0
-        # Twice as long, every frame written twice: the last `taps` always lie in one piece.
+        # Every frame is written twice, so the last `taps` frames are always contiguous.
         self._held = np.zeros((2 * taps, flat.shape[1]))
         self._felt = np.zeros(flat.shape[1])
         self._began = False
 
     def step(self, frame: Array, out: Array) -> None:
-        """Take the next frame, shape (channel,), and write what comes out into `out`, same shape, in Pa."""
+        """Filter the next frame, shape (channel,), and write the pressure in Pa into `out`, same shape."""
         if not self._began:
-            # Before the first frame the sensor is taken to have said what it says in it.
+            # Assume that the first frame was constant before the stream began.
             self._held[:] = frame
             self._began = True
         at = self._at
@@ -202,12 +195,12 @@ class CausalInverse:
             np.dot(self._mix, into, out=out)
 
     def push(self, block: Array) -> Array:
-        """As many frames as came in, shape (frame, row, column), in Pa.
+        """Filter a block of shape (frame, row, column) and return as many frames in Pa.
 
         Raises
         ------
         ShapeError
-            If the block does not fit.
+            If the block has another shape.
         """
         samples = np.asarray(block, float)
         if samples.ndim != 3 or samples.shape[1:] != self._shape:

@@ -1,4 +1,4 @@
-"""From what a sensor said to the pressure that acted on it (paper, section 3)."""
+"""Convert the sensor's output to the pressure that acted on it (paper, section 3)."""
 
 from typing import Literal, get_args
 
@@ -16,10 +16,10 @@ from midair.recordings import dead_channels
 
 Method = Literal["fft", "fir"]
 LEAST = 1e-6
-"""Share of a channel's variance that must lie in the band: -60 dB."""
+"""Smallest accepted share of a channel's variance inside the band: -60 dB."""
 
 _LONG = 2**16
-"""Frames in which the band of a reel is looked for: 1.4 s at 48 kHz, a minute at 1 kHz."""
+"""Block length in frames for the band check of lazy frames: 1.4 s at 48 kHz, one minute at 1 kHz."""
 
 
 def calibrate(
@@ -34,36 +34,36 @@ def calibrate(
     crosstalk: Literal["keep", "undo"] = "keep",
     damping: float = 0.0,
 ) -> PressureFrames:
-    """Undo each channel's frequency response within a band and remove the rest.
+    """Undo each channel's frequency response within a band and remove everything outside it.
 
     Parameters
     ----------
     recording : Recording
-        In V or counts; or already in Pa.
+        In V, counts or Pa.
     calibration : Calibration, optional
-        Calibration of the same sensor and unit. None for a recording in Pa, which then only passes through the band.
+        Calibration of the same sensor in the same unit. None for a recording in Pa, which is only band-limited.
     band : tuple of float
-        (low, high) in Hz; half of the amplitude is left at these two corners.
+        (low, high) in Hz; the amplitude is halved at these two corners.
     method : {"fft", "fir"}
-        "fft": the whole recording at once. "fir": the filter that a stream would use, its delay taken away.
+        "fft" transforms the whole recording at once; "fir" applies the filter of a stream and removes its delay.
     edges : tuple of float, optional
-        Whole widths of the raised-cosine edges around the two corners, in Hz. By default low / 2 and high / 20, or what
-        fits below half the rate: 15 to 25 Hz and 458 to 482 Hz.
+        Full widths of the raised-cosine edges around the two corners, in Hz. By default low / 2 and high / 20, or less
+        to stay below half the rate: 15 to 25 Hz and 458 to 482 Hz.
     taps : int, optional
-        Length of the "fir" filter, odd. By default two periods of the narrowest edge: 201 at 1 kHz. On white noise in
-        20 to 470 Hz its result then agrees with "fft" to 0.4 % rms, and to 2.5 % at the worst frequency (25 Hz);
-        401 taps reach 0.06 % and 0.5 %, 801 taps 0.009 % and 0.09 %.
+        Length of the "fir" filter, odd. By default two periods of the narrowest edge: 201 at 1 kHz. On white noise from
+        20 to 470 Hz its result then agrees with "fft" to 0.4 % rms, and to 2.5 % at the worst frequency (25 Hz); 401
+        taps reach 0.06 % and 0.5 %, 801 taps 0.009 % and 0.09 %.
     floor : float
-        Density of the weakest pressure worth hearing, in Pa/sqrt(Hz); see `midair.calibration.inverse_response`.
+        Density of the weakest relevant pressure, in Pa/sqrt(Hz); see `midair.calibration.inverse_response`.
     crosstalk : {"keep", "undo"}
-        Whether to undo what the cells feel of each other, by the calibration's matrix.
+        Whether to undo the crosstalk between cells with the calibration's matrix.
     damping : float
-        Damping of crosstalk that is undone, 0 or more; see `midair.calibration.undo_matrix`.
+        Damping of the crosstalk inverse, 0 or more; see `midair.calibration.undo_matrix`.
 
     Returns
     -------
     PressureFrames
-        Signed, in Pa, at the rate of the recording.
+        Signed pressure in Pa at the rate of the recording.
 
     Raises
     ------
@@ -73,10 +73,9 @@ def calibrate(
     UnitError
         If a recording in V or counts comes without a calibration.
     MismatchError
-        If the calibration is of another sensor or unit.
+        If the calibration is for another sensor or unit.
     InputError
-        If the method is none of the two, taps, floor or damping make no sense, or crosstalk is to be undone that nobody
-        measured.
+        If method, taps, floor or damping is invalid, or crosstalk = "undo" and the calibration has no crosstalk matrix.
     """
     band = check_band(band, recording.rate)
     edges = band_edges(band, recording.rate) if edges is None else (float(edges[0]), float(edges[1]))
@@ -116,7 +115,7 @@ def calibrate(
 
 
 def typical_uncertainty(calibration: Calibration, band: Band) -> float | None:
-    """Twice the standard uncertainty (k = 2) of the response's magnitude, the median over band and channels.
+    """Expanded uncertainty (k = 2) of the response magnitude: the median over band and channels.
 
     None for a calibration that was stated, not measured.
     """
@@ -131,7 +130,7 @@ def _by_fft(
     def undo(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
         return inverse_response(calibration, frequency, band, edges=edges, floor=floor)
 
-    # Four periods of the narrowest edge, either way: four times the reach of the default FIR filter.
+    # Four periods of the narrowest edge on both sides: four times the reach of the default FIR filter.
     reach = min(2 * default_taps(recording.rate, edges) / recording.rate, 10 * recording.duration)
     return filter_response(recording.samples, recording.rate, undo, reach=reach)
 
@@ -140,27 +139,27 @@ def _fitting(recording: Recording, calibration: Calibration | None, band: Band) 
     if calibration is None:
         if recording.unit != "Pa":
             raise UnitError(
-                f"calibrate: expected a calibration for a recording in {recording.unit}, got none; give the sensor's, "
-                f"or state a sensitivity in {recording.unit}/Pa (Calibration.flat; --sensitivity on the command line)"
+                f"calibrate: expected a calibration for a recording in {recording.unit}, got none; give the sensor's "
+                f"file, or a sensitivity in {recording.unit}/Pa (Calibration.flat; --sensitivity on the command line)"
             )
         return Calibration.flat(recording.sensor, unit="Pa")
     have, want = calibration.sensor, recording.sensor
     if (have.name, have.shape) != (want.name, want.shape):
         raise MismatchError(
             f"calibration: expected one of sensor {want.name!r}, {want.rows} x {want.columns}, got one of "
-            f"{have.name!r}, {have.rows} x {have.columns}; a calibration fits only the sensor it was made with"
+            f"{have.name!r}, {have.rows} x {have.columns}; use the calibration of the sensor that made the recording"
         )
     if calibration.unit != recording.unit:
         raise MismatchError(
-            f"calibration: expected one of a sensor that puts out {recording.unit}, got {calibration.unit}; "
-            "give the one that was made with this converter"
+            f"calibration: expected one for a sensor output in {recording.unit}, got {calibration.unit}; "
+            "use the calibration that was measured with this converter"
         )
     check_reach(calibration, band)
     return calibration
 
 
 def _check_content(recording: Recording, band: Band) -> None:
-    """Refuse a recording whose every channel has less than a millionth (-60 dB) of its variance in the band."""
+    """Raise a BandError if no channel has a millionth (-60 dB) of its variance in the band."""
     low, high = band
     periods = recording.duration * (low or 1 / recording.duration)
     if recording.frames < 3 or periods < 1:
@@ -169,26 +168,25 @@ def _check_content(recording: Recording, band: Band) -> None:
             f"{recording.duration:g} s; record longer or raise the band"
         )
     if dead_channels(recording).all():
-        raise BandError("recording: expected something that changes, got a constant on every channel; check the sensor")
+        raise BandError("recording: expected a changing signal, got a constant on every channel; check the sensor")
     share = _share_inside(recording, band)
     if share < LEAST:
         raise BandError(
-            f"band: expected something of the recording between {low:g} and {high:g} Hz, got a share of {share:.1g} of "
-            f"its variance; choose a band where it has something (its rate is {recording.rate:g} Hz)"
+            f"band: expected signal power between {low:g} and {high:g} Hz, got a share of {share:.1g} of the "
+            f"variance; choose a band that contains the signal (rate: {recording.rate:g} Hz)"
         )
 
 
 def _share_inside(recording: Recording, band: Band) -> float:
-    """Largest share of a channel's variance that lies in the band, of a reel one that is large enough.
+    """Largest share of a channel's variance in the band; for lazy frames, the first share found that is large enough.
 
-    Looked for over the whole recording and again in ever shorter segments, so that a short tap close to one of its ends
-    counts too; the shorter a segment, the further from the corners, so that what is outside does not leak in. A reel is
-    gone through in long blocks, until what was found will do.
+    The whole recording and ever shorter segments are analysed, so that a short tap near one end counts too. For shorter
+    segments the band is narrowed, so that power outside it does not leak in.
     """
     variance = np.square(moments(recording.samples).spread)
     inside, share = np.zeros_like(variance), 0.0
     for block in blocks(recording.samples, _LONG if isinstance(recording.samples, LazyFrames) else recording.frames):
-        # One channel after another: a spectrum takes several times the memory of what it is of.
+        # One channel at a time, because a spectrum takes several times the memory of its signal.
         found = np.reshape([_inside(one, recording.rate, band) for one in channels(block)], variance.shape)
         inside = inside + found * (len(block) / recording.frames)
         share = float(np.divide(inside, variance, out=np.zeros_like(inside), where=variance > 0).max())
@@ -198,11 +196,11 @@ def _share_inside(recording: Recording, band: Band) -> float:
 
 
 def _inside(samples: NDArray[np.float64], rate: float, band: Band) -> NDArray[np.float64]:
-    """Mean square of what lies in the band, of (frame, ...), by the length of segment that finds most of it."""
+    """Mean square within the band, for samples of shape (frame, ...), with the segment length that finds the most."""
     low, high = band
     inside, length = band_energy(samples, rate, band, resolution=rate / len(samples)), len(samples) // 4
     while length >= 16 and low + 4 * rate / length < high - 4 * rate / length:
-        # Four bins are how far the window of `band_energy` leaks.
+        # The window of `band_energy` leaks over four bins.
         inner = (low + 4 * rate / length, high - 4 * rate / length)
         inside = np.maximum(inside, band_energy(samples, rate, inner, resolution=rate / length))
         length //= 4

@@ -1,4 +1,4 @@
-"""Undo a sensor while it is recorded, block by block, with a stated delay."""
+"""Apply a calibration block by block during recording, with a stated delay."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,41 +14,29 @@ Array = NDArray[np.float64]
 
 
 class StreamingInverse:
-    """The filter of ``calibrate(method="fir")`` for a stream: the same frames, `delay` later.
+    """Apply the filter of ``calibrate(method="fir")`` to a stream: the same frames, `delay` seconds later.
 
-    Whatever the lengths of the blocks, what comes out of `push` and `finish` together is what `calibrate` makes of the
-    whole recording with the same band and taps, to rounding (1e-9 of its peak); against its default, the FFT, it is
-    right to .4 % rms with the default taps, see `calibrate`.
+    For any block lengths, the outputs of `push` and `finish` together equal `calibrate` on the whole recording with the
+    same band and taps, to rounding (1e-9 of the peak). The result differs from the default FFT method by .4 % rms with
+    the default taps, see `calibrate`. The filter is symmetric around `delay`, except for the phase that it inverts.
 
     Parameters
     ----------
-    calibration : Calibration
-        Calibration of the sensor.
     rate : float
-        Rate of the frames, in Hz.
+        Frame rate in Hz.
     band : tuple of float
-        (low, high), in Hz.
+        (low, high) in Hz.
     taps : int, optional
-        Odd; two periods of the narrowest edge if None: 201 at 1 kHz, so that the delay is 100 ms.
-    edges, floor
+        Odd; by default two periods of the narrowest edge: 201 at 1 kHz, a delay of 100 ms.
+    edges, floor, crosstalk, damping
         As in `calibrate`.
-    crosstalk : {"keep", "undo"}
-        Whether to undo what the cells feel of each other.
-    damping : float
-        See `midair.calibration.undo_matrix`.
 
     Raises
     ------
     BandError
         If the band does not fit the rate or the calibration.
     InputError
-        If taps, floor or damping make no sense, or nobody measured the crosstalk that is to be undone.
-
-    Attributes
-    ----------
-    delay : float
-        Time between a frame's going in and its coming out, in s; the filter is symmetric around it but for the phase
-        that it undoes.
+        If taps, floor or damping is out of range, or the calibration has no crosstalk matrix to undo.
     """
 
     def __init__(
@@ -74,12 +62,13 @@ class StreamingInverse:
         self.delay = (len(fir) - 1) / 2 / rate
 
     def push(self, block: Array) -> Array:
-        """Take the next frames, shape (frame, row, column); those that are ready, in Pa, may be fewer, later none.
+        """Take the next block, shape (frame, row, column), and return the frames that are ready, in Pa; there may be
+        none.
 
         Raises
         ------
         ShapeError, NonFiniteError
-            If the block does not fit; nothing of it is taken.
+            If the block is invalid; then no frame of it is used.
         """
         samples = np.asarray(block, float)
         if samples.ndim != 3 or samples.shape[1:] != self._shape:
@@ -88,12 +77,12 @@ class StreamingInverse:
             return samples
         flat = frozen_array(samples, "block", ("frame", *self._shape)).reshape(len(samples), -1)
         if not len(self._held):
-            # Before the first frame the sensor is taken to have said what it says in it.
+            # Assume that the first frame was constant before the stream began.
             self._held = np.repeat(flat[:1], len(self._fir) // 2, axis=0)
         return self._filter(flat)
 
     def finish(self) -> Array:
-        """The frames that are still inside, as if the last one were held, shape (frame, row, column), in Pa.
+        """Return the remaining frames, shape (frame, row, column), in Pa, as if the last input frame were repeated.
 
         The next `push` begins a new stream.
         """
@@ -107,7 +96,7 @@ class StreamingInverse:
         from scipy.signal import oaconvolve
 
         held = np.concatenate([self._held, flat])
-        # As many as the next frame out needs before the next frame in.
+        # Keep the history that the next output frame needs.
         self._held = held[max(0, len(held) - len(self._fir) + 1) :]
         if len(held) < len(self._fir):
             return np.zeros((0, *self._shape))
@@ -116,17 +105,13 @@ class StreamingInverse:
 
 
 def mixing(calibration: Calibration, crosstalk: str, damping: float) -> Array | None:
-    """The matrix that undoes a calibration's crosstalk, or None when it is to be kept.
-
-    Raises
-    ------
-    InputError
-        If it is neither to be kept nor undone, or nobody measured it.
-    """
+    """Return the matrix that undoes a calibration's crosstalk, or None for crosstalk = "keep"."""
     if crosstalk == "keep":
         return None
     if crosstalk != "undo":
         raise InputError(f"crosstalk: expected keep or undo, got {crosstalk!r}")
     if calibration.crosstalk is None:
-        raise InputError("crosstalk: expected a calibration that knows it, got one that does not; press on each cell")
+        raise InputError(
+            "crosstalk: expected a calibration with a crosstalk matrix, got none; press on each cell alone"
+        )
     return undo_matrix(calibration.crosstalk, damping=damping)
