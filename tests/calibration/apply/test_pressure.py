@@ -176,7 +176,7 @@ def test_volts_need_a_calibration(unit):
     [
         (Calibration.flat(SensorGrid(name="other")), "'sensor', 4 x 4, got one of 'other'"),
         (Calibration.flat(SensorGrid(rows=3)), "4 x 4, got one of 'sensor', 3 x 4"),
-        (Calibration.flat(SensorGrid(), unit="count"), "puts out V, got count"),
+        (Calibration.flat(SensorGrid(), unit="count"), "sensor output in V, got count"),
     ],
 )
 def test_the_calibration_of_another_sensor_is_refused(calibration, says):
@@ -198,7 +198,7 @@ def test_a_slow_recording_names_a_band_that_fits():
 
 @pytest.mark.parametrize("frequency", [2.0, 5.0, 10.0])
 def test_a_recording_with_nothing_in_the_band_is_refused(frequency):
-    with pytest.raises(BandError, match="something of the recording between 20 and 470 Hz, got a share of"):
+    with pytest.raises(BandError, match="signal power between 20 and 470 Hz, got a share of"):
         calibrate(of(tone(frequency, offset=1.0)))
 
 
