@@ -125,7 +125,7 @@ def test_what_is_no_beam_is_refused():
     codes = array_codes(known.array, model.grid, ArrayPlan(duration=0.2), acoustics=ACOUSTICS, height=0.2)
     field = ArrayField(array=known.array, codes=codes, acoustics=ACOUSTICS, calibration=calibration_of(model))
     noise = np.random.default_rng(0).standard_normal((codes.frames, 16))
-    with pytest.raises(InputError, match="hear what the model says"):
+    with pytest.raises(InputError, match="recording that the model explains"):
         fit_array(field, noise)
     with pytest.raises(ShapeError, match="frames of codes or more"):
         fit_array(field, noise[:100])

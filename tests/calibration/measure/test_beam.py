@@ -126,7 +126,7 @@ def test_noise_is_covered():
 
 
 def test_a_channel_that_hears_nothing_is_named():
-    with pytest.raises(InputError, match="got channels 1 that do not"):
+    with pytest.raises(InputError, match="got none on channels 1"):
         measured(response=[0.02, 0.0], noise=1e-4)
 
 

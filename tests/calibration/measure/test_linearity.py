@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.calibration.measure.frequency_response import band_sums, solve_sums
-from midair.calibration.measure.linearity import bend_uncertainty, distinct, fit_levels, followed_share, same_levels
+from midair.calibration.measure.linearity import bend_uncertainty, distinct, fit_levels, predicted_share, same_levels
 from midair.errors import InputError
 
 
@@ -48,7 +48,7 @@ def test_lines_through_noise_are_as_unsure_as_they_say():
 
 def test_levels_that_differ():
     assert distinct(np.array([3.0, 1.0, 1.02, 2.0, 3.1])).tolist() == [1.0, 2.0, 3.0]
-    with pytest.raises(InputError, match="at least 5 different ones, got 4"):
+    with pytest.raises(InputError, match="at least 5 different levels, got 4"):
         levels([1, 2, 3, 4, 4.1], [1, 2, 3, 4, 4])
 
 
@@ -75,10 +75,10 @@ def test_how_far_a_take_follows_the_common_response():
     whole = band_sums(x, x * np.array([1.0, 2.0]) + noise, 1000.0, resolution=5.0, width=10.0)
     weak = band_sums(x, x * np.array([0.9, 2.0]) + noise, 1000.0, resolution=5.0, width=10.0)
     counts = np.ones(len(whole.frequency), bool)
-    share, error = followed_share(weak, solve_sums([whole]), counts)
+    share, error = predicted_share(weak, solve_sums([whole]), counts)
     assert share == pytest.approx([0.9, 1.0], abs=0.002)
     assert (error < 0.002).all()
     # a channel that hears nothing follows nothing
     deaf = band_sums(x, np.zeros((20_000, 2)), 1000.0, resolution=5.0, width=10.0)
-    share, error = followed_share(deaf, solve_sums([deaf]), counts)
+    share, error = predicted_share(deaf, solve_sums([deaf]), counts)
     assert (share.tolist(), error.tolist()) == ([0, 0], [1, 1])

@@ -73,7 +73,7 @@ def test_bad_tones_are_refused(bench):
         ({"frequency": 20.0}, BandError, "2 s or more for 10 segments"),
         ({"pressure": 0.0}, InputError, "pressure of the tone"),
         ({"segments": 2}, InputError, "3 segments"),
-        ({"frequency": 100.0}, InputError, "tone: expected one near 100 Hz"),
+        ({"frequency": 100.0}, InputError, "tone: expected a steady tone near 100 Hz"),
     ):
         with pytest.raises(error, match=says):
             measure_tone(said, **({"frequency": 250.0, "pressure": 10.0} | changes))
@@ -94,5 +94,5 @@ def test_a_tone_of_another_sensor_is_refused(bench):
 
 def test_silence_is_no_tone():
     quiet = Recording(samples=np.zeros((4000, 4, 4)), rate=1000.0)
-    with pytest.raises(InputError, match="tone: expected one near"):
+    with pytest.raises(InputError, match="tone: expected a steady tone near"):
         measure_tone(quiet, frequency=250.0, pressure=10.0)

@@ -1,4 +1,4 @@
-"""Measure a calibration: against a reference, with a tone of known pressure, or by a focused beam."""
+"""Measure a calibration against a reference, with a tone of known pressure, or with a focused beam."""
 
 from midair.calibration.measure.against_reference import measure_calibration, measure_response
 from midair.calibration.measure.array_field import ArrayField, SensorPlace

@@ -1,4 +1,4 @@
-"""A sensor's calibration from what it said while a known pressure acted on it."""
+"""Measure a sensor's calibration from recordings of a known pressure."""
 
 from collections.abc import Sequence
 
@@ -23,31 +23,31 @@ def measure_response(
     coherence: float = 0.9,
     date: str = "",
 ) -> Calibration:
-    """Calibration from one recording of a known pressure that differs from cell to cell.
+    """Measure a calibration from one recording of a known pressure that differs from cell to cell.
 
     Parameters
     ----------
     recording : Recording
-        What the sensor said.
+        The sensor's output.
     pressure : PressureFrames
-        What acted on its cells at the same time and rate: noise or a sweep that fills the band, for 12 / resolution
-        seconds or more.
+        Pressure on its cells at the same times and rate: noise or a sweep that fills the band, for at least 12 /
+        resolution seconds.
     resolution, coherence
         See `MeasureSettings`.
     date : str
-        When it was measured, ISO 8601.
+        Date of the measurement, ISO 8601.
 
     Returns
     -------
     Calibration
-        At the bins that count; a dead channel has response 0.
+        At the valid bins; a dead channel has the response 0.
 
     Raises
     ------
     MismatchError
-        If the two do not have the same cells, rate and number of frames.
+        If the two differ in cells, rate or number of frames.
     BandError
-        If fewer than two bins count.
+        If fewer than two bins are valid.
     """
     _check_pair(recording, pressure)
     settings = MeasureSettings(resolution=resolution, coherence=coherence)
@@ -55,8 +55,8 @@ def measure_response(
     part = sums_of(x, y, recording.rate, settings)
     simulated = pressure.provenance.simulated
     found = Evidence(recording=recording, parts=(part,), own=(part,), settings=settings, reference="known pressure")
-    life = recording.provenance.then("measure response", settings.as_settings(), simulated=simulated)
-    return found.calibration(date=date, version=1, provenance=life, method="one recording of a known pressure")
+    history = recording.provenance.then("measure response", settings.as_settings(), simulated=simulated)
+    return found.calibration(date=date, version=1, provenance=history, method="one recording of a known pressure")
 
 
 def measure_calibration(
@@ -67,37 +67,31 @@ def measure_calibration(
     date: str = "",
     version: int = 1,
 ) -> Calibration:
-    """Calibration of a sensor from recordings against a reference, with an uncertainty on every number.
+    """Measure a calibration from recordings against a reference, with an uncertainty for every number.
 
-    The response of a channel rests on all takes that press on it, weighted by their power. Its uncertainty combines, as
-    in the GUM, the noise (Bendat and Piersol), what the takes differ by beyond it, and the reference's own.
+    The response of a channel is fitted to all takes that press on it, weighted by their power. Its uncertainty
+    combines, as in the GUM, the noise (Bendat and Piersol), the variation between takes beyond the noise, and the
+    uncertainty of the reference.
 
     Parameters
     ----------
-    takes : sequence of Take
-        Noise or sweeps that fill the band; a sweep begins and ends in silence. On all cells at once, or one take or
-        more on each cell alone, which also gives the crosstalk (takes on all cells then count for linearity only).
-        Five different levels give the linearity.
+    takes : sequence of ReferencedTake
+        Noise or sweeps that fill the band; a sweep begins and ends in silence. Either all takes press on all cells at
+        once, or one or more takes press on each cell alone, which also gives the crosstalk (takes on all cells are then
+        used for linearity only). Five different levels give the linearity.
     quiet : Recording, optional
-        A recording in which nothing presses, for the noise; without it that is what the reference does not explain.
-    settings : MeasureSettings, optional
-        The defaults if None.
+        A recording without any pressure, for the noise; without it, the noise is the residual of the fit.
     date : str
-        When it was measured, ISO 8601.
+        Date of the measurement, ISO 8601.
     version : int
         Version of this sensor's calibration.
-
-    Returns
-    -------
-    Calibration
-        At the bins that count.
 
     Raises
     ------
     MismatchError
-        If the takes are not of one sensor, or some cells but not all were pressed on alone.
+        If the takes are not of one sensor, or only some cells were pressed alone.
     BandError
-        If the takes are too short, or fewer than two bins count.
+        If the takes are too short, or fewer than two bins are valid.
     """
     check_alike(takes)
     settings = settings or MeasureSettings()
@@ -109,7 +103,7 @@ def measure_calibration(
     )
     alone = _pressed_alone(takes)
     own = tuple(
-        # With single presses at hand, those on all cells are left out: there the neighbours are felt, too.
+        # Takes on all cells contain crosstalk, so they are left out if there are takes on single cells.
         part.only(take.presses())
         for part, take in zip(parts, takes, strict=True)
         if not alone or take.cell is not None
@@ -123,7 +117,7 @@ def measure_calibration(
         alone=alone,
         quiet=quiet,
         reference=", ".join(dict.fromkeys(take.reference.name for take in takes)),
-        # Of several references the least sure one counts.
+        # For several references, use the largest uncertainty.
         reference_uncertainty=max(take.reference.uncertainty for take in takes),
     )
     where = "each cell alone" if alone else "all cells at once"
@@ -132,16 +126,18 @@ def measure_calibration(
     if np.sum([part.points > 0 for part in own], axis=0).min() < 2:
         method += "; one take on a cell, so that repeatability is not known"
     simulated = first.provenance.simulated or any(take.reference.simulated for take in takes)
-    life = Provenance(source=f"measured against {found.reference}", simulated=simulated, notes=first.provenance.notes)
-    told: dict[str, Setting] = {
+    history = Provenance(
+        source=f"measured against {found.reference}", simulated=simulated, notes=first.provenance.notes
+    )
+    details: dict[str, Setting] = {
         **settings.as_settings(),
         "takes": tuple(take.recording.provenance.source for take in takes),
         "levels_pa": tuple(round(take.level, 6) for take in takes),
         "reference_uncertainty": found.reference_uncertainty,
         "quiet": "none" if quiet is None else quiet.provenance.source,
     }
-    life = life.then("measure calibration", told)
-    return found.calibration(date=date, version=version, provenance=life, method=method)
+    history = history.then("measure calibration", details)
+    return found.calibration(date=date, version=version, provenance=history, method=method)
 
 
 def _flat(recording: Recording) -> Array:
@@ -149,19 +145,13 @@ def _flat(recording: Recording) -> Array:
 
 
 def _pressed_alone(takes: Sequence[ReferencedTake]) -> bool:
-    """Whether each cell was pressed on alone.
-
-    Raises
-    ------
-    MismatchError
-        If some were and others not.
-    """
+    """True if each cell was pressed alone; raise a MismatchError if only some cells were."""
     pressed = {take.cell for take in takes if take.cell is not None}
     missing = [cell for cell in range(takes[0].recording.sensor.count) if cell not in pressed]
     if pressed and missing:
         raise MismatchError(
-            f"takes: expected every cell pressed on alone, or none, got no take on cells "
-            f"{', '.join(map(str, missing))}; record the missing ones, or leave the single ones out"
+            f"takes: expected a take on every single cell, or on none, got no take on cells "
+            f"{', '.join(map(str, missing))}; record the missing takes, or remove the takes on single cells"
         )
     return bool(pressed)
 

@@ -1,6 +1,6 @@
-"""What a sensor says while an array plays codes: transducers follow, cells average, channels answer.
+"""Forward model of `array_fit`: transducer dynamics, pressure averaged over cells, and channel responses.
 
-The forward model of `array_fit`, and how it changes with each thing that is not known.
+It also provides the derivatives with respect to every unknown.
 """
 
 from dataclasses import dataclass
@@ -19,83 +19,59 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorPlace:
-    """Where the sensor lies, and what else all transducers share.
-
-    Attributes
-    ----------
-    x, y, z : float
-        Of the middle of the sensor, in m; z is its height above the array.
-    turn : float
-        By which it is turned about the vertical, in rad.
-    late : float
-        By which the array begins after the first frame of the recording, in s.
-    gain : float
-        Pressure over that of the model.
-    spread : float
-        Standard deviation with which the gel spreads a point, in m.
-    """
+    """Position of the sensor, and other parameters that all transducers share."""
 
     x: float = 0.0
     y: float = 0.0
     z: float = 0.2
+    """Height of the sensor's centre above the array in m; x and y are its other coordinates."""
     turn: float = 0.0
+    """Rotation about the vertical axis in rad."""
     late: float = 0.0
+    """Delay of the array after the first frame of the recording, in s."""
     gain: float = 1.0
+    """Pressure relative to the model."""
     spread: float = 1e-3
+    """Standard deviation of the gel's point spread, in m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArrayField:
-    """The way from codes to what the cells under the beam say, in the frequencies that count.
-
-    Attributes
-    ----------
-    array : TransducerArray
-        As its model says it is.
-    codes : ArrayCodes
-        What is played.
-    acoustics : Acoustics
-        Air and directivity.
-    calibration : Calibration
-        Of the sensor.
-    band : tuple of float
-        (low, high) of what counts, in Hz.
-    steps : int
-        Moments a frame.
-    height : float
-        Where the sensor is believed to lie above the array, in m.
-    rate : float
-        Of the sensor, in Hz: a whole multiple of the codes' rate.
-    aperture : float
-        Side of the square over which a cell averages, in m.
-    """
+    """Model of the cells' output under the beam while an array plays codes, at the frequencies within the band."""
 
     array: TransducerArray
+    """Nominal array."""
     codes: ArrayCodes
     acoustics: Acoustics
     calibration: Calibration
+    """Calibration of the sensor."""
     height: float = 0.2
+    """Assumed height of the sensor above the array, in m."""
     rate: float = 1000.0
+    """Rate of the sensor in Hz: a whole multiple of the codes' rate."""
     band: tuple[float, float] = (20.0, 470.0)
+    """(low, high) in Hz."""
     steps: int = 8
+    """Time steps per frame."""
     aperture: float = 8e-3
+    """Side of the square over which a cell averages, in m."""
 
     def matrix(self, place: SensorPlace) -> tuple[Complex, Array]:
-        """Full drive of each transducer to sound at points around the cells, and how these average it.
+        """Transfer matrix to points around the cells, and the cells' averaging weights.
 
         Returns
         -------
         G : ndarray of complex, shape (point, transducer)
             In roots of Pa of radiation pressure.
         weights : ndarray, shape (cell, point)
-            Of the cells that the beam is on.
+            For the cells under the beam.
         """
         sensor = self.calibration.sensor
         rows, columns = (np.unique(axis) for axis in np.divmod(self.codes.cells, sensor.columns))
         some = SensorGrid(rows=len(rows), columns=len(columns), pitch=sensor.pitch, name=sensor.name)
         middle = np.mean([sensor.channel_position(cell) for cell in self.codes.cells], axis=0)
         model = SensorModel(grid=some, aperture=self.aperture, spread=place.spread)
-        # What interferes has no detail finer than half a wavelength, of which two millimetres are less than half.
+        # Interference patterns have no detail below half a wavelength; 2 mm is less than half of that.
         pitch, reach = 2e-3, self.aperture / 2 + 6e-3
         wide = [int(np.ceil(((count - 1) * sensor.pitch + 2 * reach) / pitch)) for count in (len(rows), len(columns))]
         points = ControlGrid(rows=wide[0], columns=wide[1], pitch=pitch, height=place.z)
@@ -108,12 +84,12 @@ class ArrayField:
         return G * np.sqrt(factor), weights
 
     def window(self, group: int) -> tuple[int, int]:
-        """Frames of the codes that belong to a group, with half of the stillness on both sides."""
+        """First and last frame of a group's codes, with half of the steady period on both sides."""
         first, half = self.codes.starts[group], self.codes.settle // 2
         return first - half, first + len(self.codes.codes[group]) + half
 
     def answer(self, group: int, place: SensorPlace) -> tuple[NDArray[np.int64], Complex]:
-        """Which bins of a group's window count, and the answer of each cell in them, shape (bin, cell)."""
+        """Bins of a group's window within the band, and the response of each cell in them, shape (bin, cell)."""
         begin, end = self.window(group)
         frames = round((end - begin) * self.rate / self.codes.rate)
         frequency = np.asarray(np.fft.rfftfreq(frames, 1 / self.rate), np.float64)
@@ -123,7 +99,7 @@ class ArrayField:
         return bins, np.asarray(channels * late, np.complex128)
 
     def spectrum(self, samples: Array, group: int) -> Complex:
-        """What was recorded in a group's window, shape (bin, cell), of samples of shape (frame, channel)."""
+        """Measured spectrum of a group's window, shape (bin, cell), from samples of shape (frame, channel)."""
         per = round(self.rate / self.codes.rate)
         begin, end = (frame * per for frame in self.window(group))
         if end > len(samples):
@@ -133,36 +109,25 @@ class ArrayField:
         return np.fft.rfft(some - some.mean(axis=0), axis=0)[bins] / len(some)
 
     def predicted(self, pressure: Array, group: int, place: SensorPlace) -> Complex:
-        """What the cells say in the bins that count of a pressure, shape (moment, cell) or (moment, cell, unknown)."""
+        """Predicted spectrum of the output within the band, for a pressure (step, cell) or (step, cell, unknown)."""
         bins, answer = self.answer(group, place)
         whole = np.fft.rfft(pressure, axis=0)[bins] / len(pressure)
         return whole * answer.reshape(*answer.shape, *([1] * (pressure.ndim - 2)))
 
     def followed(self, group: int, pole: Complex) -> tuple[Complex, Complex]:
-        """What each transducer of a group radiates of its settled response, and how that changes with its pole.
+        """Relative output of each transducer of a group over time, and its derivative with respect to the pole.
 
-        q(t + dt) = c + (q(t) - c) e^(p dt), and its derivative with p in the same steps.
-
-        Parameters
-        ----------
-        group : int
-            Number of the group.
-        pole : ndarray of complex, shape (transducer of the group,)
-            In rad/s.
-
-        Returns
-        -------
-        q, change : ndarray of complex, shape (moment, transducer of the group)
-            The change is in s/rad.
+        q(t + dt) = c + (q(t) - c) e^(p dt), with the pole p in rad/s. Both results are complex, of shape (step,
+        transducer of the group); the derivative is in s/rad.
         """
         code, members, settle = self.codes.codes[group], self.codes.groups[group], self.codes.settle
-        told = self.codes.level * np.exp(1j * (self.codes.still[members] + np.pi / 2 * _padded(code, settle // 2)))
+        command = self.codes.level * np.exp(1j * (self.codes.still[members] + np.pi / 2 * _padded(code, settle // 2)))
         time = np.arange(1, self.steps + 1)[:, None] / (self.codes.rate * self.steps)
         decay = np.exp(pole * time)
-        q = np.empty((len(told), self.steps, len(members)), complex)
+        q = np.empty((len(command), self.steps, len(members)), complex)
         change = np.empty_like(q)
-        now, moving = told[0], np.zeros(len(members), complex)
-        for frame, drive in enumerate(told):
+        now, moving = command[0], np.zeros(len(members), complex)
+        for frame, drive in enumerate(command):
             change[frame] = (moving + time * (now - drive)) * decay
             q[frame] = drive + (now - drive) * decay
             now, moving = q[frame, -1], change[frame, -1]

@@ -1,10 +1,10 @@
-"""Transducers from what a sensor said while their codes played: a fit of every unknown of a group at once.
+"""Fit the response of every transducer of an array to a sensor's recording of phase codes.
 
-First what all transducers share is found, where the sensor lies and how strong all are together, by Gauss and Newton
-with transducers that are alike. Then each group's responses and poles are fitted, given the others', and again until
-nothing changes: the square of the sound couples the groups, weakly. The noise is white, so the normal matrix over its
-variance is the information; what is usual (transducers within 30 % and a time constant within 20 % of the model's) is a
-prior beside it, and the inverse of both the covariance (A. Gelman et al., Bayesian Data Analysis, 3rd ed., 14.8).
+First the shared parameters (position of the sensor, overall strength) are fitted by Gauss-Newton with identical
+transducers. Then the responses and poles of each group are fitted with the other groups fixed, and this is repeated
+until convergence, because the squared sound couples the groups weakly. The noise is white, so the normal matrix over
+its variance is the information. A prior (transducers within 30 %, time constants within 20 % of the model) is added,
+and the inverse of the sum is the covariance (A. Gelman et al., Bayesian Data Analysis, 3rd ed., 14.8).
 """
 
 from dataclasses import dataclass, fields, replace
@@ -17,13 +17,13 @@ from midair.calibration.measure.array_place import (
     DEAD,
     ArrayState,
     TransducerPrior,
-    find_place,
-    from_place,
-    from_softness,
+    absorb_displacement,
+    fit_shared,
+    gel_strength_error,
+    position_phase_error,
+    predicted_spectrum,
     real_parts,
-    said_of,
-    settle_place,
-    sound_of,
+    sound_at_points,
 )
 from midair.model import ArrayCalibration, Progress, Provenance
 from midair.physics import TransducerDynamics
@@ -34,15 +34,7 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Slope:
-    """How what is said changes with each unknown of a group, and what that tells.
-
-    Attributes
-    ----------
-    jacobian : ndarray, shape (number, unknown)
-        Unknowns: real and imaginary part of each response, and of each pole in parts of one over the time constant.
-    covariance : ndarray, shape (unknown, unknown)
-        Inverse of information and prior.
-    """
+    """Jacobian (number, unknown) and posterior covariance of a group's responses and scaled poles."""
 
     jacobian: Array
     covariance: Array
@@ -61,25 +53,25 @@ def fit_array(
     provenance: Provenance | None = None,
     progress: Progress | None = None,
 ) -> ArrayCalibration:
-    """The transducers of an array from what a sensor said of their codes.
+    """Estimate the transducers of an array from a sensor's recording of their codes.
 
     Parameters
     ----------
     field : ArrayField
-        What was played, and how it is heard.
+        Model of the codes and of the sensor.
     samples : ndarray, shape (frame, channel)
-        What the sensor said, from the first frame of the codes on.
+        Output of the sensor from the first frame of the codes on.
     dynamics : TransducerDynamics, optional
-        Of the model's transducers.
-    usual : Usual, optional
-        What is believed beforehand.
+        Dynamics of the model's transducers.
+    usual : TransducerPrior, optional
+        Prior of the transducers.
     sweeps : int
-        How often each group is fitted, given the others.
+        Number of fits of each group.
     synchronous : bool
-        Whether the first sample is that of the first frame. Where that is found, too, nobody knows the time constants
-        that all have in common: a transducer that is slow and an array that is late sound alike.
+        Whether the first sample belongs to the first frame. If not, the delay is fitted too, and the mean time constant
+        stays unknown: slow transducers and a late array have the same effect.
     level_uncertainty : float
-        Standard uncertainty of the sensor's pressure that all cells share, as a part of it.
+        Relative standard uncertainty of the sensor's pressure that all cells share.
     date, provenance
         As in `ArrayCalibration`.
     progress : callable, optional
@@ -88,47 +80,59 @@ def fit_array(
     Raises
     ------
     InputError
-        If the beam is not heard.
+        If the recording does not match the model.
     ShapeError
         If there are fewer samples than codes.
     """
     usual, nominal = usual or TransducerPrior(), pole_of(dynamics or TransducerDynamics())
-    said = [field.spectrum(samples, group) for group in range(len(field.codes.groups))]
+    measured = [field.spectrum(samples, group) for group in range(len(field.codes.groups))]
     noise = _noise(field)
     count = field.array.count
     state = ArrayState(np.ones(count, complex), np.full(count, nominal), SensorPlace(z=field.height))
-    find_place(field, said[0], state, usual, synchronous=synchronous)
+    fit_shared(field, measured[0], state, usual, synchronous=synchronous)
     strength = np.sqrt(state.place.gain)
     state.response *= strength
     state.place = replace(state.place, gain=1.0)
     slopes: list[_Slope] = []
-    common = np.zeros((2, len(said)))
-    total = sweeps * len(said)
+    common = np.zeros((2, len(measured)))
+    total = sweeps * len(measured)
     for sweep in range(sweeps):
         if sweep < 2:
             slopes = []
-        for group, heard in enumerate(said):
+        for group, heard in enumerate(measured):
             if len(slopes) <= group:
                 slopes.append(_slope(field, group, state, noise, usual, strength, nominal))
             _step(field, group, heard, state, slopes[group], noise, usual, strength, nominal)
             if progress:
-                progress(sweep * len(said) + group + 1, total)
-        common = _balance(field, said, state, noise, usual)
+                progress(sweep * len(measured) + group + 1, total)
+        common = _balance(field, measured, state, noise, usual)
         if sweep < 2:
-            settle_place(field, state, strength, usual)
+            absorb_displacement(field, state, strength, usual)
     shared = 0.0 if synchronous else usual.pole
     return _result(
-        field, said, state, slopes, common, noise, usual, nominal, strength, level_uncertainty, shared, date, provenance
+        field,
+        measured,
+        state,
+        slopes,
+        common,
+        noise,
+        usual,
+        nominal,
+        strength,
+        level_uncertainty,
+        shared,
+        date,
+        provenance,
     )
 
 
 def _noise(field: ArrayField) -> Array:
-    """Variance of the real or the imaginary part of a bin of each group, shape (group,)."""
+    """Variance of the real or the imaginary part of a bin for each group, shape (group,)."""
     density = float(np.sqrt((field.calibration.noise.ravel()[list(field.codes.cells)] ** 2).mean()))
     frames = np.array([end - begin for begin, end in map(field.window, range(len(field.codes.groups)))])
     frames = frames * field.rate / field.codes.rate
-    # A bin over the number of frames: the variance of a sample, n^2 times half the rate, over their number; half in
-    # each part.
+    # Variance of a bin of the normalised FFT: variance of a sample (n^2 times half the rate) over the number of
+    # frames, one half each in the real and the imaginary part.
     return np.maximum(density, 1e-12) ** 2 * field.rate / 2 / frames / 2
 
 
@@ -144,7 +148,7 @@ def _slope(
     members = field.codes.groups[group]
     G, weights = field.matrix(state.place)
     q, change = field.followed(group, state.pole[members])
-    sound = sound_of(field, group, state, G, q)
+    sound = sound_at_points(field, group, state, G, q)
     moving = change * state.response[members] * abs(nominal.real)
     rows: list[Array] = []
     for cell, weight in enumerate(weights):
@@ -176,24 +180,26 @@ def _step(
     strength: float,
     nominal: complex,
 ) -> None:
-    """One step of Gauss and Newton for the unknowns of a group, given the others'."""
+    """One Gauss-Newton step for the unknowns of a group, with the other groups fixed."""
     members = field.codes.groups[group]
-    rest = heard - said_of(field, group, state)
+    rest = heard - predicted_spectrum(field, group, state)
     now = _unknowns(state.response[members] - strength, (state.pole[members] - nominal) / abs(nominal.real))
     pull = now / _belief(len(members), usual, strength) ** 2
-    told = slope.jacobian.T @ np.concatenate([real_parts(cell) for cell in rest.T])
-    change = slope.covariance @ (told / noise[group] - pull)
+    gradient = slope.jacobian.T @ np.concatenate([real_parts(cell) for cell in rest.T])
+    change = slope.covariance @ (gradient / noise[group] - pull)
     real, imag, slow, turning = change.reshape(4, -1)
     state.response[members] += real + 1j * imag
     pole = state.pole[members] + abs(nominal.real) * (slow + 1j * turning)
-    # A step too far would make a transducer grow.
+    # Keep the pole stable: a step that is too large would make the response grow.
     state.pole[members] = np.minimum(pole.real, 0.2 * nominal.real) + 1j * pole.imag
 
 
-def _balance(field: ArrayField, said: list[Complex], state: ArrayState, noise: Array, usual: TransducerPrior) -> Array:
-    """Fit a factor for each group by what all windows say together; its uncertainty, shape (2, group).
+def _balance(
+    field: ArrayField, measured: list[Complex], state: ArrayState, noise: Array, usual: TransducerPrior
+) -> Array:
+    """Fit one complex factor per group to all windows together; return its uncertainty, shape (2, group).
 
-    Groups that are fitted in turn come to terms with each other slowly: each takes the rest for right.
+    Fitting the groups in turn converges slowly, because each fit takes the other groups as exact.
     """
     groups = field.codes.groups
     if len(groups) == 1:
@@ -202,8 +208,8 @@ def _balance(field: ArrayField, said: list[Complex], state: ArrayState, noise: A
     still = field.codes.level * np.exp(1j * field.codes.still) * state.response
     steady = np.stack([G[:, members] @ still[members] for members in groups])
     belief = np.sqrt([len(members) for members in groups]) / usual.response
-    information, told = np.diag(np.tile(belief, 2) ** 2), np.zeros(2 * len(groups))
-    for group, (members, heard) in enumerate(zip(groups, said, strict=True)):
+    information, gradient = np.diag(np.tile(belief, 2) ** 2), np.zeros(2 * len(groups))
+    for group, (members, heard) in enumerate(zip(groups, measured, strict=True)):
         q = field.followed(group, state.pole[members])[0]
         moving = q @ (G[:, members] * state.response[members]).T
         sound = steady.sum(axis=0) - steady[group] + moving
@@ -214,12 +220,12 @@ def _balance(field: ArrayField, said: list[Complex], state: ArrayState, noise: A
         slope = real_parts(field.predicted(columns, group, state.place)).reshape(-1, 2 * len(groups))
         rest = heard - field.predicted(np.abs(sound) ** 2 @ weights.T, group, state.place)
         information += slope.T @ slope / noise[group]
-        told += slope.T @ real_parts(rest).ravel() / noise[group]
+        gradient += slope.T @ real_parts(rest).ravel() / noise[group]
     covariance = np.linalg.inv(information)
-    change = covariance @ told
+    change = covariance @ gradient
     for members, along, across in zip(groups, change[: len(groups)], change[len(groups) :], strict=True):
         state.response[members] *= 1 + along + 1j * across
-    # A phase that all groups share cannot be heard, and is no error.
+    # A phase that all groups share has no effect on the output and is no error.
     keep = np.eye(len(groups)) - 1 / len(groups)
     part = covariance[len(groups) :, len(groups) :]
     across = np.sqrt(np.diag(keep @ part @ keep.T))
@@ -232,7 +238,7 @@ def _unknowns(response: Complex, pole: Complex) -> Array:
 
 def _result(
     field: ArrayField,
-    said: list[Complex],
+    measured: list[Complex],
     state: ArrayState,
     slopes: list[_Slope],
     common: Array,
@@ -249,20 +255,26 @@ def _result(
     errors = np.empty((4, count))
     for group, slope in enumerate(slopes):
         members = field.codes.groups[group]
-        rest = real_parts((said[group] - said_of(field, group, state)).ravel())
+        rest = real_parts((measured[group] - predicted_spectrum(field, group, state)).ravel())
         freedom = rest.size - np.einsum("ij,ji->", slope.covariance, slope.jacobian.T @ slope.jacobian) / noise[group]
-        # What the sensor's noise does not explain widens every uncertainty (R. Birge, Phys. Rev. 40, 1932).
+        # Residuals above the sensor's noise increase every uncertainty (R. Birge, Phys. Rev. 40, 1932).
         excess = max(1.0, float(np.square(rest).sum() / noise[group] / freedom))
-        errors[:, members] = np.sqrt(excess) * _errors(slope.covariance, state.response[members], alone=len(said) == 1)
+        errors[:, members] = np.sqrt(excess) * _errors(
+            slope.covariance, state.response[members], alone=len(measured) == 1
+        )
         errors[:2, members] = np.hypot(errors[:2, members], np.sqrt(excess) * common[:, [group]] * strength)
     dead = np.abs(state.response) < DEAD * strength
     size = np.where(dead, strength, np.abs(state.response))
     response = state.response * np.exp(-1j * np.angle(state.response[~dead].sum()))
     pole: Complex = np.where(dead, nominal, state.pole)
     errors[2:] = np.where(dead, usual.pole, errors[2:])
-    soft, level = from_softness(field, state, dead, usual)
+    soft, level = gel_strength_error(field, state, dead, usual)
     across = np.hypot(np.hypot(*errors[:2]) / np.sqrt(2), soft)
-    phase = np.where(dead, np.pi / np.sqrt(3), np.hypot(across / size, from_place(field, state, response, dead, usual)))
+    phase = np.where(
+        dead,
+        np.pi / np.sqrt(3),
+        np.hypot(across / size, position_phase_error(field, state, response, dead, usual)),
+    )
     scale = abs(nominal.real)
     return ArrayCalibration(
         array=field.array,
@@ -275,14 +287,14 @@ def _result(
         dead=dead,
         level_uncertainty=float(np.hypot(level_uncertainty / 2, level)),
         date=date,
-        provenance=(provenance or Provenance()).then("fit array", _told(state.place, field)),
+        provenance=(provenance or Provenance()).then("fit array", _provenance_settings(state.place, field)),
     )
 
 
 def _errors(covariance: Array, response: Complex, *, alone: bool) -> Array:
-    """Standard uncertainties, shape (4, transducer): along each response, across it, and of its pole's two parts.
+    """Standard uncertainties, shape (4, transducer): along each response, across it, and of the two parts of its pole.
 
-    Where one group is all there is, a phase that all share cannot be heard, and is no error.
+    With a single group, a phase that all transducers share has no effect on the output and is no error.
     """
     count = len(response)
     if alone:
@@ -298,6 +310,6 @@ def _errors(covariance: Array, response: Complex, *, alone: bool) -> Array:
     return np.sqrt(np.stack([along, across, variance[2], variance[3]]))
 
 
-def _told(place: SensorPlace, field: ArrayField) -> dict[str, float | int]:
+def _provenance_settings(place: SensorPlace, field: ArrayField) -> dict[str, float | int]:
     where = {f"sensor_{each.name}": float(getattr(place, each.name)) for each in fields(place) if each.name != "gain"}
     return {**where, "groups": len(field.codes.groups), "frames": field.codes.frames, "rate_hz": field.codes.rate}

@@ -1,9 +1,9 @@
-"""What all transducers share when they are measured: where the sensor lies, how soft its gel is, how strong they are.
+"""Estimate the parameters that all transducers share: position of the sensor, softness of its gel, overall strength.
 
-A sensor that lies elsewhere makes transducers late in a pattern, and a softer gel makes those weak that come from the
-side. A fit of each transducer cannot tell that from transducers that differ so; what can is that they differ at random.
-So both are found twice: by Gauss and Newton with transducers that are alike, and from what the transducers' own phases
-and strengths have in common with the patterns. How sure that is belongs to the uncertainty of each.
+A displaced sensor delays the transducers in a pattern, and a softer gel weakens those at the side. A fit of each
+transducer alone cannot separate this from real differences between transducers, which are random. So these parameters
+are estimated twice: by Gauss-Newton with identical transducers, and by projecting the fitted phases and strengths on
+the patterns. Their remaining uncertainty is part of the uncertainty of each transducer.
 """
 
 from dataclasses import dataclass, replace
@@ -18,72 +18,64 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 DEAD = 0.1
-"""Part of the usual strength below which a transducer is dead."""
+"""Strength relative to the mean below which a transducer is dead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TransducerPrior:
-    """What is believed of a transducer before it is measured, as standard deviations.
-
-    Attributes
-    ----------
-    response : float
-        Of real and imaginary part, as a part of the mean strength.
-    pole : float
-        Of real and imaginary part, as a part of one over the time constant.
-    length : float
-        Of where the sensor lies, in m.
-    softness : float
-        Of the standard deviation with which the gel spreads a point, in m.
-    """
+    """Prior standard deviations of a transducer."""
 
     response: float = 0.3
+    """Standard deviation of the real and imaginary part, relative to the mean strength."""
     pole: float = 0.2
+    """Standard deviation of the real and imaginary part, relative to one over the time constant."""
     length: float = 3e-3
+    """Standard deviation of the sensor's position in m."""
     softness: float = 0.5e-3
+    """Standard deviation of the width of the gel's point spread, in m."""
 
 
 @dataclass(slots=True, eq=False)
 class ArrayState:
-    """What is known so far, shape (transducer,) each."""
+    """Current estimates; response and pole have the shape (transducer,)."""
 
     response: Complex
     pole: Complex
     place: SensorPlace
 
 
-def said_of(field: ArrayField, group: int, state: ArrayState, q: Complex | None = None) -> Complex:
-    """What the model says of a group's window, shape (bin, cell); `q` is what the group radiates, if it is known."""
+def predicted_spectrum(field: ArrayField, group: int, state: ArrayState, q: Complex | None = None) -> Complex:
+    """Predicted spectrum of a group's window, shape (bin, cell); `q` is the group's output, if it is known already."""
     G, weights = field.matrix(state.place)
     members = field.codes.groups[group]
-    sound = sound_of(field, group, state, G, field.followed(group, state.pole[members])[0] if q is None else q)
+    sound = sound_at_points(field, group, state, G, field.followed(group, state.pole[members])[0] if q is None else q)
     return field.predicted(np.abs(sound) ** 2 @ weights.T, group, state.place)
 
 
-def sound_of(field: ArrayField, group: int, state: ArrayState, G: Complex, q: Complex) -> Complex:
-    """Sound at the points at every moment, shape (moment, point), of what each of the group radiates and the rest."""
+def sound_at_points(field: ArrayField, group: int, state: ArrayState, G: Complex, q: Complex) -> Complex:
+    """Sound at the points over time, shape (step, point): the coded group plus all steady transducers."""
     members = field.codes.groups[group]
     still = field.codes.level * np.exp(1j * field.codes.still) * state.response
     still[members] = 0
     return G @ still + q @ (G[:, members] * state.response[members]).T
 
 
-def find_place(
+def fit_shared(
     field: ArrayField, heard: Complex, state: ArrayState, usual: TransducerPrior, *, synchronous: bool
 ) -> None:
-    """Gauss and Newton over what all transducers share, by what the first group's codes told."""
+    """Fit the shared parameters to the first group's codes by Gauss-Newton."""
     steps = {"x": 2e-5, "y": 2e-5, "z": 2e-5, "turn": 1e-3, "late": 1e-6, "gain": 1e-3, "spread": 2e-5}
     wide = {"turn": 0.1, "late": 1e-12 if synchronous else 1e-3, "gain": 2.0, "spread": usual.softness}
     belief = np.array([wide.get(name, usual.length) / step for name, step in steps.items()])
     q = field.followed(0, state.pole[field.codes.groups[0]])[0]
     moved = np.zeros(len(steps))
     for _ in range(6):
-        now = said_of(field, 0, state, q)
+        now = predicted_spectrum(field, 0, state, q)
         rest = heard - now
         slope = np.empty((2 * rest.size, len(steps)))
         for column, (name, step) in enumerate(steps.items()):
             place = replace(state.place, **{name: getattr(state.place, name) + step})
-            changed = said_of(field, 0, ArrayState(state.response, state.pole, place), q)
+            changed = predicted_spectrum(field, 0, ArrayState(state.response, state.pole, place), q)
             slope[:, column] = real_parts((changed - now).ravel())
         error = float(np.square(real_parts(rest.ravel())).mean())
         information = slope.T @ slope / error + np.diag(1 / belief**2)
@@ -98,25 +90,27 @@ def find_place(
         state.place = replace(state.place, **values)
         if np.abs(change[:3]).max() < 0.05:
             break
-    told = 1 - float(np.square(np.abs(heard - said_of(field, 0, state))).sum() / np.square(np.abs(heard)).sum())
-    if told < 0.5:
+    explained = 1 - float(
+        np.square(np.abs(heard - predicted_spectrum(field, 0, state))).sum() / np.square(np.abs(heard)).sum()
+    )
+    if explained < 0.5:
         raise InputError(
-            f"array: expected the sensor to hear what the model says, got {100 * max(told, 0):.0f} % of it; is it over "
-            "the centre of the array, at that height, with this calibration?"
+            f"array: expected a recording that the model explains, got {100 * max(explained, 0):.0f} % of its power; "
+            "put the sensor over the centre of the array, and check its height and calibration"
         )
 
 
 def _patterns(field: ArrayField, place: SensorPlace) -> Array:
-    """How much later each transducer is where a sensor lies 1 m further along x, y, z, in rad; and 1 for all."""
+    """Phase delay of each transducer per metre of sensor displacement along x, y, z, in rad; and ones."""
     way = np.array([place.x, place.y, place.z]) - field.array.position
     k = 2 * np.pi * field.array.frequency / field.acoustics.medium.speed
     return np.column_stack([k * way / np.linalg.norm(way, axis=1, keepdims=True), np.ones(len(way))])
 
 
-def settle_place(field: ArrayField, state: ArrayState, strength: float, usual: TransducerPrior) -> None:
-    """Take what looks like another place of the sensor out of the phases: transducers do not know where it lies.
+def absorb_displacement(field: ArrayField, state: ArrayState, strength: float, usual: TransducerPrior) -> None:
+    """Move the part of the phases that a displaced sensor explains into its position, and likewise for the gel.
 
-    The sound at the sensor stays what it is, to first order.
+    To first order, the sound at the sensor stays the same.
     """
     pattern = _patterns(field, state.place)
     alive = np.abs(state.response) > DEAD * strength
@@ -136,9 +130,9 @@ def settle_place(field: ArrayField, state: ArrayState, strength: float, usual: T
 
 
 def _softness(field: ArrayField, state: ArrayState) -> Array:
-    """By which part each transducer is heard more when the gel spreads a point 1 m further, shape (transducer,).
+    """Relative increase of each transducer's signal per metre of point spread, shape (transducer,).
 
-    Those that come from another side than the beam are heard less: where they meet it, the pattern is finer.
+    Transducers far from the beam's axis lose signal, because they interfere with the beam in finer patterns.
     """
     still = field.codes.level * np.exp(1j * field.codes.still) * state.response
 
@@ -152,10 +146,10 @@ def _softness(field: ArrayField, state: ArrayState) -> Array:
     return (now.conj() * change).real.sum(axis=0) / step / np.square(np.abs(now)).sum(axis=0)
 
 
-def from_softness(
+def gel_strength_error(
     field: ArrayField, state: ArrayState, dead: NDArray[np.bool_], usual: TransducerPrior
 ) -> tuple[Array, float]:
-    """What is uncertain of each strength, and of all, since the gel's spread is known by the strengths alone."""
+    """Uncertainty of each strength, and of their mean, from the estimate of the gel's point spread."""
     soft = _softness(field, state)
     alive, size = soft[~dead] - soft[~dead].mean(), np.abs(state.response[~dead])
     known = float(alive @ alive / np.square(size.std() / size.mean()))
@@ -163,13 +157,13 @@ def from_softness(
     return np.abs(soft - soft[~dead].mean()) * float(size.mean() * spread), float(abs(soft[~dead].mean()) * spread)
 
 
-def from_place(
+def position_phase_error(
     field: ArrayField, state: ArrayState, response: Complex, dead: NDArray[np.bool_], usual: TransducerPrior
 ) -> Array:
-    """What is uncertain of each phase since the sensor's place is known by the transducers' own phases only.
+    """Uncertainty of each phase from the estimate of the sensor's position, which uses these phases only.
 
-    A sensor that lies elsewhere makes phases late by k times what it is further away. The place was found as if all
-    were alike: as sure as a line through phases that scatter as these do.
+    A displaced sensor delays phases by k times the change of distance. The position was fitted with identical
+    transducers, so its covariance is that of a linear fit to phases with this scatter.
     """
     pattern = _patterns(field, state.place)
     alive = pattern[~dead]
@@ -181,5 +175,5 @@ def from_place(
 
 
 def real_parts(values: Complex) -> Array:
-    """Real parts, then imaginary ones, along the first axis."""
+    """Real parts, then imaginary parts, along the first axis."""
     return np.concatenate([values.real, values.imag])

@@ -1,11 +1,11 @@
-"""What an array plays so that a sensor can tell its transducers apart: phase codes beside a beam that stands still.
+"""Phase codes that let a sensor measure each transducer of an array, played beside a steady focused beam.
 
-A sensor feels radiation pressure, which goes with the square of the sound: of one transducer alone it feels nothing.
-But in the square of a strong steady sound plus a weak one, what changes is 2 Re(conj(strong) weak): as loud as the weak
-one times the strong one. So all transducers hold a focus on some cells, and those of one group at a time are put 90
-degrees off it, forward, backward or not at all, by a random code of each one's own: in step with the beam the code
-tells how strong a transducer is, across it how late. Random codes are orthogonal but for one over the root of their
-length. What a transducer does between two steps of its code tells its resonance and its time constant.
+A sensor measures radiation pressure, which grows with the square of the sound, so a single transducer is far too weak.
+The square of a strong steady sound plus a weak changing one changes by 2 Re(conj(strong) weak), the product of both. So
+all transducers hold a focus on some cells, and those of one group at a time are shifted by +90, -90 or 0 degrees by a
+random code for each transducer. The component in phase with the beam gives the strength of a transducer, the component
+in quadrature its phase error. Random codes of length L are orthogonal to 1 / sqrt(L). The transient after each step of
+a code gives the resonance and the time constant.
 """
 
 from dataclasses import dataclass
@@ -23,31 +23,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArrayPlan:
-    """Codes for every transducer of an array, group by group.
-
-    Attributes
-    ----------
-    duration : float
-        Of all codes together, in s; the uncertainties fall with its root.
-    group : int
-        Transducers that are coded at a time, about.
-    top : float
-        Pressure that the still beam has on each cell that it is on at most, in Pa.
-    settle : float
-        Time between two groups in which nothing changes, in s: twice as long as a sensor that hears changes only
-        remembers.
-    rate : float
-        Frames per second of the drive, in Hz.
-    seed : int
-        Of groups and codes.
-    """
+    """Settings of the phase codes for an array, which are played group by group."""
 
     duration: float = 8.0
+    """Duration of all codes together in s; the uncertainties fall with its square root."""
     group: int = 250
+    """Approximate number of transducers per group."""
     top: float = 100.0
+    """Highest pressure of the steady beam on any of its cells, in Pa."""
     settle: float = 0.15
+    """Pause between two groups in s: twice the memory of a sensor that responds to changes only."""
     rate: float = 1000.0
+    """Frame rate of the drive in Hz."""
     seed: int = 0
+    """Random seed of groups and codes."""
 
     def __post_init__(self) -> None:
         for name, unit in (("duration", "s"), ("top", "Pa"), ("settle", "s"), ("rate", "Hz")):
@@ -58,33 +47,22 @@ class ArrayPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArrayCodes:
-    """What is played.
-
-    Attributes
-    ----------
-    rate : float
-        Frames per second, in Hz.
-    still : ndarray, shape (transducer,)
-        Phases of the beam, in rad.
-    level : float
-        Of all transducers, 0 to 1 of full drive.
-    groups : tuple of ndarray of int
-        Numbers of the transducers of each group.
-    codes : tuple of ndarray of int8, shape (frame, transducer of the group)
-        Quarter turns off the beam: -1, 0, 1.
-    settle : int
-        Frames between two groups and after the last; twice as many before the first.
-    cells : tuple of int
-        Channels that the beam is on.
-    """
+    """Phase codes of all groups, and the steady beam."""
 
     rate: float
+    """Frame rate in Hz."""
     still: Array
+    """Phases of the steady beam in rad, shape (transducer,)."""
     level: float
+    """Drive level of all transducers, 0 to 1."""
     groups: tuple[NDArray[np.int64], ...]
+    """Transducer numbers of each group."""
     codes: tuple[NDArray[np.int8], ...]
+    """Quarter turns from the beam's phase (-1, 0, 1) per group, shape (frame, transducer of the group)."""
     settle: int
+    """Frames between two groups and after the last; twice as many before the first."""
     cells: tuple[int, ...]
+    """Channels under the beam."""
 
     @property
     def starts(self) -> tuple[int, ...]:
@@ -94,12 +72,12 @@ class ArrayCodes:
 
     @property
     def frames(self) -> int:
-        """Of all groups, and of the stillness around them."""
+        """Number of frames of all groups and pauses."""
         return 2 * self.settle + sum(len(code) + self.settle for code in self.codes)
 
     @property
     def phase(self) -> Array:
-        """Of each frame, shape (frame, transducer), in rad."""
+        """Phase of every frame in rad, shape (frame, transducer)."""
         phase = np.tile(self.still, (self.frames, 1))
         for first, group, code in zip(self.starts, self.groups, self.codes, strict=True):
             phase[first : first + len(code), group] += code * (np.pi / 2)
@@ -109,32 +87,28 @@ class ArrayCodes:
 def array_codes(
     array: TransducerArray, sensor: SensorGrid, plan: ArrayPlan, *, acoustics: Acoustics, height: float
 ) -> ArrayCodes:
-    """The codes of a plan for an array over whose centre a sensor lies.
+    """Generate the codes of a plan for an array with a sensor over its centre.
 
     Parameters
     ----------
     array : TransducerArray
-        As its model says it is.
+        Nominal array.
     sensor : SensorGrid
-        Lies over its centre.
-    plan : ArrayPlan
-        How long, how strong, how many at a time.
-    acoustics : Acoustics
-        Air and directivity.
+        Sensor that lies over its centre.
     height : float
-        Of the sensor above the array, in m.
+        Height of the sensor above the array, in m.
 
     Raises
     ------
     InputError
-        If the codes of a group would be shorter than twice what is asked of it.
+        If there are fewer than twice as many measured numbers as unknowns in a group.
     """
     rng = np.random.default_rng(plan.seed)
     count = max(1, round(array.count / plan.group))
     groups = tuple(np.sort(part) for part in np.array_split(rng.permutation(array.count), count))
     frames = round(plan.duration * plan.rate / count)
     cells = middle_cells(sensor)
-    # Two unknowns of response and two of the pole, from as many numbers as there are frames and cells in the band.
+    # Each transducer has two unknowns of the response and two of the pole; each frame and cell gives one number.
     least = round(2 * 4 * len(groups[0]) / len(cells))
     if frames < least:
         raise InputError(
@@ -168,13 +142,13 @@ def _beam(
     acoustics: Acoustics,
     height: float,
 ) -> tuple[Array, float]:
-    """Phases, in steps of 8 bits, that press alike on some cells, and the level that gives the pressure asked for."""
+    """Phases with 8-bit steps for equal pressure on some cells, and the level for the plan's highest pressure."""
     foci = np.array([(*sensor.channel_position(cell), height) for cell in cells])
     G = transfer_matrix(foci, array, acoustics=acoustics)
     wanted = np.ones(len(cells), complex)
     q = np.exp(1j * np.angle(G.conj().T @ wanted))
     for _ in range(50):
-        # Gerchberg and Saxton: equal amplitudes on one side, equal pressures on the other.
+        # Gerchberg-Saxton: equal amplitudes of the transducers, equal pressures on the cells.
         reached = G @ q
         wanted = np.abs(wanted) * np.abs(reached).mean() / np.abs(reached) * np.exp(1j * np.angle(reached))
         q = np.exp(1j * np.angle(G.conj().T @ wanted))

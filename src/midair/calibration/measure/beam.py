@@ -1,9 +1,9 @@
-"""A calibration by a focused beam on every cell, for when there is no reference (paper, 5.2, generalised).
+"""Measure a calibration with a focused beam on every cell, without a reference (paper, 5.2, generalised).
 
 The paper sets the gain "so that the focused beam to the sensor just below the AUTD center produces an expected output
-amplitude": one cell, one level. Here each cell gets the beam at five levels or more, at many frequencies at once, and
-the output is regressed on the commanded PRESSURE, with an intercept. The level of the whole rests on the array's model;
-what differs from channel to channel does not.
+amplitude": one cell, one level. Here each cell gets the beam at five levels or more and many frequencies at once, and
+the output is regressed on the commanded PRESSURE with an intercept. The absolute level depends on the array's model;
+the differences between channels do not.
 """
 
 from dataclasses import dataclass
@@ -25,56 +25,41 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BeamReading:
-    """What a beam on every cell commanded, and what the sensor said.
-
-    Attributes
-    ----------
-    plan : BeamPlan
-        What was played.
-    commanded : ndarray of complex, shape (level, tone)
-        Pressure in the middle of the focus by the model, the mean of all foci, transducers' dynamics included, in Pa.
-    output : ndarray of complex, shape (cell, level, tone, channel)
-        Output of the sensor, in its unit.
-    shares : ndarray, shape (cell heard, cell pressed)
-        Mean pressure on each cell for each focus over the commanded one.
-    changed_shares : ndarray, shape (cause, cell heard, cell pressed)
-        The same with each uncertain length changed by its standard uncertainty.
-    slow : ndarray, shape (tone,)
-        Relative standard uncertainty of the command, from the transducers' dynamics.
-    level : float
-        Relative standard uncertainty of all commands together.
-    timing : float
-        Standard uncertainty of the moment at which the beam began, in s.
-    """
+    """Commanded pressure and measured output for a beam on every cell."""
 
     plan: BeamPlan
     commanded: Complex
+    """Modelled pressure at the focus in Pa (mean of all foci, with the transducers' dynamics), shape (level, tone)."""
     output: Complex
+    """Output of the sensor in its unit, shape (cell, level, tone, channel)."""
     shares: Array
+    """Mean pressure on each cell over the commanded one, shape (cell, focused cell)."""
     changed_shares: Array
+    """The shares with each uncertain length changed by its standard uncertainty, shape (cause, cell, focused cell)."""
     slow: Array
+    """Relative standard uncertainty of the command from the transducers' dynamics, shape (tone,)."""
     level: float
+    """Relative standard uncertainty that all commands share."""
     timing: float
+    """Standard uncertainty of the start time of the beam, in s."""
 
 
 def tones_of(signal: Array, rate: float, plan: BeamPlan, *, lag: int = 0) -> Complex:
-    """Complex amplitude of each tone at each level, from the `window` of each stretch.
+    """Complex amplitude of each tone at each level, from the measurement window of each level.
 
     Parameters
     ----------
     signal : ndarray, shape (frame, channel)
-        Signal at `rate`, a whole multiple of the plan's.
+        Signal at `rate`.
     rate : float
-        In Hz.
-    plan : BeamPlan
-        The plan that was played.
+        In Hz, a whole multiple of the plan's.
     lag : int
-        Frames of `rate` by which the signal begins late.
+        Delay of the signal in frames of `rate`.
 
     Returns
     -------
     ndarray of complex, shape (level, tone, channel)
-        Peak; 2 / N sum y e^(-j 2 pi f t), t from the beginning of the window.
+        Peak amplitude 2 / N sum y e^(-j 2 pi f t), with t from the start of the window.
 
     Raises
     ------
@@ -94,48 +79,49 @@ def tones_of(signal: Array, rate: float, plan: BeamPlan, *, lag: int = 0) -> Com
 
 
 def find_lag(signal: Array, expected: Array) -> int:
-    """Whole frames of a recording before the beam begins: where it looks most like what was commanded.
+    """Find the number of frames before the beam begins, at the maximum of the cross-correlation with the command.
 
     Parameters
     ----------
     signal : ndarray, shape (frame,)
-        Signal of the channel that the beam is on.
+        Output of the channel under the beam.
     expected : ndarray, shape (frame,)
-        Commanded pressure at the same rate, no longer than the signal.
+        Commanded pressure at the same rate, not longer than the signal.
     """
     from scipy.signal import correlate
 
     if len(expected) > len(signal):
         raise ShapeError(f"recording: expected {len(expected)} frames of beam or more, got {len(signal)}")
     alike = correlate(signal - signal.mean(), expected - expected.mean(), mode="valid")
-    # By magnitude: a sensor whose output falls with pressure is found, too.
+    # The magnitude also works for a sensor whose output falls with pressure.
     return int(np.argmax(np.abs(alike)))
 
 
 def measure_beam(
     reading: BeamReading, *, sensor: Recording, quiet: Recording, date: str = "", version: int = 1
 ) -> Calibration:
-    """Calibration of a sensor from a beam on each of its cells.
+    """Measure a sensor's calibration from a beam on each of its cells.
 
-    With M_ik the slope of channel i over the pressure in a focus on cell k and B_lk the pressure that cell l then gets,
-    M = diag(H) C B, so H and the crosstalk C come from M B^-1. The uncertainty of H combines the scatter about the
-    line, the lengths that B rests on (each changed by its standard uncertainty), the array's level and dynamics.
+    With M_ik the slope of channel i over the pressure in a focus on cell k, and B_lk the pressure on cell l for that
+    focus, M = diag(H) C B, so H and the crosstalk C follow from M B^-1. The uncertainty of H combines the scatter about
+    the line, the lengths that determine B (each changed by its standard uncertainty), and the array's level and
+    dynamics.
 
     Parameters
     ----------
     reading : BeamReading
         Readings of every cell.
     sensor : Recording
-        Any of the recordings, for grid, unit and life.
+        Any of the recordings; provides grid, unit and provenance.
     quiet : Recording
-        A recording in which nothing plays.
+        A recording without any sound.
     date, version
         As in `Calibration`.
 
     Raises
     ------
     InputError
-        If a channel does not hear the beam.
+        If a channel does not measure the beam.
     """
     slope, spread = _slopes(reading)
     inverse = np.linalg.inv(reading.shares)
@@ -149,14 +135,14 @@ def measure_beam(
     linearity, bend = _linearity(reading, response, density, sensor.sensor.shape)
     fixed = reading.level**2 + bend**2 + random**2 + geometry**2
     magnitude = np.sqrt(fixed + reading.slow[:, None] ** 2)
-    # One channel may be surer than all of them on average.
+    # The shared uncertainty must not exceed that of the most certain channel.
     shared = min(float(np.hypot(reading.level, common)), float(magnitude.min()))
     turn = 2 * np.pi * reading.plan.tones[:, None] * reading.timing
     phase = np.sqrt(random**2 + turn**2)
     upper = upper_half(reading.plan.tones)
     delay, delay_error = channel_delay(reading.plan.tones[upper], response[upper], random[upper])
     shape = sensor.sensor.shape
-    told = {"levels": reading.plan.levels, "top_pa": reading.plan.top, "pressure_uncertainty": reading.level}
+    details = {"levels": reading.plan.levels, "top_pa": reading.plan.top, "pressure_uncertainty": reading.level}
     return Calibration(
         sensor=sensor.sensor,
         frequency=reading.plan.tones,
@@ -165,7 +151,7 @@ def measure_beam(
         unit=sensor.unit,
         date=date,
         version=version,
-        provenance=sensor.provenance.then("measure beam", told),
+        provenance=sensor.provenance.then("measure beam", details),
         measurement=Measurement(
             coherence=_explained(reading).reshape(-1, *shape),
             magnitude_uncertainty=magnitude.reshape(-1, *shape),
@@ -185,14 +171,14 @@ def measure_beam(
 
 
 def _slopes(reading: BeamReading) -> tuple[Complex, Array]:
-    """M and the standard uncertainty of each part of it, both of shape (tone, channel, cell pressed)."""
+    """M and the standard uncertainty of each of its parts, both of shape (tone, channel, focused cell)."""
     x = np.moveaxis(reading.commanded, 0, -1)
     design = np.stack([x, np.ones_like(x)], axis=-1)
     pseudo = np.linalg.pinv(design)
     y = np.einsum("kltc->tclk", reading.output)
     found = np.einsum("tpl,tclk->tcpk", pseudo, y)
     rest = y - np.einsum("tlp,tcpk->tclk", design, found)
-    # A complex number counts as two; the line takes two of them.
+    # Each complex number has two degrees of freedom; the line uses two complex numbers.
     free = 2 * (len(reading.commanded) - 2)
     scatter = np.sqrt((np.abs(rest) ** 2).sum(axis=2) / free)
     error = scatter * np.sqrt((np.abs(pseudo[:, 0]) ** 2).sum(axis=-1))[:, None, None]
@@ -200,7 +186,7 @@ def _slopes(reading: BeamReading) -> tuple[Complex, Array]:
 
 
 def _from_lengths(reading: BeamReading, slope: Complex, response: Complex) -> tuple[Array, float]:
-    """Relative uncertainty of H from the lengths, shape (channel,), and what of it all channels share."""
+    """Relative uncertainty of H from the lengths, shape (channel,), and the part that all channels share."""
     cells = np.arange(response.shape[1])
     changes = [
         np.abs((slope @ np.linalg.inv(shares))[:, cells, cells] / response).mean(axis=0) - 1
@@ -213,7 +199,7 @@ def _from_lengths(reading: BeamReading, slope: Complex, response: Complex) -> tu
 
 
 def _crosstalk(reading: BeamReading, slope: Complex, spread: Array) -> Crosstalk:
-    """C_ik from M B^-1, averaged over the tones; its uncertainty from the scatter and from the lengths."""
+    """C_ik from M B^-1, averaged over the tones, with the uncertainty from scatter and lengths."""
     inverse = np.linalg.inv(reading.shares)
     whole = _ratio(slope @ inverse)
     own = np.abs(np.einsum("tcc->tc", slope @ inverse))
@@ -233,23 +219,23 @@ def _ratio(whole: Complex) -> Array:
 
 
 def _own(reading: BeamReading) -> Complex:
-    """Output of each channel to a beam on its own cell, shape (level, tone, channel)."""
+    """Output of each channel for a beam on its own cell, shape (level, tone, channel)."""
     return np.moveaxis(np.einsum("cltc->clt", reading.output), 0, -1)
 
 
 def _linearity(
     reading: BeamReading, response: Complex, density: Array, cells: tuple[int, int]
 ) -> tuple[Linearity, Array]:
-    """Output over response against pressure on each cell, all tones together; what it adds to the uncertainty."""
+    """Linearity of each cell over all tones together, and its contribution to the uncertainty."""
     own = np.diag(reading.shares)
     pressed = reading.commanded[..., None] * own
     predicted = response * pressed
     power = (np.abs(predicted) ** 2).sum(axis=1)
     share = (predicted.conj() * _own(reading)).real.sum(axis=1) / power
     rms = np.sqrt((np.abs(pressed) ** 2).sum(axis=1) / 2)
-    # What the beam on the neighbours' cells adds is the same part at every level.
+    # Crosstalk from neighbouring cells is the same relative part at every level.
     share = share / share.mean(axis=0)
-    # White noise of density n gives a tone's amplitude a mean square error of 2 n^2 / (time listened to).
+    # White noise of density n gives a tone's amplitude a mean square error of 2 n^2 / (length of the window).
     hidden = density**2 * reading.plan.spacing
     error = np.sqrt((np.abs(predicted) ** 2 * hidden).sum(axis=1)) / power
     shape = (len(share), *cells)
@@ -270,7 +256,7 @@ def _explained(reading: BeamReading) -> Array:
 def _noise(quiet: Recording, plan: BeamPlan) -> tuple[Array, Array, Array]:
     width = max(4 * plan.spacing, 16 / quiet.duration)
     bins, power, averages = quiet_density(quiet, resolution=width / 2, width=width)
-    # 2: each band is twice as wide as the distance to the next.
+    # The factor 2: each band is twice as wide as the band spacing.
     level, error = white_level(power, averages, 2.0)
     return np.sqrt(np.stack([np.interp(plan.tones, bins, one) for one in power.T], axis=1)), level, error
 
@@ -280,5 +266,5 @@ def _check_heard(random: Array) -> None:
     if not (worst < 0.5).all():
         deaf = ", ".join(str(channel) for channel in np.flatnonzero(~(worst < 0.5)))
         raise InputError(
-            f"beam: expected every channel to hear it, got channels {deaf} that do not; is it on the sensor?"
+            f"beam: expected a signal on every channel, got none on channels {deaf}; point the beam at the sensor"
         )

@@ -1,4 +1,4 @@
-"""What a focused beam plays on each cell while it calibrates a sensor, and how much of it each cell gets."""
+"""Plan of a focused beam that calibrates a sensor cell by cell, and the pressure that each cell gets."""
 
 from dataclasses import dataclass, replace
 
@@ -15,41 +15,31 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeamPlan:
-    """A pressure of many tones at several levels, one after the other; the same on each cell.
-
-    Attributes
-    ----------
-    top : float
-        Highest pressure of the strongest level in the middle of the focus, in Pa.
-    levels : int
-        Evenly spread in pressure, 5 or more.
-    low, high : float
-        First and last tone, in Hz: multiples of `spacing`.
-    spacing : float
-        Spacing of the tones up to 60 Hz, in Hz; above it they are twice as far apart. 1 / spacing is listened to.
-    settle : float
-        Time of each level before it is listened to, in s.
-    guard : float
-        Time of each level after it was listened to, in s: the beam may begin a frame early.
-    rate : float
-        Frames per second of the drive, in Hz; a whole multiple of `spacing`.
-    """
+    """Multi-tone pressure at several levels in sequence, the same for each cell."""
 
     top: float = 100.0
+    """Peak pressure of the strongest level at the focus, in Pa."""
     levels: int = 6
+    """Number of levels, evenly spaced in pressure; 5 or more."""
     low: float = 20.0
+    """First tone in Hz, a multiple of `spacing`."""
     high: float = 470.0
+    """Last tone in Hz, a multiple of `spacing`."""
     spacing: float = 5.0
+    """Distance of the tones up to 60 Hz, in Hz; twice that above. The measurement window is 1 / spacing."""
     settle: float = 0.1
+    """Settling time before the window of each level, in s."""
     guard: float = 0.02
+    """Time after the window of each level, in s, because the beam may begin one frame early."""
     rate: float = 1000.0
+    """Frame rate of the drive in Hz, a whole multiple of `spacing`."""
 
     def __post_init__(self) -> None:
         positive(self.top, "highest pressure", "Pa")
         positive(self.settle, "time to settle", "s")
         positive(self.guard, "guard", "s")
         if self.levels < 5:
-            raise InputError(f"levels: expected 5 or more, got {self.levels}; fewer do not show a bend")
+            raise InputError(f"levels: expected 5 or more, got {self.levels}; fewer cannot show a nonlinearity")
         for name in ("low", "high", "rate"):
             ratio = getattr(self, name) / positive(self.spacing, "spacing of the tones", "Hz")
             if ratio < 1 or abs(ratio - round(ratio)) > 1e-9:
@@ -61,93 +51,74 @@ class BeamPlan:
 
     @property
     def tones(self) -> Array:
-        """Frequencies of the tones, shape (tone,), in Hz."""
+        """Frequencies of the tones in Hz, shape (tone,)."""
         close = np.arange(self.low, min(60.0, self.high) - self.spacing / 2, self.spacing)
         far = np.arange(max(60.0, self.low), self.high - self.spacing, 2 * self.spacing)
         return np.unique(np.concatenate([close, far, [self.high]]).round(9))
 
     @property
     def window(self) -> int:
-        """Frames that are listened to at each level: whole periods of every tone."""
+        """Length of the measurement window of each level in frames: whole periods of every tone."""
         return round(self.rate / self.spacing)
 
     @property
     def stretch(self) -> int:
-        """Frames of each level."""
+        """Frames per level."""
         return round(self.settle * self.rate) + self.window + round(self.guard * self.rate)
 
     @property
     def waveform(self) -> Array:
         """Pressure of all levels over `top`, shape (frame,), 0 to 1.
 
-        1 + sum a cos(2 pi f_n t + phi_n), Schroeder's phases phi_n = -pi n (n - 1) / N, which keep its peaks low.
+        1 + sum a cos(2 pi f_n t + phi_n), with Schroeder's phases phi_n = -pi n (n - 1) / N, which keep the peaks low.
         """
         tones = self.tones
         number = np.arange(1, len(tones) + 1)
         phase = -np.pi * number * (number - 1) / len(tones)
         time = np.arange(self.stretch) / self.rate
         wave = np.cos(2 * np.pi * tones[:, None] * time + phase[:, None]).sum(axis=0)
-        # Raised until nothing is below 0, since sound only pushes.
+        # Shifted to 0 or more, because radiation pressure is never negative.
         one = (wave - wave.min()) / np.ptp(wave)
         return (np.arange(1, self.levels + 1)[:, None] / self.levels * one).ravel()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeamSetting:
-    """Where the sensor lies under the array and how its cells hear, each with its standard uncertainty.
-
-    Attributes
-    ----------
-    height : float
-        Height of the sensor above the array, in m.
-    centre : tuple of float
-        (x, y) of its middle, in m.
-    placement_uncertainty : float
-        Uncertainty of the centre, in m.
-    aperture, aperture_uncertainty : float
-        Side of the square over which a cell averages, in m.
-    spread, spread_uncertainty : float
-        Standard deviation with which the gel spreads a point, in m.
-    pressure_uncertainty : float
-        Uncertainty of the array's radiation pressure, as a part of it: twice that of its sound pressure.
-    dynamics_uncertainty : float
-        Uncertainty of what the transducers take from each tone, as a part of it.
-    """
+    """Position of the sensor under the array and averaging of its cells, with standard uncertainties."""
 
     height: float = 0.2
+    """Height of the sensor above the array, in m."""
     centre: tuple[float, float] = (0.0, 0.0)
+    """(x, y) of the sensor's centre, in m."""
     placement_uncertainty: float = 0.5e-3
+    """Uncertainty of the centre, in m."""
     aperture: float = 8e-3
+    """Side of the square over which a cell averages, in m."""
     aperture_uncertainty: float = 0.25e-3
     spread: float = 1e-3
+    """Standard deviation of the gel's point spread, in m."""
     spread_uncertainty: float = 0.25e-3
     pressure_uncertainty: float = 0.15
+    """Relative uncertainty of the array's radiation pressure: twice that of its sound pressure."""
     dynamics_uncertainty: float = 0.2
+    """Relative uncertainty of the attenuation of each tone by the transducers' dynamics."""
 
     def __post_init__(self) -> None:
         length(self.height, "height", HEIGHTS)
 
 
 def focus_of(sensor: SensorGrid, cell: int, setting: BeamSetting) -> Array:
-    """Where the beam is focused for a cell, shape (3,), in m."""
+    """Position of the focus for a cell, shape (3,), in m."""
     x, y = sensor.channel_position(cell)
     return np.array([x + setting.centre[0], y + setting.centre[1], setting.height])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BeamField:
-    """The model's pressure around a sensor for a focus of the whole array at full drive on each of its cells.
+    """Modelled pressure around a sensor for a focus of the whole array, at full drive, on each of its cells.
 
-    Attributes
-    ----------
-    sensor : SensorGrid
-        What lies there.
-    points : ControlGrid
-        Where the pressure is known: a twelfth of the sensor's pitch apart.
-    pressure : ndarray, shape (point, cell pressed)
-        In Pa.
-    middle : ndarray, shape (cell pressed,)
-        In the middle of each focus, in Pa.
+    The points are a twelfth of the sensor's pitch apart. `pressure` has the shape (point, focused cell) and `middle`,
+    the pressure at each focus, (focused cell,), both in Pa.
     """
 
     sensor: SensorGrid
@@ -156,21 +127,13 @@ class BeamField:
     middle: Array
 
     def on_cells(self, setting: BeamSetting, *, offset: tuple[float, float] = (0.0, 0.0)) -> Array:
-        """Mean pressure on each cell, shape (cell heard, cell pressed), in Pa.
-
-        Parameters
-        ----------
-        setting : BeamSetting
-            Where the sensor is believed to lie, and how its cells average.
-        offset : tuple of float
-            (x, y) by which it lies elsewhere, in m.
-        """
+        """Mean pressure on each cell in Pa, shape (cell, focused cell), for a sensor displaced by `offset` in m."""
         model = SensorModel(grid=self.sensor, aperture=setting.aperture, spread=setting.spread)
         at = (setting.centre[0] + offset[0], setting.centre[1] + offset[1])
         return cell_weights(model, self.points, centre=at) @ self.pressure
 
     def changed(self, setting: BeamSetting) -> Array:
-        """`on_cells` with each uncertain length changed by its standard uncertainty, shape (cause, heard, pressed)."""
+        """`on_cells` with each length changed by its standard uncertainty, shape (cause, cell, focused cell)."""
         away = setting.placement_uncertainty
         wider = replace(setting, aperture=setting.aperture + setting.aperture_uncertainty)
         softer = replace(setting, spread=setting.spread + setting.spread_uncertainty)
@@ -185,22 +148,10 @@ def beam_field(
     *,
     acoustics: Acoustics | None = None,
 ) -> BeamField:
-    """The field of a focus on each cell.
-
-    Parameters
-    ----------
-    array : TransducerArray
-        What plays.
-    sensor : SensorGrid
-        What lies there.
-    setting : BeamSetting
-        Where.
-    acoustics : Acoustics, optional
-        As in `transfer_matrix`.
-    """
+    """Compute the pressure around a sensor for a focus on each of its cells."""
     acoustics = acoustics or Acoustics()
     around = ControlGrid(
-        # A cell more on every side, since a focus on an outer cell presses beyond it.
+        # One more cell on every side, because the focus on an outer cell extends beyond the sensor.
         rows=12 * (sensor.rows + 2),
         columns=12 * (sensor.columns + 2),
         pitch=sensor.pitch / 12,
@@ -209,7 +160,7 @@ def beam_field(
     )
     foci = np.array([focus_of(sensor, cell, setting) for cell in range(sensor.count)])
     drives = np.exp(1j * np.array([focus_phase(array, focus, acoustics=acoustics) for focus in foci])).T
-    # Some hundred points at a time: the whole matrix of a fine grid would take hundreds of megabytes.
+    # 512 points at a time, because the whole matrix of a fine grid would take hundreds of megabytes.
     parts = [
         transfer_matrix(some, array, acoustics=acoustics) @ drives
         for some in np.array_split(around.position, max(1, around.count // 512))

@@ -1,4 +1,4 @@
-"""What cells feel of each other's pressure, measured by pressing on one after the other."""
+"""Crosstalk between cells, measured by pressing each cell alone."""
 
 from collections.abc import Sequence
 
@@ -15,26 +15,14 @@ Complex = NDArray[np.complex128]
 def crosstalk_of(
     fits: Sequence[FrequencyResponse], counts: NDArray[np.bool_], *, repeat: Array | float = 0.0
 ) -> Crosstalk:
-    """The crosstalk matrix from the responses of all channels to a pressure on each cell alone.
+    """Compute the crosstalk matrix from the responses of all channels to a pressure on each cell alone.
 
-    C_ik = H_ik / H_ii, H_ik the response of channel i to a pressure on cell k: how the gel spreads does not depend on
-    frequency, so the mean of its real part over the bins, weighted by 1 / u^2. Where it changes over the band by more
-    than the noise explains, the uncertainty is that much larger (Birge's ratio); the reference's own error cancels.
-
-    Parameters
-    ----------
-    fits : sequence of FrequencyResponse
-        One a cell, in the order of the channels.
-    counts : ndarray of bool, shape (bin,)
-        Which bins count.
-    repeat : ndarray, shape (channel,)
-        Relative standard uncertainty of each channel's own response from how takes differ: H_ik and H_ii come from
-        different ones.
-
-    Returns
-    -------
-    Crosstalk
-        A dead channel feels nothing but itself.
+    C_ik = H_ik / H_ii, with H_ik the response of channel i to a pressure on cell k. The spread in the gel does not
+    depend on frequency, so C is the mean of the real part over the bins, weighted by 1 / u^2. If the ratio varies over
+    the band more than the noise explains, the uncertainty is increased accordingly (Birge's ratio). The error of the
+    reference cancels. `fits` has one response per cell, in the order of the channels, and `repeat` is the relative
+    standard uncertainty of each channel's own response from the scatter between takes, because H_ik and H_ii come from
+    different takes. A dead channel has no crosstalk.
     """
     response: Complex = np.array([fit.response[counts] for fit in fits])
     spread = np.array([np.abs(fit.response[counts]) * _finite(fit.uncertainty[counts]) for fit in fits])
@@ -59,5 +47,5 @@ def crosstalk_of(
 
 
 def _finite(values: Array) -> Array:
-    # Uncertainties are infinite where a response is 0, and their product would be NaN.
+    # An uncertainty is infinite where a response is 0, and their product would be NaN.
     return np.where(np.isfinite(values), values, 1e6)

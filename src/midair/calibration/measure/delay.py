@@ -1,4 +1,4 @@
-"""The delay of each channel, from the slope of its phase."""
+"""Delay of each channel from the slope of its phase."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,38 +10,22 @@ Complex = NDArray[np.complex128]
 
 
 def channel_delay(frequency: Array, response: Complex, uncertainty: Array) -> tuple[Array, Array]:
-    """Delay tau of the straight line phase = phase_0 - 2 pi f tau, by weighted least squares.
+    """Fit the delay tau of the line phase = phase_0 - 2 pi f tau by weighted least squares.
 
-    It is the group delay, averaged over the bins; a sensor's own resonances count as far as they turn the phase there.
-
-    Parameters
-    ----------
-    frequency : ndarray, shape (bin,)
-        Three or more, in Hz, so close that the phase turns by less than half a turn from one to the next.
-    response : ndarray of complex, shape (bin, channel)
-        A channel whose response is 0 has no delay: 0, infinitely uncertain.
-    uncertainty : ndarray, shape (bin, channel)
-        Uncertainty of the phase, in rad.
-
-    Returns
-    -------
-    delay, uncertainty : ndarray, shape (channel,)
-        In s.
-
-    Raises
-    ------
-    BandError
-        With fewer than three bins.
+    This is the group delay, averaged over the bins; a sensor's resonances contribute through their phase. At least
+    three bins in Hz, close enough that the phase changes by less than half a turn between two of them; response and its
+    phase uncertainty in rad have the shape (bin, channel). Returns delay and uncertainty in s, shape (channel,); a
+    channel without response gets 0 and infinity.
     """
     if len(frequency) < 3:
         raise BandError(f"delay: expected three bins or more, got {len(frequency)}")
     heard = (np.abs(response) > 0).all(axis=0)
     phase = np.unwrap(np.angle(np.where(heard, response, 1)), axis=0)
-    # What is not known weighs next to nothing, and what is known perfectly not infinitely much.
+    # Limit the weights: unknown phases get almost no weight, exact ones a finite weight.
     weight = 1 / np.maximum(np.where(np.isfinite(uncertainty), uncertainty, 1e6), 1e-9) ** 2
     total = weight.sum(axis=0)
     turn = 2 * np.pi * frequency[:, None]
-    # About the weighted mean, where the slope does not depend on the intercept.
+    # Centre on the weighted mean, so that slope and intercept are independent.
     away = turn - (weight * turn).sum(axis=0) / total
     spread = (weight * away**2).sum(axis=0)
     slope = (weight * away * phase).sum(axis=0) / spread
@@ -49,6 +33,6 @@ def channel_delay(frequency: Array, response: Complex, uncertainty: Array) -> tu
 
 
 def upper_half(frequency: Array) -> slice:
-    """The bins above the middle of the band, where a delay shows best and a high-pass least; all if they are few."""
+    """Upper half of the bins, where a delay is most visible and a high-pass filter least; all bins if few."""
     first = int(np.searchsorted(frequency, (frequency[0] + frequency[-1]) / 2))
     return slice(first if len(frequency) - first >= 3 else 0, None)

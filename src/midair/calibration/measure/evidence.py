@@ -1,4 +1,4 @@
-"""From the sums of all takes to a calibration: every number with its uncertainty."""
+"""Combine the spectral sums of all takes into a calibration with an uncertainty for every number."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from midair.calibration.measure.frequency_response import (
     solve_sums,
     widened,
 )
-from midair.calibration.measure.linearity import bend_uncertainty, fit_levels, followed_share, same_levels
+from midair.calibration.measure.linearity import bend_uncertainty, fit_levels, predicted_share, same_levels
 from midair.calibration.measure.noise import quiet_density, white_level
 from midair.calibration.measure.referenced_take import ReferencedTake
 from midair.calibration.measure.repeatability import repeatability
@@ -28,71 +28,48 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureSettings:
-    """How spectra become a calibration.
-
-    Attributes
-    ----------
-    resolution : float
-        Distance of the bins, in Hz.
-    width : float or None
-        Width of the band around a bin in which the response is a parabola, in Hz; twice the resolution if None.
-    coherence : float
-        Smallest coherence of a bin, 0 to 1; it counts only if every live channel reaches it.
-    order : int
-        Order of the polynomials, see `midair.calibration.measure.frequency_response`.
-    """
+    """Settings for the fit of the frequency response."""
 
     resolution: float = 1.0
+    """Spacing of the bins in Hz."""
     width: float | None = None
+    """Width in Hz of the band around a bin in which the response is a polynomial; twice the resolution if None."""
     coherence: float = 0.9
+    """Lowest coherence of a valid bin, 0 to 1; every live channel must reach it."""
     order: int = 2
+    """Order of the polynomials, see `midair.calibration.measure.frequency_response`."""
 
     def as_settings(self) -> dict[str, Setting]:
-        """The settings with their units, for a step of a provenance."""
+        """Settings with their units, for a step of a provenance."""
         step, width = check_resolution(self.resolution, self.width)
         return {"resolution_hz": step, "width_hz": width, "coherence": self.coherence, "order": self.order}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evidence:
-    """Everything that a calibration is worked out from.
-
-    Attributes
-    ----------
-    recording : Recording
-        The first one, for sensor, unit and rate.
-    parts : tuple of BandSums
-        Sums of all takes.
-    own : tuple of BandSums
-        Sums of the takes that the response rests on, 0 in the channels that a take does not press on.
-    settings : MeasureSettings
-        How spectra become a calibration.
-    takes : tuple of ReferencedTake
-        The takes that the parts come from; none for one recording of a pressure that differs from cell to cell.
-    alone : bool
-        Whether each cell was pressed on alone.
-    quiet : Recording or None
-        A recording in which nothing presses.
-    reference : str
-        What measured the pressure.
-    reference_uncertainty : float
-        Its relative standard uncertainty.
-    """
+    """Spectral sums and takes from which a calibration is computed."""
 
     recording: Recording
+    """First recording; provides sensor, unit and rate."""
     parts: tuple[BandSums, ...]
+    """Sums of all takes."""
     own: tuple[BandSums, ...]
+    """Sums of the takes that determine the response; 0 for channels that a take does not press on."""
     settings: MeasureSettings
     takes: tuple[ReferencedTake, ...] = ()
+    """Takes of the parts; empty for one recording of a pressure that differs from cell to cell."""
     alone: bool = False
+    """Whether each cell was pressed alone."""
     quiet: Recording | None = None
+    """Recording without any pressure."""
     reference: str = ""
     reference_uncertainty: float = 0.0
+    """Relative standard uncertainty."""
 
     def calibration(self, *, date: str, version: int, provenance: Provenance, method: str) -> Calibration:
-        """Everything that the takes tell."""
+        """Compute the calibration."""
         sensor, fit, alive = self.recording.sensor, solve_sums(self.own), self._alive()
-        counts = self._counting(fit, alive)
+        counts = self._valid_bins(fit, alive)
         linearity, bend = self._linearity(fit, counts)
         density, noise, noise_error = self._noise(fit, counts)
         response = np.where(alive, fit.response[counts], 0)
@@ -107,7 +84,7 @@ class Evidence:
             version=version,
             provenance=provenance,
             measurement=Measurement(
-                **self._sureness(fit, counts, alive, (np.hypot(repeat[0], bend), repeat[1])),
+                **self._uncertainties(fit, counts, alive, (np.hypot(repeat[0], bend), repeat[1])),
                 noise_density=density.reshape(-1, *sensor.shape),
                 noise_uncertainty=noise_error.reshape(sensor.shape),
                 reference_uncertainty=self.reference_uncertainty,
@@ -119,14 +96,14 @@ class Evidence:
             linearity=linearity,
         )
 
-    def _sureness(
+    def _uncertainties(
         self, fit: FrequencyResponse, counts: NDArray[np.bool_], alive: NDArray[np.bool_], other: tuple[Array, Array]
     ) -> dict[str, Array]:
-        """Coherence, uncertainties and delays, by their names in `Measurement`; a dead channel is all unsure.
+        """Coherence, uncertainties and delays by their names in `Measurement`; a dead channel is fully uncertain.
 
-        `other` is what adds to the noise, in magnitude and in phase.
+        `other` is the uncertainty of magnitude and phase besides the noise.
         """
-        # The averages are of complex numbers, each of which has two degrees of freedom.
+        # Each averaged complex number has two degrees of freedom.
         random = widened(np.where(alive, fit.uncertainty[counts], 1.0), 2 * fit.averages)
         magnitude = np.sqrt(random**2 + other[0] ** 2 + self.reference_uncertainty**2)
         frequency, response = fit.frequency[counts], np.where(alive, fit.response[counts], 0)
@@ -149,28 +126,28 @@ class Evidence:
         return max(width / step, 1.0)
 
     def _alive(self) -> NDArray[np.bool_]:
-        """Channels that change in one of the takes that press on them."""
+        """Channels whose output changes in at least one of the takes that press on them."""
         if not self.takes:
             return ~dead_channels(self.recording).ravel()
         pressed = [~dead_channels(take.recording).ravel() & take.presses() for take in self.takes]
         return np.asarray(np.any(np.array(pressed), axis=0), np.bool_)
 
-    def _counting(self, fit: FrequencyResponse, alive: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """The bins in which every live channel is coherent, pressed widely, and known to better than its own half."""
+    def _valid_bins(self, fit: FrequencyResponse, alive: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Bins in which every live channel is coherent, widely excited, and uncertain by less than half."""
         sure = (fit.coherence >= self.settings.coherence) & (fit.uncertainty < 0.5)
-        # What is pressed at fewer frequencies than there are terms to find is explained by anything.
+        # With fewer excited frequencies than terms, the fit would always be perfect.
         sure &= fit.excited > self.settings.order + 2
         counts = np.asarray(np.all(sure[:, alive], axis=1), np.bool_)
         if not alive.any() or counts.sum() < 2:
             found = counts.sum() if alive.any() else 0
             raise BandError(
                 f"response: expected two bins or more with a coherence of {self.settings.coherence:g} on every live "
-                f"channel, got {found}; press harder, longer, or over a wider band"
+                f"channel, got {found}; press harder, longer, or with a wider band"
             )
         return counts
 
     def _noise(self, fit: FrequencyResponse, counts: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
-        """Amplitude density in every bin, its white level, and that one's uncertainty."""
+        """Amplitude density in every bin, its white level, and the uncertainty of that level."""
         power, averages = fit.noise[counts], float(fit.averages.mean())
         if self.quiet is not None:
             step, width = check_resolution(self.settings.resolution, self.settings.width)
@@ -187,16 +164,16 @@ class Evidence:
         return crosstalk_of(fits, counts, repeat=repeat)
 
     def _linearity(self, fit: FrequencyResponse, counts: NDArray[np.bool_]) -> tuple[Linearity | None, Array]:
-        """What five levels tell, if there are as many, and what it adds to the uncertainty, shape (channel,)."""
+        """Linearity if there are five levels, and its contribution to the uncertainty, shape (channel,)."""
         levels, cells = np.array([take.level for take in self.takes]), self.recording.sensor.count
         chosen = same_levels(levels, [take.cell for take in self.takes], cells)
         if chosen is None:
             return None, np.zeros(cells)
-        told = [followed_share(part, fit, counts) for part in self.parts]
-        share, error = (np.array([one[n] for one in told])[chosen, np.arange(cells)] for n in (0, 1))
+        shares = [predicted_share(part, fit, counts) for part in self.parts]
+        share, error = (np.array([one[n] for one in shares])[chosen, np.arange(cells)] for n in (0, 1))
         pressure, shape = levels[chosen], (len(chosen), *self.recording.sensor.shape)
         if self.alone:
-            # On all cells each channel also hears the others: at the level of the single takes it is 1 by definition.
+            # Takes on all cells contain crosstalk, so the share is normalised to 1 at the level of the single takes.
             usual = np.median([take.level for take in self.takes if take.cell is not None])
             nearest = np.abs(np.log(pressure / usual)).argmin(axis=0)
             there = share[nearest, np.arange(cells)]
@@ -206,11 +183,11 @@ class Evidence:
 
 
 def sums_of(x: Array, y: Array, rate: float, settings: MeasureSettings) -> BandSums:
-    """`band_sums` with the settings of a measurement."""
+    """Compute `band_sums` with the settings of a measurement."""
     step, width = check_resolution(settings.resolution, settings.width)
     return band_sums(x, y, rate, resolution=step, width=width, order=settings.order)
 
 
 def _on_cells(values: Array, sensor: SensorGrid) -> Array:
-    """Channels as rows and columns."""
+    """Reshape channels to rows and columns."""
     return values.reshape(*values.shape[:-1], *sensor.shape)

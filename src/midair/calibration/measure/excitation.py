@@ -1,4 +1,4 @@
-"""Signals that a shaker or a loudspeaker plays while a sensor is calibrated: noise and sweeps of a stated band."""
+"""Excitation signals for a shaker or a loudspeaker during a calibration: noise, sweeps and tones."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,20 +13,18 @@ Array = NDArray[np.float64]
 def noise_signal(
     rms: float, duration: float, *, rate: float = 1000.0, band: Band = (5.0, 490.0), rng: np.random.Generator
 ) -> Array:
-    """Gaussian noise, even within a band and nothing outside, shape (frame,).
+    """Generate Gaussian noise with a flat spectrum within a band and zero outside, shape (frame,).
 
     Parameters
     ----------
     rms : float
         In any unit.
     duration : float
-        In s; 12 s or more for bins of 1 Hz, and the longer the surer.
+        In s; 12 s or more for bins of 1 Hz. Longer signals reduce the uncertainty.
     rate : float
         In Hz.
     band : tuple of float
-        (low, high), in Hz; wider than the band that is to be calibrated.
-    rng : numpy.random.Generator
-        Makes it.
+        (low, high) in Hz; wider than the band to be calibrated.
     """
     low, high = check_band(band, rate)
     frames = _frames(duration, rate)
@@ -39,23 +37,23 @@ def noise_signal(
 def sweep_signal(
     rms: float, duration: float, *, rate: float = 1000.0, band: Band = (10.0, 490.0), silence: float = 0.5
 ) -> Array:
-    """A sine whose frequency rises exponentially through a band, between two silences, shape (frame,).
+    """Generate a sine with exponentially rising frequency between two silences, shape (frame,).
 
-    phase = 2 pi f_1 L (e^(t / L) - 1), L = duration / ln(f_2 / f_1) (Farina, AES 108, 2000). The silence lets the
-    record's ends be told from the sensor's answer.
+    phase = 2 pi f_1 L (e^(t / L) - 1), L = duration / ln(f_2 / f_1) (Farina, AES 108, 2000). The silences separate the
+    response of the sensor from the transients at the ends of the recording.
 
     Parameters
     ----------
     rms : float
         Rms of the sine, in any unit.
     duration : float
-        Duration of the sweep, in s.
+        Duration of the sweep in s.
     rate : float
         In Hz.
     band : tuple of float
-        (f_1, f_2), f_1 above 0, in Hz; the first and last twentieth in time fade in and out.
+        (f_1, f_2) in Hz, f_1 above 0; the first and last twentieth of the duration fade in and out.
     silence : float
-        Before and after, each, in s.
+        Duration of the silence before and after, in s.
     """
     low, high = check_band(band, rate)
     if low <= 0:
@@ -69,7 +67,7 @@ def sweep_signal(
 
 
 def tone_signal(rms: float, frequency: float, duration: float, *, rate: float = 1000.0) -> Array:
-    """A sine, as a pistonphone makes it, shape (frame,)."""
+    """Generate a sine like that of a pistonphone, shape (frame,)."""
     check_band((0.0, positive(frequency, "frequency", "Hz")), rate)
     time = np.arange(_frames(duration, rate)) / rate
     return np.sqrt(2) * positive(rms, "rms") * np.sin(2 * np.pi * frequency * time)

@@ -1,4 +1,4 @@
-"""Whether output grows with pressure: a line with an intercept through five levels or more, and its bend."""
+"""Linearity of a sensor: a line with an intercept through five levels or more, and its curvature."""
 
 from collections.abc import Sequence
 
@@ -13,29 +13,17 @@ Array = NDArray[np.float64]
 
 
 def fit_levels(pressure: Array, output: Array, uncertainty: Array) -> Linearity:
-    """The straight line through (pressure, output) of every channel, and its bend.
+    """Fit a line and a parabola to (pressure, output) in Pa of every channel, shape (level, row, column).
 
-    Ordinary least squares; the scatter of the points about the line, or the noise of the points if that is larger,
-    gives the standard errors, widened by Student's t for the few points there are.
-
-    Parameters
-    ----------
-    pressure, output : ndarray, shape (level, row, column)
-        In Pa.
-    uncertainty : ndarray, shape (level, row, column)
-        Uncertainty of `output` from noise, in Pa.
-
-    Raises
-    ------
-    InputError
-        With fewer than five different levels.
+    Ordinary least squares. The standard errors come from the scatter about the line or from `uncertainty` (noise of the
+    output in Pa), whichever is larger, and are widened by Student's t for the few points.
     """
     if min(len(distinct(column)) for column in pressure.reshape(len(pressure), -1).T) < 5:
-        raise InputError(f"levels: expected at least 5 different ones, got {len(distinct(pressure[:, 0, 0]))}")
+        raise InputError(f"levels: expected at least 5 different levels, got {len(distinct(pressure[:, 0, 0]))}")
     line, line_error = _polynomial(pressure, output, uncertainty, 1)
     bend, bend_error = _polynomial(pressure, output, uncertainty, 2)
     gain = np.where(line[1] != 0, line[1], 1)
-    # From a x + b x^2 the slope changes by 2 b over the range.
+    # The slope of a x + b x^2 changes by 2 b times the range.
     change = 2 * np.ptp(pressure, axis=0) / gain
     return Linearity(
         pressure=pressure,
@@ -49,16 +37,11 @@ def fit_levels(pressure: Array, output: Array, uncertainty: Array) -> Linearity:
     )
 
 
-def followed_share(part: BandSums, fit: FrequencyResponse, counts: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """How much of what a response predicts a record's output holds, shape (channel,), and its standard uncertainty.
+def predicted_share(part: BandSums, fit: FrequencyResponse, counts: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Share of the predicted output in a recording's output, shape (channel,), and its standard uncertainty.
 
-    s = sum Re(Y_p^* Y) / sum |Y_p|^2 over the bands that count, Y_p = H X: 1 where the output follows the response.
-    Half of each band is its neighbour's, too, which halves what they tell.
-
-    Returns
-    -------
-    share, uncertainty : ndarray, shape (channel,)
-        0 and 1 for a channel that hears nothing.
+    s = sum Re(Y_p^* Y) / sum |Y_p|^2 over the valid bands, with Y_p = H X: 1 if the output follows the response. Bands
+    overlap by half, so they hold half as much information. A channel without response gets 0 and 1.
     """
     terms = fit.terms[counts]
     along = np.einsum("bci,bci->bc", terms.conj(), part.cross[counts]).real
@@ -71,23 +54,18 @@ def followed_share(part: BandSums, fit: FrequencyResponse, counts: NDArray[np.bo
 
 
 def bend_uncertainty(share: Array, error: Array) -> Array:
-    """What a sensor that is not straight adds to the uncertainty of its response, shape (channel,).
+    """Contribution of nonlinearity to the uncertainty of the response, shape (channel,), from `predicted_share`.
 
-    The largest departure of a level from the common response, less twice its noise, as the half width of an even
+    The largest deviation of a level from the common response, minus twice its noise, is the half width of a uniform
     distribution: divided by sqrt(3) (GUM, 4.3.7).
-
-    Parameters
-    ----------
-    share, error : ndarray, shape (level, channel)
-        Shares and uncertainties from `followed_share`.
     """
     return np.maximum(np.abs(share - 1) - 2 * error, 0).max(axis=0) / np.sqrt(3)
 
 
 def same_levels(levels: Array, cell: Sequence[int | None], cells: int) -> NDArray[np.int64] | None:
-    """Which takes make the levels of each channel, weakest first, shape (level, channel).
+    """Take numbers of the levels of each channel, weakest first, shape (level, channel); None for fewer than five.
 
-    Those on all cells if they have five levels, else those on each cell alone; None if neither has.
+    Takes on all cells are used if they have five levels, otherwise those on each cell alone.
     """
     whole = [index for index, where in enumerate(cell) if where is None]
     chosen = np.tile(np.array(whole, int), (cells, 1)).T
@@ -100,7 +78,7 @@ def same_levels(levels: Array, cell: Sequence[int | None], cells: int) -> NDArra
 
 
 def distinct(levels: Array, *, apart: float = 0.05) -> Array:
-    """Levels that differ from the one below them by more than a part of it, smallest first."""
+    """Sorted levels that differ from the next lower one by more than the relative distance `apart`."""
     chosen: list[float] = []
     for level in np.sort(levels):
         if not chosen or level > chosen[-1] * (1 + apart):
@@ -109,8 +87,8 @@ def distinct(levels: Array, *, apart: float = 0.05) -> Array:
 
 
 def _polynomial(x: Array, y: Array, noise: Array, degree: int) -> tuple[Array, Array]:
-    """Coefficients and standard errors, lowest power first, each of shape (power, row, column)."""
-    # Powers of the pressure over the highest one, so that the normal equations stay well conditioned.
+    """Coefficients and standard errors, lowest power first, both of shape (power, row, column)."""
+    # Normalise by the highest pressure, so that the normal equations stay well conditioned.
     top = np.maximum(np.abs(x).max(axis=0), 1e-300)
     powers = np.arange(degree + 1)
     design = np.moveaxis(x / top, 0, -1)[..., None] ** powers

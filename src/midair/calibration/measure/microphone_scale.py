@@ -1,10 +1,10 @@
-"""How many pascals one of a file's numbers means, from a take of something known: a tone, or a weight that drops.
+"""Scale of a sound file in Pa, from a recording of a known tone or of a falling weight.
 
-A sound file of a microphone says parts of its full scale and no pressure. Two things that a kitchen or a laboratory has
-tell it: a tone of known level on the microphone, such as a calibrator's 94 dB (1.00 Pa rms, IEC 60942); and a small
-weight that falls on the skin over it. A weight m from a height h arrives with the momentum m sqrt(2 g h); if it does
-not bounce, the force's integral over the blow is that, and the pressure's the same over the area that it hits. Air is
-neglected, and so is what bounces: a weight that rebounds gives up to twice as much.
+A sound file of a microphone has samples relative to full scale, without a pressure. Two simple references provide the
+scale: a tone of known level, such as a calibrator's 94 dB (1.00 Pa rms, IEC 60942), and a small weight that falls on
+the skin over the microphone. A weight m from a height h arrives with the momentum m sqrt(2 g h). If it does not bounce,
+this is the time integral of the force, and the pressure follows from the contact area. Air resistance and rebound are
+neglected: a weight that rebounds transfers up to twice the momentum.
 """
 
 from dataclasses import dataclass
@@ -21,41 +21,35 @@ GRAVITY = 9.81
 """In m/s2."""
 
 SILENT = 20e-6
-"""Pressure of 0 dB, in Pa rms."""
+"""Reference pressure of 0 dB, in Pa rms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MicrophoneScale:
-    """What was found.
-
-    Attributes
-    ----------
-    scale : float
-        Pressure that 1 of the file's numbers means, in Pa.
-    words : str
-        From what, in one sentence.
-    """
+    """Scale of a microphone's samples."""
 
     scale: float
+    """Pressure of a sample value of 1, in Pa."""
     words: str
+    """Description of the measurement in one sentence."""
 
 
 def scale_of_tone(samples: Array, rate: float, *, level: float = 94.0) -> MicrophoneScale:
-    """The scale by a tone of known level.
+    """Compute the scale from a tone of known level.
 
     Parameters
     ----------
     samples : ndarray, shape (frame,)
-        The take of the tone, in the file's numbers.
+        Recording of the tone, in the file's units.
     rate : float
         In Hz.
     level : float
-        Of the tone, in dB re 20 uPa.
+        Sound pressure level of the tone in dB re 20 uPa.
 
     Raises
     ------
     InputError
-        If less than nine tenths of the power lie in one tone.
+        If the tone has less than nine tenths of the power.
     """
     window = np.hanning(len(samples))
     power = np.abs(np.fft.rfft((samples - samples.mean()) * window)) ** 2
@@ -63,10 +57,10 @@ def scale_of_tone(samples: Array, rate: float, *, level: float = 94.0) -> Microp
     share = float(power[max(0, peak - 3) : peak + 4].sum() / (power.sum() or 1.0))
     if share < 0.9:
         raise InputError(
-            f"reference: expected a tone, nine tenths of the power at one frequency, got {100 * share:.0f} % there; "
-            "cut the take to where it sounds, and record it without clipping"
+            f"reference: expected a tone with nine tenths of the power, got {100 * share:.0f} %; cut the recording to "
+            "the tone, and record it without clipping"
         )
-    # Power of the tone alone: by Parseval, with what the window takes.
+    # Power of the tone alone, by Parseval's theorem, corrected for the window.
     rms = float(np.sqrt(2 * power[max(0, peak - 3) : peak + 4].sum() / (len(samples) * (window**2).sum())))
     pressure = SILENT * 10 ** (level / 20)
     at = peak * rate / len(samples)
@@ -78,21 +72,25 @@ def scale_of_tone(samples: Array, rate: float, *, level: float = 94.0) -> Microp
 
 
 def scale_of_drop(samples: Array, rate: float, *, mass: float, height: float, diameter: float) -> MicrophoneScale:
-    """The scale by a weight that drops on the skin over the microphone and stays there.
+    """Compute the scale from a weight that drops on the skin over the microphone and stays there.
 
     Parameters
     ----------
     samples : ndarray, shape (frame,)
-        The take of one blow, in the file's numbers.
+        Recording of one impact, in the file's units.
     rate : float
-        In Hz; the blow should last ten frames or more.
-    mass, height, diameter : float
-        Of the weight, in kg; of its fall, in m; of the round area that it hits, in m.
+        In Hz; the impact should last ten frames or more.
+    mass : float
+        In kg.
+    height : float
+        Height of the fall in m.
+    diameter : float
+        Diameter of the round contact area in m.
 
     Raises
     ------
     InputError
-        If there is no blow that stands out, or it is shorter than four frames.
+        If no impact stands out, or it is shorter than four frames.
     """
     for value, name, unit in ((mass, "mass", "kg"), (height, "height", "m"), (diameter, "diameter", "m")):
         positive(value, f"{name} of the drop", unit)
@@ -104,10 +102,10 @@ def scale_of_drop(samples: Array, rate: float, *, mass: float, height: float, di
     first = int(below[below < peak].max(initial=-1)) + 1
     last = int(below[below > peak].min(initial=len(change)))
     if change[peak] < 20 * noise or change[peak] <= 0:
-        raise InputError("reference: expected one blow that stands out twenty times over the noise, got none")
+        raise InputError("reference: expected one impact of at least twenty times the noise, got none")
     if last - first < 4:
         raise InputError(
-            f"reference: expected a blow of 4 frames or more, got {last - first}; record faster, or on softer skin"
+            f"reference: expected an impact of 4 frames or more, got {last - first}; use a higher rate or softer skin"
         )
     area = np.pi * diameter**2 / 4
     impulse = mass * np.sqrt(2 * GRAVITY * height) / area

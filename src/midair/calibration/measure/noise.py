@@ -1,4 +1,4 @@
-"""The noise of a sensor: its density at the output, and the pressure that it hides."""
+"""Noise of a sensor: density at the output and equivalent pressure."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,49 +12,22 @@ Array = NDArray[np.float64]
 
 
 def quiet_density(recording: Recording, *, resolution: float, width: float) -> tuple[Array, Array, float]:
-    """Noise of a recording in which nothing presses, in the bands of `band_sums`.
+    """Noise spectrum of a recording without pressure, in the bands of `band_sums`.
 
-    Parameters
-    ----------
-    recording : Recording
-        A recording in which nothing presses.
-    resolution, width : float
-        Distance and width of the bands, in Hz.
-
-    Returns
-    -------
-    frequency : ndarray, shape (band,)
-        In Hz.
-    density : ndarray, shape (band, channel)
-        One-sided power density, in unit^2/Hz.
-    averages : float
-        Independent values in each.
+    Returns the band frequencies in Hz, the one-sided power density (band, channel) in unit^2/Hz, and the number of
+    independent values per band.
     """
     flat = recording.samples.reshape(recording.frames, -1)
-    # Of no input nothing is explained, so that all of the output counts as noise.
+    # With an input of zeros, all of the output counts as noise.
     sums = band_sums(np.zeros((len(flat), 1)), flat, recording.rate, resolution=resolution, width=width)
     return sums.frequency, sums.power / sums.points, float(sums.points[0])
 
 
 def white_level(density: Array, averages: float, overlap: float) -> tuple[Array, Array]:
-    """Amplitude density that half of the bands exceed, and its standard uncertainty.
+    """Median amplitude density over the bands, shape (channel,), and its relative standard uncertainty.
 
     The median of n independent means of m squared values has a relative standard error of sqrt(pi / (2 n m)) in power,
-    half of that in amplitude.
-
-    Parameters
-    ----------
-    density : ndarray, shape (band, channel)
-        Power density.
-    averages : float
-        Independent values in each band.
-    overlap : float
-        Width of a band over their distance.
-
-    Returns
-    -------
-    level, uncertainty : ndarray, shape (channel,)
-        The uncertainty as a part of the level.
+    half of that in amplitude. `averages` is m, and `overlap` the width of a band over the band spacing.
     """
     level = np.sqrt(np.median(density, axis=0))
     independent = max(len(density) / max(overlap, 1.0), 1.0) * max(averages, 1.0)
@@ -62,21 +35,22 @@ def white_level(density: Array, averages: float, overlap: float) -> tuple[Array,
 
 
 def noise_equivalent_pressure(calibration: Calibration, band: Band = (20.0, 470.0)) -> Array:
-    """Rms pressure in a band that would be as strong as each channel's noise.
+    """Rms pressure in a band that is as strong as each channel's noise.
 
-    The root of the integral of ``S_nn / |H|^2`` over the band; with the white `noise` where no density was measured.
+    It is the root of the integral of ``S_nn / |H|^2`` over the band; the white `noise` is used where no density was
+    measured.
 
     Parameters
     ----------
     calibration : Calibration
-        Its bins reach over the band.
+        Calibration whose bins cover the band.
     band : tuple of float
-        (low, high), in Hz.
+        (low, high) in Hz.
 
     Returns
     -------
     ndarray, shape (row, column)
-        In Pa; infinite for a channel that hears nothing somewhere in the band.
+        In Pa; infinite for a channel whose response is 0 somewhere in the band.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a calibration is measured from: recordings of a pressure that a reference measured at the same time."""
+"""Recordings of a sensor together with a reference that measures the pressure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,26 +15,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reference:
-    """The pressure that a force cell, a reference microphone or a pistonphone says there was.
-
-    Attributes
-    ----------
-    pressure : ndarray, shape (frame,)
-        In Pa.
-    rate : float
-        Frames per second, in Hz.
-    uncertainty : float
-        Standard uncertainty (k = 1) of its sensitivity, as a part of it: half of what a certificate with k = 2 states.
-    name : str
-        Which one it is.
-    simulated : bool
-        Whether it exists only here.
-    """
+    """Pressure measured by a force cell, a reference microphone or a pistonphone."""
 
     pressure: Array
+    """In Pa, shape (frame,)."""
     rate: float
+    """In Hz."""
     uncertainty: float = 0.0
+    """Relative standard uncertainty (k = 1) of the sensitivity: half of the value on a certificate with k = 2."""
     name: str = "reference"
+    """Name of the instrument."""
     simulated: bool = False
 
     def __post_init__(self) -> None:
@@ -42,16 +32,16 @@ class Reference:
         object.__setattr__(self, "rate", positive(self.rate, "rate of the reference", "Hz"))
         if not 0 <= self.uncertainty < 1:
             raise InputError(
-                f"uncertainty of the reference: expected a part of 1, such as 0.01 for 1 %, got {self.uncertainty:g}"
+                f"uncertainty of the reference: expected 0 to 1, such as 0.01 for 1 %, got {self.uncertainty:g}"
             )
 
     @classmethod
     def read(
         cls, recording: Recording, *, sensitivity: float, channel: int = 0, uncertainty: float = 0.0, name: str = ""
     ) -> "Reference":
-        """The pressure in one channel of a recording; `sensitivity` is in the recording's unit per Pa.
+        """Read the pressure from one channel of a recording; `sensitivity` is in the recording's unit per Pa.
 
-        A force cell of S unit/N under a face of A m2 has a sensitivity of S A.
+        A force cell of S unit/N with a contact area of A m2 has a sensitivity of S A.
         """
         if not 0 <= channel < recording.sensor.count:
             raise ShapeError(f"reference channel: expected 0 to {recording.sensor.count - 1}, got {channel}")
@@ -68,21 +58,13 @@ class Reference:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReferencedTake:
-    """A recording of a sensor, and of the reference at the same times.
-
-    Attributes
-    ----------
-    recording : Recording
-        What the sensor said.
-    reference : Reference
-        What pressed; as many frames at the same rate.
-    cell : int or None
-        The channel whose cell it pressed on; None for the same pressure on all cells, as in a coupler.
-    """
+    """A recording of a sensor, and of the reference at the same times."""
 
     recording: Recording
     reference: Reference
+    """Pressure with as many frames at the same rate."""
     cell: int | None = None
+    """Channel whose cell was pressed; None for the same pressure on all cells, as in a coupler."""
 
     def __post_init__(self) -> None:
         have = (len(self.reference.pressure), self.reference.rate)
@@ -102,7 +84,7 @@ class ReferencedTake:
         return float(self.reference.pressure.std())
 
     def presses(self) -> NDArray[np.bool_]:
-        """Whether the take presses on each channel, shape (channel,)."""
+        """Mask of the channels whose cells the take presses, shape (channel,)."""
         channels = np.arange(self.recording.sensor.count)
         return np.full(len(channels), True) if self.cell is None else channels == self.cell
 
@@ -110,16 +92,16 @@ class ReferencedTake:
 def split_channel(
     recording: Recording, channel: int, *, sensor: SensorGrid | None = None
 ) -> tuple[Recording, Recording]:
-    """A recording without one of its channels, and that channel by itself: the reference on a spare input.
+    """Split one channel, such as a reference on a spare input, off a recording.
 
     Parameters
     ----------
     recording : Recording
-        With one channel more than the sensor.
+        Recording with one channel more than the sensor.
     channel : int
-        The reference's, row by row from 0.
+        Number of the reference's channel, row by row from 0.
     sensor : SensorGrid, optional
-        The cells of the other channels; a square if their number is one, else a row.
+        Cells of the other channels; by default a square if their number is a square, otherwise one row.
 
     Returns
     -------
@@ -129,7 +111,7 @@ def split_channel(
     Raises
     ------
     ShapeError
-        If the channel is not there, or the others are not as many as the sensor's.
+        If the channel does not exist, or the other channels do not fit the sensor.
     """
     count = recording.sensor.count - 1
     if not 0 <= channel <= count or count < 1:
@@ -149,15 +131,7 @@ def split_channel(
 
 
 def check_alike(takes: Sequence[ReferencedTake]) -> None:
-    """Refuse takes of different sensors, units or rates.
-
-    Raises
-    ------
-    InputError
-        If there are none.
-    MismatchError
-        If they differ.
-    """
+    """Raise an error if there are no takes, or takes of different sensors, units or rates."""
     if not takes:
         raise InputError("takes: expected one recording or more, got none")
     first = takes[0].recording

@@ -1,4 +1,4 @@
-"""How much a response changes from one recording to the next, beyond what their noise explains."""
+"""Variation of a response between recordings beyond their noise."""
 
 from collections.abc import Sequence
 
@@ -13,26 +13,14 @@ Array = NDArray[np.float64]
 def repeatability(
     parts: Sequence[BandSums], whole: FrequencyResponse, counts: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Standard uncertainty of a common response from the scatter of its takes: sensors are seated anew, gel warms up.
+    """Relative standard uncertainty of magnitude, and of phase in rad, from the scatter of takes, shape (channel,).
 
-    The variance between takes tau^2 is found by the method of moments: sum_r w_r (H_r / H - mean)^2 has the expectation
-    (R - 1) + tau^2 (sum w - sum w^2 / sum w), with w_r = 1 / u_r^2 (DerSimonian and Laird, Controlled Clinical Trials
-    7, 1986), pooled over the bands, since what changes is mostly the gain. The common response weighs take r by its
-    share p_r of the input's power, so that its variance is tau^2 sum p_r^2, widened by Student's t for R - 1.
-
-    Parameters
-    ----------
-    parts : sequence of BandSums
-        Sums of the takes; 0 in the channels that a take does not press on.
-    whole : FrequencyResponse
-        Response of all of them.
-    counts : ndarray of bool, shape (band,)
-        Which bands count.
-
-    Returns
-    -------
-    magnitude, phase : ndarray, shape (channel,)
-        As a part of the magnitude, and in rad; 0 with one take, whose repeatability nobody knows.
+    Takes differ because the sensor is placed anew and the gel warms up. The variance tau^2 between takes is estimated
+    by the method of moments: sum_r w_r (H_r / H - mean)^2 has the expectation (R - 1) + tau^2 (sum w - sum w^2 / sum
+    w), with w_r = 1 / u_r^2 (DerSimonian and Laird, Controlled Clinical Trials 7, 1986), pooled over the bands, because
+    mostly the gain varies. The common response weights take r by its share p_r of the input's power, so its variance is
+    tau^2 sum p_r^2, widened by Student's t for R - 1. The result is 0 for a single take, whose repeatability is
+    unknown.
     """
     pressed = np.array([part.points > 0 for part in parts])
     if len(parts) < 2 or not (pressed.sum(axis=0) > 1).any():

@@ -1,4 +1,4 @@
-"""The level of one tone of known pressure, as a pistonphone makes it; and a response brought to that level."""
+"""Sensitivity from one tone of known pressure (pistonphone), and scaling of a response to that level."""
 
 from dataclasses import replace
 
@@ -25,23 +25,24 @@ def measure_tone(
     date: str = "",
     version: int = 1,
 ) -> Calibration:
-    """Sensitivity of every channel at one frequency, from a tone of known level.
+    """Measure the sensitivity of every channel at one frequency with a tone of known level.
 
-    A sine is fitted to each of the segments (the three-parameter fit of IEEE Std 1057), at the frequency that fits the
-    whole best. The mean of the segments counts; their scatter and the tone's own uncertainty make its uncertainty.
+    A sine is fitted to each segment (three-parameter fit of IEEE Std 1057) at the frequency that fits the whole
+    recording best. The result is the mean over the segments; their scatter and the uncertainty of the tone give its
+    uncertainty.
 
     Parameters
     ----------
     recording : Recording
-        While the tone acts on all of its cells.
+        Recorded while the tone acts on all cells.
     frequency : float
-        Frequency that the tone is said to have, to 1 %, in Hz.
+        Nominal frequency of the tone, correct to 1 %, in Hz.
     pressure : float
-        Rms, in Pa; 114 dB are 10.02 Pa.
+        Rms in Pa; 114 dB are 10.02 Pa.
     uncertainty : float
-        Standard, of the pressure, as a part of it.
+        Relative standard uncertainty of the pressure.
     reference : str
-        What made the tone.
+        Name of the source of the tone.
     segments : int
         Three or more.
     date, version
@@ -50,13 +51,13 @@ def measure_tone(
     Returns
     -------
     Calibration
-        With one bin; its phase is that of each channel against the mean of all, without an absolute one. Bring a whole
-        response to its level with `anchored`.
+        With one bin; the phase is relative to the mean of all channels. Use `anchored` to scale a whole response to
+        this level.
 
     Raises
     ------
     BandError
-        If the recording is too short or too slow for the tone.
+        If the recording is too short or its rate too low for the tone.
     InputError
         If there is no tone.
     """
@@ -72,20 +73,20 @@ def measure_tone(
     wave, rest = _fit(flat[: time.size].reshape(*time.shape, -1), time, found)
     amplitude = wave.mean(axis=0)
     size = np.abs(amplitude)
-    # The rest taken as white noise: its variance over half the rate is its density.
+    # The residual as white noise: its variance over half the rate is its density.
     noise = np.sqrt(2 * rest / recording.rate)
     heard = size > 0
-    # Half of the scatter of complex numbers is along them, the other half across.
+    # Half of the variance of complex numbers is in the magnitude, the other half in the phase.
     random = wave.std(axis=0, ddof=1) / np.sqrt(2 * segments) / np.where(heard, size, 1)
     if not (heard.any() and np.median(random[heard]) < 0.2):
         raise InputError(
-            f"tone: expected one near {frequency:g} Hz, got {size.max():.3g} {recording.unit} that changes all the "
-            f"time, in a noise of {np.sqrt(rest.max()):.3g} {recording.unit} rms; is it on, and of that frequency?"
+            f"tone: expected a steady tone near {frequency:g} Hz, got an unsteady {size.max():.3g} {recording.unit} in "
+            f"a noise of {np.sqrt(rest.max()):.3g} {recording.unit} rms; switch it on, and check its frequency"
         )
     magnitude = np.sqrt(widened(random, 2 * (segments - 1)) ** 2 + uncertainty**2)
     explained = 1 - rest / np.maximum(flat.var(axis=0), 1e-300)
     turned = np.exp(-1j * np.angle(amplitude.sum()))
-    told = {"frequency_hz": frequency, "found_hz": found, "pressure_pa": pressure, "uncertainty": uncertainty}
+    details = {"frequency_hz": frequency, "found_hz": found, "pressure_pa": pressure, "uncertainty": uncertainty}
     cells = recording.sensor.shape
     nothing = np.zeros(cells)
     return Calibration(
@@ -100,7 +101,7 @@ def measure_tone(
             source=f"measured with {reference}",
             simulated=recording.provenance.simulated,
             notes=recording.provenance.notes,
-        ).then("measure tone", told),
+        ).then("measure tone", details),
         measurement=Measurement(
             coherence=np.where(heard, np.clip(explained, 0, 1), 0).reshape(1, *cells),
             magnitude_uncertainty=np.where(heard, magnitude, 1).reshape(1, *cells),
@@ -117,24 +118,24 @@ def measure_tone(
 
 
 def anchored(shape: Calibration, tone: Calibration) -> Calibration:
-    """A response over frequency brought to the level of a tone, channel by channel.
+    """Scale a frequency response to the level of a tone, channel by channel.
 
-    The shape's own uncertainty of level falls away with its level: what all its bins share (its reference's) is
-    replaced by the uncertainty of the tone and of the shape at the tone's frequency.
+    The uncertainty that all bins of the shape share (that of its reference) is replaced by the uncertainty of the tone
+    and of the shape at the tone's frequency.
 
     Parameters
     ----------
     shape : Calibration
-        A calibration of the same sensor, over the tone's frequency, such as one from a focused beam.
+        Calibration of the same sensor whose band covers the tone, for example from a focused beam.
     tone : Calibration
-        The tone's calibration from `measure_tone`.
+        Calibration from `measure_tone`.
 
     Raises
     ------
     MismatchError
-        If the two are of different sensors or units, or the tone is not one.
+        If the two have different sensors or units, or `tone` has more than one bin.
     BandError
-        If the tone lies outside the shape's frequencies.
+        If the tone is outside the shape's frequencies.
     """
     if (shape.sensor, shape.unit) != (tone.sensor, tone.unit) or len(tone.frequency) != 1:
         raise MismatchError(
@@ -155,7 +156,7 @@ def anchored(shape: Calibration, tone: Calibration) -> Calibration:
         noise=shape.noise,
         provenance=shape.provenance.then("anchor", settings, simulated=tone.provenance.simulated),
         measurement=_anchored_measurement(shape, tone),
-        # It was told in Pa by the level that the response had before.
+        # The linearity was stated in Pa with the previous level of the response.
         linearity=None,
     )
 
@@ -178,7 +179,7 @@ def _anchored_measurement(shape: Calibration, tone: Calibration) -> Measurement 
 
 
 def _check_fits(recording: Recording, frequency: float, segments: int) -> None:
-    """Refuse a tone above half the rate, or segments of less than four cycles."""
+    """Raise a BandError for a tone above half the rate, or for segments of less than four cycles."""
     if not 0 < frequency < recording.rate / 2:
         raise BandError(f"tone: expected below {recording.rate / 2:g} Hz, half the rate, got {frequency:g} Hz")
     needed = 4 * segments / frequency
@@ -189,17 +190,17 @@ def _check_fits(recording: Recording, frequency: float, segments: int) -> None:
 
 
 def _refined(flat: Array, rate: float, frequency: float) -> float:
-    """The frequency within 1 % (or a bin) of the stated one at which a sine takes most out of all channels."""
+    """Frequency within 1 % (or a bin) of the nominal one at which a sine has most power, over all channels."""
     from scipy.optimize import minimize_scalar
 
     time = np.arange(len(flat)) / rate
-    # Under a window the tone is one hump, without the ripple that a search could be caught in.
+    # With a window the spectrum has a single peak at the tone, without side lobes that could trap the search.
     centred = (flat - flat.mean(axis=0)) * np.hanning(len(flat))[:, None]
 
     def power(f: float) -> float:
         return float((np.abs(np.exp(-2j * np.pi * f * time) @ centred) ** 2).sum())
 
-    # Half a bin: no hump is narrower.
+    # Steps of half a bin: no peak is narrower.
     step = 0.5 * rate / len(flat)
     reach = max(0.01 * frequency, 2 * step)
     tried = np.arange(frequency - reach, frequency + reach + step / 2, step)
@@ -211,7 +212,7 @@ def _refined(flat: Array, rate: float, frequency: float) -> float:
 
 
 def _fit(samples: Array, time: Array, frequency: float) -> tuple[Complex, Array]:
-    """Complex amplitude of a sine in each segment, shape (segment, channel), and the mean square of the rest."""
+    """Complex amplitude of a sine in each segment, shape (segment, channel), and the mean square of the residual."""
     turn = 2 * np.pi * frequency * time
     design = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=-1)
     found = np.linalg.pinv(design) @ samples
