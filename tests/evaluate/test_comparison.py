@@ -34,7 +34,7 @@ def test_the_same_is_the_same():
 def test_a_re_recording_in_place_of_the_original_is_refused():
     again = dataclasses.replace(frames(), provenance=Provenance().then("play", {"frames": 400}))
     assert compare(again, again).gain == pytest.approx(1)
-    with pytest.raises(MismatchError, match="a re-recording first: swap the two"):
+    with pytest.raises(MismatchError, match="a re-recording first; swap the two"):
         compare(again, frames())
 
 

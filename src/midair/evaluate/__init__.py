@@ -1,4 +1,4 @@
-"""Evaluate: errors of a field, spectra, places of peaks, original against reproduction, what skin makes of it."""
+"""Evaluate reproductions: field errors, spectra, peaks, comparison with the original, perceptual metrics."""
 
 from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.comparison import Comparison, compare

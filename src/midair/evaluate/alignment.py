@@ -1,4 +1,4 @@
-"""Bringing two recordings of the same thing to the same time."""
+"""Find and remove the delay between two recordings."""
 
 from typing import cast
 
@@ -12,40 +12,40 @@ Array = NDArray[np.float64]
 
 
 def find_delay(original: Array | LazyFrames, later: Array | LazyFrames, rate: float, *, longest: float = 0.05) -> float:
-    """How much later `later` is, from the peak of the cross-correlation summed over the channels.
+    """Delay of `later` after `original` in s, from the peak of the cross-correlation summed over the channels.
 
-    The part of a frame is that of the peak of the curve through the values (band-limited interpolation).
+    The peak is located between samples by band-limited interpolation.
 
     Parameters
     ----------
-    original, later : ndarray or Reel, shape (frame, ...)
+    original, later : ndarray or LazyFrames, shape (frame, ...)
         The same channels at the same rate.
     rate : float
         In Hz.
     longest : float
-        Delays searched, to either side, in s.
+        Largest delay in either direction, in s.
 
     Returns
     -------
     float
-        In s; 0 when either is silent.
+        In s; 0 if either signal is silent.
     """
     reach = max(1, min(round(longest * rate), max(len(original), len(later)) - 1))
     around = _correlation(original, later, reach)
     best = int(np.argmax(around))
-    # Nothing alike at any delay: moving one of them would be arbitrary.
+    # Without positive correlation at any delay, a shift would be arbitrary.
     if around[best] <= 0:
         return 0.0
     if not 0 < best < 2 * reach:
         return (best - reach) / rate
-    return (best - reach + _part(around, best)) / rate
+    return (best - reach + _subframe_offset(around, best)) / rate
 
 
-def _part(around: Array, best: int) -> float:
-    """Part of a frame from the largest value to the peak, between -1 and 1.
+def _subframe_offset(around: Array, best: int) -> float:
+    """Distance from the largest value to the interpolated peak in frames, between -1 and 1.
 
-    A parabola through three values has its peak up to .07 of a frame beside that of dense noise. The values are those
-    of a curve that holds nothing above half the rate, so that a sinc under a Hann window tells it between them.
+    A parabola through three values misses the peak of dense noise by up to .07 of a frame. The correlation has no
+    components above half the rate, so a sinc with a Hann window interpolates it.
     """
     places = np.arange(max(0, best - _SINC), min(len(around), best + _SINC + 1))
     fine = np.arange(-_FINE, _FINE + 1) / _FINE
@@ -55,22 +55,22 @@ def _part(around: Array, best: int) -> float:
     peak = int(np.argmax(curve[1:-1])) + 1
     left, middle, right = curve[peak - 1 : peak + 2]
     bend = left - 2 * middle + right
-    # A peak bends downwards; a flat one has no part of a step to tell.
+    # Refine only a peak with negative curvature; a flat one has no defined position.
     return float(fine[peak] + (0.5 * (left - right) / bend / _FINE if bend < 0 else 0.0))
 
 
 _SINC, _FINE = 16, 50
-"""Values to either side that a curve between them is told from, and its steps a frame."""
+"""Values on each side for the interpolation, and its steps per frame."""
 
 
 def _correlation(original: Array | LazyFrames, later: Array | LazyFrames, reach: int) -> Array:
-    """Sum of the products of both, `later` moved by -reach to reach frames, shape (2 reach + 1,); block by block."""
+    """Cross-correlation for lags of -reach to reach frames, shape (2 reach + 1,), block by block."""
     from scipy.fft import irfft, next_fast_len, rfft
 
     total = np.zeros(2 * reach + 1)
     for first, last in block_ranges(original.shape):
         a = read_frames(original, first, last).reshape(last - first, -1)
-        # Zeros where there is nothing, so that no delay that is looked at wraps round.
+        # Pad with zeros, so that no lag wraps around.
         b = np.zeros((len(a) + 2 * reach, a.shape[1]))
         begin, end = max(0, first - reach), max(0, min(len(later), last + reach))
         if begin < end:
@@ -83,27 +83,23 @@ def _correlation(original: Array | LazyFrames, later: Array | LazyFrames, reach:
 
 
 def advance(samples: Array, delay: float, rate: float) -> Array:
-    """`samples` earlier by `delay` seconds, by a linear phase on the spectrum with silence on both sides.
+    """Shift `samples` earlier by `delay` seconds, with silence on both sides, by a linear phase on the spectrum.
 
     Parameters
     ----------
-    samples : ndarray or Reel, shape (frame, ...)
-        Samples at `rate`; of a reel what comes is a reel, see `midair.lazy_filters.shift_earlier`.
+    samples : ndarray or LazyFrames, shape (frame, ...)
+        Lazy frames give lazy frames, see `midair.lazy_filters.shift_earlier`.
     delay : float
-        In s, of any sign, not necessarily whole frames.
+        In s, of any sign, also fractions of a frame.
     rate : float
         In Hz.
-
-    Returns
-    -------
-    ndarray, same shape
     """
     if isinstance(samples, LazyFrames):
         return cast("Array", shift_earlier(samples, delay * rate))
     length = 2 * len(samples)
     turn = np.exp(2j * np.pi * np.fft.rfftfreq(length, 1 / rate) * delay)
     moved = np.empty((len(samples), int(np.prod(samples.shape[1:], dtype=np.int64))))
-    # One channel after another: a spectrum of all of them takes four times their memory.
+    # One channel at a time, because the spectrum of all channels takes four times their memory.
     for channel, values in enumerate(samples.reshape(moved.shape).T):
         moved[:, channel] = np.fft.irfft(np.fft.rfft(values, length) * turn, length)[: len(samples)]
     return moved.reshape(samples.shape)

@@ -1,4 +1,4 @@
-"""What was felt against what was recorded: waveform, spectrum, level and place."""
+"""Compare an original pressure with its reproduction: waveform, spectrum, level and position."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,55 +20,40 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Comparison:
-    """Figures of a reproduction, none of them a single score.
-
-    Attributes
-    ----------
-    delay : float
-        Time by which the reproduction was later, taken out before all else, in s.
-    correlation : float
-        Correlation of the waveforms over all channels, -1 to 1, about 0 by silence.
-    gain : float
-        Slope of the best straight line from original to reproduced pressure through 0.
-    waveform_error : float
-        ||reproduced - original|| / ||original||, nothing refitted.
-    distortion_ratio : float
-        Signal-to-distortion after the best gain, in dB.
-    spectral_error : float
-        Level difference of the spectra in the band, weighted by the original's power, in dB (see `spectral_error`).
-    peak : tuple of tuple of float
-        (x, y) of the cell with the largest rms, original and reproduced, in m. Of cells of the original that are
-        equally strong, to 5 %, the one nearest to the reproduction's counts.
-    frequency : tuple of float
-        Dominant frequency, original and reproduced, in Hz.
-    rms : tuple of float
-        Rms of the strongest cell, original and reproduced, in Pa.
-    channel_correlation, channel_gain : ndarray, shape (row, column)
-        The same, cell by cell; 0 where the original is silent.
-    simulated : bool
-        Whether any part of it was simulated.
-    """
+    """Figures of a reproduction; there is no single score."""
 
     delay: float
+    """Delay of the reproduction in s, removed before all other figures."""
     correlation: float
+    """Correlation of the waveforms over all channels, -1 to 1, without subtracting the mean."""
     gain: float
+    """Slope of the best line through 0 from original to reproduced pressure."""
     waveform_error: float
+    """||reproduced - original|| / ||original||, without fitting a gain."""
     distortion_ratio: float
+    """Signal-to-distortion ratio after the best gain, in dB."""
     spectral_error: float
+    """Level difference of the spectra in the band, weighted by the original's power, in dB (see `spectral_error`)."""
     peak: tuple[tuple[float, float], tuple[float, float]]
+    """(x, y) of the cell with the largest rms, original and reproduced, in m; among equals (5 %) the nearest cell."""
     frequency: tuple[float, float]
+    """Dominant frequency, original and reproduced, in Hz."""
     rms: tuple[float, float]
+    """Rms of the strongest cell, original and reproduced, in Pa."""
     channel_correlation: Array
+    """Shape (row, column); 0 where the original is silent."""
     channel_gain: Array
+    """Shape (row, column); 0 where the original is silent."""
     simulated: bool
+    """Whether any part was simulated."""
 
     @property
     def peak_distance(self) -> float:
-        """Between the cells with the largest rms, in m."""
+        """Distance between the cells with the largest rms, in m."""
         return float(np.hypot(*np.subtract(*self.peak)))
 
     def figures(self) -> dict[str, tuple[float, str]]:
-        """Every scalar figure with its unit, by the words that people read."""
+        """Every scalar figure with its unit, by its label in reports."""
         return {
             "correlation": (self.correlation, ""),
             "gain": (self.gain, ""),
@@ -102,33 +87,34 @@ def compare(
     Parameters
     ----------
     original, reproduced : PressureFrames
-        Pressures of the same cells at the same rate; the shorter one decides how many frames are compared. Of reels
-        a block is in memory at a time.
+        Pressures of the same cells at the same rate; the shorter one sets the number of compared frames. Lazy frames
+        are read block by block.
     first : int
-        Frame of the reproduction at which the original begins. What lies before and behind is not compared; but of a
-        piece that was cut out before its delay is, the ends are lost, and a perfect one comes to 30 to 50 dB.
+        Frame of the reproduction at which the original begins; everything before and after is ignored. If the
+        reproduction was cut before its delay was known, samples at its ends are missing, and even a perfect one reaches
+        only 30 to 50 dB.
     longest_delay : float
-        Largest delay that is looked for, in s.
+        Largest delay in s.
     band : tuple of float, optional
-        (low, high) of the frequencies whose spectra are compared, in Hz; the original's own band if None.
+        (low, high) in Hz of the compared spectra; by default the original's band.
 
     Raises
     ------
     MismatchError
         If the sensors have different cells, or the first was played and re-recorded and the second was not.
     RateError
-        If the rates differ; resample one first.
+        If the rates differ.
     """
     check_alike(original, reproduced)
     frames = min(original.frames, reproduced.frames - first)
     part, x, shape = slice(first, first + frames), original.pressure[:frames], original.sensor.shape
     longest = min(longest_delay, (frames - 1) / original.rate)
     delay = find_delay(x, reproduced.pressure[part], original.rate, longest=longest)
-    # Before all figures: a wave that is half a period late is the opposite of itself.
+    # The delay is removed before all figures: half a period of delay would invert a wave.
     y = advance(reproduced.pressure, delay, original.rate)[part]
     sums = _Sums.of(x, y, original.rate)
     gain, own = _over(sums.xy.sum(), sums.xx.sum()), _over(sums.xy, sums.xx)
-    # What no gain of its own takes away of a channel, and what its own gain is beside the gain of all.
+    # Residual of each channel after its own gain, plus the deviation of that gain from the common one.
     distortion = (sums.apart + (own - gain) ** 2 * sums.xx).sum()
     return Comparison(
         delay=delay,
@@ -151,16 +137,10 @@ def compare(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Sums:
-    """What is added up of each channel of an original x and of its reproduction y, brought to the same time.
+    """Sums over the frames of an original x and its aligned reproduction y; `apart` is that of (y - gain x)^2.
 
-    Attributes
-    ----------
-    xx, yy, xy, error, apart : ndarray, shape (channel,)
-        Sums of the squares, of the product, of the squares of y - x, and of y less its best multiple of x.
-    frequency : ndarray, shape (bin,)
-        Of the densities, in Hz.
-    densities : tuple of ndarray, shape (bin, channel)
-        By Welch's method.
+    All sums have the shape (channel,); the Welch densities of x and y have the shape (bin, channel), at `frequency` in
+    Hz.
     """
 
     xx: Array
@@ -173,13 +153,13 @@ class _Sums:
 
     @classmethod
     def of(cls, original: Array | LazyFrames, reproduced: Array | LazyFrames, rate: float) -> "_Sums":
-        """Block by block."""
+        """Compute the sums block by block."""
         width = int(np.prod(original.shape[1:], dtype=np.int64))
         xx, yy, xy, error = (np.zeros(width) for _ in range(4))
         for x, y in _pairs(original, reproduced):
             xx, yy, xy, error = xx + _squares(x), yy + _squares(y), xy + _products(x, y), error + _squares(y - x)
         own, apart = _over(xy, xx), np.zeros(width)
-        # The rest is added up by itself: as a difference of sums it would be lost where a reproduction is good.
+        # The residual needs its own pass: as a difference of sums it would be lost to rounding for a good reproduction.
         for x, y in _pairs(original, reproduced):
             apart += _squares(y - own * x)
         (frequency, before), (_, after) = welch(original, rate), welch(reproduced, rate)
@@ -201,7 +181,7 @@ def _pairs(x: Array | LazyFrames, y: Array | LazyFrames) -> Iterator[tuple[Array
 
 
 def _products(x: Array, y: Array) -> Array:
-    """Sum of the products of each channel."""
+    """Sum over the frames of the products of each channel."""
     return np.asarray(np.einsum("tc,tc->c", x, y), np.float64)
 
 
@@ -210,9 +190,9 @@ def _squares(x: Array) -> Array:
 
 
 def _peaks(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Places of the largest mean square, shape (row, column) each; see `Comparison.peak`."""
+    """Positions of the largest mean square of both maps, shape (row, column); see `Comparison.peak`."""
     found = peak_position(reproduced, sensor)
-    # Squared, since these are mean squares and 5 % is meant of the rms.
+    # Squared, because the maps are mean squares and the 5 % refer to the rms.
     rows, columns = np.nonzero(original >= 0.95**2 * original.max())
     away = np.hypot(sensor.x[columns] - found[0], sensor.y[rows] - found[1])
     nearest = int(np.argmin(away))
@@ -220,10 +200,10 @@ def _peaks(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[tupl
 
 
 def check_alike(original: PressureFrames, reproduced: PressureFrames) -> None:
-    """Refuse other cells and swapped arguments (MismatchError), and other rates (RateError)."""
+    """Raise an error for different cells or swapped arguments (MismatchError), or for different rates (RateError)."""
     if original.provenance.played and not reproduced.provenance.played:
         raise MismatchError(
-            "expected the original first and its re-recording second, got a re-recording first: swap the two"
+            "compare: expected the original first and its re-recording second, got a re-recording first; swap the two"
         )
     if original.sensor.shape != reproduced.sensor.shape:
         raise MismatchError(
@@ -242,7 +222,7 @@ def _spectral_error(sums: _Sums, band: tuple[float, float] | None) -> float:
 
 
 def _over(part: Array | np.floating | float, whole: Array | np.floating | float) -> Array:
-    """A part over a whole; 0 where the whole is 0."""
+    """Divide two arrays; 0 where the denominator is 0."""
     some, all_of_it = np.asarray(part, float), np.asarray(whole, float)
     return np.divide(some, all_of_it, out=np.zeros_like(all_of_it), where=all_of_it > 0)
 

@@ -1,4 +1,4 @@
-"""How much of a pressure came through: signal against distortion in the band, images above it, place."""
+"""Fidelity of a delivered pressure: signal to distortion in the band, images above it, and spatial correlation."""
 
 from dataclasses import dataclass
 
@@ -16,31 +16,20 @@ Band = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fidelity:
-    """What came through of a pressure.
-
-    Attributes
-    ----------
-    distortion_ratio : float
-        Signal over distortion within the band, in dB, over the cells that are to feel something: sum ||g x||^2 / sum
-        ||y - g x||^2 with the best gain g of each cell and the delay taken out.
-    overall_ratio : float
-        The same with one gain for all cells, and over all cells: what presses beside the place counts as distortion.
-    images : float or None
-        Power in the band of the images over that in the band, in dB; None where the rate is too low to tell.
-    spatial_correlation : float
-        Correlation of the maps of rms pressure in the band, over the cells, -1 to 1.
-    gain : float
-        Best gain over all cells.
-    delay : float
-        In s.
-    """
+    """Fidelity of a delivered pressure."""
 
     distortion_ratio: float
+    """Signal-to-distortion ratio in dB over the cells with a target, with the best gain for each cell."""
     overall_ratio: float
+    """The same ratio with one gain and over all cells, so that pressure beside the target counts as distortion."""
     images: float | None
+    """Power in the band of the images over that in the band, in dB; None if the rate is too low."""
     spatial_correlation: float
+    """Correlation over the cells of the maps of rms pressure in the band, -1 to 1."""
     gain: float
+    """Best gain over all cells."""
     delay: float
+    """In s."""
 
 
 def fidelity(
@@ -52,21 +41,22 @@ def fidelity(
     weakest: float = 20.0,
     judged: tuple[float, float] | None = None,
 ) -> Fidelity:
-    """Compare what was delivered with what was to be delivered.
+    """Compare the delivered pressure with its original.
 
     Parameters
     ----------
     original, delivered : PressureFrames
-        On the same cells; the slower one is brought to the faster one's rate.
+        On the same cells; the slower one is resampled to the rate of the faster one.
     band : tuple of float
-        (low, high) that counts, in Hz. Both are cut to it with the same sharp edges.
+        (low, high) in Hz; both pressures are filtered to it with sharp edges.
     images : tuple of float
-        Where steps from frame to frame make images of the band, in Hz.
+        Band in Hz in which frame steps create images of the signal band.
     weakest : float
-        By how many dB a cell may be below the strongest one to be among those that are to feel something.
+        Cells count as targets down to this many dB below the strongest cell.
     judged : tuple of float, optional
-        (begin, duration) of what counts, in s of the original; all if None. It is cut out when band and delay are: a
-        perfect piece that is late by an eighth of a millisecond would lack what was cut off, 25 to 45 dB below.
+        (begin, duration) of the evaluated part, in s of the original; all if None. It is cut after filtering and
+        alignment: a perfect piece with a delay of an eighth of a millisecond would otherwise lose samples at its ends
+        and reach only 25 to 45 dB.
 
     Raises
     ------
@@ -82,7 +72,7 @@ def fidelity(
     frames = min(len(x), len(y))
     x, y = in_band(x[:frames], rate, band), in_band(y[:frames], rate, band)
     delay = find_delay(x, y, rate, longest=min(0.05, (frames - 1) / rate))
-    # Before any gain is fitted: what is only late is not distorted.
+    # Align before fitting a gain, because a delay is no distortion.
     y = advance(y, delay, rate)
     begin, duration = judged or (0.0, frames / rate)
     part = slice(round(begin * rate), round(begin * rate) + round(duration * rate))
@@ -103,7 +93,7 @@ def fidelity(
 
 
 def in_band(pressure: Array, rate: float, band: Band) -> Array:
-    """The part within a band, edges included, without delay, shape (frame, ...)."""
+    """Filter pressure, shape (frame, ...), to a band with sharp edges and without delay."""
     high = min(band[1], rate / 2)
     return filter_response(
         pressure,
@@ -116,7 +106,7 @@ def in_band(pressure: Array, rate: float, band: Band) -> Array:
 def image_level(
     delivered: PressureFrames, *, band: Band = (20.0, 470.0), images: Band = (530.0, 1000.0)
 ) -> float | None:
-    """Power in the band of the images over that in the band, summed over the cells, in dB; None below twice its end."""
+    """Power in the band of the images over that in the band, over all cells, in dB; None if the rate is too low."""
     if delivered.rate < 2 * images[1]:
         return None
     above, within = (float(band_energy(delivered.pressure, delivered.rate, each).sum()) for each in (images, band))
@@ -124,7 +114,7 @@ def image_level(
 
 
 def map_correlation(x: Array, y: Array) -> float:
-    """Correlation of the maps of rms pressure over the cells; 0 where a map is even."""
+    """Correlation of the maps of rms pressure over the cells; 0 if a map is uniform."""
     a, b = (np.sqrt((each**2).mean(axis=0)).ravel() for each in (x, y))
     a, b = a - a.mean(), b - b.mean()
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
@@ -132,7 +122,7 @@ def map_correlation(x: Array, y: Array) -> float:
 
 
 def decibels(signal: float, rest: float) -> float:
-    """10 log10(signal / rest); infinite at the ends, never NaN."""
+    """10 log10(signal / rest); infinite at the limits, never NaN."""
     if signal <= 0:
         return float("-inf")
     return float(10 * np.log10(signal / rest)) if rest > 0 else float("inf")

@@ -1,4 +1,4 @@
-"""How well a target was met, frame by frame and by energy: faint frames, of which any field is far off, apart."""
+"""Error of a solution by energy and by frame; faint frames with large relative errors count separately."""
 
 from dataclasses import dataclass
 
@@ -8,33 +8,25 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 FAINT = 1e-2
-"""A frame of less power than this part of the strongest's is faint."""
+"""Frames with less than this part of the strongest frame's power are faint."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolveError:
-    """The error of a piece of target.
-
-    Attributes
-    ----------
-    energy : float
-        Root of the error's power over that of the target, all frames together.
-    mean, worst : float
-        Of the frames that are not faint.
-    faint : int
-        How many frames are.
-    frames : int
-        How many there are in all, without the silent ones.
-    faint_mean : float
-        The faint ones' error; 0 where there are none.
-    """
+    """Error of a solved target."""
 
     energy: float
+    """Root of the error's power over the target's power, all frames together."""
     mean: float
+    """Mean over the frames that are not faint."""
     worst: float
+    """Maximum over the frames that are not faint."""
     faint: int
+    """Number of faint frames."""
     frames: int
+    """Number of all frames that are not silent."""
     faint_mean: float
+    """Mean error of the faint frames; 0 without any."""
 
     def __str__(self) -> str:
         said = f"{100 * self.energy:.1f} % by energy; mean {100 * self.mean:.1f} %, worst {100 * self.worst:.1f} %"
@@ -43,10 +35,10 @@ class SolveError:
         apart = f"{said}; {self.faint} of {self.frames} frames have less than a hundredth of the loudest's power"
         if self.faint_mean <= 1:
             return f"{apart}: mean {100 * self.faint_mean:.0f} %"
-        return f"{apart}: in them more comes than is asked for, --level auto makes it less"
+        return f"{apart}: there the output exceeds the target, --level auto reduces it"
 
     def plain(self) -> dict[str, object]:
-        """For JSON, as ratios."""
+        """Ratios for JSON."""
         return {
             "E_energy": self.energy,
             "E_mean": self.mean,
@@ -57,14 +49,14 @@ class SolveError:
 
 
 def error_by_energy(error: Array, power: Array) -> SolveError:
-    """What the errors of frames come to.
+    """Summarise the errors E of frames, weighted with the power of their targets.
 
     Parameters
     ----------
     error : ndarray, shape (frame,)
         E of each frame.
     power : ndarray, shape (frame,)
-        Power of each frame's target, in any unit; frames without any are left out.
+        Power of each frame's target, in any unit; silent frames are ignored.
     """
     plays = power > 0
     error, power = error[plays], power[plays]

@@ -1,4 +1,4 @@
-"""An error budget: what each stage of one reproduction loses, and what is left after it."""
+"""Error budget: the loss in each stage of a reproduction, and the fidelity after it."""
 
 import math
 from collections.abc import Sequence
@@ -13,56 +13,37 @@ from midair.model import PressureFrames
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StageOutput:
-    """The pressure on the cells as it would be if everything after a stage were perfect.
-
-    Attributes
-    ----------
-    name : str
-        Name of the stage.
-    what : str
-        What it does, in one line.
-    pressure : PressureFrames
-        After it.
-    leak : Leak or None
-        Outside the square, where there is a field to tell it from.
-    reference : PressureFrames or None
-        What to compare it with in place of the original: what a perfect stage would give.
-    tells_images : bool
-        Whether it reaches up to the images; a sensor at 1 kHz does not, at whatever rate its pressure is given.
-    """
+    """Pressure on the cells after a stage, if all later stages were perfect."""
 
     name: str
     what: str
+    """Description of the stage in one line."""
     pressure: PressureFrames
+    """Pressure after the stage."""
     leak: Leak | None = None
+    """Pressure outside the square, if the stage has a field."""
     reference: PressureFrames | None = None
+    """Output of a perfect stage, compared instead of the original."""
     tells_images: bool = True
+    """Whether the bandwidth includes the images; that of a 1 kHz sensor does not, at any output rate."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StageLoss:
-    """One line of a budget.
-
-    Attributes
-    ----------
-    name, what : str
-        Name of the stage, and what it does.
-    alone : Fidelity
-        Comparison of the stage's output with its input: what this stage does.
-    so_far : Fidelity
-        Comparison of the stage's output with the original: what has come through.
-    leak : Leak or None
-        Pressure outside the square of control points.
-    """
+    """One line of a budget."""
 
     name: str
     what: str
+    """Description of the stage."""
     alone: Fidelity
+    """Output of the stage compared with its input."""
     so_far: Fidelity
+    """Output of the stage compared with the original."""
     leak: Leak | None = None
+    """Pressure outside the square of control points."""
 
     def plain(self) -> dict[str, object]:
-        """Plain values for JSON; what cannot be told is null."""
+        """Values for JSON; infinite or unknown values are null."""
         return {
             "stage": self.name,
             "what": self.what,
@@ -79,37 +60,27 @@ class StageLoss:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """What became of one recording on its way to the palm.
-
-    Attributes
-    ----------
-    stages : tuple of StageLoss
-        In the order of the way.
-    kept : float or None
-        Part of the recording's power that lies in the band; None where it is not known.
-    band : tuple of float
-        (low, high) that signal and distortion are measured in, in Hz.
-    strength : float
-        Strength of the target.
-    simulated : bool
-        Whether any part of it was simulated.
-    palm : PalmFidelity or None
-        What a whole palm gets of what is played; None where nobody looked.
-    """
+    """Error budget of one recording from the sensor to the palm."""
 
     stages: tuple[StageLoss, ...]
+    """In processing order."""
     kept: float | None
+    """Part of the recording's power in the band; None if unknown."""
     band: Band
+    """(low, high) in Hz of signal and distortion."""
     strength: float
+    """Target peak over the peak of a single focus."""
     simulated: bool
+    """Whether any part was simulated."""
     palm: PalmFidelity | None = None
+    """Fidelity over a whole palm, if it was computed."""
 
     def stage(self, name: str) -> StageLoss:
-        """The line of this name."""
+        """Return the line with this name."""
         return next(each for each in self.stages if each.name == name)
 
     def plain(self) -> dict[str, object]:
-        """Plain values of the whole budget, for JSON."""
+        """Values of the whole budget for JSON."""
         return {
             "simulated": self.simulated,
             "band_hz": list(self.band),
@@ -136,22 +107,22 @@ def budget(
     judged: tuple[float, float] | None = None,
     palm: PalmFidelity | None = None,
 ) -> Budget:
-    """Compare the output of each stage with its input, and with the original.
+    """Compare the output of each stage with its input and with the original.
 
     Parameters
     ----------
     original : PressureFrames
-        What was felt, in the band.
+        Recorded pressure in the band.
     outputs : sequence of StageOutput
-        In the order of the way, all on the original's cells and of the same time.
+        In processing order, all on the original's cells and with the same start and duration.
     strength : float
-        Strength of the target.
+        Target peak over the peak of a single focus.
     kept : float, optional
-        Part of the recording's power that lies in the band.
+        Part of the recording's power in the band.
     band, images, judged : tuple of float
         As in `fidelity`.
     palm : PalmFidelity, optional
-        What a whole palm gets.
+        Fidelity over a whole palm.
     """
     lines: list[StageLoss] = []
     before = original
@@ -168,5 +139,5 @@ def budget(
 
 
 def finite(value: float | None) -> float | None:
-    """`value`, or None where JSON has no word for it."""
+    """Return `value`, or None if it is infinite or NaN, which JSON cannot represent."""
     return value if value is not None and math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Where the peak of a sound field lies."""
+"""Peak position of a field."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,14 +10,12 @@ Field = NDArray[np.complex128] | NDArray[np.float64]
 
 
 def peak_position(values: Array, grid: ControlGrid | SensorGrid) -> tuple[float, float]:
-    """(x, y) of the largest value of a map, from the centre of its grid, in m.
+    """(x, y) of the largest value of a map, relative to the centre of its grid, in m.
 
     Parameters
     ----------
     values : ndarray, shape (row, column) or (point,)
-        One map.
-    grid : ControlGrid or SensorGrid
-        The grid that it lies on.
+        Map on the grid.
     """
     row, column = np.unravel_index(int(np.argmax(values)), grid.shape)
     return float(grid.x[column]), float(grid.y[row])

@@ -1,8 +1,8 @@
-"""What a perfect reproduction would be heard as, which is what a re-recording is to be compared with.
+"""Re-recording of a perfect reproduction, as the reference for a measured re-recording.
 
-An original has passed the soft edges of the band once, when it was calibrated. What is played of it is heard and
-calibrated again, and so passes them twice: at a corner, where half is left of the original, a quarter is left of a
-perfect reproduction. Compared with the original itself, it would lack what nobody can play.
+An original has passed the soft edges of the band once, during calibration. Its reproduction is recorded and calibrated
+again, so it passes them twice: at a corner, where half of the original's amplitude is left, a perfect reproduction has
+a quarter. A comparison with the original itself would count this as an error.
 """
 
 from dataclasses import replace
@@ -19,17 +19,9 @@ Array = NDArray[np.float64]
 
 
 def apply_band_twice(asked: PressureFrames) -> PressureFrames:
-    """A pressure as a sensor would hear it of a perfect rig: through its own band once more, silent before and after.
+    """Filter a pressure with its own band again, as the re-recording of a perfect reproduction.
 
-    Parameters
-    ----------
-    asked : PressureFrames
-        What is played, in the band that it says; with none it stays as it is. Of a reel a reel.
-
-    Returns
-    -------
-    PressureFrames
-        Same rate and frames.
+    Silence is assumed before and after. A pressure without a band is returned unchanged; lazy frames give lazy frames.
     """
     band = asked.band
     if band is None:
@@ -46,12 +38,12 @@ def apply_band_twice(asked: PressureFrames) -> PressureFrames:
 
 
 def is_silent(band: tuple[float, float], rate: float) -> int:
-    """Frames of silence after which the filter of a band has forgotten: four periods of its lower corner."""
+    """Number of silent frames after which a band's filter has decayed: four periods of the lower corner."""
     return int(np.ceil(4 * rate / max(band[0], 1.0)))
 
 
 def _edges(asked: PressureFrames) -> tuple[float, float]:
-    """Edges of the band with which it was calibrated; the usual ones where nothing tells."""
+    """Edges of the band in the calibration step of the provenance, or the default edges."""
     for step in reversed(asked.provenance.steps):
         edges = step.settings.get("edges_hz")
         if step.stage == "calibrate" and isinstance(edges, tuple) and len(edges) == 2:

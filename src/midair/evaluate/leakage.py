@@ -1,4 +1,4 @@
-"""Sound that presses where nothing was asked for: outside the square of control points."""
+"""Radiation pressure outside the square of control points."""
 
 from dataclasses import dataclass
 
@@ -13,37 +13,29 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leak:
-    """Radiation pressure outside the controlled square, over the highest that was wanted inside.
-
-    Attributes
-    ----------
-    peak : float
-        Pressure of the hottest spot in any frame over the highest wanted pressure of all frames.
-    typical : float
-        Median over the frames of the hottest spot, over the same.
-    place : tuple of float
-        (x, y) of the hottest spot, from the middle of the grid, in m.
-    wanted : float
-        Highest wanted pressure, in Pa.
-    """
+    """Radiation pressure outside the controlled square, relative to the highest target pressure inside."""
 
     peak: float
+    """Highest pressure outside over all frames, relative to the highest target pressure of all frames."""
     typical: float
+    """Median over the frames of the highest pressure outside, relative to the same."""
     place: tuple[float, float]
+    """(x, y) of the highest pressure outside, from the centre of the grid, in m."""
     wanted: float
+    """Highest target pressure in Pa."""
 
 
 def surroundings(
     grid: ControlGrid, *, reach: float = 0.02, pitch: float = 2.5e-3
 ) -> tuple[ControlGrid, NDArray[np.bool_]]:
-    """A larger grid around a control grid, and which of its points lie outside the square.
+    """Create a larger grid around a control grid, with a mask of its points outside the square.
 
     Parameters
     ----------
     grid : ControlGrid
-        The controlled points; its square ends half a pitch beyond the outermost.
+        Control points; their square ends half a pitch beyond the outermost points.
     reach : float
-        How far the larger grid goes beyond the square, in m.
+        Margin of the larger grid around the square, in m.
     pitch : float
         Pitch of the larger grid, in m; 2.5 mm is a third of a wavelength at 40 kHz.
 
@@ -52,13 +44,13 @@ def surroundings(
     ControlGrid
         The larger grid.
     ndarray of bool, shape (point,)
-        Whether a point is outside the square.
+        True outside the square.
     """
     half_x, half_y = grid.columns * grid.pitch / 2, grid.rows * grid.pitch / 2
     rows, columns = (2 * int(np.ceil((half + reach) / pitch)) + 1 for half in (half_y, half_x))
     around = ControlGrid(rows=rows, columns=columns, pitch=pitch, height=grid.height, centre=grid.centre)
     x, y = np.meshgrid(around.x, around.y)
-    # Points on the edge count as inside, whatever their rounding.
+    # The tolerance keeps points on the edge inside despite rounding.
     outside = (np.abs(x) > half_x + 1e-9) | (np.abs(y) > half_y + 1e-9)
     return around, outside.ravel()
 
@@ -72,27 +64,25 @@ def leak(
     frames: int = 64,
     reach: float = 0.02,
 ) -> Leak:
-    """How strongly a drive presses outside the square that it was solved for.
+    """Compute the pressure of a drive outside the square that it was solved for.
 
     Parameters
     ----------
-    drive : Drive
-        What is played.
     amplitude : ndarray, shape (frame, point)
-        What was wanted, peak, in Pa.
+        Target, peak sound pressure in Pa.
     grid : ControlGrid
-        Where it was wanted.
+        Control points of the target.
     acoustics : Acoustics, optional
-        As in `propagate`.
+        Those of the drive by default.
     frames : int
-        How many frames are looked at, evenly spread, and the strongest one.
+        Number of evenly spaced frames to compute, besides the strongest one.
     reach : float
-        How far outside is looked, in m.
+        Margin around the square, in m.
     """
     acoustics = acoustics or drive.acoustics
     wanted = radiation_pressure(amplitude, acoustics.medium)
     chosen = np.unique(np.linspace(0, drive.frames - 1, min(frames, drive.frames)).astype(int))
-    # The strongest frame too, since all are measured against its pressure.
+    # Include the strongest frame, because its pressure is the reference.
     chosen = np.union1d(chosen, [int(np.argmax(wanted.max(axis=1)))])
     around, outside = surroundings(grid, reach=reach)
     part = Drive(phase=drive.phase[chosen], level=drive.level[chosen], rate=drive.rate, array=drive.array)

@@ -1,9 +1,9 @@
-"""What a whole palm gets: pressure where none was asked for, and how its skin moves.
+"""Fidelity over a whole palm: pressure outside the sensor's square, and displacement of the skin.
 
-A sensor's cells hear what presses on them. Skin also moves with what presses beside them and between them, and its
-waves carry that on. The measures here are of the same kind as those of the cells, signal over distortion in the band,
-over every point of a palm: once of the pressure, and once of the displacement of each of several skins, since nobody
-knows which one a palm is. What is wanted is the recorded pressure, interpolated between the cells, and none beyond.
+The cells of a sensor measure only the pressure on them. Skin also moves because of pressure beside and between the
+cells, and waves in the skin spread this. These metrics are the signal-to-distortion ratios in the band over every point
+of a palm, of the pressure and of the displacement of several skin models, because the properties of a palm vary. The
+target is the recorded pressure, interpolated between the cells, and zero elsewhere.
 """
 
 from collections.abc import Mapping
@@ -26,22 +26,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PressedPalm:
-    """How hard it pressed on each point of a palm.
-
-    Attributes
-    ----------
-    wanted, delivered : ndarray, shape (row, column)
-        Root mean square of the pressure in the band, in Pa; NaN where there is no skin.
-    pitch : float
-        Between the points, in m.
-    square : tuple of float
-        Half the sides of the square that the sensor covers, along x and y, in m.
-    """
+    """Map of the pressure on a palm."""
 
     wanted: Array
+    """Rms target pressure in the band in Pa, shape (row, column); NaN beside the skin."""
     delivered: Array
+    """Rms delivered pressure in the band in Pa, shape (row, column); NaN beside the skin."""
     pitch: float
+    """Distance of the points in m."""
     square: tuple[float, float]
+    """Half the sides of the square that the sensor covers, along x and y, in m."""
 
     def __post_init__(self) -> None:
         for name in ("wanted", "delivered"):
@@ -50,38 +44,28 @@ class PressedPalm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PalmFidelity:
-    """What came through to a palm.
-
-    Attributes
-    ----------
-    outside : float
-        Part of the power of the pressure in the band that lies on the palm outside the square of the sensor, 0 to 1.
-    pressure : float
-        Signal over distortion of the pressure over the palm, in dB, one gain and delay fitted.
-    square : float
-        The same within the square of the sensor.
-    displacement : Mapping of str to float
-        The same of the displacement over the palm, for each skin by its name.
-    palm : str
-        Name of the palm.
-    pressed : PressedPalm or None
-        Where on it; None where only the figures are known.
-    """
+    """Fidelity of a reproduction over a whole palm."""
 
     outside: float
+    """Part of the pressure's power in the band outside the square of the sensor, 0 to 1."""
     pressure: float
+    """Signal-to-distortion ratio of the pressure over the palm in dB, with one gain and without delay."""
     square: float
+    """The same ratio within the square of the sensor."""
     displacement: Mapping[str, float]
+    """The same ratio of the displacement over the palm, for each skin by its name."""
     palm: str
+    """Name of the palm."""
     pressed: PressedPalm | None = field(default=None, repr=False, compare=False)
+    """Map of the pressure; None if only the figures are known."""
 
     @property
     def range(self) -> tuple[float, float]:
-        """Least and greatest of the displacement's, in dB."""
+        """Minimum and maximum of the displacement's ratios in dB."""
         return min(self.displacement.values()), max(self.displacement.values())
 
     def plain(self) -> dict[str, object]:
-        """Plain values for JSON; what is infinite is null."""
+        """Values for JSON; infinite values are null."""
         return {
             "palm": self.palm,
             "outside": self.outside,
@@ -91,7 +75,7 @@ class PalmFidelity:
         }
 
     def figures(self) -> dict[str, tuple[float, str]]:
-        """Every figure with its unit, by the words that people read."""
+        """Every figure with its unit, by its label in reports."""
         low, high = self.range
         return {
             "palm: power outside the square": (100 * self.outside, "%"),
@@ -118,34 +102,31 @@ def palm_fidelity(
     band: Band = (20.0, 470.0),
     skins: Mapping[str, Tissue] = SKINS,
 ) -> PalmFidelity:
-    """Compare what pressed on a palm with what was to press.
+    """Compare the pressure delivered to a palm with the target.
 
     Parameters
     ----------
     wanted, delivered : ndarray, shape (frame, point)
-        Pressure at the points of the palm that are skin, row by row, in Pa.
-    palm : Palm
-        Where skin is.
+        Pressure in Pa at the points of the palm that are skin, row by row.
     rates : tuple of float
-        Of the two, in Hz.
+        Rates of the two in Hz.
     square : tuple of float
         Half the sides of the square that the sensor covers, along x and y, in m.
     judged : tuple of float, optional
-        (begin, duration) of the part that is judged, in s; what presses before it moves the skin all the same. All if
-        None.
+        (begin, duration) of the evaluated part in s, all if None; earlier pressure still moves the skin.
     band : tuple of float
-        (low, high) that counts, in Hz; cut sharply.
+        (low, high) in Hz, with sharp edges.
     skins : Mapping of str to Tissue
-        What is to move.
+        Skin models by name.
     """
-    x, y, slow = _together(wanted, delivered, rates, band)
+    x, y, slow = _aligned_in_band(wanted, delivered, rates, band)
     frames = len(x)
     begin, duration = judged or (0.0, frames / slow)
     part = slice(round(begin * slow), round((begin + duration) * slow))
     beyond = palm.beyond(*square)[palm.inside]
     power = (y[part] ** 2).sum(axis=0)
     moved = {
-        name: _ratio(*(_moved(tissue, each, palm, slow, band)[part] for each in (x, y)))
+        name: _ratio(*(_displacement(tissue, each, palm, slow, band)[part] for each in (x, y)))
         for name, tissue in skins.items()
     }
     return PalmFidelity(
@@ -155,40 +136,31 @@ def palm_fidelity(
         displacement=MappingProxyType(moved),
         palm=palm.name,
         pressed=PressedPalm(
-            wanted=_mapped(x[part], palm), delivered=_mapped(y[part], palm), pitch=palm.pitch, square=square
+            wanted=_rms_map(x[part], palm), delivered=_rms_map(y[part], palm), pitch=palm.pitch, square=square
         ),
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PalmFrames:
-    """What pressed on a palm moment by moment, and how its skin moved.
-
-    Attributes
-    ----------
-    wanted, delivered : ndarray, shape (frame, row, column)
-        Pressure in the band, in Pa; NaN where there is no skin. What is wanted is as loud as what came, and comes
-        when that came.
-    wanted_motion, motion : ndarray, shape (frame, row, column)
-        How far the skin is pressed in, in m.
-    rate : float
-        In Hz.
-    pitch : float
-        Between the points, in m.
-    square : tuple of float
-        Half the sides of the square that the sensor covers, along x and y, in m.
-    skin : str
-        Name of the model skin.
-    """
+    """Pressure on a palm and displacement of its skin over time."""
 
     wanted: Array
+    """Target pressure in Pa, scaled and aligned, shape (frame, row, column); NaN beside the skin."""
     delivered: Array
+    """Delivered pressure in Pa, same shape."""
     wanted_motion: Array
+    """Displacement into the skin for the target in m, same shape."""
     motion: Array
+    """Displacement into the skin in m, same shape."""
     rate: float
+    """In Hz."""
     pitch: float
+    """Distance of the points in m."""
     square: tuple[float, float]
+    """Half the sides of the square that the sensor covers, along x and y, in m."""
     skin: str
+    """Name of the skin model."""
 
 
 def palm_frames(
@@ -202,7 +174,7 @@ def palm_frames(
     band: Band = (20.0, 470.0),
     skin: str = "soft, deep",
 ) -> PalmFrames:
-    """What `palm_fidelity` compares, as frames of about 1 kHz to be looked at.
+    """Frames at about 1 kHz of the quantities that `palm_fidelity` compares, for display.
 
     Parameters
     ----------
@@ -211,14 +183,14 @@ def palm_frames(
     skin : str
         Name of one of `physics.SKINS`.
     """
-    x, y, rate = _together(wanted, delivered, rates, band)
-    # As loud as what came of it.
+    x, y, rate = _aligned_in_band(wanted, delivered, rates, band)
+    # Scale the target to the level of the delivered pressure.
     x = x * (float((x * y).sum()) / max(float((x**2).sum()), np.finfo(float).tiny))
     begin, duration = judged or (0.0, len(x) / rate)
     every = max(1, round(rate / max(1000.0, 2.2 * band[1])))
     part = slice(round(begin * rate), round((begin + duration) * rate), every)
-    moved = (_moved(SKINS[skin], each, palm, rate, band) for each in (x, y))
-    x, y, wanted_motion, motion = (_spread(each[part], palm) for each in (x, y, *moved))
+    moved = (_displacement(SKINS[skin], each, palm, rate, band) for each in (x, y))
+    x, y, wanted_motion, motion = (_on_grid(each[part], palm) for each in (x, y, *moved))
     return PalmFrames(
         wanted=x,
         delivered=y,
@@ -231,8 +203,10 @@ def palm_frames(
     )
 
 
-def _together(wanted: Array, delivered: Array, rates: tuple[float, float], band: Band) -> tuple[Array, Array, float]:
-    """Both in the band and at one rate, the second without its delay; and that rate."""
+def _aligned_in_band(
+    wanted: Array, delivered: Array, rates: tuple[float, float], band: Band
+) -> tuple[Array, Array, float]:
+    """Both pressures in the band at one rate and aligned, and that rate."""
     slow = _rate_for(band)
     x, y = (
         in_band(resample(each, rate, slow), slow, band) for each, rate in zip((wanted, delivered), rates, strict=True)
@@ -243,26 +217,26 @@ def _together(wanted: Array, delivered: Array, rates: tuple[float, float], band:
     return x, y, slow
 
 
-def _spread(values: Array, palm: Palm) -> Array:
-    """Values of the skin on the palm's grid, NaN beside it."""
+def _on_grid(values: Array, palm: Palm) -> Array:
+    """Values of the skin's points on the palm's grid, NaN beside the skin."""
     on_grid = np.full((len(values), *palm.inside.shape), np.nan)
     on_grid[:, palm.inside] = values
     return on_grid
 
 
-def _mapped(pressure: Array, palm: Palm) -> Array:
-    """Root mean square at each point of the palm's grid, NaN beside the skin."""
+def _rms_map(pressure: Array, palm: Palm) -> Array:
+    """Rms at each point of the palm's grid, NaN beside the skin."""
     on_grid = np.full(palm.inside.shape, np.nan)
     on_grid[palm.inside] = np.sqrt((pressure**2).mean(axis=0))
     return on_grid
 
 
 def _rate_for(band: Band) -> float:
-    """A rate at which the peak of a correlation tells the delay: eight times the band's end, 4 kHz for the paper's."""
+    """Rate for an exact delay from the cross-correlation: eight times the band's end, 4 kHz for the paper's."""
     return float(1000 * np.ceil(8 * band[1] / 1000))
 
 
-def _moved(tissue: Tissue, pressure: Array, palm: Palm, rate: float, band: Band) -> Array:
+def _displacement(tissue: Tissue, pressure: Array, palm: Palm, rate: float, band: Band) -> Array:
     """Displacement of the palm's skin, shape (frame, point)."""
     load = np.zeros((len(pressure), *palm.inside.shape))
     load[:, palm.inside] = pressure
@@ -272,12 +246,12 @@ def _moved(tissue: Tissue, pressure: Array, palm: Palm, rate: float, band: Band)
 
 @cache
 def _motion(tissue: Tissue, shape: tuple[int, int], pitch: float, rate: float, band: Band) -> SkinMotion:
-    """The same for every pressure, and dearer than to use it."""
+    """Skin model for a palm; cached, because building it takes longer than using it."""
     return SkinMotion.of(tissue, shape, pitch=pitch, rate=rate, band=band, edge=band[0] / 2)
 
 
 def _ratio(x: Array, y: Array) -> float:
-    """Signal over distortion of y, of which x with one gain is the signal, in dB."""
+    """Signal-to-distortion ratio of y in dB; the signal is x with the best gain."""
     power = float((x**2).sum())
     gain = float((x * y).sum()) / max(power, np.finfo(float).tiny)
     return decibels(gain**2 * power, float(((y - gain * x) ** 2).sum()))

@@ -1,4 +1,4 @@
-"""A card of how a reproduction is felt: several numbers, each with what it means, cell by cell and overall."""
+"""Perceptual metrics of a reproduction: several numbers with an explanation each, for each cell and overall."""
 
 from dataclasses import dataclass
 
@@ -17,53 +17,35 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PerceptualFigure:
-    """One number of the card.
-
-    Attributes
-    ----------
-    name : str
-        What it is called.
-    unit : str
-        Unit of the value; empty for a ratio.
-    overall : float
-        Over all cells.
-    channels : ndarray, shape (row, column)
-        Cell by cell; NaN where the original is too weak to compare with.
-    meaning : str
-        One sentence.
-    """
+    """One perceptual metric."""
 
     name: str
     unit: str
+    """Empty for a ratio."""
     overall: float
+    """Value over all cells."""
     channels: Array
+    """Value for each cell, shape (row, column); NaN where the original is too weak."""
     meaning: str
+    """Explanation in one sentence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PerceptualMetrics:
-    """What skin would make of a reproduction, as far as published models of skin can say; there is no total.
-
-    Attributes
-    ----------
-    figures : tuple of CardFigure
-        The numbers.
-    compared : ndarray of bool, shape (row, column)
-        Cells whose original is strong enough to compare with.
-    simulated : bool
-        Whether any part of it was simulated.
-    """
+    """Perceptual metrics of a reproduction from published models of skin; there is no total score."""
 
     figures: tuple[PerceptualFigure, ...]
     compared: NDArray[np.bool_]
+    """Mask of the cells whose original is strong enough, shape (row, column)."""
     simulated: bool
+    """Whether any part was simulated."""
 
     def figure(self, name: str) -> PerceptualFigure:
-        """The figure of this name."""
+        """Return the figure with this name."""
         return next(each for each in self.figures if each.name == name)
 
     def plain(self) -> dict[str, object]:
-        """Plain values for JSON; cells that are not compared are null."""
+        """Values for JSON; cells that are not compared are null."""
         return {
             "simulated": self.simulated,
             "verdict": self.verdict(),
@@ -80,16 +62,15 @@ class PerceptualMetrics:
         }
 
     def verdict(self) -> str:
-        """One sentence: whether a palm would feel it by this model, and whether it would be like the original.
+        """Predict in one sentence whether a palm would feel the reproduction and how similar it would be.
 
-        Felt from 0 dB over the threshold on; as strong within one just noticeable difference (Forta, Griffin and
-        Morioka 2012); of the same felt spectrum where SPQI is .5 or more, a difference of a fifth of the power. A model
-        says so, not people.
+        Felt means 0 dB over the threshold or more; equally strong means within one just noticeable difference (Forta,
+        Griffin and Morioka 2012); the same spectrum means an SPQI of .5 or more, a difference of a fifth of the power.
         """
         return f"A palm would {self.felt()}, {self.reservation()}."
 
     def felt(self) -> str:
-        """The same in a few words, without the reservation: what a palm would."""
+        """Prediction in a few words, without the reservation."""
         felt, steps = (
             self.figure(name).overall
             for name in ("Pacinian power, reproduced", "the same in just noticeable differences")
@@ -101,32 +82,29 @@ class PerceptualMetrics:
         return f"feel it, {strong} the original and with {alike} spectrum"
 
     def reservation(self) -> str:
-        """Who says so."""
+        """Statement that the prediction comes from a model."""
         return f"by a model of skin ({'simulated, ' if self.simulated else ''}not tried on people)"
 
     def __repr__(self) -> str:
         cells = f"{int(self.compared.sum())} of {self.compared.size} cells"
-        return f"<PerceptualCard {len(self.figures)} figures on {cells}{', SIMULATED' if self.simulated else ''}>"
+        return f"<PerceptualMetrics {len(self.figures)} figures on {cells}{', SIMULATED' if self.simulated else ''}>"
 
 
 def perceptual_metrics(
     original: PressureFrames, reproduced: PressureFrames, *, skin: SkinModel | None = None, weakest: float = 20.0
 ) -> PerceptualMetrics:
-    """Fill in the card of a reproduction.
+    """Compute the perceptual metrics of a reproduction.
 
-    A delay common to all cells is taken out first; the level is not refitted. ST-SIM and SPQI are for 8 kHz, to which
-    both are resampled; their overall values are means over the compared cells, weighted by the original's power.
-    Powers are summed over the cells.
+    A delay common to all cells is removed first; the level is not fitted. ST-SIM and SPQI are computed at 8 kHz after
+    resampling; their overall values are means over the compared cells, weighted by the original's power. Powers are
+    summed over the cells.
 
     Parameters
     ----------
     original, reproduced : PressureFrames
-        Pressures of the same cells at the same rate, at least 64 ms of them. Of reels a block is in memory
-        at a time.
-    skin : SkinModel, optional
-        The defaults of `SkinModel` if None.
+        Pressures of the same cells at the same rate, at least 64 ms long. Lazy frames are read block by block.
     weakest : float
-        By how many dB a cell may be below the strongest one to be compared.
+        Cells are compared down to this many dB below the strongest cell.
 
     Raises
     ------
@@ -156,39 +134,39 @@ def perceptual_metrics(
                 unit="dB",
                 overall=float(_total(before)),
                 channels=before,
-                meaning="The original's vibration in dB over what is just felt on a palm, weighted as Pacinian "
-                "corpuscles feel it; below 0 nothing is felt.",
+                meaning="Vibration of the original in dB over the detection threshold of a palm, weighted by the "
+                "sensitivity of Pacinian corpuscles; nothing is felt below 0.",
             ),
             PerceptualFigure(
                 name="Pacinian power, reproduced",
                 unit="dB",
                 overall=float(_total(after)),
                 channels=after,
-                meaning="The same of the reproduction; below 0 nothing is felt.",
+                meaning="The same for the reproduction; nothing is felt below 0.",
             ),
             PerceptualFigure(
                 name="Pacinian power difference",
                 unit="dB",
                 overall=float(apart),
                 channels=apart_by_cell,
-                meaning="Reproduced less original: above 0 it feels rougher and stronger than the original, below 0 "
-                "smoother and weaker.",
+                meaning="Reproduced minus original: above 0 the reproduction feels rougher and stronger than the "
+                "original, below 0 smoother and weaker.",
             ),
             PerceptualFigure(
                 name="the same in just noticeable differences",
                 unit="JND",
                 overall=float(apart / skin.step),
                 channels=apart_by_cell / skin.step,
-                meaning=f"In steps of {skin.step:g} dB, the least difference of strength that people tell on the palm "
-                "at 125 Hz: between -1 and 1 most would not tell the two apart by their strength.",
+                meaning=f"In steps of {skin.step:g} dB, the smallest difference of strength that people notice on the "
+                "palm at 125 Hz: between -1 and 1 most people would not notice a difference of strength.",
             ),
             PerceptualFigure(
                 name="stray power",
                 unit="dB",
                 overall=float(_difference(_total(np.where(compared, -np.inf, after)), _total(before))),
                 channels=np.where(compared, np.nan, _difference(after, _total(before))),
-                meaning="Pacinian power on cells where the original hardly presses, over all of the original's: the "
-                "lower, the less is felt where nothing was.",
+                meaning="Pacinian power on cells where the original hardly presses, relative to the original's total: "
+                "lower values mean less vibration at wrong places.",
             ),
         ),
         compared=compared,
@@ -199,7 +177,7 @@ def perceptual_metrics(
 def _similarities(
     x: Array | LazyFrames, y: Array | LazyFrames, rate: float, skin: SkinModel, weight: Array
 ) -> tuple[PerceptualFigure, PerceptualFigure]:
-    """ST-SIM and SPQI of the cells that have a weight."""
+    """ST-SIM and SPQI of the cells with a weight."""
     scale = skin.metric_scale()
     pair = [each_frame(resample(as_lazy(each), rate, RATE), lambda block: scale * block) for each in (x, y)]
     maps = similarities(*pair, compared=weight.ravel() > 0).reshape(2, *weight.shape)
@@ -210,29 +188,29 @@ def _similarities(
             unit="",
             overall=float(means[0]),
             channels=maps[0],
-            meaning="1 when waveform and felt spectrum are the same in each 64 ms, 0 when nothing is alike; a changed "
-            "waveform lowers it even where skin might not notice, and more that is felt than in the original lifts it "
-            "above 1.",
+            meaning="1 if waveform and felt spectrum are equal in each 64 ms, 0 without any similarity; a changed "
+            "waveform lowers it even if skin might not notice, and a stronger felt vibration than the original's can "
+            "raise it above 1.",
         ),
         PerceptualFigure(
             name="SPQI",
             unit="",
             overall=float(means[1]),
             channels=maps[1],
-            meaning="1 when the felt spectrum is the same, whatever the waveform; .5 when the difference has a fifth "
-            "of the original's power, .02 when it has all of it.",
+            meaning="1 if the felt spectra are equal, for any waveform; .5 if the difference has a fifth of the "
+            "original's power, .02 if it has as much power as the original.",
         ),
     )
 
 
 def _total(levels: Array) -> Array:
-    """Level of the summed power, in dB; minus infinity by silence."""
+    """Level of the summed power in dB; minus infinity for silence."""
     with np.errstate(divide="ignore"):
         return np.asarray(10 * np.log10((10 ** (levels / 10)).sum()), np.float64)
 
 
 def _difference(after: Array, before: Array) -> Array:
-    """After less before; 0 where both are silent."""
-    # Minus infinity less minus infinity would be NaN.
+    """`after` minus `before`; 0 where both are silent."""
+    # Minus infinity minus minus infinity would be NaN.
     silent = np.isneginf(after) & np.isneginf(before)
     return np.where(silent, 0.0, np.where(silent, 0.0, after) - np.where(silent, 0.0, before))

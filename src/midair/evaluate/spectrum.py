@@ -1,4 +1,4 @@
-"""How two spectra differ, and where one is strongest."""
+"""Difference between spectra, and dominant frequency."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +9,9 @@ Array = NDArray[np.float64]
 
 
 def spectral_error(original: Array, later: Array) -> float:
-    """How far two spectra are apart, in dB: the rms of their level difference, weighted by the original's power.
+    """Rms level difference of two spectra in dB, weighted by the power of the original.
 
-    Bins where the original has little weigh little, so that noise floors do not decide.
+    Bins with little power in the original have little weight, so that noise floors do not matter.
 
     Parameters
     ----------
@@ -21,40 +21,34 @@ def spectral_error(original: Array, later: Array) -> float:
     Returns
     -------
     float
-        0 when equal; NaN never: an all-silent original gives 0 if the other is silent, too, and infinity if not.
+        0 for equal spectra, never NaN: for a silent original 0 if the other is silent too, otherwise infinite.
     """
     total = original.sum()
     if total <= 0:
         return 0.0 if later.sum() <= 0 else float("inf")
-    # 120 dB below the strongest bin stand in for silence, which has no level.
+    # Silence has no level, so use 120 dB below the strongest bin instead.
     tiny = 1e-12 * original.max()
     difference = 10 * np.log10((later + tiny) / (original + tiny))
     return float(np.sqrt((original * difference**2).sum() / total))
 
 
 LONGEST = 2**17
-"""Frames of which a spectrum is taken at once: 131 s at 1 kHz, 33 s at 4 kHz."""
+"""Frames per spectrum: 131 s at 1 kHz, 33 s at 4 kHz."""
 
 
 def long_stretches(frames: int) -> list[tuple[int, int]]:
-    """(first, last) of as few stretches of one length as there are with `LONGEST` frames each at most.
+    """(first, last) frames of the fewest segments of equal length with at most `LONGEST` frames.
 
-    A few frames at the end are left out where their number does not divide by that of the stretches.
+    A few frames at the end are omitted if the frames do not divide evenly.
     """
     count = -(-frames // LONGEST)
     return [(number * (frames // count), (number + 1) * (frames // count)) for number in range(count)]
 
 
 def power_spectrum(samples: Array | LazyFrames) -> tuple[Array, int]:
-    """Power of the spectrum of samples (frame, ...) without their means, summed over channels, and its frames.
+    """Power spectrum of samples (frame, ...) without their means, summed over channels, and the frames per spectrum.
 
-    Of more than `LONGEST` frames it is the sum over stretches.
-
-    Returns
-    -------
-    power : ndarray, shape (bin,)
-    frames : int
-        Of which each spectrum is.
+    The spectra of segments are summed for more than `LONGEST` frames.
     """
     parts = long_stretches(len(samples))
     frames = parts[0][1]

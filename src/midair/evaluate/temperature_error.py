@@ -1,4 +1,4 @@
-"""What another temperature than the one that a drive was solved for costs."""
+"""Error of a drive that is played at another temperature than it was solved for."""
 
 from dataclasses import replace
 
@@ -14,30 +14,28 @@ Array = NDArray[np.float64]
 
 
 def error_at_temperature(drive: Drive, target: AmplitudeFrames, medium: Medium, *, frames: int | None = None) -> Array:
-    """E of a drive at the control points when it is played in this air, whatever it was solved for.
+    """Compute the error E of a drive at the control points in another medium than its own.
 
-    The pressure that is wanted stays; the sound that exerts it differs with density and speed of sound.
+    The target pressure stays the same; the required sound pressure depends on density and speed of sound.
 
     Parameters
     ----------
-    drive : Drive
-        What is played.
     target : AmplitudeFrames
-        What it was solved for.
+        Target that the drive was solved for.
     medium : Medium
-        The air of the room.
+        Air in which the drive is played.
     frames : int, optional
-        How many frames to look at, evenly spread over those with anything to play; all of them if None.
+        Number of evenly spaced frames to compute among those that are not silent; all if None.
 
     Returns
     -------
-    ndarray, shape (frame that was looked at,)
-        ``|| |G q| - p || / || p ||``; empty if there is nothing to play.
+    ndarray, shape (computed frame,)
+        ``|| |G q| - p || / || p ||``; empty if all frames are silent.
 
     Raises
     ------
     MismatchError
-        If the target has other frames than the drive.
+        If target and drive differ in their number of frames.
     """
     if target.frames != drive.frames:
         raise MismatchError(f"target: expected {drive.frames} frames as in the drive, got {target.frames}")
@@ -46,7 +44,7 @@ def error_at_temperature(drive: Drive, target: AmplitudeFrames, medium: Medium, 
         some = some[np.linspace(0, len(some) - 1, frames).round().astype(int)]
     if not len(some):
         return np.zeros(0)
-    # Only these frames: the drive of all would be as large again as its file.
+    # Select the frames first: a copy of the whole drive would be as large as its file.
     part = replace(drive, phase=drive.phase[some], level=drive.level[some])
     field = propagate(part, target.grid, acoustics=replace(drive.acoustics, medium=medium))
     here, there = (float(radiation_pressure(np.ones(1), each)[0]) for each in (drive.acoustics.medium, medium))

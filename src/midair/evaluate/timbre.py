@@ -1,4 +1,4 @@
-"""What a texture sounds like to skin, whatever its level: how its power is shared out over third octaves."""
+"""Spectral shape of a texture in third octaves, independent of its level."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +10,15 @@ from midair.model import PressureFrames
 Array = NDArray[np.float64]
 
 THIRD_OCTAVES = tuple(float(1000 * 10 ** (number / 10)) for number in range(-16, -3))
-"""Middles of the third octaves that lie in 20 to 470 Hz as a whole, 25 to 398 Hz (base ten, IEC 61260-1)."""
+"""Centre frequencies of the third octaves completely within 20 to 470 Hz, 25 to 398 Hz (base ten, IEC 61260-1)."""
 
-_FLOOR = 1e-6  # of all power; what is less is noise of the arithmetic, and has no level
+_FLOOR = 1e-6  # relative to the total power; anything below is rounding noise
 
 
 def third_octaves(pressure: PressureFrames) -> Array:
-    """Level of each third octave of a pressure, over all cells, re the power of all of them together, in dB.
+    """Level of each third octave over all cells, relative to the power of all of them, in dB.
 
-    Levels do not hear how loud the whole is, so that a texture and a weak copy of it are alike.
+    The levels do not depend on the overall level, so a texture and a weaker copy of it have the same levels.
 
     Parameters
     ----------
@@ -28,14 +28,14 @@ def third_octaves(pressure: PressureFrames) -> Array:
     Returns
     -------
     ndarray, shape (13,)
-        -60 dB where there is next to nothing.
+        At least -60 dB.
 
     Raises
     ------
     InputError
-        If there is nothing in any band.
+        If there is no power in any band.
     BandError
-        If the rate is too low for the last one.
+        If the rate is too low for the last band.
     """
     half = 10**0.05
     power = np.array(
@@ -45,5 +45,5 @@ def third_octaves(pressure: PressureFrames) -> Array:
         ]
     )
     if not power.sum() > 0:
-        raise InputError("texture: expected something to feel in 22 to 447 Hz, got silence")
+        raise InputError("texture: expected vibration between 22 and 447 Hz, got silence")
     return 10 * np.log10(np.maximum(power / power.sum(), _FLOOR))
