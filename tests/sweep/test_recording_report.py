@@ -50,5 +50,5 @@ def test_writes_a_table_and_a_figure(finished, tmp_path):
 def test_a_report_of_nothing_is_refused(tmp_path):
     with open_sweep(tmp_path / "s.zarr", SWEEP):
         pass
-    with pytest.raises(InputError, match="go on with"):
+    with pytest.raises(InputError, match="continue with"):
         trial_report(load_sweep(tmp_path / "s.zarr"))

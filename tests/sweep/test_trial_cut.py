@@ -120,7 +120,7 @@ def test_what_is_short_stands_in_its_own_order():
 
 
 def test_less_than_a_block_a_task_is_refused():
-    with pytest.raises(InputError, match="expected 1 block a task or more, got 0"):
+    with pytest.raises(InputError, match="expected 1 block per task or more, got 0"):
         replace(SWEEP, blocks=0)
 
 

@@ -41,7 +41,7 @@ def test_no_new_sign_is_the_end(silent):
     watch = WorkersWatch(Told([5.0], silent), patience=0.0)
     watch.look()
     time.sleep(0.01)
-    with pytest.raises(ClusterError, match="no sign of life"):
+    with pytest.raises(ClusterError, match="no heartbeat"):
         watch.look()
 
 
@@ -52,8 +52,8 @@ def test_an_answer_counts_as_a_sign(answered, monkeypatch):
     watch = WorkersWatch(Told([5.0], []), patience=60.0)
     watch.look()
     if answered:
-        watch.heard()
-    with nullcontext() if answered else pytest.raises(ClusterError, match="no sign of life"):
+        watch.reset()
+    with nullcontext() if answered else pytest.raises(ClusterError, match="no heartbeat"):
         watch.look()
 
 
@@ -79,7 +79,7 @@ def test_workers_all_gone_is_one_line_and_nothing_is_lost(how, tmp_path, program
     assert running.returncode == 1
     lines = [line for line in said.splitlines() if line.startswith("midair: ")]
     assert len(lines) == 1
-    assert "no sign of life" in said
+    assert "no heartbeat" in said
     assert "Traceback" not in said
     before = load_sweep(path).error
     assert 0 < np.isfinite(before).sum() < 400

@@ -1,4 +1,4 @@
-"""Sweeps: many patterns or recordings on many processes, and what came out."""
+"""Sweeps: solve many patterns or recordings in parallel processes, store the results in Zarr, and report them."""
 
 from midair.sweep.pattern_report import PatternReport, PatternResults, report_of, write_sweep_report
 from midair.sweep.pattern_sweep import PatternSweep

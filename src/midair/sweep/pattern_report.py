@@ -1,4 +1,4 @@
-"""What a sweep over patterns says: tables in CSV, figures in PNG."""
+"""Report of a sweep over patterns: tables in CSV, figures in PNG."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -21,64 +21,43 @@ Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 PUBLISHED = (0.05, 0.15)
-"""The average error that the paper reports for these patterns (5.1)."""
+"""Range of the average error that the paper reports for these patterns (5.1)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PatternReport:
-    """The figures of a sweep.
-
-    Attributes
-    ----------
-    conditions : tuple of dict
-        One a strength and height: how E is spread over the patterns, with and without rounding.
-    channels : tuple of dict
-        The same by the number of loud channels, for those conditions that all patterns were asked for.
-    words : str
-        How much of the sweep is done, and what it cost.
-    """
+    """Figures of a sweep over patterns."""
 
     conditions: tuple[Row, ...]
+    """Distribution of E over the patterns, with and without phase rounding, for each strength and height."""
     channels: tuple[Row, ...]
+    """The same for each number of active channels, for conditions with all patterns."""
     words: str
+    """Progress and cost of the sweep."""
 
     def plain(self) -> Row:
-        """Plain values for JSON."""
+        """Values for JSON."""
         return {"simulated": True} | asdict(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PatternResults:
-    """All that is known of a sweep over patterns so far.
-
-    Attributes
-    ----------
-    sweep : PatternSweep
-        What was asked for.
-    patterns : ndarray of int, shape (pattern,)
-        Bit k is channel k.
-    error, rounded_error : ndarray, shape (condition, pattern)
-        NaN where nothing is known yet or was not asked for.
-    seconds : float
-        Processor time of all tasks that are done.
-    """
+    """Results of a sweep over patterns, which may be incomplete."""
 
     sweep: PatternSweep
     patterns: NDArray[np.int64]
+    """Bit k is channel k, shape (pattern,)."""
     error: Array
+    """Shape (condition, pattern); NaN where it is not computed."""
     rounded_error: Array
+    """Same shape, for rounded phases."""
     seconds: float
+    """Processor time of all finished tasks."""
 
     @classmethod
     @as_stored()
     def of(cls, results: SweepResults) -> "PatternResults":
-        """Take the results from what is in a store.
-
-        Raises
-        ------
-        InputError
-            If the sweep is over something else.
-        """
+        """Create the results from those of a store; raise an InputError for a sweep over something else."""
         if results.kind != "patterns":
             raise InputError(f"sweep: expected one over patterns, got one over {results.kind}")
         return cls(
@@ -91,26 +70,26 @@ class PatternResults:
 
     @property
     def known(self) -> int:
-        """Number of patterns solved, over all conditions."""
+        """Number of solved patterns over all conditions."""
         return int(np.isfinite(self.error).sum())
 
     @property
     def asked(self) -> int:
-        """Number of patterns asked for, over all conditions."""
+        """Number of patterns of the sweep over all conditions."""
         return sum(condition.count for condition in self.sweep.conditions())
 
 
 @as_stored()
 def report_of(results: PatternResults) -> PatternReport:
-    """The figures of a sweep, as far as it is.
+    """Compute the figures of a sweep that may be incomplete.
 
     Raises
     ------
     InputError
-        If nothing is solved yet.
+        If no pattern is solved yet.
     """
     if not _main(results):
-        raise InputError("sweep: expected solved patterns, got none so far; go on with midair sweep patterns")
+        raise InputError("sweep: expected solved patterns, got none so far; continue with midair sweep patterns")
     return PatternReport(
         conditions=tuple(_rows(results)),
         channels=tuple(row for number in _main(results) for row in _by_channels(results, number)),
@@ -120,10 +99,10 @@ def report_of(results: PatternResults) -> PatternReport:
 
 
 def write_sweep_report(results: PatternResults, folder: Path) -> list[Path]:
-    """Write tables and figures into a folder, which is made if it is not there; the files.
+    """Write tables and figures into a folder, which is created if necessary; return the paths.
 
-    conditions.csv, channels.csv and histogram.csv; histogram.png, examples.png, and strength.png and height.png where
-    the sweep has curves.
+    The files are conditions.csv, channels.csv, histogram.csv, histogram.png and examples.png; also strength.png and
+    height.png if the sweep has curves.
     """
     report = report_of(results)
     folder.mkdir(parents=True, exist_ok=True)
@@ -142,21 +121,21 @@ def write_sweep_report(results: PatternResults, folder: Path) -> list[Path]:
 def examples_of(
     results: PatternResults, number: int, *, quantiles: Sequence[float] = (0, 0.25, 0.5, 0.75, 1)
 ) -> list[Example]:
-    """Patterns of one condition at quantiles of E, and their fields.
+    """Select patterns of one condition at quantiles of E, and compute their fields.
 
-    A sweep stores errors, not phases: the task that a pattern was solved in is solved again.
+    A sweep stores errors, not phases, so the task of each pattern is solved again.
     """
     sweep, error = results.sweep, results.error[number]
     condition = sweep.conditions()[number]
     solved = np.flatnonzero(np.isfinite(error))
-    # Stable, so that equal errors give the same examples each time.
+    # A stable sort gives the same examples each time, also for equal errors.
     order = solved[np.argsort(error[solved], kind="stable")]
     chosen = [int(order[round(share * (len(order) - 1))]) for share in quantiles]
     return [_example(sweep, condition, results.patterns, place) for place in chosen]
 
 
 def _example(sweep: PatternSweep, condition: Condition, patterns: NDArray[np.int64], place: int) -> Example:
-    # The whole task again, since a method may treat the patterns of a batch together.
+    # Solve the whole task, because a method may treat the patterns of a batch together.
     first = place - place % sweep.chunk
     some = patterns[first : min(first + sweep.chunk, condition.count)]
     solved, problem = solve_patterns(sweep, condition, some), problem_of(sweep, condition, some)
@@ -170,7 +149,7 @@ def _example(sweep: PatternSweep, condition: Condition, patterns: NDArray[np.int
 
 
 def _main(results: PatternResults) -> list[int]:
-    """Conditions that all patterns were asked for and of which some are solved."""
+    """Conditions with all patterns of the sweep, of which some are solved."""
     sweep = results.sweep
     return [
         number
@@ -180,7 +159,7 @@ def _main(results: PatternResults) -> list[int]:
 
 
 def _rows(results: PatternResults, first: int | None = None) -> list[Row]:
-    """One a condition, from the `first` patterns or all, by height and strength."""
+    """One row per condition from the `first` patterns or all, by height and strength."""
     known = np.isfinite(results.error[:, :first]).any(axis=1)
     rows = [_condition(results, int(number), first) for number in np.flatnonzero(known)]
     return sorted(rows, key=lambda row: (row["height_mm"], row["strength"]))
@@ -230,7 +209,7 @@ def _spread(error: Array) -> Row:
 
 
 def _histogram(results: PatternResults, *, width: float = 0.005) -> list[Row]:
-    """Patterns in each bin of E, a column for each main condition."""
+    """Number of patterns in each bin of E, with a column for each main condition."""
     numbers, conditions = _main(results), results.sweep.conditions()
     top = max(float(np.nanmax(results.error[number])) for number in numbers)
     edges = width * np.arange(int(top / width) + 2)
@@ -266,7 +245,7 @@ def _figures(results: PatternResults) -> Mapping[str, bytes]:
 
 
 def _curves(rows: Sequence[Row], key: str, other: str) -> list[Curve]:
-    """E over one of strength and height, a curve for each value of the other that has three points or more."""
+    """E over strength or height, with a curve for each value of the other one that has three points or more."""
     spell: Callable[[float], str] = (lambda value: f"{value:g} mm") if other == "height_mm" else "strength {:g}".format
     curves: list[Curve] = []
     for value in sorted({row[other] for row in rows}):

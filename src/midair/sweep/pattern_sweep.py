@@ -1,4 +1,4 @@
-"""What a sweep over binary patterns is: which patterns, at which strengths and heights, and how they are solved."""
+"""A sweep over binary patterns: patterns, strengths, heights, and the solver."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -23,67 +23,47 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """One strength at one height, for the first so many patterns.
-
-    Attributes
-    ----------
-    strength : float
-        Peak of the target over the focus of the whole array at this height.
-    height : float
-        Height of the control points above the array, in m.
-    count : int
-        Number of patterns.
-    """
+    """One strength at one height, for the first `count` patterns."""
 
     strength: float
+    """Target peak over the peak of a single focus of the whole array at this height."""
     height: float
+    """Height of the control points above the array, in m."""
     count: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PatternSweep:
-    """The paper's experiment 5.1: binary patterns over strengths and heights. The defaults are its whole.
-
-    Attributes
-    ----------
-    strengths, heights : tuple of float
-        Every pattern is solved at each pair; heights in m.
-    count : int
-        Number of patterns, of 65535.
-    curve_strengths, curve_heights : tuple of float
-        For the curves: these strengths at the first height, and these heights (m) at each of `strengths`.
-    curve_count : int
-        Number of patterns behind the curves, the first ones; 0 for no curves.
-    seed : int
-        Seed of the order of the patterns: the first few are a fair sample of all.
-    method : str
-        A name in `solve.METHODS`.
-    iterations : int or None
-        Iterations of the method; its own if None.
-    acoustics : Acoustics
-        Point sources without attenuation, as in the paper's simulation.
-    columns, rows : int
-        Units of the array.
-    bits : int
-        Number of bits to which phases are rounded for the second error; 8 in an AUTD3.
-    chunk : int
-        Patterns a task. Part of the settings, since methods may treat the patterns of a batch differently.
-    """
+    """The paper's experiment 5.1: binary patterns over strengths and heights. The defaults are the whole experiment."""
 
     strengths: tuple[float, ...] = (0.1, 0.2)
+    """Every pattern is solved at each pair of strength and height."""
     heights: tuple[float, ...] = (0.2,)
+    """In m."""
     count: int = 65535
+    """Number of patterns, of 65535."""
     curve_strengths: tuple[float, ...] = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)
+    """Strengths of the curve at the first height."""
     curve_heights: tuple[float, ...] = (0.15, 0.175, 0.2, 0.225, 0.25, 0.275, 0.3)
+    """Heights in m of the curves at each of `strengths`."""
     curve_count: int = 512
+    """Number of patterns for the curves, the first ones; 0 for no curves."""
     seed: int = 2024
+    """Seed of the random order of the patterns; the first few are a representative sample."""
     method: str = "fast"
+    """Name in `solvers.METHODS`."""
     iterations: int | None = None
+    """Default of the method if None."""
     acoustics: Acoustics = field(default_factory=lambda: Acoustics(medium=Medium(attenuation=0.0), directivity="point"))
+    """Point sources without attenuation, as in the paper's simulation."""
     columns: int = 2
+    """Units of the array per row."""
     rows: int = 2
+    """Rows of units of the array."""
     bits: int = 8
+    """Bits of the rounded phases for the second error; 8 in an AUTD3."""
     chunk: int = 512
+    """Patterns per task; affects the results, because methods may treat the patterns of a batch together."""
 
     def __post_init__(self) -> None:
         for name, unit in (("strengths", ""), ("heights", "m"), ("curve_strengths", ""), ("curve_heights", "m")):
@@ -95,39 +75,39 @@ class PatternSweep:
             raise InputError(f"patterns: expected 1 to 65535 (curves: from 0), got {self.count}, {self.curve_count}")
         if self.chunk < 1 or not 1 <= self.bits <= 16:
             raise InputError(f"sweep: expected chunk 1 or more and 1 to 16 bits, got {self.chunk} and {self.bits}")
-        # A setting that the method does not take fails here, and not on a worker.
+        # Check the settings of the method here, not on a worker.
         solver_of(self.method, iterations=self.iterations, start="zero")
 
     @property
     def kind(self) -> str:
-        """Name of the kind."""
+        """Kind of the sweep."""
         return "patterns"
 
     @property
     def item(self) -> str:
-        """Name of what the second axis counts."""
+        """Name of the items along the second axis."""
         return "pattern"
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Numbers of conditions and of patterns."""
+        """Number of conditions and of patterns."""
         return len(self.conditions()), max(self.count, self.curve_count)
 
     @property
     def sensor(self) -> SensorGrid:
-        """Whose channels the patterns are of."""
+        """Sensor whose channels the patterns refer to."""
         return SensorGrid()
 
     def grid(self, height: float) -> ControlGrid:
-        """The paper's control points at a height, in m."""
+        """The paper's control points at a height in m."""
         return ControlGrid(height=height)
 
     def patterns(self) -> NDArray[np.int64]:
-        """All that any condition asks for, shape (pattern,), bit k for channel k."""
+        """Patterns of all conditions, shape (pattern,), bit k for channel k."""
         return binary_patterns(max(self.count, self.curve_count), seed=self.seed)
 
     def conditions(self) -> tuple[Condition, ...]:
-        """Each pair of strength and height once, those of all patterns first."""
+        """Each pair of strength and height once, starting with those of all patterns."""
         asked = {(strength, height): self.count for height in self.heights for strength in self.strengths}
         curves = [(strength, self.heights[0]) for strength in self.curve_strengths]
         curves += [(strength, height) for strength in self.strengths for height in self.curve_heights]
@@ -136,7 +116,7 @@ class PatternSweep:
         return tuple(Condition(strength=s, height=h, count=count) for (s, h), count in asked.items())
 
     def tasks(self) -> tuple[Task, ...]:
-        """The whole work, in the order in which it is begun: the first patterns of every condition come first."""
+        """All tasks in processing order: the first patterns of every condition come first."""
         whole = [
             Task(condition=number, first=first, last=min(first + self.chunk, condition.count))
             for number, condition in enumerate(self.conditions())
@@ -145,12 +125,12 @@ class PatternSweep:
         return tuple(sorted(whole, key=lambda task: (task.first, task.condition)))
 
     def job(self, task: Task) -> "PatternJob":
-        """What a worker is given."""
+        """Job of a worker."""
         patterns = self.patterns()[task.first : task.last]
         return PatternJob(sweep=self, condition=self.conditions()[task.condition], patterns=patterns)
 
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """What is stored along the axes."""
+        """Arrays that are stored along the axes."""
         strength = np.array([one.strength for one in self.conditions()])
         height = np.array([one.height for one in self.conditions()])
         return (
@@ -165,24 +145,24 @@ class PatternSweep:
         )
 
     def settings(self) -> dict[str, Any]:
-        """Everything that the results depend on, as JSON knows it; the solver's own settings too."""
+        """Everything that affects the results, including the solver's own settings, as JSON values."""
         solver = solver_of(self.method, iterations=self.iterations, start="zero")
         return settings_of(self) | {"solver": settings_of(solver)}
 
     @classmethod
     def of_settings(cls, settings: Mapping[str, Any]) -> "PatternSweep":
-        """The sweep that `settings` describes."""
+        """Create the sweep from its `settings`."""
         said: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()
         }
-        # A store of before acoustics were one value has both parts beside each other.
+        # Older stores have the two parts of the acoustics as separate settings.
         both = {"medium": said.pop("medium", None), "directivity": said.pop("directivity", "point")}
         said["acoustics"] = from_plain(Acoustics, settings.get("acoustics", both))
         del said["solver"]
         return cls(**said)
 
     def provenance(self) -> Provenance:
-        """Where the results come from: they are simulated."""
+        """Provenance of the results, which are simulated."""
         settings: dict[str, Setting] = {
             name: value
             for name, value in ((one.name, getattr(self, one.name)) for one in fields(self))
@@ -193,31 +173,21 @@ class PatternSweep:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PatternJob:
-    """Some patterns of one condition, to be solved on a worker."""
+    """Patterns of one condition for a worker."""
 
     sweep: PatternSweep
     condition: Condition
     patterns: NDArray[np.int64]
 
     def __call__(self) -> Found:
-        """Solve the patterns, and give E of each."""
+        """Solve the patterns and return E of each."""
         solved = solve_patterns(self.sweep, self.condition, self.patterns)
         return Found(error=solved.error, rounded_error=solved.rounded_error, strength=self.condition.strength)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Solved:
-    """What a task found.
-
-    Attributes
-    ----------
-    phase : ndarray, shape (pattern, transducer)
-        In rad.
-    level : ndarray, shape (pattern,)
-        Drive of all transducers, 0 to 1; less than 1 from methods that know only the shape of a field.
-    error, rounded_error : ndarray, shape (pattern,)
-        E with these phases, and with phases rounded to the sweep's bits.
-    """
+    """Solution of a task: phases (pattern, transducer) in rad, levels 0 to 1, E with exact and rounded phases."""
 
     phase: Array
     level: Array
@@ -226,9 +196,9 @@ class Solved:
 
 
 def problem_of(sweep: PatternSweep, condition: Condition, patterns: NDArray[np.int64]) -> Problem:
-    """Targets and transfer matrix in units of the focus.
+    """Targets and transfer matrix, normalised by the peak of a single focus.
 
-    A pattern is 1 at its loud channels; it is interpolated to the control points (paper, 4.1) and multiplied by the
+    A pattern is 1 at its active channels; it is interpolated to the control points (paper, 4.1) and multiplied by the
     strength.
     """
     array, grid = TransducerArray.autd3(columns=sweep.columns, rows=sweep.rows), sweep.grid(condition.height)
@@ -242,7 +212,7 @@ def problem_of(sweep: PatternSweep, condition: Condition, patterns: NDArray[np.i
 
 
 def solve_patterns(sweep: PatternSweep, condition: Condition, patterns: NDArray[np.int64]) -> Solved:
-    """Solve patterns of one condition, each on its own."""
+    """Solve the patterns of one condition independently."""
     problem = problem_of(sweep, condition, patterns)
     with one_blas_thread():
         answer = solver_of(sweep.method, iterations=sweep.iterations, start="zero").solve(problem)

@@ -1,4 +1,4 @@
-"""Where a sweep is stored: a folder, or a prefix of an object store that fsspec reaches."""
+"""Storage of a sweep: a folder, or a prefix of an object store that fsspec supports."""
 
 import os
 import secrets
@@ -15,37 +15,37 @@ from midair.files import hold_open, refusing, writable_path
 
 
 class SweepPlace(Protocol):
-    """A place that one sweep has for itself."""
+    """Storage for one sweep."""
 
     @property
     def name(self) -> str:
-        """The same place, as another process would name it."""
+        """Name of the storage for other processes."""
         ...
 
     def exists(self) -> bool:
-        """Whether anything is there."""
+        """True if anything is stored there."""
         ...
 
     def create(self, fill: Callable[[Any], None]) -> None:
-        """Let `fill` make a Zarr group there, or go on with making it: it is given the place as Zarr names it."""
+        """Create a Zarr group, or complete an interrupted one; `fill` gets the location in Zarr's notation."""
         ...
 
     def group(self, mode: str) -> Any:
-        """The Zarr group that is there."""
+        """Open the Zarr group."""
         ...
 
     def chunks(self, array: str) -> set[tuple[int, int]]:
-        """Row and column of every chunk of an array that was written; one listing, however many there could be."""
+        """Row and column of every written chunk of an array, from a single listing."""
         ...
 
     def alone(self) -> Any:
-        """Keep other commands out, where the place can."""
+        """Exclude other writers, if the storage supports locks."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepFolder:
-    """A folder of this machine, or of a disk that machines share."""
+    """A folder on this machine or on a shared disk."""
 
     path: Path
 
@@ -54,50 +54,44 @@ class SweepFolder:
 
     @property
     def name(self) -> str:
-        """Absolute."""
+        """Absolute path."""
         return str(self.path.resolve())
 
     def exists(self) -> bool:
-        """Whether anything has this name."""
+        """True if a file or folder has this name."""
         return self.path.exists()
 
     def create(self, fill: Callable[[Any], None]) -> None:
-        """Make the store beside `path` and rename it when it is whole.
-
-        Raises
-        ------
-        FileError
-            If the disk refuses.
-        """
+        """Create the store beside `path` and rename it when it is complete."""
         path = writable_path(self.path)
         partial = path.with_name(f".midair-{secrets.token_hex(4)}.part")
         try:
             fill(str(partial))
-            with suppress(OSError):  # another program was first: its store is checked like any other
+            with suppress(OSError):  # another program was first; its store is checked afterwards
                 partial.rename(path)
         except MidairError:
             raise
         except OSError as wrong:
-            # Not by the name that it has until it is whole.
+            # Name the final path instead of the temporary one.
             raise FileError(f"{self}: cannot be written: {wrong.strerror or wrong}") from wrong
         finally:
             shutil.rmtree(partial, ignore_errors=True)
 
     def group(self, mode: str) -> Any:
-        """The Zarr group in this folder."""
+        """Open the Zarr group in this folder."""
         if not self.path.is_dir():
             raise BrokenFileError(f"{self}: expected a sweep, which is a folder, got a file; use another name")
         with refusing(self.path, "a sweep of midair"):
             return zarr().open_group(self.path, mode=mode, zarr_format=3, use_consolidated=False)
 
     def chunks(self, array: str) -> set[tuple[int, int]]:
-        """From the names of the files."""
+        """Row and column of every written chunk, from the file names."""
         return _numbers(file.relative_to(self.path).parts for file in (self.path / array / "c").glob("*/*"))
 
     @contextmanager
     def alone(self) -> Generator[None]:
-        """Hold the folder where the system can; the lock goes with the process, however it dies."""
-        if sys.platform == "win32":  # which opens no folders
+        """Lock the folder if the system supports it; the lock ends with the process."""
+        if sys.platform == "win32":  # folders cannot be opened there
             yield
             return
         held = os.open(self.path, os.O_RDONLY)
@@ -110,10 +104,10 @@ class SweepFolder:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepBucket:
-    """A prefix in an object store, such as s3://bucket/all.zarr, with the rights that fsspec finds by itself.
+    """A prefix in an object store, such as s3://bucket/all.zarr, with the credentials that fsspec finds.
 
-    Object stores know no locks and no renaming. Two commands may write to one sweep: both write the same, since a task
-    has objects of its own and comes out the same whoever does it.
+    Object stores have neither locks nor renaming. Two commands may write to one sweep: every task has its own objects,
+    and both commands write the same values.
     """
 
     url: str
@@ -123,37 +117,37 @@ class SweepBucket:
 
     @property
     def name(self) -> str:
-        """The address as it was typed."""
+        """Address as it was typed."""
         return self.url
 
     def exists(self) -> bool:
-        """Whether anything has this prefix."""
+        """True if any object has this prefix."""
         with self._reached() as (files, root):
             return bool(files.exists(root))
 
     def create(self, fill: Callable[[Any], None]) -> None:
-        """Make the store in place; `fill` goes on where it was interrupted."""
+        """Create the store in place; `fill` completes an interrupted one."""
         with self._reached():
             fill(self.url)
 
     def group(self, mode: str) -> Any:
-        """The Zarr group of this prefix."""
+        """Open the Zarr group of this prefix."""
         with self._reached(), refusing(self.url, "a sweep of midair"):
             return zarr().open_group(self.url, mode=mode, zarr_format=3, use_consolidated=False)
 
     def chunks(self, array: str) -> set[tuple[int, int]]:
-        """From the names of the objects."""
+        """Row and column of every written chunk, from the object names."""
         with self._reached() as (files, root):
             return _numbers(name.removeprefix(root).strip("/").split("/") for name in files.find(f"{root}/{array}/c"))
 
     @contextmanager
     def alone(self) -> Generator[None]:
-        """NoArguments: see the class."""
+        """Do nothing, because object stores have no locks."""
         yield
 
     @contextmanager
     def _reached(self) -> Generator[tuple[Any, str]]:
-        """The file system of the address and the path in it; what goes wrong with either is one line."""
+        """File system of the address and the path in it; errors of both become one line."""
         import fsspec
 
         try:
@@ -163,7 +157,7 @@ class SweepBucket:
         except ValueError as wrong:
             raise InputError(f"{self}: expected a folder or an address that fsspec knows: {wrong}") from wrong
         try:
-            # What was listed before may have been changed by other machines.
+            # Other machines may have changed the listing since.
             files.invalidate_cache()
             yield files, root
         except OSError as wrong:
@@ -171,7 +165,7 @@ class SweepBucket:
 
 
 def place_of(where: Path | str) -> SweepPlace:
-    """The folder or the prefix that a person names; ``file://`` is a folder."""
+    """Return the storage for a path or an address; ``file://`` is a folder."""
     text = str(where)
     if isinstance(where, Path) or "://" not in text:
         return SweepFolder(path=Path(where))
@@ -181,13 +175,7 @@ def place_of(where: Path | str) -> SweepPlace:
 
 
 def zarr() -> Any:
-    """The library.
-
-    Raises
-    ------
-    MissingExtraError
-        If it is not installed.
-    """
+    """Import zarr; raise a MissingExtraError if it is not installed."""
     try:
         import zarr
     except ImportError as missing:
@@ -198,6 +186,6 @@ def zarr() -> Any:
 
 
 def _numbers(names: Iterable[Iterable[str]]) -> set[tuple[int, int]]:
-    """Chunk keys as numbers; what is no key (a file that was being written in a crash) does not count."""
+    """Numbers of chunk keys; other names (files that a crash left incomplete) are ignored."""
     ends = (tuple(parts)[-2:] for parts in names)
     return {(int(end[0]), int(end[1])) for end in ends if all(part.isdecimal() for part in end)}

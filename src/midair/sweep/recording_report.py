@@ -1,4 +1,4 @@
-"""What a sweep over recordings says: a table of trials in CSV, a figure in PNG."""
+"""Report of a sweep over recordings: a table of trials in CSV, a figure in PNG."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,19 +17,21 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialReport:
-    """One row a trial that is done, and how much of the sweep that is."""
+    """Figures of a sweep over recordings."""
 
     rows: tuple[Row, ...]
+    """One row per trial with results."""
     words: str
+    """Progress and cost of the sweep."""
 
     def plain(self) -> Row:
-        """Plain values for JSON."""
+        """Values for JSON."""
         return {"simulated": True, "trials": list(self.rows), "words": self.words}
 
 
 @as_stored()
 def trial_report(results: SweepResults) -> TrialReport:
-    """The figures of a sweep over recordings, as far as it is; frames that ask for nothing do not count.
+    """Compute the figures of a sweep over recordings that may be incomplete; silent frames do not count.
 
     Raises
     ------
@@ -41,7 +43,7 @@ def trial_report(results: SweepResults) -> TrialReport:
     rows = tuple(_row(results, number, trial) for number, trial in enumerate(results.settings["trials"]))
     done = tuple(row for row in rows if row)
     if not done:
-        raise InputError("sweep: expected solved recordings, got none so far; go on with midair sweep recordings")
+        raise InputError("sweep: expected solved recordings, got none so far; continue with midair sweep recordings")
     frames = sum(row["frames"] for row in done)
     known = np.isfinite(results.error).sum(axis=1)
     whole = sum(count == trial["frames"] for count, trial in zip(known, results.settings["trials"], strict=True))
@@ -54,7 +56,7 @@ def trial_report(results: SweepResults) -> TrialReport:
 
 
 def write_trial_report(results: SweepResults, folder: Path) -> list[Path]:
-    """Write trials.csv and trials.png into a folder, which is made if it is not there; the files."""
+    """Write trials.csv and trials.png into a folder, which is created if necessary; return the paths."""
     report = trial_report(results)
     spreads = [
         ErrorSpread(
@@ -80,7 +82,7 @@ def _row(results: SweepResults, number: int, trial: dict[str, Any]) -> Row:
     known = results.error[number][there]
     if not len(known):
         return {}
-    # E is 0 by definition where nothing is asked for, and never quite 0 elsewhere.
+    # E is 0 by definition for a silent target, and never exactly 0 otherwise.
     plays = known > 0
     error = known[plays] if plays.any() else np.zeros(1)
     rounded = results.rounded_error[number][there][plays] if plays.any() else np.zeros(1)

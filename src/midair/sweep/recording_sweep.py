@@ -1,4 +1,4 @@
-"""A sweep over recordings and settings: E of every frame of each recording under each choice of settings."""
+"""A sweep over recordings and settings: E of every frame of each recording with each choice of settings."""
 
 import hashlib
 from collections.abc import Sequence
@@ -20,58 +20,43 @@ from midair.sweep.trial_cut import TrialCut, is_cut
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SweepTrial:
-    """One recording under one choice of settings.
-
-    Attributes
-    ----------
-    recording : str
-        What to call the recording.
-    variant : str
-        What is varied, such as ``method=fast height=200mm``; empty where nothing is.
-    pressure : PressureFrames
-        What the sensor felt, in the settings' band and at their rate.
-    settings : Settings
-        Settings of every stage.
-    """
+    """One recording with one choice of settings."""
 
     recording: str
+    """Name of the recording."""
     variant: str
+    """Varied settings, such as ``method=fast height=200mm``; may be empty."""
     pressure: PressureFrames
+    """Recorded pressure in the settings' band and at their rate."""
     settings: Settings
+    """Settings of every stage."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecordingSweep:
     """Every frame of every trial.
 
-    A task is a whole trial, since frames may start from those before; but for trials by a solver of recordings as a
-    whole, which are cut into pieces of its own blocks.
-
-    Attributes
-    ----------
-    trials : tuple of SweepTrial
-        The conditions.
-    columns, rows : int
-        Units of the array.
-    bits : int
-        Number of bits to which phases are rounded for the second error; 8 in an AUTD3.
-    blocks : int
-        Blocks of "glide" a task. Each task solves the marks of one block more, so that a few are better than one.
-    cuts : tuple of TrialCut or None
-        How each trial is cut; None for those that are one task.
+    A task is usually a whole trial, because frames may start from earlier ones. Trials with a solver of whole
+    recordings are cut into pieces of its blocks.
 
     Raises
     ------
     InputError
-        If there are no trials, one comes twice, or its solver does not take its settings.
+        If there are no trials, one occurs twice, or its solver does not support its settings.
     """
 
     trials: tuple[SweepTrial, ...]
+    """The conditions."""
     columns: int = 2
+    """Units of the array per row."""
     rows: int = 2
+    """Rows of units of the array."""
     bits: int = 8
+    """Bits of the rounded phases for the second error; 8 in an AUTD3."""
     blocks: int = 4
+    """Blocks of "glide" per task. Each task solves the marks of one more block, so a few blocks are better than one."""
     cuts: tuple[TrialCut | None, ...] = field(init=False)
+    """Pieces of each trial; None for a trial that is one task."""
 
     def __post_init__(self) -> None:
         if not self.trials:
@@ -79,40 +64,40 @@ class RecordingSweep:
         if not 1 <= self.bits <= 16:
             raise InputError(f"sweep: expected 1 to 16 bits, got {self.bits}")
         if self.blocks < 1:
-            raise InputError(f"sweep: expected 1 block a task or more, got {self.blocks}")
+            raise InputError(f"sweep: expected 1 block per task or more, got {self.blocks}")
         names = [(trial.recording, trial.variant) for trial in self.trials]
         for recording, variant in set(names):
             if names.count((recording, variant)) > 1:
                 raise InputError(f"sweep: expected each recording and setting once, got {recording} {variant} twice")
         for settings in (trial.settings for trial in self.trials):
-            # A setting that a method does not take fails here, and not on a worker.
+            # Check the settings of the method here, not on a worker.
             solver_of(settings.solver.method, iterations=settings.solver.iterations, start=settings.solver.start)
         object.__setattr__(self, "cuts", tuple(self._cut(trial) for trial in self.trials))
 
     @property
     def kind(self) -> str:
-        """Name of the kind."""
+        """Kind of the sweep."""
         return "recordings"
 
     @property
     def item(self) -> str:
-        """Name of what the second axis counts: places where frames do not stand in their own order."""
+        """Name of the items along the second axis: places if the frames are not stored in order."""
         return "place" if self._in_pieces else "frame"
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Numbers of conditions and of frames, with room for the longest task in place of each."""
+        """Number of conditions and of frames, with room for the longest task in every task's place."""
         return len(self.trials), self.chunk * max(map(len, self._parts()))
 
     @property
     def chunk(self) -> int:
-        """Most frames a task: those of the longest trial, or piece of one."""
+        """Most frames per task: those of the longest trial or piece."""
         return max(last - first for parts in self._parts() for first, last in parts)
 
     def tasks(self) -> tuple[Task, ...]:
-        """The longest trial first, so that no process is left with a long one at the end; its pieces in order.
+        """All tasks, the longest trial first so that no process is left with a long one at the end; pieces in order.
 
-        Each has `chunk` places in the store, of which the frames take the first.
+        Each task has `chunk` places in the store; its frames use the first ones.
         """
         width = self.chunk
         whole = [
@@ -123,16 +108,16 @@ class RecordingSweep:
         return tuple(sorted(whole, key=lambda task: -self.trials[task.condition].pressure.frames))
 
     def job(self, task: Task) -> Job:
-        """What a worker is given."""
+        """Job of a worker."""
         cut, array = self.cuts[task.condition], self._array()
         if cut is not None:
             return cut.job(task.first // self.chunk, array, self.bits)
         return TrialJob(trial=self.trials[task.condition], array=array, bits=self.bits)
 
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """Number of the recording and of the variant of each condition; the attributes name them.
+        """Index of recording and variant of each condition, with their names as attributes, and the rates.
 
-        Where a trial is in pieces, which frame stands at which place.
+        For trials in pieces also the frame at each place.
         """
         return (
             self._numbered("recording", [trial.recording for trial in self.trials]),
@@ -147,7 +132,7 @@ class RecordingSweep:
         )
 
     def settings(self) -> dict[str, Any]:
-        """Settings of every trial, and a digest of its pressure."""
+        """Settings of every trial, and a hash of its pressure."""
         return {
             "columns": self.columns,
             "rows": self.rows,
@@ -157,9 +142,9 @@ class RecordingSweep:
                     "recording": trial.recording,
                     "variant": trial.variant,
                     "frames": trial.pressure.frames,
-                    # Another pressure under the same name is another sweep.
+                    # Detects another pressure with the same name.
                     "pressure_sha256": _digest(trial.pressure),
-                    # How many cores this computer has is no part of it.
+                    # The number of cores does not affect the results.
                     "settings": settings_of(trial.settings.but(jobs=None)),
                 }
                 for trial in self.trials
@@ -167,7 +152,7 @@ class RecordingSweep:
         } | ({"blocks": self.blocks} if self._in_pieces else {})
 
     def provenance(self) -> Provenance:
-        """Where the results come from: fields that are computed, not measured."""
+        """Provenance of the results, which are computed, not measured."""
         names = ", ".join(dict.fromkeys(trial.recording for trial in self.trials))
         return Provenance(source=names, simulated=True).then("sweep", {"bits": self.bits, "trials": len(self.trials)})
 
@@ -186,7 +171,7 @@ class RecordingSweep:
 
     @property
     def _in_pieces(self) -> bool:
-        """Whether any trial is more than one task."""
+        """True if any trial has more than one task."""
         return max(map(len, self._parts())) > 1
 
     def _parts(self) -> list[list[tuple[int, int]]]:
@@ -197,7 +182,7 @@ class RecordingSweep:
         ]
 
     def _places(self) -> tuple[Coordinate, ...]:
-        """Which frame stands where, -1 for none; nothing where frames stand in order."""
+        """Frame at each place, -1 for none; empty if all frames are stored in order."""
         if not self._in_pieces:
             return ()
         parts, width = self._parts(), self.chunk
@@ -209,7 +194,7 @@ class RecordingSweep:
 
 
 def _digest(pressure: PressureFrames) -> str:
-    """Of the numbers in memory's order, of an array or a reel."""
+    """SHA-256 of the pressure's samples in memory order."""
     made = hashlib.sha256()
     for block in blocks(pressure.pressure):
         made.update(np.ascontiguousarray(block).tobytes())
@@ -218,14 +203,14 @@ def _digest(pressure: PressureFrames) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrialJob:
-    """A trial to be solved on a worker."""
+    """A trial for a worker."""
 
     trial: SweepTrial
     array: TransducerArray
     bits: int
 
     def __call__(self) -> Found:
-        """E of each frame, with phases as solved and as rounded."""
+        """E of each frame, with exact and with rounded phases."""
         settings = self.trial.settings
         made = reproduce(self.trial.pressure, self.array, settings)
         drive, wanted = made.solution.drive, made.target.amplitude
@@ -234,7 +219,7 @@ class TrialJob:
             made.target.grid,
             acoustics=settings.acoustics,
         )
-        # A silent target is played as silence, whatever its phases are.
+        # A silent target is played as silence, so its error is 0 for any phases.
         audible = wanted.any(axis=1)
         return Found(
             error=made.solution.error,

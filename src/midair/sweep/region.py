@@ -1,4 +1,4 @@
-"""What a worker writes: the chunks of its task, which nobody else touches."""
+"""Storage of a task's chunks by the worker that solved it; no other process writes them."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,22 +9,15 @@ from midair.sweep.task import Found, Result, Task
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepAddress:
-    """Where a worker finds the store of its sweep.
-
-    Attributes
-    ----------
-    place : str
-        Absolute folder, or address that fsspec knows.
-    token : str
-        Drawn when the store was made: a folder of the same name on another machine, or a store that was made again
-        under the same name, is another one.
-    """
+    """Location of the store for workers."""
 
     place: str
+    """Absolute folder, or address for fsspec."""
     token: str
+    """Random token; differs for a store of the same name on another machine, and for a new store."""
 
     def take(self, result: Result) -> Result:
-        """Store what a task found if the store is in reach of this machine; what is left to tell."""
+        """Store the result of a task if this machine can access the store; return what is still to be stored."""
         place = place_of(self.place)
         if result.found is None or not place.exists():
             return result
@@ -36,9 +29,9 @@ class SweepAddress:
 
 
 def write_region(group: Any, task: Task, found: Found, seconds: float) -> None:
-    """Numbers first, the flag last: killed in between, the task is done again, and only this one.
+    """Write the numbers, then the flag, so that after a crash in between only this task is repeated.
 
-    Zarr puts each chunk into an object of its own, or into a file that it renames when it is whole.
+    Zarr writes each chunk to its own object, or to a file that it renames when it is complete.
     """
     error = group["error"]
     place = task.condition, task.first // error.chunks[1]

@@ -1,4 +1,4 @@
-"""Run a sweep on Dask: a cluster on this machine, or one that is already there."""
+"""Run a sweep with Dask, on a local cluster or on an existing one."""
 
 import signal
 import time
@@ -29,38 +29,35 @@ def run_sweep(
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> int:
-    """Solve whatever is missing of a sweep, and store it as it comes.
+    """Solve the missing tasks of a sweep, and store their results as they arrive.
 
-    Each worker writes what it found where it sees the store: on a common disk, or in an object store. The results
-    of others come here, and this process writes them. Killed at any moment, it can be started again: what is stored
-    stays, and what is not is done.
+    Each worker writes its results if it can access the store (a shared disk or an object store). Other results are sent
+    to this process, which writes them. The command can be stopped at any time and started again: stored results are
+    kept, and missing ones are computed.
 
     Parameters
     ----------
-    sweep : Sweep
-        What to solve.
     where : Path or str
-        NAME.zarr, new or of the same sweep: a folder, or an address that fsspec knows, such as s3://bucket/all.zarr.
+        NAME.zarr, new or with the same sweep: a folder, or an address for fsspec, such as s3://bucket/all.zarr.
     scheduler : str, optional
-        Address of a Dask scheduler, such as tls://host:8786, whose workers have midair installed; a cluster on this
-        machine, reachable from nowhere else, if None. Certificates are those of Dask's configuration.
+        Address of a Dask scheduler, such as tls://host:8786, whose workers have midair installed. By default a local
+        cluster that other machines cannot access. Certificates are those of Dask's configuration.
     workers : int, optional
-        Processes on this machine; one a core if None.
+        Number of local processes; one per core by default.
     progress : callable, optional
-        Called with (patterns or frames done, all of them) at the start and after each task.
+        Called with (finished patterns or frames, all of them) at the start and after each task.
 
     Returns
     -------
     int
-        Number of patterns or frames that were solved now.
+        Number of patterns or frames solved by this call.
 
     Raises
     ------
     MismatchError
-        If the store is of another sweep.
+        If the store contains another sweep.
     ClusterError
-        If the cluster cannot be reached, a task fails, or no worker is heard of for 20 s; what was found so far is
-        stored.
+        If the cluster cannot be reached, a task fails, or no worker responds for 20 s; all results so far are stored.
     """
     whole = sum(task.count for task in sweep.tasks())
     with open_sweep(where, sweep) as store:
@@ -81,21 +78,10 @@ def run_sweep(
 
 @contextmanager
 def cluster(scheduler: str | None = None, *, workers: int | None = None, patience: float = 10.0) -> "Generator[Client]":
-    """A client of a scheduler, or of a cluster of processes on this machine that ends with the block.
+    """Client of a scheduler, or of a local cluster that ends with the block.
 
-    A cluster of this machine listens on the loopback interface only, and has no dashboard.
-
-    Parameters
-    ----------
-    scheduler, workers
-        As in `run_sweep`.
-    patience : float
-        How long to wait for the scheduler and for its first worker, in s.
-
-    Raises
-    ------
-    ClusterError
-        If the scheduler does not answer or has no workers.
+    A local cluster listens on the loopback interface only, and has no dashboard. `patience` is the time limit for the
+    scheduler and its first worker in s. Raises a ClusterError if there is no scheduler or no worker.
     """
     distributed = _distributed()
     if scheduler is not None:
@@ -105,7 +91,7 @@ def cluster(scheduler: str | None = None, *, workers: int | None = None, patienc
     with (
         distributed.LocalCluster(
             n_workers=workers,
-            # The limit of one BLAS thread, which a solve sets and takes away again, is that of the whole process.
+            # A solve limits BLAS to one thread temporarily, which affects the whole process.
             threads_per_worker=1,
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",
@@ -120,14 +106,14 @@ def cluster(scheduler: str | None = None, *, workers: int | None = None, patienc
 
 
 def do(job: Job, task: Task) -> Result:
-    """One task, on a worker."""
+    """Run one task on a worker."""
     start = time.process_time()
     found = job()
     return Result(task=task, found=found, seconds=time.process_time() - start)
 
 
 def done_and_stored(job: Job, task: Task, address: SweepAddress | None) -> Result:
-    """One task, on a worker that stores what it found where it sees the store."""
+    """Run one task on a worker, which stores the result if it can access the store."""
     result = do(job, task)
     return result if address is None else address.take(result)
 
@@ -143,8 +129,8 @@ def _client_of(scheduler: str, patience: float) -> "Client":
         client = distributed.Client(scheduler, timeout=patience, set_as_default=False)
     except (OSError, ValueError) as wrong:
         raise ClusterError(
-            f"scheduler: expected one at {scheduler}, got no answer; check the address, and tls:// where it wants a "
-            "certificate"
+            f"scheduler: expected one at {scheduler}, got no answer; check the address, and use tls:// if it requires "
+            "a certificate"
         ) from wrong
     try:
         client.wait_for_workers(1, timeout=patience)
@@ -155,19 +141,19 @@ def _client_of(scheduler: str, patience: float) -> "Client":
 
 
 def _leave_ctrl_c_to_the_client() -> None:
-    """A terminal sends Ctrl-C to every process; workers are closed by the one that started them."""
+    """Ignore Ctrl-C, which a terminal sends to every process, because the client closes its workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: SweepAddress | None) -> Iterator[Result]:
-    """What came of each task, as it comes."""
+    """Yield the results of the tasks as they arrive."""
     finished: SimpleQueue[Any] = SimpleQueue()
     waiting: set[Any] = set()
     coming, watch = enumerate(tasks), WorkersWatch(client)
     while True:
-        # A task may bring some megabytes along: no more of them wait at the scheduler than keep its workers busy.
+        # A task may hold several megabytes, so submit only as many as keep the workers busy.
         for number, task in islice(coming, max(0, 2 * watch.threads() + 2 - len(waiting))):
-            # In the order of the tasks: whenever it is stopped, what is known is the beginning.
+            # Keep the order of the tasks, so that a stopped sweep has its first tasks complete.
             future = _submitted(client, sweep.job(task), task, address, -number)
             waiting.add(future)
             future.add_done_callback(finished.put)
@@ -176,7 +162,7 @@ def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: Swe
         ended = _next(finished)
         try:
             results = _gathered(client, [future for future in ended if future.status == "finished"])
-        except TimeoutError:  # who held them is gone or busy; if it is gone, they are done again
+        except TimeoutError:  # their worker is lost or busy; the tasks of a lost worker are repeated
             for future in ended:
                 finished.put(future)
             watch.look()
@@ -185,20 +171,20 @@ def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: Swe
         _check(ended)
         waiting.difference_update(ended)
         if results:
-            watch.heard()
+            watch.reset()
         else:
             watch.look()
 
 
 def _submitted(client: "Client", job: Job, task: Task, address: SweepAddress | None, priority: int) -> Any:
     with warnings.catch_warnings():
-        # What a task brings along is counted by whom it is for; Dask warns above 10 MB.
+        # The amount of queued data is limited in `_results`; Dask warns above 10 MB.
         warnings.filterwarnings("ignore", message="Sending large graph", category=UserWarning)
         return client.submit(done_and_stored, job, task, address, pure=False, priority=priority)
 
 
 def _next(finished: "SimpleQueue[Any]", *, patience: float = 1.0, most: int = 256) -> list[Any]:
-    """Those that ended since the last call; waits a little for the first, and asks for few round trips."""
+    """Futures that ended since the last call; waits briefly for the first, and returns many to save round trips."""
     ended: list[Any] = []
     with suppress(Empty):
         ended.append(finished.get(timeout=patience))
@@ -220,13 +206,13 @@ def _gathered(client: "Client", futures: list[Any]) -> list[Result]:
 
 
 def _check(ended: list[Any]) -> None:
-    """Say in one line that a task failed, or that the scheduler went away with it."""
+    """Raise a ClusterError if a task failed or the scheduler was lost."""
     wrong = next((future for future in ended if future.status not in ("finished", "pending")), None)
     if wrong is not None:
-        said = repr(wrong.exception()) if wrong.status == "error" else "no more of the scheduler"
+        cause = repr(wrong.exception()) if wrong.status == "error" else "a lost connection to the scheduler"
         raise ClusterError(
-            f"sweep: expected an answer of every worker, got {said}; what was found so far is stored, the same command "
-            "goes on"
+            f"sweep: expected an answer of every worker, got {cause}; all results so far are stored, repeat the "
+            "command to continue"
         )
 
 

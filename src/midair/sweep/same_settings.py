@@ -1,4 +1,4 @@
-"""Whether a store is of the very sweep that is asked for."""
+"""Compare the settings of a store with those of a sweep."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,15 +9,7 @@ from midair.sweep.task import Sweep
 
 
 def check_settings(path: object, attrs: Mapping[str, Any], sweep: Sweep) -> None:
-    """Refuse a store of other settings.
-
-    Raises
-    ------
-    MismatchError
-        If it is; the line names the first that differs.
-    BrokenFileError
-        If it says nothing of settings.
-    """
+    """Raise a MismatchError that names the first different setting, or a BrokenFileError without settings."""
     with refusing(str(path), "a sweep of midair"):
         stored = dict(attrs["settings"]) | {"kind": attrs["kind"]}
         asked = sweep.settings() | {"kind": sweep.kind}
@@ -25,8 +17,8 @@ def check_settings(path: object, attrs: Mapping[str, Any], sweep: Sweep) -> None
     if different is not None:
         name, there, wanted = different
         raise MismatchError(
-            f"{path}: expected {name} {wanted}, got a sweep with {there}; give its settings to go on with it, or use a "
-            "new name"
+            f"{path}: expected {name} {wanted}, got a sweep with {there}; use its settings to continue it, or a new "
+            "name"
         )
 
 
@@ -45,5 +37,5 @@ def _difference(stored: Any, asked: Any, name: str = "") -> tuple[str, str, str]
 
 
 def _short(value: Any) -> str:
-    """Numbers and texts as they are; of what is longer, how long it is."""
+    """Text of a value; long lists and mappings are replaced by their length."""
     return f"{len(value)} of them" if isinstance(value, list | Mapping) and len(str(value)) > 80 else str(value)

@@ -1,4 +1,4 @@
-"""Results of a sweep in Zarr: a task has chunks of its own, so that whoever solved it can store it."""
+"""Results of a sweep in Zarr: every task has its own chunks, so that the process that solved it can store it."""
 
 import secrets
 from collections.abc import Generator, Mapping
@@ -20,45 +20,36 @@ from midair.version import __version__
 
 Array = NDArray[np.float64]
 _BEGUN = {"midair": __version__}
-"""All that a group in an object store says until it is whole."""
+"""Attributes of a group in an object store until it is complete."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SweepResults:
-    """All that is known of a sweep so far.
-
-    Attributes
-    ----------
-    kind : str
-        ``patterns`` or ``recordings``.
-    settings : mapping
-        Settings of the sweep, as JSON knows them.
-    coordinates : mapping of str to ndarray
-        What stands along the axes, by name.
-    error, rounded_error : ndarray, shape (condition, item)
-        NaN where nothing is known yet or was not asked for. Items are in their own order, also where tasks are not.
-    strength : ndarray, shape (condition, task)
-        Highest peak of the targets over the focus of the whole array; NaN for tasks that are not done.
-    seconds : float
-        Processor time of all tasks that are done.
-    """
+    """Results of a sweep, which may be incomplete."""
 
     kind: str
+    """``patterns`` or ``recordings``."""
     settings: Mapping[str, Any]
+    """Settings of the sweep as JSON values."""
     coordinates: Mapping[str, NDArray[Any]]
+    """Arrays along the axes by name."""
     error: Array
+    """Shape (condition, item), NaN where not computed. Items are in their own order, even if tasks are not."""
     rounded_error: Array
+    """Same shape, for rounded phases."""
     strength: Array
+    """Highest target peak over the peak of a single focus, shape (condition, task); NaN for unfinished tasks."""
     seconds: float
+    """Processor time of all finished tasks."""
 
     @property
     def known(self) -> int:
-        """Number of patterns or frames solved, over all conditions."""
+        """Number of solved patterns or frames over all conditions."""
         return int(np.isfinite(self.error).sum())
 
 
 class SweepStore:
-    """A Zarr group that this command alone hands out work for. `open_sweep` gives one."""
+    """An open Zarr group of a sweep; create it with `open_sweep`."""
 
     def __init__(self, place: SweepPlace, group: Any, sweep: Sweep) -> None:
         self._place = place
@@ -67,40 +58,33 @@ class SweepStore:
 
     @property
     def address(self) -> SweepAddress | None:
-        """What workers need to store results themselves; None for a store of before they did."""
+        """Address for workers that store results themselves; None for an older store."""
         token = self._group.attrs.get("token")
         return None if token is None else SweepAddress(place=self._place.name, token=str(token))
 
     def missing(self) -> tuple[Task, ...]:
-        """The tasks that are not done, in order."""
+        """Unfinished tasks in order."""
         done, width = _done(self._place, self._group), self._sweep.chunk
         return tuple(task for task in self._sweep.tasks() if not done[task.condition, task.first // width])
 
     def write(self, result: Result) -> None:
-        """Store what a task found, unless its worker has; then its flag."""
+        """Store the result of a task, unless its worker has stored it."""
         if result.found is not None:
             write_region(self._group, result.task, result.found, result.seconds)
 
 
 @contextmanager
 def open_sweep(where: Path | str, sweep: Sweep) -> Generator[SweepStore]:
-    """A new store for a sweep, or the one that is there, to go on with.
-
-    Parameters
-    ----------
-    where : Path or str
-        A folder, or an address that fsspec knows.
-    sweep : Sweep
-        What is, or is to be, in it.
+    """Create a store for a sweep, or open the existing one to continue it.
 
     Raises
     ------
     MismatchError
-        If the store is of a sweep with other settings.
+        If the store contains a sweep with other settings.
     DeviceStateError
         If another program is writing to this folder.
     BrokenFileError
-        If something else has this name.
+        If another kind of file has this name.
     FileError
         If the object store cannot be reached.
     """
@@ -112,25 +96,25 @@ def open_sweep(where: Path | str, sweep: Sweep) -> Generator[SweepStore]:
         check_settings(place, group.attrs, sweep)
         for one in sweep.coordinates():
             if not np.array_equal(group[one.name][:], one.values):
-                raise MismatchError(f"{place}: expected the same {one.name} as before, got others; use a new name")
+                raise MismatchError(f"{place}: expected the stored {one.name}, got other values; use a new name")
         yield SweepStore(place, group, sweep)
 
 
 def load_sweep(where: Path | str) -> SweepResults:
-    """What is known so far; also while others are writing.
+    """Load the results so far, also while other processes are writing.
 
     Raises
     ------
     MissingFileError
-        If nothing has that name.
+        If the name does not exist.
     BrokenFileError
-        If it is no sweep.
+        If it is not a sweep.
     FileError
         If the object store cannot be reached.
     """
     place = place_of(where)
     if not place.exists():
-        raise MissingFileError(f"{place}: expected a sweep, found none; make one with midair sweep patterns {place}")
+        raise MissingFileError(f"{place}: expected a sweep, found none; create one with midair sweep patterns {place}")
     group = place.group("r")
     with refusing(str(place), "a sweep of midair"):
         done = _done(place, group)
@@ -148,9 +132,9 @@ def load_sweep(where: Path | str) -> SweepResults:
 
 
 def _done(place: SweepPlace, group: Any) -> NDArray[np.bool_]:
-    """Which tasks are whole, shape (condition, task): those with a flag."""
+    """Mask of the finished tasks (those with a flag), shape (condition, task)."""
     flags = group["done"]
-    if flags.chunks != (1, 1):  # a store of before workers wrote: one file a row
+    if flags.chunks != (1, 1):  # an older store with one file per row, before workers wrote
         return np.asarray(flags[:], dtype=bool)
     rows, columns = flags.shape
     done = np.zeros((rows, columns), dtype=bool)
@@ -161,9 +145,9 @@ def _done(place: SweepPlace, group: Any) -> NDArray[np.bool_]:
 
 
 def _known(array: Any, done: NDArray[np.bool_], width: int = 0) -> Array:
-    """Numbers of the tasks that are done; NaN elsewhere: without their task's flag they may be half written.
+    """Values of finished tasks, NaN elsewhere, because a task without a flag may be half written.
 
-    Each row is read up to the last that is known: where most is missing, asking for every chunk takes minutes.
+    Each row is read up to its last finished task; reading every chunk would take minutes for a mostly empty store.
     """
     known = np.repeat(done, width or array.chunks[1], axis=1)[:, : array.shape[1]]
     found = np.full(array.shape, np.nan)
@@ -174,7 +158,7 @@ def _known(array: Any, done: NDArray[np.bool_], width: int = 0) -> Array:
 
 
 def _by_item(stored: Array, item: NDArray[np.int64] | None) -> Array:
-    """Numbers in the order of the items, where the store says which item stands where (-1: none)."""
+    """Values in the order of the items, if the store has the item at each place (-1: none)."""
     if item is None:
         return stored
     found = np.full((len(stored), int(item.max()) + 1), np.nan)
@@ -184,8 +168,8 @@ def _by_item(stored: Array, item: NDArray[np.int64] | None) -> Array:
 
 
 def _fill(inside: str, sweep: Sweep) -> None:
-    """Arrays first and settings last: with them the store is whole."""
-    # A copy: Zarr keeps the mapping, and changes it with the attributes.
+    """Create the arrays first and the settings last; the settings mark a complete store."""
+    # Copy the mapping, because Zarr modifies it with the attributes.
     begun = dict(_BEGUN)
     group: Any = zarr().open_group(inside, mode="a", zarr_format=3, use_consolidated=False, attributes=begun)
     for one in sweep.coordinates():
@@ -213,6 +197,6 @@ def _fill(inside: str, sweep: Sweep) -> None:
 
 
 def _array(group: Any, name: str, **layout: Any) -> None:
-    """Make an array that is not there yet."""
+    """Create an array if it does not exist."""
     if name not in group:
         group.create_array(name, **layout)

@@ -1,4 +1,4 @@
-"""What any sweep is to those who run and store it: conditions times items, cut into tasks."""
+"""Interface of a sweep: conditions times items, divided into tasks."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
@@ -28,15 +28,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """What a job found.
-
-    Attributes
-    ----------
-    error, rounded_error : ndarray, shape (item,)
-        E, and E of rounded phases.
-    strength : float
-        Highest peak of the targets over the focus of the whole array.
-    """
+    """Result of a job: E with exact and with rounded phases, shape (item,), and the strength of the targets."""
 
     error: Array
     rounded_error: Array
@@ -45,17 +37,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Result:
-    """What came of a task.
-
-    Attributes
-    ----------
-    task : Task
-        The task.
-    found : Found or None
-        None where the worker has stored it.
-    seconds : float
-        Processor time that it took, in s.
-    """
+    """Result of a task with its processor time in s; `found` is None if the worker has stored it."""
 
     task: Task
     found: Found | None
@@ -63,28 +45,16 @@ class Result:
 
 
 class Job(Protocol):
-    """A task with all that it needs; goes to a worker, and is called there."""
+    """A task with all its data; it is sent to a worker and called there."""
 
     def __call__(self) -> Found:
-        """Solve the task, and give its errors."""
+        """Solve the task and return its errors."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Coordinate:
-    """What stands along an axis of the results.
-
-    Attributes
-    ----------
-    name : str
-        Name of the array in the store.
-    axes : tuple of str
-        ``condition``, the name of the items, or both.
-    values : ndarray
-        Numbers or texts, as many as the axes are long.
-    attributes : mapping
-        Such as units.
-    """
+    """Array along axes of the results, stored as `name`; `axes` are ``condition``, the name of the items, or both."""
 
     name: str
     axes: tuple[str, ...]
@@ -93,59 +63,51 @@ class Coordinate:
 
 
 class Sweep(Protocol):
-    """A sweep: E of each item under each condition.
-
-    Attributes
-    ----------
-    kind : str
-        ``patterns`` or ``recordings``.
-    item : str
-        What the second axis counts: ``pattern``, ``frame`` or ``place``.
-    """
+    """A sweep: E of each item under each condition."""
 
     @property
     def kind(self) -> str:
-        """Name of the kind."""
+        """``patterns`` or ``recordings``."""
         ...
 
     @property
     def item(self) -> str:
-        """Name of what the second axis counts."""
+        """Name of the items along the second axis: ``pattern``, ``frame`` or ``place``."""
         ...
 
     @property
     def chunk(self) -> int:
-        """Most items a task."""
+        """Most items per task."""
         ...
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Numbers of conditions and of items."""
+        """Number of conditions and of items."""
         ...
 
     def tasks(self) -> tuple[Task, ...]:
-        """The whole work, in the order in which it is begun."""
+        """All tasks in processing order."""
         ...
 
     def job(self, task: Task) -> Job:
-        """What a worker is given."""
+        """Job of a worker."""
         ...
 
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """What is stored along the axes."""
+        """Arrays that are stored along the axes."""
         ...
 
     def settings(self) -> dict[str, Any]:
-        """Everything that the results depend on, as JSON knows it."""
+        """Everything that affects the results, as JSON values."""
         ...
 
     def provenance(self) -> Provenance:
-        """Where the results come from."""
+        """Provenance of the results."""
         ...
 
 
 def settings_of(thing: Any) -> Any:
-    """What JSON would give back of settings: objects as mappings, lists for tuples, texts for what it does not know."""
+    """Convert settings to JSON values: objects to mappings, tuples to lists, other types to strings."""
     if is_dataclass(thing) and not isinstance(thing, type):
         return {field.name: settings_of(getattr(thing, field.name)) for field in fields(thing)}
     if isinstance(thing, Mapping):

@@ -1,4 +1,4 @@
-"""A trial whose recording is solved as a whole, cut where its solver can begin again."""
+"""A trial cut into pieces at frames where its solver can start independently."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,17 +19,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrialCut:
-    """The target of a trial, and the pieces that can be solved each on its own.
-
-    Attributes
-    ----------
-    target : AmplitudeFrames
-        Of the whole trial; a reel where the pressure is one.
-    settings : Settings
-        Settings of every stage.
-    pieces : tuple of Piece
-        All frames, in order.
-    """
+    """Target of a trial, and its independent pieces."""
 
     target: AmplitudeFrames
     settings: Settings
@@ -37,12 +27,9 @@ class TrialCut:
 
     @classmethod
     def of(cls, pressure: PressureFrames, array: TransducerArray, settings: Settings, *, together: int) -> "TrialCut":
-        """Cut into so many blocks a piece; the target is looked through once, to see which frames sound.
+        """Cut a trial into pieces of `together` blocks; the target is read once to find the frames with sound.
 
-        Raises
-        ------
-        RateError
-            If the array cannot take frames at the pressure's rate.
+        Raises a RateError if the array does not support the pressure's rate.
         """
         check_frame_rate(pressure.rate, array.frequency)
         target = target_amplitude(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
@@ -52,7 +39,7 @@ class TrialCut:
         )
 
     def job(self, number: int, array: TransducerArray, bits: int) -> "PieceJob":
-        """What a worker is given of one piece: its targets and those of the marks before it."""
+        """Job for one piece: its targets and those of the marks before it."""
         piece = self.pieces[number]
         begin = int(piece.marks[0]) if len(piece.marks) else piece.first
         frames = read_as_solved(self.target.amplitude, begin, piece.last)
@@ -67,17 +54,17 @@ class TrialCut:
 
     @cached_property
     def loudest(self) -> float:
-        """Highest amplitude of all, by which the level "auto" goes; 0 where none asks for it."""
+        """Highest amplitude of the recording for level "auto"; otherwise 0."""
         return float(self.target.amplitude.max()) if self.settings.solver.level == "auto" else 0.0
 
 
 def is_cut(settings: Settings) -> bool:
-    """Whether a solver can begin in the middle."""
+    """True if the solver can start within a recording."""
     return settings.solver.name == "glide"
 
 
 def method_of(settings: Settings) -> Glide:
-    """The solver of settings that can be cut."""
+    """Solver of settings that can be cut."""
     made = solver(settings.solver.method, backend=settings.solver.backend)
     if not isinstance(made, Glide):
         raise TypeError(f"expected settings with method glide, got {settings.solver.name}")
@@ -86,23 +73,7 @@ def method_of(settings: Settings) -> Glide:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PieceJob:
-    """A piece of a trial to be solved on a worker.
-
-    Attributes
-    ----------
-    target : AmplitudeFrames
-        Of its frames.
-    marks : ndarray, shape (mark, point)
-        Targets of the marks before it, in Pa.
-    loudest : float
-        See `TrialCut`.
-    settings : Settings
-        Settings of the trial, with one job: a worker has one core.
-    array : TransducerArray
-        What is to make it.
-    bits : int
-        Number of bits to which phases are rounded for the second error.
-    """
+    """A piece of a trial for a worker; `marks` are the targets of the marks before it, shape (mark, point) in Pa."""
 
     target: AmplitudeFrames
     marks: Array
@@ -112,7 +83,7 @@ class PieceJob:
     bits: int
 
     def __call__(self) -> Found:
-        """E of each frame, with phases as solved and as rounded."""
+        """E of each frame, with exact and with rounded phases."""
         asked, error, rounded, first = self.target, list[Array](), list[Array](), 0
         acoustics = self.settings.acoustics
         parts = solve_piece(
@@ -129,7 +100,7 @@ class PieceJob:
             drive = replace(part.drive, phase=quantise_phase(part.drive.phase, bits=self.bits))
             field = propagate(drive, asked.grid, acoustics=acoustics)
             error.append(part.error)
-            # A silent target is played as silence, whatever its phases are.
+            # A silent target is played as silence, so its error is 0 for any phases.
             rounded.append(np.where(wanted_here.any(axis=1), relative_error(field, wanted_here), 0.0))
         focus = focus_amplitude(asked.grid, self.array, acoustics=acoustics)
         return Found(

@@ -1,4 +1,4 @@
-"""Whether anybody is still working: a cluster whose workers are gone says nothing by itself."""
+"""Detect a cluster without live workers, which Dask does not report."""
 
 import time
 from typing import TYPE_CHECKING, Any
@@ -12,18 +12,11 @@ if TYPE_CHECKING:
 
 
 class WorkersWatch:
-    """The latest sign of life of any worker, as their scheduler hears it.
+    """Monitor of the workers' heartbeats through their scheduler.
 
-    Workers tell their scheduler that they live, solving or not, every half second or few seconds. What counts is
-    that the latest sign changes, on this process's own clock: a computer that slept, or whose clock is wrong, is not
-    taken for dead. Workers that stopped, scheduler that stopped, nobody left: no change in each case.
-
-    Parameters
-    ----------
-    client : Client
-        Connected.
-    patience : float
-        How long without a sign is the end, in s.
+    Workers send heartbeats to their scheduler every half second or few seconds, also while they solve. The monitor only
+    checks that the latest heartbeat changes within `patience` seconds of this process's own clock, so that a suspended
+    computer or a wrong clock does not count as a failure.
     """
 
     def __init__(self, client: "Client", *, patience: float = 20.0) -> None:
@@ -33,43 +26,37 @@ class WorkersWatch:
         self._since = time.monotonic()
         self._threads, self._asked = 0, -np.inf
 
-    def heard(self) -> None:
-        """A worker answered."""
+    def reset(self) -> None:
+        """Restart the time limit after a response of a worker."""
         self._since = time.monotonic()
 
     def threads(self) -> int:
-        """Of all workers together; asked again after two seconds, since workers come and go."""
+        """Number of threads of all workers, updated every two seconds because workers come and go."""
         if time.monotonic() - self._asked > 2:
-            said, self._asked = self._identity(), time.monotonic()
-            if said is not None:
-                self._threads = sum(worker["nthreads"] for worker in said["workers"].values())
+            identity, self._asked = self._identity(), time.monotonic()
+            if identity is not None:
+                self._threads = sum(worker["nthreads"] for worker in identity["workers"].values())
         return self._threads
 
     def look(self) -> None:
-        """Ask the scheduler.
-
-        Raises
-        ------
-        ClusterError
-            If there was no sign for too long.
-        """
+        """Query the scheduler; raise a ClusterError if there was no heartbeat for too long."""
         latest = self._ask()
         if latest is not None and latest != self._latest:
             self._latest = latest
-            self.heard()
+            self.reset()
         elif time.monotonic() - self._since > self._patience:
             raise ClusterError(
-                f"sweep: expected workers at their work, got no sign of life from any for {self._patience:.0f} s; what "
-                "was found so far is stored; start workers (dask worker), and the same command goes on"
+                f"sweep: expected running workers, got no heartbeat for {self._patience:.0f} s; all results so far "
+                "are stored; start workers (dask worker) and repeat the command to continue"
             )
 
     def _ask(self) -> float | None:
-        """When the scheduler last heard of any worker, on its clock; None if it does not say or has none."""
-        said = self._identity()
-        return None if said is None else max((one["last_seen"] for one in said["workers"].values()), default=None)
+        """Time of the latest heartbeat on the scheduler's clock; None without an answer or workers."""
+        found = self._identity()
+        return None if found is None else max((one["last_seen"] for one in found["workers"].values()), default=None)
 
     def _identity(self) -> Any:
-        """What the scheduler says of itself and its workers; None if it does not."""
+        """Identity of the scheduler and its workers; None without an answer."""
 
         async def identity() -> Any:
             return await self._client.scheduler.identity()  # pyright: ignore[reportOptionalMemberAccess]
