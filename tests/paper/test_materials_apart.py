@@ -92,7 +92,7 @@ def test_the_live_mode_undoes_the_sensor_while_it_is_felt_and_the_part_is_the_sa
 def test_too_few_recordings_are_refused_with_what_was_found(tmp_path, names):
     for number, name in enumerate(names):
         write(tmp_path / name, number)
-    with pytest.raises(InputError, match="three or more recordings of each of two or more materials"):
+    with pytest.raises(InputError, match="two or more materials with three or more recordings each"):
         recorded(tmp_path, 0.3)
 
 

@@ -1,4 +1,4 @@
-"""The paper's figures and numbers made again, in its own mode and in the best one."""
+"""Reproduce the paper's figures and numbers in its own mode and in another mode."""
 
 from midair.paper.figure3 import figure_3
 from midair.paper.figure4 import StimuliPlan, figure_4

@@ -1,4 +1,4 @@
-"""The paper's Fig. 3 again: binary patterns and the fields that were found for them (5.1)."""
+"""Reproduce the paper's Fig. 3: binary patterns and the fields solved for them (5.1)."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -30,7 +30,7 @@ PATTERNS: Mapping[str, int] = MappingProxyType(
         "chequered": 0b1010_0101_1010_0101,
     }
 )
-"""Bit k says whether channel k is loud."""
+"""Bit k is 1 if channel k is active."""
 
 
 def figure_3(
@@ -41,16 +41,16 @@ def figure_3(
     Parameters
     ----------
     strength : float
-        Target over the peak of a single focus of the whole array. The paper does not say.
+        Target over the peak of a single focus of the whole array. The paper does not state it.
     paper, best : Settings, optional
-        The two modes; their grid, solver and terms count here.
+        The two modes; only their grid, solver and terms are used.
     mode : {"paper", "best", "quick", "finest"}
-        What is put beside the paper's.
+        Mode to compare with the paper's.
     """
     array, sensor = TransducerArray.autd3(), SensorGrid()
     acoustics = Acoustics(medium=Medium(attenuation=0.0), directivity="point")
     cold = (paper or paper_mode().but(method="lm", iterations=(50, 50))).but(start="zero", acoustics=acoustics)
-    # Patterns are no sequence: phases have nothing to stay near to.
+    # Patterns are not a sequence, so phases need not be continuous.
     still = (best or MODES[mode]()).but(method="fast", fit="points", acoustics=acoustics)
     modes = beside_paper(mode, cold, still)
     rows: list[Row] = []

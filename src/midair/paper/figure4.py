@@ -1,4 +1,4 @@
-"""The paper's experiment 5.2 again: modulated foci, recorded, reproduced and recorded again, as in its Fig. 4."""
+"""Reproduce the paper's experiment 5.2: modulated foci, recorded, reproduced and re-recorded, as in its Fig. 4."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,35 +18,24 @@ from midair.settings import Mode, Settings, beside_paper, paper_mode
 STIMULI: Mapping[str, str] = MappingProxyType(
     {"i: 100 Hz": "am-i", "ii: two points": "am-ii", "iii: 25 + 250 Hz": "am-iii"}
 )
-"""What the virtual rig calls the paper's three stimuli."""
+"""Names of the paper's three stimuli in the virtual rig."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StimuliPlan:
-    """How experiment 5.2 is made again.
-
-    Attributes
-    ----------
-    paper, best : Settings
-        The two modes; the other mode's own settings if None.
-    mode : {"paper", "best", "quick", "finest"}
-        What is put beside the paper's.
-    duration : float
-        Of each stimulus, in s; a multiple of 40 ms, 80 ms or more: what a spectrum needs.
-    corrections : int
-        Of the amplitude, in both modes; the paper has one.
-    iterate : int
-        Of the waveform, in the best mode alone.
-    rig : VirtualRig
-        What records and plays.
-    """
+    """Settings of experiment 5.2."""
 
     paper: Settings = field(default_factory=paper_mode)
     best: Settings | None = None
+    """Settings of the other mode; its defaults if None."""
     mode: Mode = "best"
+    """Mode to compare with the paper's."""
     duration: float = 0.12
+    """Duration of each stimulus in s: a multiple of 40 ms, at least 80 ms, for the spectra."""
     corrections: int = 1
+    """Amplitude corrections in both modes; the paper has one."""
     iterate: int = 1
+    """Waveform corrections in the other mode only."""
     rig: VirtualRig = field(default_factory=VirtualRig)
 
     def __post_init__(self) -> None:
@@ -62,10 +51,8 @@ def figure_4(plan: StimuliPlan | None = None, *, stage: Stage = quiet) -> PaperR
 
     Parameters
     ----------
-    plan : StimuliPlan, optional
-        Its defaults if None.
     stage : callable
-        Told the name of each stage as it begins.
+        Called with the name of each stage as it begins.
     """
     plan = plan or StimuliPlan()
     rows: list[Row] = []
@@ -89,7 +76,7 @@ def figure_4(plan: StimuliPlan | None = None, *, stage: Stage = quiet) -> PaperR
 
 
 def recorded(rig: VirtualRig, thing: str, settings: Settings, duration: float) -> PressureFrames:
-    """What the virtual sensor feels of something, without the first 80 ms in which the sensor settles."""
+    """Recording of an object by the virtual sensor, without the first 80 ms in which the sensor settles."""
     settle = 0.08
     with rig.touched_by(thing, duration=duration + settle) as sensor:
         pressure = calibrated_pressure(capture_recording(sensor, duration + settle), sensor.calibration, settings)
@@ -97,7 +84,7 @@ def recorded(rig: VirtualRig, thing: str, settings: Settings, duration: float) -
 
 
 def reproduced(original: PressureFrames, plan: StimuliPlan, settings: Settings, iterate: int, stage: Stage) -> Loop:
-    """The loop of one stimulus in one mode."""
+    """Run the loop for one stimulus in one mode."""
     skin = plan.rig.skin()
     with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:
         return run_loop(

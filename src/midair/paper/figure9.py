@@ -1,4 +1,4 @@
-"""The paper's Fig. 9 again for the synthetic objects: spectra of what is to push, on both surfaces (5.3)."""
+"""Reproduce the paper's Fig. 9 for the synthetic objects: spectra of the target pressure on both surfaces (5.3)."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -20,7 +20,7 @@ from midair.settings import Mode, Settings, beside_paper, paper_mode
 from midair.targets import MAPPINGS
 
 CHANNELS = (2, 6, 10, 14)
-"""Those that the paper's objects passed over, and that its Fig. 9 shows."""
+"""Channels that the paper's objects passed over, shown in its Fig. 9."""
 
 BANDS: Mapping[str, tuple[float, float]] = {"20_300_hz": (20.0, 300.0), "300_470_hz": (300.0, 470.0)}
 
@@ -28,17 +28,17 @@ BANDS: Mapping[str, tuple[float, float]] = {"20_300_hz": (20.0, 300.0), "300_470
 def figure_9(
     *, takes: int = 5, paper: Settings | None = None, best: Settings | None = None, mode: Mode = "best"
 ) -> PaperResult:
-    """Record strokes of the three objects and show the spectra of what each mode is to push.
+    """Record strokes of the three objects and show the spectra of each mode's target pressure.
 
     Parameters
     ----------
     takes : int
-        Strokes of each object and surface, with seeds 0, 1, ...; the paper has five. The first is drawn, the numbers
-        are means of the power over all.
+        Strokes of each object and surface, with seeds 0, 1, ...; the paper has five. The first is drawn; the numbers
+        are mean powers over all.
     paper, best : Settings, optional
-        The two modes; their mappings count here.
+        The two modes; only their mappings are used.
     mode : {"paper", "best", "quick", "finest"}
-        What is put beside the paper's.
+        Mode to compare with the paper's.
     """
     modes = beside_paper(mode, paper or paper_mode(), best)
     rows: list[Row] = []
@@ -47,7 +47,7 @@ def figure_9(
     for surface, name in passing(every, len(every)):
         strokes = [_stroke(name, surface, modes["paper"], seed) for seed in range(takes)]
         for which, settings in modes.items():
-            pushed = [_pushed(stroke, settings.target.mapping) for stroke in strokes]
+            pushed = [_mapped(stroke, settings.target.mapping) for stroke in strokes]
             shown.setdefault(f"{surface}, {settings.target.mapping}", {})[name] = pushed[0]
             levels = {
                 f"level_{band}_db": float(10 * np.log10(np.mean([_power(each, BANDS[band]) for each in pushed])))
@@ -71,7 +71,7 @@ def _stroke(name: str, surface: str, settings: Settings, seed: int) -> PressureF
         return calibrated_pressure(capture_recording(sensor, 1.26), sensor.calibration, settings)
 
 
-def _pushed(stroke: PressureFrames, mapping: str) -> PressureFrames:
+def _mapped(stroke: PressureFrames, mapping: str) -> PressureFrames:
     return replace(stroke, pressure=MAPPINGS[mapping](stroke.pressure, stroke.rate))
 
 

@@ -1,9 +1,8 @@
-"""Do materials stay apart? Strokes of several things through each mode, and what a classifier takes them for.
+"""Test whether materials stay distinguishable: reproduce strokes in each mode and classify the re-recordings.
 
-A classifier that knows the originals of all strokes but one is asked for the name of that one: of its original, and of
-what a sensor heard of it in each mode. What it gets wrong of a mode and right of the original, the mode has changed.
-A second one that knows the mode's own strokes tells whether they are still different from each other, whatever they
-have become.
+For each stroke, a classifier that was trained on the originals of all other strokes predicts the material: from the
+original, and from the re-recording in each mode. Errors on the re-recordings only are caused by the mode. A second
+classifier, trained on the mode's own re-recordings, tests whether the materials still differ from each other.
 """
 
 from collections.abc import Callable, Mapping
@@ -34,37 +33,29 @@ from midair.targets import led_in
 
 Array = NDArray[np.float64]
 LIVE = "live"
-"""The mode that undoes the sensor while it is felt, as `midair live` does."""
+"""The mode that inverts the sensor causally, as `midair live` does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stroke:
-    """One stroke of a thing.
-
-    Attributes
-    ----------
-    material : str
-        What is to be told apart.
-    name : str
-        Of the stroke.
-    take : callable
-        Gives what a sensor said of it, and the sensor's calibration.
-    begins : callable
-        Where in what was felt the part lies that is taken, in s.
-    """
+    """One stroke over a material."""
 
     material: str
+    """Label for the classifier."""
     name: str
+    """Name of the stroke."""
     take: Callable[[], tuple[Recording, Calibration | None]]
+    """Returns the recording and the sensor's calibration."""
     begins: Callable[[PressureFrames], float]
+    """Returns the start of the evaluated part of the pressure, in s."""
 
     def original(self, settings: Settings, duration: float) -> PressureFrames:
-        """What was felt of its part, in the band and at the rate of settings."""
+        """Calibrated pressure of the evaluated part, in the band and at the rate of settings."""
         whole = calibrated_pressure(*self.take(), settings)
         return whole.cut(self.begins(whole), min(duration, whole.frames / whole.rate))
 
     def live(self, settings: Settings, duration: float) -> PressureFrames:
-        """The same part as the causal inverse of `midair live` gives it, frame by frame; its delay taken out."""
+        """The same part from the causal inverse of `midair live`, with its delay removed."""
         recording, calibration = self.take()
         rate, band = settings.target.rate, settings.calibration.band
         whole = calibrated_pressure(recording, calibration, settings)
@@ -80,55 +71,44 @@ class Stroke:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MaterialsPlan:
-    """What is told apart.
-
-    Attributes
-    ----------
-    folder : Path or None
-        Recordings, one a stroke: in a folder of each material's name, or named MATERIAL_anything. Synthetic strokes of
-        brush, sponge and towel if None.
-    strokes : int
-        Of each of the synthetic three, with seeds 0, 1, ...
-    duration : float
-        Of the part of each stroke, in s: the middle of a synthetic one, the strongest part of a recording.
-    strength : float
-        Of each target, its peak over a single focus of the whole array, in every mode.
-    paper : Settings
-        The paper's mode; the others take its air. It is solved as a whole, which has about the error of one frame
-        after another in a fortieth of the time.
-    mode : {"paper", "best", "quick", "finest"}
-        What is put beside the paper's and the live one.
-    rig : VirtualRig
-        On which all is played and heard.
-    """
+    """Settings of the classification."""
 
     folder: Path | None = None
+    """Recordings of one stroke each, in a folder for each material or named MATERIAL_anything; synthetic strokes
+    of brush, sponge and towel if None.
+    """
     strokes: int = 12
+    """Number of strokes of each synthetic object, with seeds 0, 1, ..."""
     duration: float = 0.3
+    """Duration in s of the part of each stroke: the middle of a synthetic one, the strongest part of a recording."""
     strength: float = 0.15
+    """Peak of each target over a single focus of the whole array, in every mode."""
     paper: Settings = field(default_factory=lambda: paper_mode().but(method="glide"))
+    """The paper's mode; the other modes use its air. Its recordings are solved as a whole, which gives about the
+    error of frame-by-frame solving in a fortieth of the time.
+    """
     mode: Mode = "best"
+    """Mode to compare with the paper's and the live mode."""
     rig: VirtualRig = field(default_factory=VirtualRig)
+    """Rig for playback and re-recording."""
 
     def __post_init__(self) -> None:
         if self.strokes < 3:
-            raise InputError(f"strokes: expected three or more of each thing, got {self.strokes}")
+            raise InputError(f"strokes: expected three or more of each object, got {self.strokes}")
 
     @property
     def modes(self) -> Mapping[str, Settings]:
-        """The modes by name. The live one undoes the sensor, maps and solves frame by frame."""
+        """The modes by name. The live mode inverts the sensor, maps and solves frame by frame."""
         return {**beside_paper(self.mode, self.paper), LIVE: self.paper.but(method="live")}
 
 
 def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = quiet) -> PaperResult:
-    """Take every stroke through every mode, and ask two classifiers what it was.
+    """Reproduce every stroke in every mode, and classify it with two classifiers.
 
     Parameters
     ----------
-    plan : MaterialsPlan, optional
-        Its defaults if None.
     stage : callable
-        Told the name of each stage as it begins.
+        Called with the name of each stage as it begins.
 
     Raises
     ------
@@ -182,7 +162,7 @@ def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = quiet) 
         matrices.append(ConfusionPanel(title=f"{mode}\n{right} of {len(truth)} right", names=names, counts=counts))
     return PaperResult(
         name="materials",
-        title="Do materials stay apart? What a classifier that knows the originals takes each stroke for",
+        title="Material of each stroke by a classifier trained on the originals",
         rows=tuple(rows),
         pictures={"materials.png": png(confusion_figures(matrices, simulated=True))},
         about={
@@ -198,7 +178,7 @@ def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = quiet) 
 
 
 def synthetic(plan: MaterialsPlan) -> list[Stroke]:
-    """The middles of seeded strokes of the three objects, as the virtual sensor feels them."""
+    """Middle parts of seeded strokes of the three objects on the virtual sensor."""
 
     def take(name: Object, seed: int) -> tuple[Recording, Calibration | None]:
         skin = plan.rig.skin()
@@ -217,12 +197,9 @@ def synthetic(plan: MaterialsPlan) -> list[Stroke]:
 
 
 def recorded(folder: Path, duration: float) -> list[Stroke]:
-    """The strongest parts of recordings in a folder.
+    """Strongest parts of the recordings in a folder.
 
-    Raises
-    ------
-    InputError
-        If there are fewer than two materials, or fewer than three strokes of one.
+    Raises an InputError for fewer than two materials, or fewer than three strokes of one.
     """
 
     def take(path: Path) -> tuple[Recording, Calibration | None]:
@@ -239,19 +216,19 @@ def recorded(folder: Path, duration: float) -> list[Stroke]:
     if len(count) < 2 or min(count.values()) < 3:
         found = ", ".join(f"{number} of {name}" for name, number in count.items()) or "no recording"
         raise InputError(
-            f"{folder}: expected three or more recordings of each of two or more materials, in a folder of its name or "
+            f"{folder}: expected two or more materials with three or more recordings each, in a folder per material or "
             f"named MATERIAL_anything, got {found}"
         )
     return strokes
 
 
 def material_of(path: Path, folder: Path) -> str:
-    """The folder that a recording lies in, or what its name begins with."""
+    """Name of the recording's folder, or the beginning of its file name."""
     return path.parent.name if path.parent != folder else path.stem.partition("_")[0]
 
 
 def through(original: PressureFrames, settings: Settings, plan: MaterialsPlan) -> PressureFrames:
-    """What a sensor hears of it when the virtual rig plays it."""
+    """Play a pressure on the virtual rig and return the re-recording."""
     rig = replace(plan.rig, cells=original.sensor)
     lead = lead_of(settings)
     asked = led_in(original, lead)
@@ -264,20 +241,10 @@ def through(original: PressureFrames, settings: Settings, plan: MaterialsPlan) -
 
 
 def left_out_names(known: Array, asked: Array, truth: NDArray[np.int64]) -> NDArray[np.int64]:
-    """What each stroke is taken for by a classifier that knows all others.
+    """Classify each stroke with a classifier trained on all other strokes (leave-one-out).
 
-    Parameters
-    ----------
-    known : ndarray, shape (stroke, feature)
-        What it learns from.
-    asked : ndarray, shape (stroke, feature)
-        The same strokes, as it is asked for them.
-    truth : ndarray of int, shape (stroke,)
-        Their materials.
-
-    Returns
-    -------
-    ndarray of int, shape (stroke,)
+    `known` are the training features, shape (stroke, feature), `asked` the features to classify for the same strokes,
+    and `truth` the materials, shape (stroke,).
     """
     names = np.empty_like(truth)
     for stroke_ in range(len(truth)):
@@ -287,26 +254,20 @@ def left_out_names(known: Array, asked: Array, truth: NDArray[np.int64]) -> NDAr
 
 
 def classifier() -> Any:
-    """Linear discriminants with a covariance that is shrunk, since there are few strokes for so many bands."""
+    """Linear discriminant analysis with a shrunk covariance, because there are few strokes for the number of bands."""
     from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 
     return LinearDiscriminantAnalysis(solver="lsqr", shrinkage="auto")
 
 
 def check_classifier() -> None:
-    """Say before the work what lacks for it.
-
-    Raises
-    ------
-    MissingExtraError
-        If scikit-learn is not installed.
-    """
+    """Raise a MissingExtraError early if scikit-learn is not installed."""
     if find_spec("sklearn") is None:
         raise MissingExtraError("materials: expected scikit-learn: pip install 'midair[analysis]'")
 
 
 def share_between(right: int, count: int) -> tuple[float, float]:
-    """Limits of a share at 95 % (Wilson's, which hold at 0 and 1 and for small counts)."""
+    """Confidence limits of a proportion at 95 % (Wilson's, valid at 0 and 1 and for small counts)."""
     from scipy.stats import binomtest
 
     limits = binomtest(right, count).proportion_ci(method="wilson")

@@ -1,4 +1,4 @@
-"""Both modes side by side on test signals and objects: what a palm gets of what the sensor felt."""
+"""Compare the fidelity of two modes on test signals and objects, from the sensor to the palm."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -34,37 +34,25 @@ OBJECTS = ("brush", "sponge", "towel")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FidelityPlan:
-    """What is compared.
-
-    Attributes
-    ----------
-    things : tuple of str
-        Test signals, objects, and files of calibrated recordings.
-    paper, best : Settings
-        The two modes; the other mode's own settings if None.
-    mode : {"paper", "best", "quick", "finest"}
-        What is put beside the paper's.
-    strength : float
-        Of the target in both modes.
-    duration : float
-        Of each test signal, and of the part of each stroke, in s.
-    passes : int
-        Of the iterative correction, which is shown on the noise alone; 0 for none.
-    points : int
-        Rows and columns of the control points in that, over the same square.
-    rig : VirtualRig
-        With transducers that each have their own resonance, quality and strength.
-    """
+    """Settings of the comparison."""
 
     things: tuple[str, ...] = (*SIGNALS, *OBJECTS)
+    """Test signals, objects, and files of calibrated recordings."""
     paper: Settings = field(default_factory=paper_mode)
     best: Settings | None = None
+    """Settings of the other mode; its defaults if None."""
     mode: Mode = "best"
+    """Mode to compare with the paper's."""
     strength: float = 0.15
+    """Strength of the target in both modes."""
     duration: float = 0.12
+    """Duration of each test signal and of the part of each stroke, in s."""
     passes: int = 6
+    """Passes of the iterative correction, which is applied to the noise only; 0 for none."""
     points: int = 11
+    """Rows and columns of the control points for the correction, over the same square."""
     rig: VirtualRig = field(default_factory=VirtualRig)
+    """Rig whose transducers vary in resonance, quality factor and strength."""
 
     def __post_init__(self) -> None:
         known = (*SIGNALS, *OBJECTS)
@@ -77,19 +65,17 @@ class FidelityPlan:
 
     @property
     def modes(self) -> Mapping[str, Settings]:
-        """The two modes by their names."""
+        """The two modes by name."""
         return beside_paper(self.mode, self.paper, self.best)
 
 
 def fidelity_table(plan: FidelityPlan | None = None, *, stage: Stage = quiet) -> PaperResult:
-    """An error budget of everything in both modes at the same strength, and an iterative correction in both.
+    """Compute error budgets of all signals in both modes at the same strength, and iterative corrections.
 
     Parameters
     ----------
-    plan : FidelityPlan, optional
-        Its defaults if None.
     stage : callable
-        Told the name of each stage as it begins.
+        Called with the name of each stage as it begins.
     """
     plan = plan or FidelityPlan()
     rows: list[Row] = []
@@ -119,7 +105,7 @@ def fidelity_table(plan: FidelityPlan | None = None, *, stage: Stage = quiet) ->
         }
     return PaperResult(
         name="fidelity",
-        title="What a palm gets of what the sensor felt, in both modes",
+        title="Fidelity from the sensor to the palm, in both modes",
         rows=tuple(rows),
         pictures=pictures,
         about=about,
@@ -127,9 +113,9 @@ def fidelity_table(plan: FidelityPlan | None = None, *, stage: Stage = quiet) ->
 
 
 def original_of(thing: str, plan: FidelityPlan, settings: Settings) -> PressureFrames:
-    """What the virtual sensor feels of a test signal or of the middle of a stroke, at the rate of a mode.
+    """Pressure of a test signal or of the middle of a stroke on the virtual sensor, at the rate of a mode.
 
-    Of a recording it is the part in which there is most to feel.
+    For a recording, the strongest part.
     """
     rig, skin = plan.rig, plan.rig.skin()
     if thing not in (*SIGNALS, *OBJECTS):
@@ -146,14 +132,14 @@ def original_of(thing: str, plan: FidelityPlan, settings: Settings) -> PressureF
 
 
 def strongest_part(pressure: PressureFrames, duration: float) -> PressureFrames:
-    """The part of so many seconds that has most power in 20 to 470 Hz; all of what is no longer."""
+    """Part of the given duration in s with most power in 20 to 470 Hz; the whole pressure if it is not longer."""
     if pressure.frames <= round(duration * pressure.rate):
         return pressure
     return pressure.cut(strongest_begins(pressure, duration), duration)
 
 
 def strongest_begins(pressure: PressureFrames, duration: float) -> float:
-    """When the part begins that `strongest_part` takes, in s."""
+    """Start of the part that `strongest_part` selects, in s."""
     frames = round(duration * pressure.rate)
     if pressure.frames <= frames:
         return 0.0
@@ -163,21 +149,21 @@ def strongest_begins(pressure: PressureFrames, duration: float) -> float:
 
 
 def at_strength(original: PressureFrames, settings: Settings, plan: FidelityPlan) -> Settings:
-    """The settings with the gain at which the target has the plan's strength."""
+    """Settings with the gain that gives the target the plan's strength."""
     asked = led_in(original, lead_of(settings))
     strength = target_strength(asked, settings, plan.rig)
     return settings.but(gain=settings.target.gain * (plan.strength / strength) ** 2)
 
 
 def target_strength(asked: PressureFrames, settings: Settings, rig: VirtualRig) -> float:
-    """Strength of the target that is made of a pressure."""
+    """Strength of the target for a pressure."""
     target = target_amplitude(asked, settings)
     focus = focus_amplitude(settings.target.grid, rig.array, acoustics=settings.acoustics)
     return float(target.amplitude.max() / focus)
 
 
 def iterated_loop(plan: FidelityPlan, settings: Settings, stage: Stage = quiet) -> Loop:
-    """A loop on the noise with iterative correction, on fewer points and without a guard."""
+    """Run a loop with iterative correction on the noise, with fewer points and without a guard."""
     settings = coarser(settings.but(guard=None), plan.points)
     original = original_of("noise", plan, settings)
     skin = plan.rig.skin()

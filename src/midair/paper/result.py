@@ -1,4 +1,4 @@
-"""What re-making a part of the paper gives: a picture, and its numbers for people and for programs."""
+"""Result of a reproduced figure or table: pictures, and numbers as CSV and JSON."""
 
 import json
 from collections.abc import Mapping
@@ -12,30 +12,20 @@ Row = Mapping[str, str | int | float | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperResult:
-    """One figure or table, made in the paper's mode and in the best one.
-
-    Attributes
-    ----------
-    name : str
-        Of its files.
-    title : str
-        What it shows.
-    rows : tuple of mapping
-        Its numbers, all with the same names.
-    pictures : mapping of str to bytes
-        PNG files by name.
-    about : mapping
-        What it was made with.
-    """
+    """One figure or table in the paper's mode and in another one."""
 
     name: str
+    """Base name of the files."""
     title: str
     rows: tuple[Row, ...]
+    """Numbers; all rows have the same keys."""
     pictures: Mapping[str, bytes]
+    """PNG files by name."""
     about: Mapping[str, object] = field(default_factory=dict[str, object])
+    """Parameters of the computation."""
 
     def plain(self) -> dict[str, object]:
-        """For JSON: infinities become null."""
+        """Values for JSON; infinite values become null."""
         return {
             "name": self.name,
             "title": self.title,
@@ -45,15 +35,15 @@ class PaperResult:
         }
 
     def table(self) -> str:
-        """The rows as CSV."""
+        """Return the rows as CSV."""
         return csv_text(self.rows)
 
     def files(self, folder: Path) -> list[Path]:
-        """Where `write` puts it."""
+        """Paths of the files that `write` creates."""
         return [folder / f"{self.name}.csv", folder / f"{self.name}.json", *(folder / name for name in self.pictures)]
 
     def write(self, folder: Path) -> list[Path]:
-        """Write pictures, CSV and JSON into a folder; each file is there as a whole or not at all."""
+        """Write pictures, CSV and JSON into a folder; each file is written atomically."""
         folder.mkdir(parents=True, exist_ok=True)
         contents = [self.table().encode(), json.dumps(self.plain(), indent=2).encode(), *self.pictures.values()]
         for path, content in zip(self.files(folder), contents, strict=True):
