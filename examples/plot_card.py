@@ -1,9 +1,9 @@
 """
-What rectification does to touch
+Effect of rectification on touch
 ================================
 
-Sound can only push, so the paper cuts off the half of the pressure that pulls. A slow bias lifts it instead. What would
-skin make of the two, if everything else were perfect?
+Radiation pressure is never negative, so the paper removes the negative half of the pressure. A slow bias shifts the
+pressure instead. This example compares both mappings with perceptual metrics, with an otherwise perfect reproduction.
 """
 
 from dataclasses import replace
@@ -19,12 +19,12 @@ cards = {}
 for name in ("half-wave", "slow-bias"):
     pushed = replace(felt, pressure=MAPPINGS[name](felt.pressure, felt.rate))
     found = fidelity(felt, pushed)
-    print(f"{name}: {found.distortion_ratio:.1f} dB of signal over distortion, gain {found.gain:.2f}")
+    print(f"{name}: signal to distortion {found.distortion_ratio:.1f} dB, gain {found.gain:.2f}")
     heard = replace(felt, pressure=in_band(pushed.pressure, felt.rate, (20.0, 470.0)) / found.gain)
     cards[name] = perceptual_metrics(felt, heard)
 
 # %%
-# At the same strength in the band, each number of the card has its own answer.
+# Both are compared at the same strength in the band; the metrics differ in their results.
 
 for name, card in cards.items():
     print(name)
@@ -32,12 +32,12 @@ for name, card in cards.items():
         print(f"  {each.name}: {each.overall:.3g} {each.unit}")
 
 # %%
-# Cell by cell, after half-wave rectification: one cell was touched.
+# The metrics of each cell after half-wave rectification; one cell was touched.
 
 figure = card_figure(cards["half-wave"])
 
 # %%
-# Run as a script, it leaves the picture in the folder that it is run from.
+# As a script, the example saves the picture in the current folder.
 
 figure.savefig("plot_card.png", dpi=130)
 print("plot_card.png")

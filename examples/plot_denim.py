@@ -2,9 +2,9 @@
 A real fabric
 =============
 
-Denim under the finger of a robot, 16 taxels at 35.6 Hz, from the FabricSlide data set (MIT licence,
-comes with midair). Its content lies below 20 Hz and nobody stated its sensitivity, so both the
-band and the scale are stated here.
+A robot finger with 16 taxels at 35.6 Hz slides over denim; the recording is from the FabricSlide data set (MIT licence,
+included in midair). Its content is below 20 Hz and its sensitivity is unknown, so this example sets the band and the
+scale.
 """
 
 import numpy as np
@@ -19,14 +19,14 @@ recording = sample("denim")
 print(f"{recording.frames} frames at {recording.rate:.2f} Hz, in {recording.unit}s")
 
 # %%
-# One count is called half a pascal.
+# One count is taken as half a pascal.
 
 calibration = Calibration.flat(recording.sensor, sensitivity=2.0, unit=recording.unit)
 pressure = midair.calibrate(recording, calibration, band=(0.5, 15.0))
 figure = traces_figure(pressure)
 
 # %%
-# A tenth of a second of it as sound, on a coarse grid.
+# Solve a tenth of a second on a coarse grid.
 
 part = at_rate(pressure, 200.0).cut(3.0, 0.1)
 target = midair.prepare(part, grid=ControlGrid(rows=11, columns=11, pitch=5.5e-3))
@@ -34,7 +34,7 @@ solution = midair.solve(target, TransducerArray.autd3(), iterations=(30, 5))
 print(f"E = {100 * np.mean(solution.error):.1f} % on average over {target.frames} frames")
 
 # %%
-# Run as a script, it leaves the picture in the folder that it is run from.
+# As a script, the example saves the picture in the current folder.
 
 figure.savefig("plot_denim.png", dpi=130)
 print("plot_denim.png")

@@ -2,9 +2,9 @@
 Quiet around the palm
 =====================
 
-The paper's error says nothing of the field outside the control points, and at low strength the loudest place is there.
-Four ways to solve for the same weak target, looked at on a square of 120 mm. A ring that is kept quiet pushes the sound
-further out; less drive makes less of it.
+The paper's error does not include the field outside the control points, where the sound is loudest at low strength.
+This example solves the same weak target in four ways and shows the field on a square of 120 mm. A quiet ring moves the
+sound further out; a lower drive level reduces it.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from midair.model import ControlGrid, PressureFrames, SensorGrid, TransducerArra
 from midair.solvers import Guard
 
 # %%
-# Two opposite corners of the sensor, pressed by 4 Pa: a twentieth of the sound that a single focus of four units makes.
+# Two opposite corners of the sensor with 4 Pa each: a twentieth of the sound pressure of a single focus of four units.
 
 pressure = np.zeros((1, 4, 4))
 pressure[0, 0, 0] = pressure[0, 3, 3] = 4.0
@@ -27,8 +27,8 @@ ring = (away > 27.5e-3 + target.grid.pitch / 2) & (away < 47.5e-3)
 beyond = away > 47.5e-3
 
 # %%
-# The paper's problem; with a guard ring of 20 mm around the square; with only as much drive as the target needs; and
-# with both, each transducer free to be quieter.
+# The four ways: the paper's problem; a guard ring of 20 mm around the square; the lowest drive level for the target;
+# and both together with a separate amplitude for each transducer.
 
 guard = Guard(margin=20e-3)
 solutions = {
@@ -45,12 +45,12 @@ for title, solution in solutions.items():
     print(f"{title:14} E = {100 * solution.error[0]:4.1f} %; loudest in the ring {near:3.0f} %, beyond {far:3.0f} %")
 
 # %%
-# One colour scale; the circles are the cells of the sensor.
+# All maps have the same colour scale; the circles are the cells of the sensor.
 
 figure = maps_figure(maps, wide, quantity="sound pressure (Pa, peak)", simulated=True, sensor=SensorGrid())
 
 # %%
-# Run as a script, it leaves the picture in the folder that it is run from.
+# As a script, the example saves the picture in the current folder.
 
 figure.savefig("plot_guard.png", dpi=130)
 print("plot_guard.png")

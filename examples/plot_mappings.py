@@ -1,9 +1,9 @@
 """
-Making pressure push
-====================
+Mappings to positive pressure
+=============================
 
-Sound can only push. The paper cuts off what pulls (half-wave). Here are the three mappings on three signals at 4 kHz:
-what is left of the wanted wave in 20-470 Hz, and what it costs.
+Radiation pressure is never negative. The paper removes the negative pressure (half-wave). This example applies the
+three mappings to three signals at 4 kHz, and compares the remaining signal in 20-470 Hz and the costs.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ def in_band(x):
 
 
 # %%
-# Each begins and ends at rest: a bias that has to jump would itself be felt.
+# Each signal begins and ends at rest, because a step of the bias would be felt.
 
 burst = np.clip(((time - 0.3) % 0.5) / 0.15, 0, 1)
 rest = np.clip(np.minimum(time - 0.1, DURATION - 0.1 - time) / 0.1, 0, 1)
@@ -43,8 +43,8 @@ def frames(x):
 
 
 # %%
-# Gain and signal-to-distortion of the wanted part, its rms over the highest pressure pushed, mean over peak of what is
-# pushed, and the change of the mean sound energy for the same wanted part.
+# The columns: gain and signal-to-distortion ratio of the wanted part, its rms over the highest pressure, mean over peak
+# of the pressure, and the change of the mean sound energy for the same wanted part.
 
 print(f"{'':14}{'':18}{'gain':>6}{'SDR dB':>8}{'wanted/peak':>13}{'mean/peak':>11}{'energy dB':>11}{'on':>6}")
 for name, x in signals.items():
@@ -56,7 +56,7 @@ for name, x in signals.items():
         )
 
 # %%
-# A part of the bursts.
+# Show a part of the bursts.
 
 style = Style()
 figure = new_figure(7.0, 5.0, simulated=True)
@@ -73,7 +73,7 @@ axes.set_xlabel("time (ms)", fontsize=8)
 figure.axes[0].legend(fontsize=8, frameon=False, loc="upper right")
 
 # %%
-# Run as a script, it leaves the picture in the folder that it is run from.
+# As a script, the example saves the picture in the current folder.
 
 figure.savefig("plot_mappings.png", dpi=130)
 print("plot_mappings.png")

@@ -2,8 +2,9 @@
 Brush, sponge and towel
 =======================
 
-What tells them apart is the band above 300 Hz, says the paper (Fig. 9): strongest in the towel, then the sponge, then
-the brush. The synthetic strokes are made so; here they go through the virtual sensor and its calibration.
+According to the paper (Fig. 9), these objects differ in the band above 300 Hz: it is strongest for the towel, followed
+by the sponge and the brush. The synthetic strokes imitate this. Here they are recorded by the virtual sensor and
+calibrated.
 """
 
 import midair
@@ -19,12 +20,12 @@ for name in ("brush", "towel", "sponge"):
     felt.append((name, midair.calibrate(recording, sensor.calibration)))
 
 # %%
-# The four channels that the objects pass over.
+# Show the four channels under the path of the objects.
 
 figure = spectra_figure(felt, channels=(2, 6, 10, 14))
 
 # %%
-# Run as a script, it leaves the picture in the folder that it is run from.
+# As a script, the example saves the picture in the current folder.
 
 figure.savefig("plot_objects.png", dpi=130)
 print("plot_objects.png")

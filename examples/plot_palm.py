@@ -2,9 +2,10 @@
 The whole palm
 ==============
 
-A sensor's cells hear what presses on them. A palm feels what presses beside them as well, and moves as one. Noise on a
-cell, solved as in the paper, with a guard, and with a quiet palm: the pressure of 20 to 470 Hz on a palm of 85 mm, and
-how far four model skins move under it. Skins are flat models; nothing here was measured on people.
+The cells of a sensor measure the pressure on them. A palm also feels pressure beside them, and its skin moves as a
+whole. This example solves noise on a cell as in the paper, with a guard, and with a quiet palm, and shows the pressure
+of 20 to 470 Hz on a palm of 85 mm and the displacement of four skin models. The skins are flat models; there are no
+measurements on people.
 """
 
 import numpy as np
@@ -18,7 +19,7 @@ from midair.physics import SKINS, SkinMotion, radiation_pressure
 from midair.solvers import Guard
 
 # %%
-# A push that swings on one cell, a twelfth of a second of it, for control points over the sensor.
+# The target is a varying pressure on one cell for a twelfth of a second, on control points over the sensor.
 
 rate, array, palm = 1000.0, TransducerArray.autd3(columns=2, rows=2), Palm.disc(pitch=3e-3)
 noise = probe_signal("noise", duration=0.08, rate=rate, sensor=SensorGrid())
@@ -32,7 +33,8 @@ solutions = {
 }
 
 # %%
-# Pressure on the palm frame by frame, what of it is in the band, and its share outside the sensor's square of 55 mm.
+# Compute the pressure on the palm frame by frame, its part in the band, and the share of its power outside the sensor's
+# square of 55 mm.
 
 grid, beyond = palm.grid(0.2), palm.beyond(27.5e-3, 27.5e-3)
 
@@ -53,7 +55,7 @@ for name, solution in solutions.items():
     print(f"{name:16} E = {100 * solution.error.mean():4.1f} %; outside the square {outside:5.1f} %")
 
 # %%
-# Root mean square of the pressure: what flickers around the cells, and what the two ways leave of it.
+# The maps show the rms pressure: the vibration around the cells, and how much of it both methods leave.
 
 figure = maps_figure(
     [(name, np.sqrt((each**2).mean(axis=0))) for name, each in pressed.items()],
@@ -64,7 +66,7 @@ figure = maps_figure(
 )
 
 # %%
-# The same in skin. Waves carry what presses outside into the square and past the palm's edge.
+# The maps show the displacement of the skin. Waves spread the pressure outside into the square and to the palm's edge.
 
 for way in ("as in the paper", "quiet palm"):
     maps = []
@@ -75,7 +77,7 @@ for way in ("as in the paper", "quiet palm"):
     figure = maps_figure(maps, grid, quantity="displacement (µm, rms)", simulated=True, sensor=SensorGrid())
 
 # %%
-# Run as a script, it leaves the picture in the folder that it is run from.
+# As a script, the example saves the picture in the current folder.
 
 figure.savefig("plot_palm.png", dpi=130)
 print("plot_palm.png")

@@ -2,8 +2,8 @@
 Between two frames
 ==================
 
-A transducer takes its time (188 µs). When its phase jumps, its amplitude dips, down to the cosine of half the step; the
-lost loudness repeats with every frame and is heard. A silencer spreads the step instead.
+A transducer has a time constant of 188 µs. When its phase jumps, its amplitude drops to the cosine of half the
+step. The drop repeats with every frame and is audible. A silencer spreads the step over time instead.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ def after(step, ramp=0.0):
 
 
 # %%
-# Least amplitude and mean intensity over a frame of 1 ms.
+# The columns: minimum amplitude and mean intensity over a frame of 1 ms.
 
 print(f"{'step':>8}{'least |q|':>12}{'cos(step/2)':>13}{'mean |q|^2':>12}{'least, 0.25 ms ramp':>21}")
 for degrees in (45, 90, 180):
@@ -37,7 +37,7 @@ for degrees in (45, 90, 180):
     )
 
 # %%
-# The dips.
+# Plot the drops of the amplitude.
 
 style = Style()
 figure = new_figure(7.0, 2.8, simulated=True)
@@ -53,7 +53,7 @@ figure.axes[0].set_ylabel("amplitude over full drive", fontsize=8)
 figure.axes[0].legend(title="phase step", fontsize=8, title_fontsize=8, frameon=False, loc="lower right")
 
 # %%
-# Run as a script, it leaves the picture in the folder that it is run from.
+# As a script, the example saves the picture in the current folder.
 
 figure.savefig("plot_phase_step.png", dpi=130)
 print("plot_phase_step.png")

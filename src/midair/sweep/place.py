@@ -155,7 +155,7 @@ class SweepBucket:
         except ImportError as missing:
             raise MissingExtraError(f"{self}: expected a package that is not installed: {missing}") from missing
         except ValueError as wrong:
-            raise InputError(f"{self}: expected a folder or an address that fsspec knows: {wrong}") from wrong
+            raise InputError(f"{self}: expected a folder or an address that fsspec supports: {wrong}") from wrong
         try:
             # Other machines may have changed the listing since.
             files.invalidate_cache()
