@@ -1,8 +1,8 @@
-"""What the temperature of a room costs: `python -m benchmarks.air`.
+"""Error of drives at other air temperatures: `python -m benchmarks.air`.
 
-A stretch of a virtual towel stroke, at one strength, in both modes and at three heights, is solved for a laboratory of
-22 degrees Celsius, for the same with a range of two degrees to hold in (`--robust 2C`), and for the paper's 340 m/s.
-E is the mean over the frames when it is played in air of other temperatures (`midair.evaluate.error_in_air`), in %.
+A part of a virtual towel stroke, at one strength, in both modes and at three heights, is solved for a laboratory at 22
+degrees Celsius, for the same with a temperature range of two degrees (`--robust 2C`), and for the paper's 340 m/s. E is
+the mean over the frames, in %, when it is played in air of other temperatures (`midair.evaluate.error_at_temperature`).
 """
 
 from __future__ import annotations
@@ -35,33 +35,35 @@ SMOOTH = np.arange(14.0, 30.1, 0.5)
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.air", description=__doc__.splitlines()[0])
-    ask.add_argument("--figure", type=Path, help="PNG of the curves")
-    ask.add_argument("--heights", type=float, nargs="+", default=[0.15, 0.2, 0.25], help="in m (default .15 .2 .25)")
-    ask.add_argument("--duration", type=float, default=0.02, help="of the stretch, in s (default .02)")
-    ask.add_argument("--strength", type=float, default=0.1, help="of the targets over a full focus (default .1)")
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.air", description=__doc__.splitlines()[0])
+    parser.add_argument("--figure", type=Path, help="PNG file for the curves")
+    parser.add_argument(
+        "--heights", type=float, nargs="+", default=[0.15, 0.2, 0.25], help="heights in m (default .15 .2 .25)"
+    )
+    parser.add_argument("--duration", type=float, default=0.02, help="duration of the part in s (default .02)")
+    parser.add_argument("--strength", type=float, default=0.1, help="target peak over a single focus (default .1)")
+    options = parser.parse_args()
     stroke = midair.record("virtual:towel", 1.0)
-    print(f"towel, {said.duration:g} s, strength {said.strength:g}; mean E in % at temperatures in °C")
+    print(f"towel, {options.duration:g} s, strength {options.strength:g}; mean E in % at temperatures in °C")
     print(f"{'mode':6} {'height':7} {'solved for':17}" + "".join(f"{each:6}" for each in COLUMNS) + "  CPU ms a frame")
     curves: dict[tuple[str, float, str], np.ndarray] = {}
     for mode in ("paper", "best"):
-        for height in said.heights:
+        for height in options.heights:
             for name, (medium, robust) in SOLVED.items():
                 settings = MODES[mode]().but(robust=robust, acoustics=Acoustics(medium=medium))
                 settings = settings.but(grid=type(settings.target.grid)(height=height))
-                made, cost = solved(stroke, settings, said.duration, said.strength)
+                made, cost = solved(stroke, settings, options.duration, options.strength)
                 row = "".join(f"{100 * error(made, each):6.1f}" for each in COLUMNS)
                 print(f"{mode:6} {1e3 * height:4.0f} mm {name:17}{row}{cost:8.0f}", flush=True)
                 curves[mode, height, name] = np.array([error(made, each) for each in SMOOTH])
-    if said.figure:
-        said.figure.write_bytes(drawn(curves, said.heights))
+    if options.figure:
+        options.figure.write_bytes(drawn(curves, options.heights))
 
 
 def solved(
     take: midair.files.OpenedTake, settings: Settings, duration: float, strength: float
 ) -> tuple[Reproduction, float]:
-    """The reproduction at a strength, and its CPU time in ms a frame."""
+    """Reproduction at a strength, and its CPU time in ms per frame."""
     pressure = calibrated_pressure(take.recording, take.calibration, settings).cut(0.45, duration)
     focus = focus_amplitude(settings.target.grid, ARRAY, acoustics=settings.acoustics)
     now = float(target_amplitude(pressure, settings).amplitude.max() / focus)
@@ -77,7 +79,7 @@ def error(made: Reproduction, temperature: float) -> float:
 
 
 def drawn(curves: Mapping[tuple[str, float, str], np.ndarray], heights: list[float]) -> bytes:
-    """The curves as a PNG: a column each mode, a row each height."""
+    """Curves as a PNG, with a column per mode and a row per height."""
     style = Style()
     figure = new_figure(7.0, 6.4, simulated=True)
     grid = figure.subplots(len(heights), 2, sharex=True, sharey=True, squeeze=False)

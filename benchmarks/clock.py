@@ -1,4 +1,4 @@
-"""Times, and lines of a table."""
+"""Measure times and print table rows."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from midair.solvers import Live, Problem
 
 
 def timed(work: Callable[[], object]) -> tuple:
-    """What it returns, and the CPU time of this process that it took, in ms."""
+    """Return the result and its CPU time in this process, in ms."""
     start = time.process_time()
     result = work()
     return result, 1e3 * (time.process_time() - start)
 
 
 def fastest(work: Callable[[], object], times: int = 40) -> float:
-    """The least CPU time of many runs, in ms."""
+    """Minimum CPU time of many runs, in ms."""
     work()
     taken = []
     for _ in range(times):
@@ -32,9 +32,9 @@ def fastest(work: Callable[[], object], times: int = 40) -> float:
 
 
 def frame_times(settings: Live, problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Phases of all frames, and wall and CPU time of each sounding frame after the first, in ms.
+    """Phases of all frames, and wall and CPU time of each frame with sound after the first, in ms.
 
-    Python's garbage collector is off meanwhile, as it should be in a loop that must not be late.
+    Python's garbage collector is disabled meanwhile, as recommended for a real-time loop.
     """
     follower, phases, wall, cpu = settings.begin(problem), [], [], []
     with _no_collection():
@@ -48,19 +48,19 @@ def frame_times(settings: Live, problem: Problem) -> tuple[np.ndarray, np.ndarra
 
 
 def load() -> str:
-    """What else the machine does, where it says so."""
+    """Text with the load of the machine, if it is known."""
     if not hasattr(os, "getloadavg"):
         return "load unknown"
     return f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
 
 
 def heading(*columns: str) -> None:
-    """First line of a table."""
+    """Print the header of a table."""
     print(f"{'':36}" + "".join(f"{column:>10}" for column in columns), flush=True)
 
 
 def line(label: str, *cells: float | None, digits: str = "") -> None:
-    """One line of it; `digits` gives the decimals of each cell, one character each."""
+    """Print one row; `digits` has the number of decimals of each cell, one character each."""
     text = [" " * 10 if cell is None else f"{cell:10.{digit}f}" for cell, digit in zip(cells, digits, strict=True)]
     print(f"{label:36}" + "".join(text), flush=True)
 

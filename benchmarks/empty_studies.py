@@ -1,6 +1,6 @@
-"""Studies in which there is nothing to find, by trials a person: what `python -m benchmarks.studies` counts errors in.
+"""Simulated studies without an effect, to count false positives by trials per person (`python -m benchmarks.studies`).
 
-Ten people each. Tests that work on the same answers are made on the same simulated studies.
+Each study has ten people. Tests of the same answers share their simulated studies.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ OBJECTS = 3
 LEVELS = np.geomspace(0.25, 4, 8)
 PEOPLE = 10
 Test = Callable[[np.random.Generator, int], tuple[float, ...]]
-"""From a source of chance and a number of trials to p-values of one study."""
+"""Function of a random generator and a number of trials that returns the p-values of one study."""
 
 
 def errors(test: Test, trials: int, studies: int, seed: int) -> np.ndarray:
-    """Share of studies in which each p-value is below .05; of those that have one."""
+    """Share of studies in which each p-value is below .05, among those with a p-value."""
     rng = np.random.default_rng([seed, trials])
     p = np.array([test(rng, trials) for _ in range(studies)])
     return (p < 0.05).sum(axis=0) / np.isfinite(p).sum(axis=0)
 
 
 def answers(rng: np.random.Generator, people: int, trials: int, d: float, spread: float, favour: float) -> np.ndarray:
-    """Counts of people who pick the largest of three internal values, shape (participant, presented, answered)."""
+    """Counts of people who choose the largest of three internal values, shape (participant, presented, answered)."""
     own = rng.normal(d, spread, (people, 1))
     x = rng.normal(size=(people, OBJECTS, trials // OBJECTS, OBJECTS)) + rng.normal(0, favour, (people, 1, 1, OBJECTS))
     for thing in range(OBJECTS):
@@ -49,21 +49,21 @@ def answers(rng: np.random.Generator, people: int, trials: int, d: float, spread
 
 
 def _guessed(rng: np.random.Generator, trials: int) -> tuple[float]:
-    """People with favourites who feel nothing."""
+    """People with preferred answers who feel nothing."""
     counts = answers(rng, PEOPLE, trials, 0.0, 0.0, 0.6)
     confusion = Confusion(by_person=counts, labels=tuple("abc"), participants=tuple(range(PEOPLE)))
     return (chance_macro_f(confusion, rng=rng, draws=199).p,)
 
 
 def _two_conditions(rng: np.random.Generator, trials: int) -> tuple[float, float, float]:
-    """The same d' in both conditions; for the test of equivalence a true difference at the margin."""
+    """The same d' in both conditions; for the equivalence test, a true difference at the margin."""
     first, second = (f_measure(answers(rng, PEOPLE, trials, 1.0, 0.4, 0.4)).mean(axis=-1) for _ in "ab")
     same = equivalence(first + 0.1, second, margin=0.1)
     return paired_t(first, second).p, sign_flip(first - second, rng=rng), same.p
 
 
 def _right_or_wrong(rng: np.random.Generator, trials: int, differ: float) -> tuple[float, ...]:
-    """Right answers of people with levels of their own, and effects of their own of a standard deviation in logits."""
+    """Correct answers of people with individual levels and effects (standard deviation `differ` in logits)."""
     each = trials // 6
     logit = 0.5 + rng.normal(0, 0.7, (PEOPLE, 1, 1)) + rng.normal(0, differ, (PEOPLE, 2, 1))
     logit = logit + rng.normal(0, differ, (PEOPLE, 1, 3)) + rng.normal(0, differ, (PEOPLE, 2, 3))
@@ -75,7 +75,7 @@ def _right_or_wrong(rng: np.random.Generator, trials: int, differ: float) -> tup
 
 
 def _rated(rng: np.random.Generator, trials: int) -> tuple[float, ...]:
-    """Ratings on seven steps."""
+    """Ratings on a scale of seven steps."""
     each = trials // 6
     shown = rng.normal(4, 0.8, (PEOPLE, 1, 1)) + rng.normal(0, 0.5, (PEOPLE, 2, 3))
     y = np.clip(np.rint(shown[..., None] + rng.normal(0, 1, (PEOPLE, 2, 3, each))), 1, 7)
@@ -93,7 +93,7 @@ def _rated(rng: np.random.Generator, trials: int) -> tuple[float, ...]:
 
 
 def _of_a_function(rng: np.random.Generator, trials: int) -> tuple[float]:
-    """Answers of a Weibull function; NaN where they do not rise."""
+    """Answers from a Weibull function; NaN if they do not increase."""
     true = Psychometric(threshold=1, slope=2.0, guess=0.5, lapse=0.02, shape="weibull")
     each = np.full(8, trials // 8)
     right = rng.binomial(each, true.probability(LEVELS))
@@ -105,7 +105,7 @@ def _of_a_function(rng: np.random.Generator, trials: int) -> tuple[float]:
 
 
 def _tastes(rng: np.random.Generator, trials: int) -> tuple[float]:
-    """Confusions that are Luce's model; all people together."""
+    """Confusions according to Luce's model, pooled over all people."""
     share = np.array([[0.6, 0.2, 0.2], [0.2, 0.6, 0.2], [0.2, 0.2, 0.6]]) * np.array([1.3, 1.0, 0.7])
     counts = np.array([rng.multinomial(trials // 3, row / row.sum()) for row in share])
     return (choice_model(counts).p,)
@@ -139,4 +139,4 @@ TESTS: dict[tuple[str, ...], Test] = {
     ("misfit of a psychometric function",): _of_a_function,
     ("misfit of Luce's choice model",): _tastes,
 }
-"""P-values of one study, with their names."""
+"""P-values of one study by name."""

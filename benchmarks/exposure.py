@@ -1,9 +1,9 @@
-"""What the exposure gate misses, what it says too much, and how long it takes: `python -m benchmarks.exposure`.
+"""Errors of the exposure check in both directions, and its time: `python -m benchmarks.exposure`.
 
-Foci anywhere in the cubes of the head, a third of them on a surface; an adversary that changes phases, step by step,
-until they are loud at one point in a random air and quiet at every point and in every air that the check looks at;
-another that solves for such phases and levels at once; drives of strokes against the field at all points a tenth of a
-wavelength apart; and a drive of 5 s beside the check of 27 points that there was before.
+The parts are: random foci in the cubes around the head, a third of them on a surface; an adversary that optimises
+phases to be loud at one point in a random air and quiet at all points and airs of the check; another that solves for
+such phases and levels directly; drives of strokes compared with the field on a grid of a tenth of a wavelength; and the
+time for a drive of 5 s compared with the former check of 27 points.
 """
 
 from __future__ import annotations
@@ -42,37 +42,39 @@ PARTS = ("foci", "adversary", "solved", "natural", "time")
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.exposure", description=__doc__.splitlines()[0])
-    ask.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these parts (default all)")
-    ask.add_argument("--foci", type=int, default=10_000, help="random foci (default 10000)")
-    ask.add_argument("--attacks", type=int, default=96, help="points that the adversary tries at each ear (default 96)")
-    ask.add_argument("--steps", type=int, default=200, help="of each attack (default 200)")
-    ask.add_argument("--solved", type=int, default=40, help="attacks that are solved for at each place (default 40)")
-    ask.add_argument("--room", type=float, help="stated temperature in degrees Celsius (default: none is stated)")
-    ask.add_argument("--surface", action="store_true", help="attack points on the cube's surface only")
-    ask.add_argument("--levels", action="store_true", help="attacks choose levels as well, one for each transducer")
-    ask.add_argument("--frames", type=int, default=5000, help="of the drive that is timed (default 5000)")
-    ask.add_argument("--apart", type=float, default=0.1, help="points of the finest grid, in wavelengths (default .1)")
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.exposure", description=__doc__.splitlines()[0])
+    parser.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these parts (default all)")
+    parser.add_argument("--foci", type=int, default=10_000, help="random foci (default 10000)")
+    parser.add_argument("--attacks", type=int, default=96, help="number of attacks at each ear (default 96)")
+    parser.add_argument("--steps", type=int, default=200, help="optimisation steps per attack (default 200)")
+    parser.add_argument("--solved", type=int, default=40, help="number of solved attacks at each place (default 40)")
+    parser.add_argument("--room", type=float, help="air temperature in degrees Celsius (default: unknown)")
+    parser.add_argument("--surface", action="store_true", help="attack points on the cube's surface only")
+    parser.add_argument("--levels", action="store_true", help="attacks also optimise the level of each transducer")
+    parser.add_argument("--frames", type=int, default=5000, help="frames of the timed drive (default 5000)")
+    parser.add_argument(
+        "--apart", type=float, default=0.1, help="spacing of the finest grid in wavelengths (default .1)"
+    )
+    options = parser.parse_args()
     print(load())
     rng = np.random.default_rng(2026)
-    room = None if said.room is None else Medium.at(temperature=said.room)
-    if "foci" in said.part:
-        foci(said.foci, rng, room)
-    if "adversary" in said.part:
+    room = None if options.room is None else Medium.at(temperature=options.room)
+    if "foci" in options.part:
+        foci(options.foci, rng, room)
+    if "adversary" in options.part:
         for ear in range(2):
-            adversary(ear, said.attacks, said.steps, rng, room, surface=said.surface, levels=said.levels)
-    if "solved" in said.part:
+            adversary(ear, options.attacks, options.steps, rng, room, surface=options.surface, levels=options.levels)
+    if "solved" in options.part:
         for number in range(3):
-            solved(number, said.solved, rng, room, surface=said.surface)
-    if "natural" in said.part:
-        natural(said.apart)
-    if "time" in said.part:
-        timed(said.frames, rng)
+            solved(number, options.solved, rng, room, surface=options.surface)
+    if "natural" in options.part:
+        natural(options.apart)
+    if "time" in options.part:
+        timed(options.frames, rng)
 
 
 def some_air(rng: np.random.Generator, room: Medium | None) -> Acoustics:
-    """Air that the room may have: of 15 to 30 degrees, or 2 around the stated ones, and any likely humidity."""
+    """Random air: 15 to 30 degrees, or within 2 degrees of the stated temperature, at any likely humidity."""
     cold, warm = (15.0, 30.0) if room is None else (room.degrees - 2, room.degrees + 2)
     return Acoustics(medium=Medium.at(temperature=rng.uniform(cold, warm), humidity=rng.uniform(0.3, 0.7)))
 
@@ -86,7 +88,7 @@ def foci(count: int, rng: np.random.Generator, room: Medium | None) -> None:
             true = sound_level(np.abs((drive.q * transfer_matrix(points, ARRAY, acoustics=air)).sum(axis=1)))
             over.append(measure(drive, ARRAY, PROFILE, room=room).level[:, number] - true)
         over = np.concatenate(over)
-        print(f"{len(over)} foci at the {place.name}: said minus true {over.min():+.2f} to {over.max():+.2f} dB")
+        print(f"{len(over)} foci at the {place.name}: reported minus true {over.min():+.2f} to {over.max():+.2f} dB")
 
 
 def adversary(
@@ -107,20 +109,21 @@ def adversary(
         points = somewhere(place, batch, rng, surface=surface)
         wanted = np.stack([transfer_matrix(point[None], ARRAY, acoustics=some_air(rng, room))[0] for point in points])
         wanted = wanted.astype(np.complex64)
-        # Half begin as a focus on the point, half anywhere.
+        # Half of the attacks begin with a focus on the point, half with random phases.
         start = -np.angle(wanted) if first // batch % 2 == 0 else rng.uniform(0, 2 * np.pi, wanted.shape)
         drive = attack(start, wanted, looked_at, steps, levels=levels)
         true = sound_level(np.abs((drive.q * wanted).sum(axis=1)))
         missed.append(true - measure(drive, ARRAY, PROFILE, room=room).level[:, number])
     missed = np.concatenate(missed)
     print(
-        f"adversary, {len(missed)} attacks at the {place.name}: true minus said, worst {missed.max():+.2f} dB", end=""
+        f"adversary, {len(missed)} attacks at the {place.name}: true minus reported, worst {missed.max():+.2f} dB",
+        end="",
     )
     print(f", mean {missed.mean():+.2f} dB", flush=True)
 
 
 def all_looked_at(place: Place, room: Medium | None) -> NDArray[np.complex64]:
-    """From the transducers to every point and air that the check looks at, shape (air x point, transducer)."""
+    """Transfer matrix to every point and air of the check, shape (air x point, transducer)."""
     airs = airs_of_room(room, PROFILE.places, ARRAY)
     points = searched_points(place, ARRAY, airs, among=PROFILE.places)
     return np.concatenate([transfer_matrix(points, ARRAY, acoustics=air).astype(np.complex64) for air in airs])
@@ -136,10 +139,10 @@ def solved(
     modes: int = 240,
     rounds: int = 12,
 ) -> None:
-    """Drives that are as quiet as they can be where the check looks, for one at a point; levels are free.
+    """Solve for drives with free levels that are loud at one point and as quiet as possible where the check looks.
 
-    Least squares whose weights follow the loudest points (Lawson), in the strongest modes of all that is looked at;
-    each point with several weights of the strength of the drive, of which the one that hides most counts.
+    Least squares with weights that follow the loudest points (Lawson), in the strongest modes of all checked points.
+    Each point is solved for several penalties on the strength of the drive; the worst one counts.
     """
     place = PROFILE.places[number]
     seen = all_looked_at(place, room)
@@ -167,7 +170,7 @@ def solved(
         true = sound_level(np.abs(drive.q @ wanted))
         missed.append((true - measure(drive, ARRAY, PROFILE, room=room).level[:, number]).max())
     print(
-        f"solved for, {attacks} attacks at the {place.name}: true minus said, worst {max(missed):+.2f} dB, "
+        f"solved for, {attacks} attacks at the {place.name}: true minus reported, worst {max(missed):+.2f} dB, "
         f"mean {np.mean(missed):+.2f} dB",
         flush=True,
     )
@@ -181,8 +184,8 @@ def attack(
     *,
     levels: bool,
 ) -> Drive:
-    """A drive that is loud at the points wanted, one a frame, and quiet where the gate looks; by Adam."""
-    # Levels are squares of sines, so that none leaves 0 to 1; at first they are nearly 1.
+    """Optimise drives with Adam to be loud at the wanted points, one per frame, and quiet at the checked points."""
+    # Levels are squares of sines, which keeps them between 0 and 1; they start near 1.
     turned = np.concatenate([phase, np.full(phase.shape, 1.3)], axis=1)
     pace, size, back = np.zeros_like(turned), np.zeros_like(turned), np.ascontiguousarray(looked_at.T)
     for step in range(steps):
@@ -193,7 +196,7 @@ def attack(
         seen, there = q @ back, (q * wanted).sum(axis=1, keepdims=True)
         power = np.abs(seen) ** 2
         weight = (power / power.max(axis=1, keepdims=True)) ** (4 + 28 * min(1.0, step / (0.7 * steps)))
-        # Numbers too small to count would be too small for single precision, and slow.
+        # Set negligible weights to 0, because denormal numbers in single precision are slow.
         weight[weight < 1e-9] = 0
         weight /= weight.sum(axis=1, keepdims=True)
         uphill = wanted / there - (weight / power * seen.conj()) @ looked_at
@@ -206,7 +209,7 @@ def attack(
 
 
 def natural(apart: float, *, frames: int = 300, loudest: int = 6) -> None:
-    """Drives of strokes: the peak that is said, and that of the loudest frames on the finest grid."""
+    """Drives of strokes: the reported peak, and the peak of the loudest frames on the finest grid."""
     drives = {}
     for name in ("towel", "brush", "sponge"):
         for height, strength in product((0.15, 0.2, 0.25), (0.05, 0.15, 0.3)):
@@ -218,19 +221,21 @@ def natural(apart: float, *, frames: int = 300, loudest: int = 6) -> None:
             label = f"{name:6} {1e3 * height:.0f} mm, strength {strength:.2f}"
             drives[label] = solve(target, ARRAY, method="fast", level="auto").drive
     for number, place in enumerate(PROFILE.places[:2]):
-        said = [measure(drive, ARRAY, PROFILE).level[:, number] for drive in drives.values()]
-        strongest = [drive.q[np.argsort(level)[-loudest:]] for drive, level in zip(drives.values(), said, strict=True)]
+        reported = [measure(drive, ARRAY, PROFILE).level[:, number] for drive in drives.values()]
+        strongest = [
+            drive.q[np.argsort(level)[-loudest:]] for drive, level in zip(drives.values(), reported, strict=True)
+        ]
         together = np.concatenate(strongest)
         true = np.max(
             [finest(together, place, apart, Medium.at(temperature=each)) for each in range(14, 31, 2)], axis=0
         )
         true = true.reshape(len(drives), -1).max(axis=1)
-        for label, level, most in zip(drives, said, true, strict=True):
-            print(f"{place.name}, {label}: said minus true {level.max() - most:+.2f} dB", flush=True)
+        for label, level, most in zip(drives, reported, true, strict=True):
+            print(f"{place.name}, {label}: reported minus true {level.max() - most:+.2f} dB", flush=True)
 
 
 def finest(q: NDArray[np.complex128], place: Place, apart: float, medium: Medium) -> NDArray[np.float64]:
-    """Level of some frames at the loudest point of a grid over the cube, in dB."""
+    """Level of some frames in dB at the loudest point of a grid over the cube."""
     steps = np.linspace(-place.reach, place.reach, int(np.ceil(2 * place.reach / (8.5e-3 * apart))) + 1)
     told = q.T.astype(np.complex64)
     loudest = np.zeros(len(q))
@@ -243,10 +248,10 @@ def finest(q: NDArray[np.complex128], place: Place, apart: float, medium: Medium
 
 
 def timed(frames: int, rng: np.random.Generator) -> None:
-    """One after the other in one run: 27 points in double precision, the first drive on an array, and a later one."""
+    """Time 27 points in double precision, the first drive on an array, and a later one, in one run."""
     drive = told(rng.uniform(0, 2 * np.pi, (frames, ARRAY.count)))
     for _ in range(3):
-        # Points and modes are made anew for a place that has moved by a hair.
+        # A slightly moved place forces new points and modes.
         profile = replace(PROFILE, places=tuple(_moved(place, rng) for place in PROFILE.places))
         with threadpool_limits(limits=1, user_api="blas"):
             before = seconds(lambda: corners(drive))
@@ -256,7 +261,7 @@ def timed(frames: int, rng: np.random.Generator) -> None:
 
 
 def seconds(work: Callable[[], object]) -> str:
-    """Wall and CPU time of something, in s."""
+    """Wall and CPU time in s."""
     wall, cpu = time.perf_counter(), time.process_time()
     work()
     return f"{time.perf_counter() - wall:.2f} s ({time.process_time() - cpu:.2f} s of CPU)"
@@ -268,7 +273,7 @@ def _moved(place: Place, rng: np.random.Generator) -> Place:
 
 
 def corners(drive: Drive) -> NDArray[np.float64]:
-    """The gate of before: the loudest of 27 points of each place, in double precision."""
+    """The former check: the loudest of 27 points of each place, in double precision."""
     points = np.concatenate([place.points for place in PROFILE.places])
     matrix = transfer_matrix(points, drive.array, acoustics=drive.acoustics).T
     level = np.empty((drive.frames, len(PROFILE.places)))
@@ -280,7 +285,7 @@ def corners(drive: Drive) -> NDArray[np.float64]:
 
 
 def somewhere(place: Place, count: int, rng: np.random.Generator, *, surface: bool = False) -> NDArray[np.float64]:
-    """Points of a place's cube: two in three inside, the third, or all, on a face, an edge or a corner."""
+    """Random points in a place's cube: two of three inside, the third (or all) on its surface."""
     share = rng.uniform(-1, 1, (count, 3))
     for number in range(0, count, 1 if surface else 3):
         sides = rng.permutation(3)[: 1 + number // 3 % 3]
@@ -289,7 +294,7 @@ def somewhere(place: Place, count: int, rng: np.random.Generator, *, surface: bo
 
 
 def told(phase: NDArray[np.float64], level: NDArray[np.float64] | None = None) -> Drive:
-    """A drive as units play it: phases and levels of the firmware's steps, which the gate would make of them too."""
+    """A drive with the phase and level steps of the firmware, as the units play it and as the check rounds it."""
     turn = 2 * np.pi / PHASE_STEPS
     played = np.ones(len(phase)) if level is None else amplitude_of(np.rint(level * 255).astype(np.uint8))
     return Drive(phase=np.rint(phase / turn) * turn, level=played, rate=1000.0, array=ARRAY)

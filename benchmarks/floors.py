@@ -1,8 +1,8 @@
-"""The least error known of each pattern of the benchmark: `python -m benchmarks.floors` works the table out anew.
+"""Lowest known error of each pattern of the benchmark; `python -m benchmarks.floors` computes the table again.
 
-Six first phases of the field (lenses of several strengths, and none), each followed by 600 iterations of the batch
-solver; from the best of them 150 Levenberg-Marquardt steps in the modes above .1 %. It is the least that was found,
-not a bound: a better one may exist.
+Six initial phases of the field (lenses of several strengths, and none), each followed by 600 iterations of the batch
+solver; the best result is refined by 150 Levenberg-Marquardt steps in the modes above .1 %. The error is the lowest one
+found, not a bound: a better solution may exist.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ LENSES = (0.0, 0.7, 0.85, 1.0, 1.2, -1.0)
 
 
 def floors(bits: list[int], strength: float) -> np.ndarray | None:
-    """The least E known of each pattern, shape (pattern,); None if the table lacks one of them."""
+    """Lowest known E of each pattern, shape (pattern,); None if one of them is not in the table."""
     known = json.loads(TABLE.read_text()).get(f"{strength:g}", {}) if TABLE.exists() else {}
     names = [f"{one:#06x}" for one in bits]
     return np.array([known[name] for name in names]) if all(name in known for name in names) else None
 
 
 def least(problem: Problem) -> np.ndarray:
-    """The least error found of each target, shape (frame,)."""
+    """Lowest error found for each target, shape (frame,)."""
     theta, error = None, np.full(len(problem.amplitude), np.inf)
     for lens in LENSES:
         trial = Fast(iterations=300, more_iterations=300).solve(replace(problem, psi=lens * problem.psi)).phase
@@ -65,17 +65,17 @@ def _polished(problem: Problem, theta: np.ndarray, steps: int) -> np.ndarray:
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.floors", description=__doc__.splitlines()[0])
-    ask.add_argument("--others", type=int, default=30, help="random patterns beside the ten (default 30)")
-    ask.add_argument("--seed", type=int, default=2024, help="that they are drawn with (default 2024)")
-    ask.add_argument(
-        "--towel", type=int, metavar="FRAMES", help="print that of so many frames of the towel stroke instead"
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.floors", description=__doc__.splitlines()[0])
+    parser.add_argument("--others", type=int, default=30, help="number of random patterns besides the ten (default 30)")
+    parser.add_argument("--seed", type=int, default=2024, help="seed of the random patterns (default 2024)")
+    parser.add_argument(
+        "--towel", type=int, metavar="FRAMES", help="print the error of this many frames of the towel stroke instead"
     )
-    said = ask.parse_args()
-    if said.towel is not None:
-        _towel(said.towel)
+    options = parser.parse_args()
+    if options.towel is not None:
+        _towel(options.towel)
         return
-    bits, table = patterns(said.others, said.seed), {}
+    bits, table = patterns(options.others, options.seed), {}
     with one_blas_thread():
         for strength in (0.1, 0.2):
             found = least(problem_of(binary(bits), strength))

@@ -1,8 +1,8 @@
-"""The batch path on a GPU: `make bench-gpu`, or `python -m benchmarks.gpu --backend torch --patterns 64` without one.
+"""Batch solvers on a GPU: `make bench-gpu`, or `python -m benchmarks.gpu --backend torch --patterns 64` without one.
 
-All 65535 patterns with `fast`, then a minute of the best mode at 4 kHz with `glide`: time by the clock, frames a second
-and E, with the errors and the way to the host and back; the modes of G are worked out before. 64 of the patterns are
-solved by NumPy too. Ends with 1 where there is no such device, or where the errors are not NumPy's.
+Solves all 65535 patterns with `fast`, then one minute of the best mode at 4 kHz with `glide`, and prints wall time,
+frames per second and E, including errors and transfers, without the modes of G. NumPy also solves 64 of the patterns.
+The exit status is 1 without such a device, or if the errors differ from those of NumPy.
 """
 
 from __future__ import annotations
@@ -28,37 +28,37 @@ from midair.solvers.device import phases_and_errors
 ALL, MINUTE = 65535, 60.0
 COMPARED = 64
 CLOSE = 2e-3
-"""Largest difference of mean E, as the tests allow it in single precision."""
+"""Largest allowed difference of mean E in single precision, as in the tests."""
 
 
 def main() -> int:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.gpu", description=__doc__.splitlines()[0])
-    ask.add_argument("--backend", default="torch:cuda", help="torch:cuda (default), cupy, or torch for the CPU")
-    ask.add_argument("--patterns", type=int, help="how many of them (default all 65535 on a GPU, else 256)")
-    ask.add_argument("--seconds", type=float, help="of the best mode (default 60 on a GPU, else .1)")
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.gpu", description=__doc__.splitlines()[0])
+    parser.add_argument("--backend", default="torch:cuda", help="torch:cuda (default), cupy, or torch for the CPU")
+    parser.add_argument("--patterns", type=int, help="number of patterns (default all 65535 on a GPU, else 256)")
+    parser.add_argument("--seconds", type=float, help="duration of the best mode in s (default 60 on a GPU, else .1)")
+    options = parser.parse_args()
     try:
-        there = backend(said.backend)
+        there = backend(options.backend)
         there.xp.zeros(1, device=there.device)
-    # CuPy without a driver has errors of its own, which only CuPy could name.
+    # CuPy without a driver raises its own errors, which cannot be imported without CuPy.
     except Exception as missing:  # noqa: BLE001
         known = isinstance(missing, MidairError)
         print(f"benchmarks.gpu: no GPU here: {missing if known else repr(missing)}", file=sys.stderr)
-        print("benchmarks.gpu: --backend torch --patterns 64 tries the same on the CPU", file=sys.stderr)
+        print("benchmarks.gpu: use --backend torch --patterns 64 to run on the CPU", file=sys.stderr)
         return 1
-    patterns = (ALL if there.on_gpu else 256) if said.patterns is None else said.patterns
-    seconds = (MINUTE if there.on_gpu else 0.1) if said.seconds is None else said.seconds
+    patterns = (ALL if there.on_gpu else 256) if options.patterns is None else options.patterns
+    seconds = (MINUTE if there.on_gpu else 0.1) if options.seconds is None else options.seconds
     if not 1 <= patterns <= ALL:
-        ask.error(f"--patterns: expected 1 to {ALL}, got {patterns}")
+        parser.error(f"--patterns: expected 1 to {ALL}, got {patterns}")
     if not 0.1 <= seconds <= 600:
-        ask.error(f"--seconds: expected 0.1 to 600, got {seconds:g}")
-    print(f"{said.backend}: {_device(there)}")
+        parser.error(f"--seconds: expected 0.1 to 600, got {seconds:g}")
+    print(f"{options.backend}: {_device(there)}")
     with one_blas_thread():
-        return static(said.backend, patterns) | best(said.backend, seconds)
+        return static(options.backend, patterns) | best(options.backend, seconds)
 
 
 def static(name: str, patterns: int) -> int:
-    """Patterns on their own, strength .1, and some of them by NumPy."""
+    """Solve independent patterns at strength .1, and compare some of them with NumPy."""
     print(f"\nfast, {patterns} patterns, strength .1")
     heading("wall s", "a second", "E mean", "E worst")
     whole, method = problem_of(binary(list(range(1, patterns + 1))), 0.1), Fast(backend=name)
@@ -72,7 +72,7 @@ def static(name: str, patterns: int) -> int:
 
 
 def best(name: str, seconds: float) -> int:
-    """A spot that wanders, its vibration a chirp, in the best mode at 4 kHz."""
+    """Solve a moving spot that vibrates with a chirp, in the best mode at 4 kHz."""
     settings = best_mode()
     asked = problem(at_rate(pressure_of(wander(seconds)), settings.target.rate), settings, 0.15)
     print(f"\nglide, best mode, {len(asked.amplitude)} frames, {seconds:g} s of touch, strength .15")
@@ -88,7 +88,7 @@ def _told(name: str, method, asked: Problem) -> np.ndarray:
 
 
 def _solved(name: str, method, asked: Problem) -> tuple[float, np.ndarray]:
-    """Seconds by the clock and the error of each frame."""
+    """Wall time in s and the error of each frame."""
     start = time.perf_counter()
     answer = method.solve(asked)
     if name == "numpy":

@@ -1,4 +1,4 @@
-"""How far each iteration is from its limit: its CPU time over that of its bare matrix products, the least of many."""
+"""CPU time of each iteration over the minimum CPU time of its bare matrix products."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from midair.solvers.modes import modes
 
 
 def limits(problem: Problem, name: str, reference: Plain) -> None:
-    """`problem` has one frame."""
+    """Print the ratios for `problem`, which has one frame."""
     print("\none iteration, and its matrix products, factor and solve alone; least CPU time of many runs")
     heading("ms", "bare ms", "ratio")
     p, x = problem.amplitude[0], np.random.default_rng(0).uniform(-np.pi, np.pi, problem.transducers + problem.points)
@@ -30,7 +30,7 @@ def limits(problem: Problem, name: str, reference: Plain) -> None:
 
 
 def _dual(problem: Problem, width: int, products: int):
-    """J J^T of the dual form, as one product of 2M rows or as two of M rows, and the factor of 2M rows."""
+    """J J^T of the dual form, as one product of 2M rows or two of M rows, and the factorisation of 2M rows."""
     from scipy.linalg import cho_factor
 
     rng, rows = np.random.default_rng(0), 2 * problem.points // products
@@ -71,7 +71,7 @@ def _exact(problem: Problem, p: np.ndarray, x: np.ndarray):
 
 
 def _live(problem: Problem):
-    """Both moves of a frame, without the frame's own cost, which is the same at no iteration."""
+    """Both steps of a frame without the fixed cost of the frame, which is measured with 0 iterations."""
     p, tens = problem.amplitude[0], {}
     for field, lift in ((0, 0), (40, 0), (0, 40)):
         follower = Live(warm_iterations=field, warm_lift_iterations=lift).begin(problem)

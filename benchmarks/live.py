@@ -1,6 +1,6 @@
-"""Print what live touch keeps: late frames, latency seen from outside, error by band, deaths, a bad network.
+"""Print figures of live touch: late frames, latency measured from outside, error by band, deaths, bad networks.
 
-Everything plays on emulated units on this computer; no real array was used.
+All units are emulated on this computer; no real array is used.
 """
 
 from __future__ import annotations
@@ -46,50 +46,54 @@ BANDS = ((20.0, 40.0), (40.0, 100.0), (100.0, 470.0))
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.live", description=__doc__.splitlines()[0])
-    ask.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these (default all)")
-    ask.add_argument("--frames", type=int, default=60_000, help="of a run (default 60000; 600000 are ten minutes)")
-    ask.add_argument("--busy", type=int, default=0, help="processes that are busy beside a run (default 0)")
-    ask.add_argument("--priority", type=int, nargs="*", default=[20, 0], help="real-time priorities (default 20 0)")
-    ask.add_argument("--hold", type=float, default=6.0, help="of a run, in ms (default 6)")
-    ask.add_argument("--apart", action="store_true", help="units of a run in a process of their own, as real ones are")
-    ask.add_argument("--sensor", default="virtual:towel", help="of a run (default virtual:towel)")
-    ask.add_argument("--seconds", type=float, default=12.0, help="of latency and of each network (default 12)")
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.live", description=__doc__.splitlines()[0])
+    parser.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these (default all)")
+    parser.add_argument(
+        "--frames", type=int, default=60_000, help="frames of a run (default 60000; 600000 are ten minutes)"
+    )
+    parser.add_argument("--busy", type=int, default=0, help="number of busy processes during a run (default 0)")
+    parser.add_argument("--priority", type=int, nargs="*", default=[20, 0], help="real-time priorities (default 20 0)")
+    parser.add_argument("--hold", type=float, default=6.0, help="hold time of a run in ms (default 6)")
+    parser.add_argument("--apart", action="store_true", help="emulate the units of a run in a separate process")
+    parser.add_argument("--sensor", default="virtual:towel", help="sensor of a run (default virtual:towel)")
+    parser.add_argument(
+        "--seconds", type=float, default=12.0, help="duration of the parts latency and network in s (default 12)"
+    )
+    options = parser.parse_args()
     print(load())
-    if "bands" in said.part:
+    if "bands" in options.part:
         bands()
-    if "spectra" in said.part:
+    if "spectra" in options.part:
         spectra()
-    if "hurried" in said.part:
+    if "hurried" in options.part:
         hurried()
-    if {"latency", "deaths", "network"} & set(said.part):
+    if {"latency", "deaths", "network"} & set(options.part):
         print(f"\nreal-time priority for the wire, the sensor's line and the network: {watch_in_time()}")
-    if "latency" in said.part:
-        latency(said.seconds)
-    if "deaths" in said.part:
+    if "latency" in options.part:
+        latency(options.seconds)
+    if "deaths" in options.part:
         deaths()
-    if "network" in said.part:
-        network(said.seconds)
-    # What works all the time must not have it: others would stand still.
+    if "network" in options.part:
+        network(options.seconds)
+    # The busy parts run without real-time priority, which would block other processes.
     plain()
-    if "run" in said.part:
-        for priority in said.priority:
-            run(said.frames, said.busy, priority, said.sensor, hold=said.hold / 1000, apart=said.apart)
+    if "run" in options.part:
+        for priority in options.priority:
+            run(options.frames, options.busy, priority, options.sensor, hold=options.hold / 1000, apart=options.apart)
 
 
 def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apart: bool) -> None:
-    """A long run to four emulated units: lost, late, how long after it was taken a frame has left, and who was late.
+    """Print lost and late frames, the delay until sending, and the causes, of a long run to four emulated units.
 
-    A frame is late by the loop's own doing, or since the computer itself stood still while it was to be formed and
-    sent: a thread that comes before all others saw it. Frames up to 50 ms behind a standstill count for it: they are
-    what it left to be done.
+    A frame is late because of the loop itself, or because the computer stopped while the frame was computed and sent;
+    threads of the highest priority detect such stops. Frames up to 50 ms after a stop are attributed to it, because
+    they wait for the frames before them.
     """
     spinning = [multiprocessing.Process(target=_spin, daemon=True) for _ in range(busy)]
     for each in spinning:
         each.start()
     units = UnitsApart(4) if apart else None
-    where = "in a process of their own" if units else "in the loop's process"
+    where = "in a separate process" if units else "in the loop's process"
     print(
         f"\n{frames} frames, hold {1e3 * hold:g} ms, priority {priority}, units {where}, {busy} busy processes beside"
     )
@@ -131,20 +135,20 @@ def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apar
     steps = [(0.5 * (place // wide), int(left[place : place + wide].sum())) for place in range(0, len(left), wide)]
     print("  left, frames from each half ms on: " + ", ".join(f"{begin:g}: {count}" for begin, count in steps if count))
     if not stills.granted:
-        print("  whether the computer stood still nobody could see: no real-time priority")
+        print("  stops of the computer are unknown: real-time priority was not granted")
         return
     taken = np.concatenate(late)
     every = taken[:1] + np.arange(0.0, frames / 1000, 1e-3)
     innocent, share = (beside(each, still, before=hold, after=0.05) for each in (taken, every))
     lengths = np.concatenate([each[:, 1] - each[:, 0] for each in still])
     print(
-        f"  the computer stood still {len(lengths)} times for more than {1e3 * hold / 3:.1f} ms, {lengths.sum():.2f} s "
+        f"  the computer stopped {len(lengths)} times for more than {1e3 * hold / 3:.1f} ms, {lengths.sum():.2f} s "
         f"on all cores together, {1e3 * lengths.max(initial=0.0):.0f} ms at most"
     )
     print(
-        f"  of {len(taken)} late frames {innocent.sum()} were taken beside such a moment, "
-        f"{len(taken) - innocent.sum()} were not; of all time "
-        f"{100 * share.mean() if len(share) else 0:.1f} % is beside one",
+        f"  of {len(taken)} late frames {innocent.sum()} were sampled near such a stop, "
+        f"{len(taken) - innocent.sum()} were not; "
+        f"{100 * share.mean() if len(share) else 0:.1f} % of the time is near a stop",
         flush=True,
     )
 
@@ -156,10 +160,10 @@ def _spin() -> None:
 
 
 def latency(seconds: float) -> np.ndarray:
-    """Bursts on one cell: from their going into the sensor's line to their phases on the wire, in ms.
+    """Delay of bursts on one cell from the sensor's serial line to the phases on the network, in ms.
 
-    Nothing is asked of the loop. Pressure at the cell is worked out from the phases that went by on the wire; the delay
-    of a burst is that at which it is most like what went into the line.
+    The loop itself reports nothing. The pressure on the cell is computed from the phases on the network, and the delay
+    of a burst is at the maximum of its correlation with the sensor's signal.
     """
     tap = UdpTap(4)
     skin = SerialSkin(lambda number: np.where(np.arange(16) == 5, _burst(number), 0.0))
@@ -168,10 +172,10 @@ def latency(seconds: float) -> np.ndarray:
         running.until_loud()
         time.sleep(max(0.0, seconds - 1.0))
     finally:
-        said, wrong = running.end()
+        output, wrong = running.end()
         skin.close()
         tap.close()
-    # Only now: what works here keeps the wire waiting.
+    # Analyse only after the run, because computing here would delay the network.
     seen = _frames_of_all(tap)
     grid = ControlGrid()
     G = transfer_matrix(grid.position[_nearest(grid, 5)][None], TransducerArray.autd3())[0]
@@ -179,35 +183,33 @@ def latency(seconds: float) -> np.ndarray:
     pressure = np.array([abs(np.exp(2j * np.pi * phases / 256) @ G) * (level > 0) for _, level, phases in seen]) ** 2
     delays = np.array([_delay(number, skin.pushed, times, pressure) for number in skin.pushed if number % EVERY == 100])
     delays = 1e3 * delays[np.isfinite(delays)][5:]
-    print(f"\nlatency, seen from outside; {load()}")
+    print(f"\nlatency, measured from outside; {load()}")
     if len(delays) < 3:
-        print(f"  too few bursts were seen ({len(delays)}): {wrong[-300:]}")
+        print(f"  too few bursts were detected ({len(delays)}): {wrong[-300:]}")
         return delays
     half, most = np.percentile(delays, [50, 99.9])
-    print(
-        f"  {len(delays)} bursts into the sensor's line -> phases on the wire: median {half:.2f}, 99.9 % {most:.2f} ms,"
-    )
-    print("  of which the filter is 6; they sound by their instant, a hold after the frame was taken")
-    if not said:
-        print(f"  it ended early: {wrong.strip()[-300:]}")
+    print(f"  {len(delays)} bursts, sensor's line -> phases on the network: median {half:.2f}, 99.9 % {most:.2f} ms,")
+    print("  6 ms of it for the filter; the units emit a frame one hold time after it was sampled")
+    if not output:
+        print(f"  the run ended early: {wrong.strip()[-300:]}")
         return delays
-    told = json.loads(said)
-    print(f"  the loop's own word: sent after they were taken {told['left_ms']}; late {told['late']}")
+    told = json.loads(output)
+    print(f"  the loop's own figures: delay from sampling to sending {told['left_ms']}; late {told['late']}")
     return delays
 
 
 EVERY, LASTS = 200, 35
-"""Frames from burst to burst, and that one lasts."""
+"""Frames from burst to burst, and frames of a burst."""
 
 
 def _burst(number: int) -> float:
-    """Pressure of a burst of 100 Hz, in Pa: so short that it is not like itself a period later."""
+    """Pressure of a burst of 100 Hz in Pa, short enough that its autocorrelation has a single peak."""
     at = number % EVERY - 100
     return 60.0 * np.sin(np.pi * at / LASTS) ** 4 * np.sin(2 * np.pi * at / 10) if 0 <= at < LASTS else 0.0
 
 
 def _delay(first: int, pushed: dict[int, float], times: np.ndarray, pressure: np.ndarray) -> float:
-    """By which a burst on the wire is late, in s; NaN where it was not seen whole."""
+    """Delay of a burst on the network in s; NaN if it was not recorded completely."""
     frames = [number for number in range(first, first + LASTS) if number in pushed]
     began = pushed[first]
     inside = (times > began - 0.05) & (times < began + 0.2)
@@ -217,20 +219,20 @@ def _delay(first: int, pushed: dict[int, float], times: np.ndarray, pressure: np
     wanted = np.maximum([_burst(number) for number in frames], 0.0)
     into = _held(grid, np.array([pushed[number] for number in frames]), wanted)
     out = _held(grid, times[inside], pressure[inside])
-    # The filter alone takes 6 ms.
+    # The filter alone delays by 6 ms.
     lags = np.arange(40, 400)
     like = [np.corrcoef(into[: len(grid) - lag], out[lag:])[0, 1] for lag in lags]
     return 1e-4 * float(lags[int(np.argmax(like))])
 
 
 def _held(grid: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """What stands at each moment of a grid: the last value before it."""
+    """Last value before each moment of a grid."""
     place = np.searchsorted(times, grid, side="right") - 1
     return np.where(place >= 0, values[np.maximum(place, 0)], 0.0)
 
 
 def _frames_of_all(tap: UdpTap) -> list[tuple[float, int, np.ndarray]]:
-    """(when the last unit's went by, intensity, phases of all units) of each frame."""
+    """(time of the last unit's packet, intensity, phases of all units) of each frame."""
     whole: dict[int, dict[int, tuple[float, int, np.ndarray]]] = {}
     for at, port, datagram in list(tap.sent):
         if datagram[1] == 0 and datagram[5] == 0x16 and any(datagram[6:10]):
@@ -246,7 +248,7 @@ def _frames_of_all(tap: UdpTap) -> list[tuple[float, int, np.ndarray]]:
 
 
 def _nearest(grid: ControlGrid, cell: int) -> int:
-    """The control point nearest to a cell of the usual sensor."""
+    """Control point nearest to a cell of the default sensor."""
     from midair.model import SensorGrid
 
     sensor = SensorGrid()
@@ -255,7 +257,7 @@ def _nearest(grid: ControlGrid, cell: int) -> int:
 
 
 def _felt(thing: str, seconds: float = 3.0):
-    """A virtual recording, its calibration, and its pressure by the zero-phase chain."""
+    """A virtual recording, its calibration, and its pressure from the zero-phase calibration."""
     from midair import record
 
     take = record(f"virtual:{thing}", seconds)
@@ -269,10 +271,8 @@ def _in_band(x: np.ndarray, band: tuple[float, float]) -> float:
 
 
 def bands() -> None:
-    """Error against what the zero-phase chain would play, at the same moment but for the delay."""
-    print(
-        "\nerror of the causal inverse against the zero-phase one, delay taken away, % (all / 20-40 / 40-100 / 100-470)"
-    )
+    """Print the error against the zero-phase calibration, with the delay removed."""
+    print("\nerror of the causal inverse against the zero-phase one without delay, % (all / 20-40 / 40-100 / 100-470)")
     print("  delay     even spectrum        " + "".join(f"{thing:>20}" for thing in THINGS))
     felt = {thing: _felt(thing) for thing in THINGS}
     known = felt["towel"][1]
@@ -293,13 +293,13 @@ def bands() -> None:
 
 
 def spectra() -> None:
-    """What a virtual sensor gets of towel, sponge and brush: played live, and by the best offline mode."""
+    """Print the re-recorded spectra of towel, sponge and brush, played live and with the best offline mode."""
     from midair.pipeline import calibrated_pressure, reproduce
     from midair.rig.live_touch import Touch, TouchSettings
     from midair.settings import MODES
 
     array, grid = TransducerArray.autd3(), ControlGrid()
-    print("\nspectra on a cell, dB against what it felt (20-40 / 40-100 / 100-470 Hz); transducers as modelled")
+    print("\nspectra on a cell, dB re the original (20-40 / 40-100 / 100-470 Hz); nominal transducers")
     for thing in THINGS:
         recording, calibration, wanted = _felt(thing, 1.2)
         settings = TouchSettings()
@@ -321,13 +321,13 @@ def spectra() -> None:
 
 
 def hurried() -> None:
-    """E of the phases where some frames are in a hurry, in the mean over all that sound, and what a frame takes."""
+    """Print the mean E of the phases if some frames are hurried, and the time per frame."""
     from midair.rig.live_touch import Touch, TouchSettings
     from midair.solvers import one_blas_thread
 
     array, settings = TransducerArray.autd3(), TouchSettings()
     G = transfer_matrix(settings.grid, array) / focus_amplitude(settings.grid, array)
-    print("\nE of the phases, % (none, one in four, every second, all in a hurry), and ms a frame (half of them)")
+    print("\nE of the phases, % (no, every fourth, every second, every frame hurried), and median ms per frame")
     for thing in THINGS:
         recording, calibration, _ = _felt(thing, 1.5)
         samples, cells = recording.samples.reshape(recording.frames, -1), []
@@ -359,7 +359,7 @@ DEATHS = (
 
 
 def _pressed(drive: Drive, grid: ControlGrid, cell: np.ndarray) -> np.ndarray:
-    """Pressure on a cell, means of a millisecond, with frames that are held and transducers that take their time."""
+    """Pressure on a cell, averaged over 1 ms, with held frames and nominal transducer dynamics."""
     follow = Transducers.varied(
         drive.array.count, TransducerDynamics(), gain_spread=0.0, resonance_spread=0.0, quality_spread=0.0, seed=0
     )
@@ -369,13 +369,13 @@ def _pressed(drive: Drive, grid: ControlGrid, cell: np.ndarray) -> np.ndarray:
 
 
 def deaths(names: tuple[str, ...] = DEATHS) -> dict[str, tuple[float, str]]:
-    """Every way in which it can end: from the event to silence, in s, and by whose word."""
+    """Time in s from each kind of failure to silence, and the source of the silence."""
     print(f"\ndeaths: ms from the event to silence; {load()}")
     return {name: _death(name) for name in names}
 
 
 def _death(name: str, attempts: int = 4) -> tuple[float, str]:
-    """On a busy machine a run may end by itself before the event: then once more."""
+    """One failure; on a busy machine a run may end before it, then it is repeated."""
     tap = UdpTap(4)
     skin = SerialSkin(lambda number: np.full(16, 10.0 * np.sin(2 * np.pi * number / 20)))
     running, child = Running(tap, skin.name, "--mapping", "constant-offset", "--offset", "20Pa"), 0
@@ -393,7 +393,7 @@ def _death(name: str, attempts: int = 4) -> tuple[float, str]:
     except RuntimeError as wrong:
         if not attempts:
             raise
-        print(f"  {name:30} once more, it ended before: {str(wrong).splitlines()[-1][:100]}", flush=True)
+        print(f"  {name:30} repeated, the run ended before: {str(wrong).splitlines()[-1][:100]}", flush=True)
         return _death(name, attempts - 1)
     finally:
         if child:
@@ -433,7 +433,7 @@ def _kill(pid: int) -> None:
 
 
 def network(seconds: float) -> None:
-    """Two sides and a bad way between them: what is felt, and what is refused."""
+    """Print concealed, late and rejected packets for two sides with a bad network in between."""
     from tests.rig.live_touch.test_listening import spoken
 
     ways = {

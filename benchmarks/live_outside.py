@@ -1,4 +1,4 @@
-"""Live touch seen from outside: a sensor that we play, the wire to the emulated units, and the command between them."""
+"""Test equipment for live touch: a simulated serial sensor, a tap on the emulated units, and the live command."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from midair.devices.sensors.serial_frames import encode
 from midair.testing.udp_tap import UdpTap
 
 SILENT_PATTERN, FAILSAFE = 0x16, 0x80
-"""Command of a single frame; bit of the FPGA's state that says that the failsafe has silenced the unit."""
+"""Command of a single frame; bit of the FPGA's state that is set when the failsafe has silenced the unit."""
 
 FULL = 100.0
-"""Pressure of the converter's full scale, in Pa."""
+"""Full-scale pressure of the converter in Pa."""
 
 
 class SerialSkin:
-    """A sensor of 4 x 4 cells at 1 kHz behind a pty, two frames at a time, as a converter's firmware sends them.
+    """A sensor of 4 x 4 cells at 1 kHz on a pseudo-terminal, which sends two frames at a time.
 
     Parameters
     ----------
     pressure : callable
-        Given the number of a frame, pressure on the 16 cells, in Pa.
+        Returns the pressure on the 16 cells in Pa for a frame number.
     """
 
     def __init__(self, pressure: Callable[[int], np.ndarray], *, block: int = 2) -> None:
@@ -63,7 +63,7 @@ class SerialSkin:
                 frames += encode(counts, counter=each, time_us=1000 * each)
             now = time.monotonic()
             if self.speaks:
-                # Nobody may read yet: a line does not wait.
+                # There may be no reader yet, and a serial line does not wait.
                 with contextlib.suppress(BlockingIOError):
                     os.write(self._ours, frames)
             for each in range(number, number + self._block):
@@ -72,10 +72,10 @@ class SerialSkin:
 
 
 def watch_in_time() -> str:
-    """Real-time priority for the wire and the sensor's line, where it is granted; else why not.
+    """Request real-time priority for the tap and the serial line, and disable the garbage collector; return the result.
 
-    And no collector of garbage: with all datagrams of ten seconds in memory it holds up the wire for 50 ms, after which
-    the units are silent.
+    With the packets of ten seconds in memory, the collector would delay the network by 50 ms, and the units would fall
+    silent.
     """
     gc.disable()
     try:
@@ -86,7 +86,7 @@ def watch_in_time() -> str:
 
 
 def plain() -> None:
-    """What is measured asks for its priority itself."""
+    """Drop the real-time priority; the measured program requests its own."""
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
@@ -98,14 +98,11 @@ units = UdpEmulator(int(sys.argv[1]))
 print(units.option().iface, flush=True)
 sys.stdin.read()
 """
-"""A program that emulates units until its input ends, and first prints their address."""
+"""A program that prints the address of emulated units and emulates them until its input ends."""
 
 
 class UnitsApart:
-    """Emulated units in a process of their own, as real ones are no part of the computer that sends to them.
-
-    With real-time priority where it is granted: a real unit does not wait for anybody.
-    """
+    """Emulated units in a separate process, with real-time priority if granted, because real units do not wait."""
 
     def __init__(self, units: int) -> None:
         self._process = subprocess.Popen(
@@ -116,22 +113,22 @@ class UnitsApart:
             preexec_fn=watch_in_time,
         )
         assert self._process.stdout is not None
-        said = self._process.stdout.readline()
-        self.address = "[::1]:" + "".join(filter(str.isdigit, said.rsplit(":", 1)[1]))
+        output = self._process.stdout.readline()
+        self.address = "[::1]:" + "".join(filter(str.isdigit, output.rsplit(":", 1)[1]))
 
     def close(self) -> None:
         self._process.communicate("")
 
 
 class Running:
-    """`midair live` in a process of its own, whose loop's process is its only child.
+    """`midair live` in a separate process, whose only child is the process of the loop.
 
     Parameters
     ----------
     tap : UdpTap
-        Its units.
+        Tap on its units.
     sensor : str
-        Its sensor.
+        Name of its sensor.
     """
 
     def __init__(self, tap: UdpTap, sensor: str, *options: str, folder: Path | None = None) -> None:
@@ -149,7 +146,7 @@ class Running:
         )
 
     def until_loud(self, patience: float = 60.0) -> None:
-        """Wait until it sounds."""
+        """Wait until the array emits sound."""
         until = time.monotonic() + patience
         while not loud(self.tap):
             if self.process.poll() is not None or time.monotonic() > until:
@@ -158,14 +155,14 @@ class Running:
 
     @property
     def child(self) -> int:
-        """The process of the loop: the one of its children that multiprocessing has spawned for work; 0 if it ended."""
+        """PID of the loop's process (the child that multiprocessing spawned); 0 if it has ended."""
         found = Path(f"/proc/{self.process.pid}/task")
         children = [int(pid) for task in found.iterdir() for pid in (task / "children").read_text().split()]
         loops = [pid for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
         return loops[0] if loops else 0
 
     def end(self) -> tuple[str, str]:
-        """What it printed, once it has ended; killed if it does not."""
+        """Interrupt the program and return its output; kill it after a timeout."""
         with contextlib.suppress(ProcessLookupError):
             os.kill(self.process.pid, signal.SIGCONT)
             self.process.send_signal(signal.SIGINT)
@@ -177,7 +174,7 @@ class Running:
 
 
 def frames_on(tap: UdpTap, since: int = 0, unit: int | None = None) -> Iterator[tuple[float, int, int, np.ndarray]]:
-    """(when it went by, instant in µs, intensity, phases) of every frame of one unit that the client sent."""
+    """(time, instant in µs, intensity, phases) of every frame of one unit that the client sent."""
     for at, port, datagram in list(tap.sent)[since:]:
         if datagram[1] == 0 and datagram[5] == SILENT_PATTERN and (unit is None or port == unit):
             instant = int.from_bytes(datagram[6:10], "little")
@@ -185,15 +182,15 @@ def frames_on(tap: UdpTap, since: int = 0, unit: int | None = None) -> Iterator[
 
 
 def loud(tap: UdpTap) -> bool:
-    """Whether one of the last frames sounds."""
+    """True if one of the last frames has sound."""
     return any(intensity > 0 for _, _, intensity, _ in frames_on(tap, max(0, len(tap.sent) - 40)))
 
 
 def seconds_to_silence(tap: UdpTap, since: float, patience: float = 3.0) -> tuple[float, str]:
-    """From an event to silence, and by whose word: a silent frame on the wire that no loud one follows, or the units.
+    """Time from an event to silence, and its source: a silent frame without a later loud one, or the units.
 
-    Units whose failsafe has acted say so themselves. A question is a word to them, too: they are asked when nothing has
-    reached them for 60 ms, and not again for as long. So the time is one by which they were silent.
+    Units report when their failsafe has acted. A query counts as traffic for them, so they are queried only after 60 ms
+    without traffic, and at most every 60 ms. The time is therefore an upper limit.
     """
     until, asked = since + patience, since
     while time.monotonic() < until:
@@ -205,11 +202,11 @@ def seconds_to_silence(tap: UdpTap, since: float, patience: float = 3.0) -> tupl
         if silent and now - last_loud > 0.1:
             return silent[0] - since, "a silent frame"
         reached = seen[-1][0] if seen and tap.passes else since
-        # Where a silent frame went by, 100 ms show whether a loud one follows; their failsafe acts meanwhile.
+        # After a silent frame, wait 100 ms for a loud one; the failsafe acts in the meantime.
         if not silent and seen and now - max(reached, asked) > 0.06:
             asked = time.monotonic()
             states = tap.states()
             if states and all(state & FAILSAFE for state in states):
                 return asked - since, "the units' failsafe"
             asked = time.monotonic()
-    return np.inf, "nobody"
+    return np.inf, "none"

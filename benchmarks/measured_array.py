@@ -1,9 +1,10 @@
-"""Transducers measured in place of assumed: `python -m benchmarks.measured_array`.
+"""Measured transducers instead of nominal ones: `python -m benchmarks.measured_array`.
 
-A virtual array with the secrets of a seed is measured as `midair calibrate array` does. `coverage`: how many of its
-transducers are what was found, within the uncertainties that it came with; only here does anybody look at the secrets.
-`solved`: the fidelity table's things in the best mode, solved for the array as assumed, as measured, and mended by what
-is foreseen of it; played once on the real one, in dB of signal over distortion on the skin and at the sensor.
+A virtual array with random transducers from a seed is measured as in `midair calibrate array`. `coverage`: share of the
+transducers whose true values are within the reported uncertainties; only this benchmark reads the true values.
+`solved`: the signals of the fidelity table in the best mode, solved for the nominal array, for the measured array, and
+with envelope prediction for the measured array; played once on the true array, with signal to distortion in dB on the
+skin and at the sensor.
 """
 
 from __future__ import annotations
@@ -29,27 +30,29 @@ ROOM = Acoustics(medium=Medium.at(temperature=22.0, humidity=0.5))
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.measured_array", description=__doc__.splitlines()[0])
-    ask.add_argument("--part", choices=("coverage", "solved"), nargs="*", default=["coverage", "solved"])
-    ask.add_argument("--seeds", type=int, nargs="*", default=[0, 7, 11], help="of the secrets (default 0 7 11)")
-    ask.add_argument("--seconds", type=float, default=8.0, help="of the codes (default 8)")
-    ask.add_argument("--things", nargs="*", default=[*SIGNALS, *OBJECTS])
-    ask.add_argument("--keep", type=Path, help="folder of what was measured, which is not measured again")
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.measured_array", description=__doc__.splitlines()[0])
+    parser.add_argument("--part", choices=("coverage", "solved"), nargs="*", default=["coverage", "solved"])
+    parser.add_argument(
+        "--seeds", type=int, nargs="*", default=[0, 7, 11], help="seeds of the true values (default 0 7 11)"
+    )
+    parser.add_argument("--seconds", type=float, default=8.0, help="duration of the codes in s (default 8)")
+    parser.add_argument("--things", nargs="*", default=[*SIGNALS, *OBJECTS])
+    parser.add_argument("--keep", type=Path, help="folder for measured arrays, which are then reused")
+    options = parser.parse_args()
     print(load())
     with one_blas_thread():
-        for seed in said.seeds:
+        for seed in options.seeds:
             rig = VirtualRig(seed=seed, acoustics=ROOM)
-            found, cost = timed(lambda rig=rig: kept(rig, said.seconds, said.keep))
-            print(f"seed {seed}: {said.seconds:g} s of codes, {cost / 1e3:.0f} s of CPU", flush=True)
-            if "coverage" in said.part:
+            found, cost = timed(lambda rig=rig: kept(rig, options.seconds, options.keep))
+            print(f"seed {seed}: {options.seconds:g} s of codes, {cost / 1e3:.0f} s of CPU", flush=True)
+            if "coverage" in options.part:
                 coverage(found, rig)
-            if "solved" in said.part:
-                solved(found, rig, said.things)
+            if "solved" in options.part:
+                solved(found, rig, options.things)
 
 
 def kept(rig: VirtualRig, seconds: float, folder: Path | None) -> ArrayCalibration:
-    """What was measured before, where it was kept."""
+    """Load an earlier measurement if it was kept, otherwise measure."""
     if folder is None:
         return measured(rig, seconds)
     path = folder / f"seed{rig.seed}-{seconds:g}.array.h5"
@@ -59,7 +62,7 @@ def kept(rig: VirtualRig, seconds: float, folder: Path | None) -> ArrayCalibrati
 
 
 def measured(rig: VirtualRig, seconds: float) -> ArrayCalibration:
-    """By the rig's own sensor."""
+    """Measure the array with the rig's own sensor."""
     skin = rig.skin()
     array = rig.array_device(skin)
     array.silencer = "off"
@@ -69,7 +72,7 @@ def measured(rig: VirtualRig, seconds: float) -> ArrayCalibration:
 
 
 def coverage(found: ArrayCalibration, rig: VirtualRig) -> None:
-    """The share within k = 1 and 2; the level that all share, and their common phase, taken out."""
+    """Print the share within k = 1 and 2, without the common level and the common phase."""
     true, alive = rig.array_device().chain.transducers, ~found.dead
     told, secret = (each * np.exp(-1j * np.angle(each[alive].sum())) for each in (found.response, true.response))
     level = float(np.median(np.abs(told[alive] / secret[alive])))
@@ -81,7 +84,7 @@ def coverage(found: ArrayCalibration, rig: VirtualRig) -> None:
         "resonance": (found.resonance - resonance, found.resonance_uncertainty, " Hz"),
         "quality": (found.quality / quality - 1, found.quality_uncertainty, " of it"),
     }
-    print(f"  level of all off by {100 * (level - 1):.1f} %, known to {200 * found.level_uncertainty:.1f} % (k = 2)")
+    print(f"  common level: error {100 * (level - 1):.1f} %, uncertainty {200 * found.level_uncertainty:.1f} % (k = 2)")
     for name, (error, uncertainty, unit) in off.items():
         z = np.abs(error / uncertainty)[alive]
         print(
@@ -92,7 +95,7 @@ def coverage(found: ArrayCalibration, rig: VirtualRig) -> None:
 
 
 def solved(found: ArrayCalibration, rig: VirtualRig, things: list[str]) -> None:
-    """One play each, nothing corrected."""
+    """Play each signal once for each array model, without correction."""
     plan = FidelityPlan(rig=rig, best=best_mode().but(acoustics=ROOM))
     for thing in things:
         original = original_of(thing, plan, plan.best)
@@ -100,19 +103,19 @@ def solved(found: ArrayCalibration, rig: VirtualRig, things: list[str]) -> None:
         lead, measured_array = lead_of(settings), found.applied(rig.array)
         ways = {
             "assumed": (settings, None),
-            # Without its poles nobody foresees what it does in time.
+            # Without poles there is no envelope prediction.
             "measured": (settings.measured(found), replace(measured_array, pole=np.zeros(0))),
             "foreseen": (settings.measured(found), measured_array),
         }
-        said: list[str] = []
+        results: list[str] = []
         for name, (chosen, array) in ways.items():
             at = BudgetPlan(settings=chosen, rig=rig, lead=lead, measured=array)
             budget, cost = timed(lambda original=original, at=at: error_budget(original, at))
             skin, sensor = (budget.stage(stage).so_far.distortion_ratio for stage in ("silencer", "sensor"))
             out = budget.stage("solver").leak
             leak = 0.0 if out is None else out.peak
-            said.append(f"{name}: {skin:.1f}, {sensor:.1f} dB, leak {leak:.2f}, {cost / 1e3:.1f} s")
-        print(f"  {thing:9} skin, sensor as {'; '.join(said)}", flush=True)
+            results.append(f"{name}: {skin:.1f}, {sensor:.1f} dB, leak {leak:.2f}, {cost / 1e3:.1f} s")
+        print(f"  {thing:9} skin, sensor as {'; '.join(results)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""Peak memory and time of each command on a long recording and a long drive, which are made here first.
+"""Peak memory and time of each command on a long recording and a long drive, which are created first.
 
     python -m benchmarks.memory --seconds 600 --folder /somewhere/with/30/GB
 
-The recording has 16 channels of float32 at 48 kHz, as a WAV and as a recording of midair; the drive 996 transducers at
-1 kHz. Each command is a process of its own; its peak is the largest resident set that the system saw of it (VmHWM: the
-ru_maxrss of a child begins with the peak of the program that started it), the interpreter and all libraries included.
+The recording has 16 channels of float32 at 48 kHz, as WAV and as a recording of midair; the drive has 996 transducers
+at 1 kHz. Each command is a separate process. Its peak is the largest resident set (VmHWM; ru_maxrss of a child includes
+the peak of its parent program), including the interpreter and all libraries.
 """
 
 from __future__ import annotations
@@ -29,26 +29,28 @@ RATE, FRAME_RATE = 48_000, 1000
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.memory", description=__doc__.splitlines()[0])
-    ask.add_argument("--seconds", type=float, default=600, help="length of the recording and the drive (default 600)")
-    ask.add_argument("--folder", type=Path, help="where the files are made for the time being (default: temporary)")
-    ask.add_argument("--only", nargs="*", help="names of rows to run (default all)")
-    said = ask.parse_args()
-    with tempfile.TemporaryDirectory(dir=said.folder) as folder:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.memory", description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--seconds", type=float, default=600, help="length of the recording and the drive (default 600)"
+    )
+    parser.add_argument("--folder", type=Path, help="folder for the temporary files (default: system folder)")
+    parser.add_argument("--only", nargs="*", help="names of rows to run (default all)")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=options.folder) as folder:
         os.chdir(folder)
         _ENV["MIDAIR_STATE"] = str(Path("state").resolve())
-        make_all(said.seconds)
-        print(f"{said.seconds:g} s: recording of 16 channels at 48 kHz, drive of 996 transducers at 1 kHz")
+        make_all(options.seconds)
+        print(f"{options.seconds:g} s: recording of 16 channels at 48 kHz, drive of 996 transducers at 1 kHz")
         print(f"{'command':60} {'peak MB':>8} {'s':>7}")
-        for name, words in commands(said.seconds):
-            if not said.only or name in said.only:
+        for name, words in commands(options.seconds):
+            if not options.only or name in options.only:
                 peak, lasted, status = weighed(words)
                 said_of = "" if status == 0 else f"  status {status}"
                 print(f"{'midair ' + ' '.join(words):60} {peak:8.0f} {lasted:7.1f}{said_of}", flush=True)
 
 
 def commands(seconds: float) -> Iterator[tuple[str, list[str]]]:
-    """Name and words of each command, in an order in which each finds its files."""
+    """Name and arguments of each command, in an order in which each one finds its files."""
     middle = f"{seconds / 2:g}s"
     yield "info", ["info", "long.h5"]
     yield "cut", ["cut", "long.h5", "cut.h5", "--start", middle, "--end", f"{seconds / 2 + 1:g}s"]
@@ -86,10 +88,10 @@ main()
 
 
 def weighed(words: list[str]) -> tuple[float, float, int]:
-    """Peak in MB (10^6 bytes), seconds and exit status of `midair` with these words, in the folder that is current."""
+    """Peak in MB (10^6 bytes), seconds and exit status of `midair` with these arguments, in the current folder."""
     start = time.monotonic()
-    with Path("said.txt").open("ab") as said:
-        done = subprocess.run([sys.executable, "-c", _WEIGHED, *words], stdout=said, stderr=said, check=False, env=_ENV)
+    with Path("said.txt").open("ab") as log:
+        done = subprocess.run([sys.executable, "-c", _WEIGHED, *words], stdout=log, stderr=log, check=False, env=_ENV)
     return 1024 * int(Path("peak.txt").read_text(encoding="ascii")) / 1e6, time.monotonic() - start, done.returncode
 
 
@@ -97,7 +99,7 @@ _ENV = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
 
 
 def noise(first: int, last: int, rate: int) -> np.ndarray:
-    """Noise under a slow swell, of float32, shape (frame, 4, 4), in V; the same whatever stretch is asked for."""
+    """Noise with a slowly changing level as float32, shape (frame, 4, 4), in V; the same for any range of frames."""
     pattern = np.random.default_rng(0).standard_normal((rate, 4, 4))
     at = np.arange(first, last)
     swell = 0.1 + 0.05 * np.sin(2 * np.pi * 0.3 * at / rate)
@@ -105,14 +107,14 @@ def noise(first: int, last: int, rate: int) -> np.ndarray:
 
 
 def make_all(seconds: float) -> None:
-    """Every file that the commands need, in the folder that is current."""
+    """Create all input files of the commands in the current folder."""
     make_recording(Path("long.h5"), seconds)
     make_drive(Path("long.drive.h5"), seconds)
     make_wav(Path("brought.wav"), seconds)
 
 
 def make_recording(path: Path, seconds: float) -> None:
-    """A recording, and the same as a killed writer would leave it."""
+    """Create a recording, and the same recording as a killed writer would leave it."""
     from midair.files import RecordingWriter
 
     frames = round(seconds * RATE)
@@ -129,7 +131,7 @@ def make_recording(path: Path, seconds: float) -> None:
 
 
 def make_wav(path: Path, seconds: float) -> None:
-    """The recording as a program that records sound would store it."""
+    """Write the recording as an audio program would store it."""
     import soundfile
 
     frames = round(seconds * RATE)
@@ -140,7 +142,7 @@ def make_wav(path: Path, seconds: float) -> None:
 
 
 def make_drive(path: Path, seconds: float) -> None:
-    """Drives of two foci in turn, weak enough for any profile."""
+    """Create drives with random phases, weak enough for any profile."""
     array = TransducerArray.autd3()
     frames = round(seconds * FRAME_RATE)
     rng = np.random.default_rng(1)

@@ -1,8 +1,8 @@
-"""What an OpenMPD board's seven bits of phase and 64 pulses cost in E: `python -m benchmarks.openmpd`.
+"""Effect of an OpenMPD board's seven phase bits and 64 pulse lengths on E: `python -m benchmarks.openmpd`.
 
-A simulated stroke of a towel, as it is and with a tenth of its pressure, solved for one board at several levels. E of
-the drive; of what a stand-in of the board puts out, all transducers at the next quieter pulse, as midair plays; and if
-the pulses were spread, some a step longer than others, so that the mean level is right.
+A simulated stroke of a towel, at full pressure and at a tenth of it, is solved for one board at several levels. The
+table has E of the drive; E of the output of a simulated board, with all transducers at the next shorter pulse as midair
+plays it; and E with mixed pulse lengths, some one step longer than others, for the correct mean level.
 """
 
 import argparse
@@ -40,12 +40,12 @@ def main() -> None:
             error(spread(drive, board), made.target, drive),
         ]
         loud = check_exposure(drive, OpenMpdArray(["nowhere"], [board]), ALWAYS).exposure.peak.max()
-        said = "".join(f"{100 * each:9.1f} %" for each in found)
-        print(f"{level:5.2f}   {made.strength():8.3f} {said}   {loud:10.1f}")
+        cells = "".join(f"{100 * each:9.1f} %" for each in found)
+        print(f"{level:5.2f}   {made.strength():8.3f} {cells}   {loud:10.1f}")
 
 
 def put_out(drive: Drive, board: Board) -> np.ndarray:
-    """What each transducer does with the driver's bytes, shape (frame, transducer)."""
+    """Output of each transducer for the driver's bytes, shape (frame, transducer)."""
     seen = []
     CommandReader(seen.append).read(drive_frames(drive, 0, drive.frames, [board])[0])
     return np.array([one.sound()[board.pin] for one in seen]) * np.exp(1j * board.offset)

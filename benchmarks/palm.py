@@ -1,11 +1,11 @@
-"""What a whole palm gets in each mode, and with a quiet palm: `python -m benchmarks.palm`.
+"""Fidelity over a whole palm in each mode, and with a quiet palm: `python -m benchmarks.palm`.
 
-For each thing and way: signal over distortion on the cells, the share of the power in the band that lies on a palm of
-85 mm outside the sensor's square, signal over distortion of its pressure and of the displacement of four model skins,
-the leak within 20 mm of the square over the target's peak (largest, typical), the level, and the CPU time that solving
-took for a second of what is played. Simulated, all stages but the sensor. Parts: `table`, things in three modes;
-`strengths`; `fast`, what a guard does for the solver that takes each frame on its own; `ears`, the exposure gate's
-level there; `floor`, see `benchmarks.palm_floor`. Rows are those of the tables of docs/decisions/0029-palm.md.
+For each signal and method: signal to distortion on the cells; the share of the power in the band on a palm of 85 mm
+outside the sensor's square; signal to distortion of its pressure and of the displacement of four skin models; the leak
+within 20 mm of the square over the target's peak (maximum, typical); the level; and the CPU time of solving one second.
+Simulated, all stages except the sensor. Parts: `table`, signals in three modes; `strengths`; `fast`, a guard with the
+solver of independent frames; `ears`, sound levels of the exposure check; `floor`, see `benchmarks.palm_floor`. The rows
+are those of the tables in docs/decisions/0029-palm.md.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ MODES: Mapping[str, Settings] = {
 
 
 def quiet_alone(weight: float) -> Settings:
-    """The best mode with a quiet palm in place of its guard."""
+    """The best mode with a quiet palm instead of its guard."""
     return best_mode().but(guard=None, quiet_palm=weight)
 
 
 def fast_ways() -> dict[str, Settings]:
-    """A guard that reaches to the palm's edge, with modes to match; and the term."""
+    """Guards that reach the palm's edge, with modes to match, and the quiet-palm term."""
     fast = best_mode().but(method=Fast())
     ring = Guard(margin=25e-3, pitch=4.25e-3, ceiling=0.3)
     fine = Fast(tolerance=2e-3)
@@ -62,11 +62,11 @@ def fast_ways() -> dict[str, Settings]:
 
 
 def original(thing: str, plan: FidelityPlan, settings: Settings) -> PressureFrames:
-    """What a mode gets to play: one of `midair paper --fidelity`'s things, or denim slid sixteen times as fast."""
+    """Pressure of a signal for a mode: one of `midair paper --fidelity`, or denim sixteen times as fast."""
     if thing != "denim":
         return original_of(thing, plan, settings)
     taxels = sample("denim")
-    # Its taxels give 36 values a second, which is below the band: 570 a second is a slide at .8 m/s.
+    # The taxels give 36 values per second, below the band; 570 values per second are a slide at .8 m/s.
     fast = replace(taxels, rate=16 * taxels.rate)
     flat = Calibration.flat(fast.sensor, sensitivity=float(abs(fast.samples).max()) / 30, unit=fast.unit)
     return calibrated_pressure(fast, flat, settings.but(band=(20.0, 250.0))).cut(0.1, plan.duration)
@@ -74,7 +74,7 @@ def original(thing: str, plan: FidelityPlan, settings: Settings) -> PressureFram
 
 @dataclass
 class Clock:
-    """CPU time of a stage, as the stages of a budget are told."""
+    """CPU time of one stage; a callback for the stages of a budget."""
 
     stage: str
     began: float = 0.0
@@ -91,7 +91,7 @@ class Clock:
 
 
 def row(title: str, thing: str, settings: Settings, plan: FidelityPlan) -> None:
-    """Print a line of a table."""
+    """Print a row of a table."""
     asked = original(thing, plan, settings)
     settings = at_strength(asked, settings, plan)
     lead, clock = lead_of(settings), Clock("solve")
@@ -114,7 +114,7 @@ HEAD = "| | | cells | outside | pressure, in square | displacement | leak | leve
 
 
 def table(things: Sequence[str], ways: Mapping[str, Settings], plan: FidelityPlan) -> None:
-    """Things in several ways."""
+    """Print signals with several settings."""
     print(f"strength {plan.strength:g}, {plan.duration:g} s\n{HEAD}\n{'| --- ' * 9}|")
     for thing in things:
         for number, (name, settings) in enumerate(ways.items()):
@@ -122,7 +122,7 @@ def table(things: Sequence[str], ways: Mapping[str, Settings], plan: FidelityPla
 
 
 def strengths(things: Sequence[str], asked: Sequence[float], plan: FidelityPlan) -> None:
-    """By strength: the best mode, the finest, and that with less drive and with amplitudes of their own."""
+    """Print results by strength: the best mode, and the finest mode also with less drive and free amplitudes."""
     finest = finest_mode()
     ways = {
         "best": best_mode(),
@@ -134,7 +134,7 @@ def strengths(things: Sequence[str], asked: Sequence[float], plan: FidelityPlan)
     for thing in things:
         for strength in asked:
             for number, (name, settings) in enumerate(ways.items()):
-                # What an automatic level leaves as it is needs no second line.
+                # Skip the second row if the automatic level is 1.
                 if settings.solver.level == "auto" and automatic_level(np.array(strength)) == 1:
                     settings = settings.but(level=1.0)
                     if settings.solver.amplitudes == "equal":
@@ -148,7 +148,7 @@ def strengths(things: Sequence[str], asked: Sequence[float], plan: FidelityPlan)
 
 
 def ears(things: Sequence[str], ways: Mapping[str, Settings], plan: FidelityPlan) -> None:
-    """Sound at the ears and on the palm by the exposure gate, for the same target in several ways."""
+    """Print levels at the ears and the pressure on the palm from the exposure check, for several settings."""
     profile = profile_named("occupational-110")
     places = [f"{place.name}, dB" for place in profile.places]
     print(f"strength {plan.strength:g}, {plan.duration:g} s\n| | | {' | '.join([*places, 'palm, Pa'])} |")
@@ -159,52 +159,58 @@ def ears(things: Sequence[str], ways: Mapping[str, Settings], plan: FidelityPlan
             settings = at_strength(asked, settings, plan)
             drive = reproduce(led_in(asked, lead_of(settings)), plan.rig.array, settings).solution.drive
             found = measure(drive, plan.rig.array, profile)
-            said = " | ".join(f"{each:.1f}" for each in found.peak)
-            print(f"| {'' if number else thing} | {name} | {said} | {found.pressure:.0f} |", flush=True)
+            cells = " | ".join(f"{each:.1f}" for each in found.peak)
+            print(f"| {'' if number else thing} | {name} | {cells} | {found.pressure:.0f} |", flush=True)
 
 
 PARTS = ("table", "strengths", "fast", "ears", "floor")
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.palm", description=__doc__.splitlines()[0])
-    ask.add_argument("--part", choices=PARTS, nargs="+", default=["table"], help="(default table)")
-    ask.add_argument("--things", nargs="+", default=list(THINGS), help="(default all)")
-    ask.add_argument("--ways", nargs="+", help="some of a part's (default all)")
-    ask.add_argument("--weights", type=float, nargs="*", default=[], help="of a quiet palm in place of the guard")
-    ask.add_argument("--strengths", type=float, nargs="+", default=[0.05, 0.1, 0.15, 0.2, 0.3, 0.5])
-    ask.add_argument("--strength", type=float, default=0.15, help="of all parts but strengths and floor (default 0.15)")
-    ask.add_argument("--duration", type=float, default=0.3, help="of the signals, in s (default 0.3)")
-    ask.add_argument("--units", type=int, nargs="+", default=[4, 16], help="of the floor (default 4 16)")
-    ask.add_argument("--starts", type=int, default=3, help="of the floor, at random (default 3)")
-    ask.add_argument("--frames", type=int, default=32, help="of the floor (default 32)")
-    ask.add_argument(
-        "--iterations", type=int, default=1000, help="of the floor at most, for each weight (default 1000)"
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.palm", description=__doc__.splitlines()[0])
+    parser.add_argument("--part", choices=PARTS, nargs="+", default=["table"], help="(default table)")
+    parser.add_argument("--things", nargs="+", default=list(THINGS), help="(default all)")
+    parser.add_argument("--ways", nargs="+", help="names of settings (default all)")
+    parser.add_argument(
+        "--weights", type=float, nargs="*", default=[], help="weights of a quiet palm instead of the guard"
     )
-    ask.add_argument("--bounded", action="store_true", help="the floor of amplitudes up to full drive")
-    said = ask.parse_args()
-    plan = FidelityPlan(strength=said.strength, duration=said.duration, rig=VirtualRig(acoustics=ROOM))
-    ways = MODES | {f"quiet palm {weight:g}": quiet_alone(weight) for weight in said.weights}
+    parser.add_argument("--strengths", type=float, nargs="+", default=[0.05, 0.1, 0.15, 0.2, 0.3, 0.5])
+    parser.add_argument(
+        "--strength", type=float, default=0.15, help="strength for all parts except strengths and floor (default 0.15)"
+    )
+    parser.add_argument("--duration", type=float, default=0.3, help="duration of the signals in s (default 0.3)")
+    parser.add_argument(
+        "--units", type=int, nargs="+", default=[4, 16], help="numbers of units for floor (default 4 16)"
+    )
+    parser.add_argument("--starts", type=int, default=3, help="random starts for floor (default 3)")
+    parser.add_argument("--frames", type=int, default=32, help="frames for floor (default 32)")
+    parser.add_argument(
+        "--iterations", type=int, default=1000, help="maximum iterations for floor and each weight (default 1000)"
+    )
+    parser.add_argument("--bounded", action="store_true", help="use amplitudes up to full drive for floor")
+    options = parser.parse_args()
+    plan = FidelityPlan(strength=options.strength, duration=options.duration, rig=VirtualRig(acoustics=ROOM))
+    ways = MODES | {f"quiet palm {weight:g}": quiet_alone(weight) for weight in options.weights}
     fast = fast_ways()
-    if said.ways:
-        ways, fast = ({name: each[name] for name in said.ways if name in each} for each in (ways, fast))
-    for part in said.part:
+    if options.ways:
+        ways, fast = ({name: each[name] for name in options.ways if name in each} for each in (ways, fast))
+    for part in options.part:
         if part == "table":
-            table(said.things, ways, plan)
+            table(options.things, ways, plan)
         elif part == "strengths":
-            strengths(said.things, said.strengths, plan)
+            strengths(options.things, options.strengths, plan)
         elif part == "fast":
-            table(said.things, fast, plan)
+            table(options.things, fast, plan)
         elif part == "ears":
-            ears(said.things, ways, plan)
+            ears(options.things, ways, plan)
         else:
             floor(
-                said.units,
-                said.strengths,
-                starts_at_random=said.starts,
-                frames=said.frames,
-                most=said.iterations,
-                bounded=said.bounded,
+                options.units,
+                options.strengths,
+                starts_at_random=options.starts,
+                frames=options.frames,
+                most=options.iterations,
+                bounded=options.bounded,
             )
 
 

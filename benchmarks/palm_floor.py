@@ -1,11 +1,10 @@
-"""The least power in the band outside the square that any phases were found to make: `benchmarks.palm --part floor`.
+"""Lowest power in the band outside the square that was found for any phases: `benchmarks.palm --part floor`.
 
-A short piece that repeats: cells that swing at random between 31 and 469 Hz, 1 kHz. What is made small is what a palm's
-pressure lacks, of frames taken together and in the band alone, ``||B (P - W)||^2 + lambda ||B P||^2`` over the square
-and over the palm of 85 mm around it: steady pressure is free wherever it is, so that neither the mapping nor a still
-leak counts. Starts are what `fast` and `glide` find with a quiet palm, one drive at random that stands still, and
-drives at random frame by frame; then comes L-BFGS (SciPy's) on all phases at once. Fields are taken as if each frame
-lasted for ever.
+The target is a short periodic signal: cells with random pressure between 31 and 469 Hz, at 1 kHz. The cost is the error
+of a palm's pressure over all frames and only within the band, ``||B (P - W)||^2 + lambda ||B P||^2`` over the square
+and over the palm of 85 mm around it. Steady pressure is free everywhere, so neither the mapping nor a constant leak
+matters. The starts are the solutions of `fast` and `glide` with a quiet palm, random constant phases, and random phases
+for each frame; L-BFGS (SciPy) then optimises all phases at once. Fields are steady states of each frame.
 """
 
 from __future__ import annotations
@@ -32,21 +31,14 @@ SIDES = {4: (2, 2), 16: (4, 4)}
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """A target that repeats, and how phases meet it.
-
-    Attributes
-    ----------
-    G : ndarray of complex64, shape (listener, transducer)
-        Control points first, then the palm outside the square; over the strongest focus.
-    wanted : ndarray, shape (frame, point)
-        Pressure over that of the strongest focus, bias and all.
-    share : ndarray, shape (listener,)
-        Area of each listener over that of a control point.
-    """
+    """A periodic target, and the cost of phases for it."""
 
     G: NDArray[np.complex64]
+    """Over the strongest focus, shape (listener, transducer): control points, then the palm outside the square."""
     wanted: Array
+    """Pressure over that of the strongest focus, with the bias, shape (frame, point)."""
     share: Array
+    """Area of each listener over that of a control point."""
 
     @classmethod
     def of(cls, array: TransducerArray, strength: float, frames: int) -> Piece:
@@ -64,28 +56,28 @@ class Piece:
 
     @property
     def swing(self) -> Array:
-        """What is wanted in the band, shape (frame, listener)."""
+        """Target in the band, shape (frame, listener)."""
         return self.in_band(np.pad(self.wanted, ((0, 0), (0, len(self.G) - self.wanted.shape[1]))))
 
     @property
     def bounded(self) -> Piece:
-        """The same for two halves of each transducer, which together have any amplitude up to its own."""
+        """The same with two halves of each transducer, which together have any amplitude up to full drive."""
         return replace(self, G=np.concatenate([self.G, self.G], axis=1) / 2)
 
     def in_band(self, pressure: Array) -> Array:
-        """Without what is steady, and without the fastest change that frames can hold."""
+        """Remove the steady part and the highest frequency of the frames."""
         spectrum = np.fft.rfft(pressure, axis=0)
         spectrum[0] = spectrum[-1] = 0
         return np.fft.irfft(spectrum, len(pressure), axis=0)
 
     def pressure(self, theta: Array) -> tuple[NDArray[np.complex64], NDArray[np.complex64], Array]:
-        """Drive, field and its square of phases, (frame, transducer) and (frame, listener)."""
+        """Drive, field and its squared magnitude for phases (frame, transducer); fields are (frame, listener)."""
         q = np.exp(1j * theta.astype(np.float32))
         y = q @ self.G.T
         return q, y, (y.real**2 + y.imag**2).astype(float)
 
     def cost(self, weight: float) -> Any:
-        """What is made small, as SciPy wants it."""
+        """Cost function with gradient for SciPy."""
         swing, points = self.swing, self.wanted.shape[1]
         counts = self.share * np.where(np.arange(len(self.G)) < points, 1.0, weight)
         unit = (swing**2).sum()
@@ -100,7 +92,7 @@ class Piece:
         return function
 
     def figures(self, theta: Array) -> tuple[float, float, float]:
-        """Share of the power outside, and signal over distortion in the square and over the palm, in dB."""
+        """Share of the power outside, and signal to distortion in the square and over the palm, in dB."""
         points, swing, made = self.wanted.shape[1], self.swing, self.in_band(self.pressure(theta)[2])
         power = self.share * (made**2).sum(axis=0)
         if not power.any():
@@ -119,7 +111,7 @@ def _ratio(wanted: Array, made: Array, share: Array) -> float:
 
 
 def starts(piece: Piece, array: TransducerArray, count: int) -> Iterator[tuple[str, Array]]:
-    """What solvers find, and phases at random."""
+    """Solutions of solvers, and random phases."""
     focus = focus_amplitude(GRID, array)
     target = AmplitudeFrames(amplitude=focus * np.sqrt(piece.wanted), rate=RATE, grid=GRID)
     for method in ("fast", "glide"):
@@ -140,7 +132,7 @@ def floor(
     most: int,
     bounded: bool = False,
 ) -> None:
-    """Print what each start comes to."""
+    """Print the result of each start."""
     print(f"{frames} frames at 1 kHz, {most} iterations; outside, in the square, over the palm")
     print("| units | strength | start | as solved | lambda 1 | lambda 10 | CPU s |\n" + "| --- " * 7 + "|")
     for count in units:
@@ -154,12 +146,12 @@ def floor(
 
 
 def halved(theta: Array) -> Array:
-    """Phases of two halves of each transducer, a little apart: alike, they would stay so."""
+    """Phases of two halves of each transducer, with a small difference, because equal halves would stay equal."""
     return np.concatenate([theta - 0.3, theta + 0.3], axis=1)
 
 
 def descended(piece: Piece, theta: Array, most: int) -> Iterator[str]:
-    """Figures of a start, and of what two weights make of it one after the other."""
+    """Figures of a start, and after optimisation with two weights in sequence."""
     options = {"maxiter": most, "ftol": 1e-6, "gtol": 0.0, "maxcor": 20}
     yield _said(piece.figures(theta))
     for weight in (1.0, 10.0):
@@ -170,7 +162,7 @@ def descended(piece: Piece, theta: Array, most: int) -> Iterator[str]:
 
 def _said(figures: tuple[float, float, float]) -> str:
     outside, square, palm = figures
-    # A drive that stands still makes nothing in the band.
+    # A constant drive has no power in the band.
     if not np.isfinite(outside):
         return "nothing"
     return f"{100 * outside:.2g} %, {square:.1f}, {palm:.1f}"

@@ -1,8 +1,8 @@
-"""Pictures of docs/palm.md, and their film: `python -m benchmarks.palm_pictures docs/images`.
+"""Figures and film of docs/palm.md: `python -m benchmarks.palm_pictures docs/images`.
 
-A towel in three modes, the paper's solved by glide, as `midair demo` does: pressure in the band on a palm of 85 mm,
-how four model skins move under it, and a film of the pressure. Simulated; colours by roots, so that what is wanted is
-seen beside what leaks.
+A towel in three modes (the paper's solved by glide), as in `midair demo`: pressure in the band on a palm of 85 mm,
+displacement of four skin models, and a film of the pressure. Simulated; the colour scale is a square root, so that both
+target and leak are visible.
 """
 
 from __future__ import annotations
@@ -31,28 +31,30 @@ Array = NDArray[np.float64]
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.palm_pictures", description=__doc__.splitlines()[0])
-    ask.add_argument("folder", type=Path, help="where to write palm-pressure.png, palm-skins.png and palm-film.gif")
-    ask.add_argument("--duration", type=float, default=0.12, help="of the stroke, in s (default 0.12)")
-    ask.add_argument("--pitch", type=float, default=2.5e-3, help="of the palm's points, in m (default 0.0025)")
-    said = ask.parse_args()
-    palm = Palm.disc(pitch=said.pitch)
-    shown = {mode: frames_of(mode, said.duration, palm) for mode in MODES}
-    said.folder.mkdir(parents=True, exist_ok=True)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.palm_pictures", description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, help="folder for palm-pressure.png, palm-skins.png and palm-film.gif")
+    parser.add_argument("--duration", type=float, default=0.12, help="duration of the stroke in s (default 0.12)")
+    parser.add_argument(
+        "--pitch", type=float, default=2.5e-3, help="distance of the palm's points in m (default 0.0025)"
+    )
+    options = parser.parse_args()
+    palm = Palm.disc(pitch=options.pitch)
+    shown = {mode: frames_of(mode, options.duration, palm) for mode in MODES}
+    options.folder.mkdir(parents=True, exist_ok=True)
     any_skin = {mode: skins["soft, deep"] for mode, skins in shown.items()}
     rows = {"pressure (Pa, rms)": {"wanted": any_skin["best"].wanted} | _each(any_skin, "delivered", 1)}
-    keep(said.folder / "palm-pressure.png", drawn(rows, any_skin["best"]))
+    keep(options.folder / "palm-pressure.png", drawn(rows, any_skin["best"]))
     rows = {
         f"{skin} (µm, rms)": {"wanted": 1e6 * shown["best"][skin].wanted_motion}
         | _each({mode: skins[skin] for mode, skins in shown.items()}, "motion", 1e6)
         for skin in SKINS
     }
-    keep(said.folder / "palm-skins.png", drawn(rows, any_skin["best"]))
-    film(said.folder / "palm-film.gif", any_skin)
+    keep(options.folder / "palm-skins.png", drawn(rows, any_skin["best"]))
+    film(options.folder / "palm-film.gif", any_skin)
 
 
 def frames_of(mode: str, duration: float, palm: Palm) -> Mapping[str, PalmFrames]:
-    """What a palm gets of a towel in a mode, for each skin."""
+    """Pressure and displacement on a palm for a towel in a mode, for each skin."""
     plan = FidelityPlan(duration=duration, rig=VirtualRig(acoustics=ROOM))
     settings = MODES[mode] if mode != "paper" else MODES[mode].but(method="glide")
     asked = original("towel", plan, settings)
@@ -72,7 +74,7 @@ def _each(shown: Mapping[str, PalmFrames], field: str, scale: float) -> dict[str
 
 
 def drawn(rows: Mapping[str, Mapping[str, Array]], frames: PalmFrames) -> bytes:
-    """A row of maps for each quantity, of root mean squares over time."""
+    """A row of maps for each quantity, as rms over time."""
     style = Style()
     figure = new_figure(9.6, 2.3 * len(rows) + 0.8, simulated=True, style=style)
     grid = figure.subplots(len(rows), len(next(iter(rows.values()))), sharex=True, sharey=True, squeeze=False)
@@ -99,7 +101,7 @@ def drawn(rows: Mapping[str, Mapping[str, Array]], frames: PalmFrames) -> bytes:
 
 
 def film(path: Path, shown: Mapping[str, PalmFrames], *, frames: int = 30) -> None:
-    """Pressure in all modes beside what is wanted, the thirty strongest milliseconds of it."""
+    """Film of the pressure in all modes beside the target, for its strongest thirty milliseconds."""
     best = shown["best"]
     power = np.nansum(best.wanted**2, axis=(1, 2))
     over = np.convolve(power, np.ones(min(frames, len(power))), mode="valid")

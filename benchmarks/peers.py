@@ -1,9 +1,8 @@
-"""What others ship, where it is installed: the holo solvers of both AUTD3 SDKs, and acoustools.
+"""Solvers of other packages, if installed: the holo solvers of both AUTD3 SDKs, and acoustools.
 
-Each gets the same targets at the same points of the same array; its phases are then judged with this package's G,
-after the best scale of the field, since neither package has a drive level to fit. The SDK rounds phases to 8 bits and
-knows transducers as its firmware models them; it is timed with what it takes to hand a pattern over (a link without
-hardware).
+All packages get the same targets at the same points of the same array. Their phases are rated with this package's G
+after the best scaling of the field, because none of them fits a drive level. The SDK rounds phases to 8 bits and models
+transducers as its firmware does; its time includes the transfer of a pattern (to a link without hardware).
 """
 
 # Neither package has types.
@@ -21,11 +20,11 @@ from midair.model import Placement
 from midair.solvers import Problem
 
 Phases = Callable[[], np.ndarray]
-"""Nothing -> phases of all frames, (frame, transducer), in rad."""
+"""Function without arguments that returns the phases of all frames, (frame, transducer), in rad."""
 
 
 def peers(problem: Problem) -> Iterator[tuple[str, Phases]]:
-    """What each is called, and what to time; a line says which are not installed."""
+    """Name and function of each solver; packages that are not installed are reported."""
     for package, those in (
         ("autd3_pattern_holo", _autd3),
         ("pyautd3", _pyautd3),

@@ -1,9 +1,9 @@
-"""What a sensor reads that lies elsewhere: `python -m benchmarks.places`, by points, by windows and by cells.
+"""Re-recording by a displaced sensor: `python -m benchmarks.places`, for solutions by points, windows and cells.
 
-Signals of the fidelity table, .12 s each in the best mode's way at strength .15, in the paper's air, on transducers as
-modelled and on such that each have their own resonance, quality and strength; signal over distortion in 20 to 470 Hz,
-with a gain for each cell and the delay taken out, between leads that are not judged. `loop`: the same of each pass of a
-loop with correction, with the gain that the passes have. Times are CPU times of this process.
+Signals of the fidelity table, .12 s each, in the best mode at strength .15, in the paper's air, on nominal transducers
+and on transducers with individual resonance, quality factor and strength. The figures are signal to distortion in 20 to
+470 Hz, with a gain for each cell, without the delay and without the leads. `loop`: the same for each pass of a loop
+with correction, with the gain of the pass. Times are CPU times of this process.
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ BEFORE = Glide(coarse=256, near=0.6, smooth=6, wide=32, smooth_wide=20, toleranc
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.places", description=__doc__.splitlines()[0])
-    ask.add_argument("--things", nargs="*", default=[*SIGNALS, *OBJECTS])
-    ask.add_argument("--part", choices=("places", "loop"), nargs="*", default=["places", "loop"])
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.places", description=__doc__.splitlines()[0])
+    parser.add_argument("--things", nargs="*", default=[*SIGNALS, *OBJECTS])
+    parser.add_argument("--part", choices=("places", "loop"), nargs="*", default=["places", "loop"])
+    options = parser.parse_args()
     print(load())
     with one_blas_thread():
-        for part in said.part:
-            {"places": places, "loop": loops}[part](said.things)
+        for part in options.part:
+            {"places": places, "loop": loops}[part](options.things)
 
 
 def places(things: list[str]) -> None:
-    """Each fit, at each place."""
+    """Print results for each kind of solution at each position."""
     air, plan = Acoustics(), FidelityPlan()
     best = best_mode().but(acoustics=air)
     modes = {"points": best.but(fit="points", method=BEFORE), "windows": best, "cells": best.but(fit="cells")}
     moves = " ".join(f"({1e3 * x:g},{1e3 * y:g})" for x, y in PLACES)
-    print(f"dB on transducers as modelled | each its own, sensor moved by mm {moves}; leak; CPU ms a frame")
+    print(f"dB on nominal transducers | individual ones, sensor moved by mm {moves}; leak; CPU ms per frame")
     for thing in things:
         for name, settings in modes.items():
             if name == "cells" and thing != "towel":
@@ -68,7 +68,7 @@ def places(things: list[str]) -> None:
 
 
 def loops(things: list[str]) -> None:
-    """Passes of the loop, two for the gain and three that correct, at each place with the gain that they have."""
+    """Print results for the passes of the loop (two for the gain, three corrections) at each position."""
     air, plan = Acoustics(), FidelityPlan()
     settings = best_mode().but(acoustics=air)
     print("waveform of the re-recording, dB below the original; the same on the skin, sensor moved as above")
@@ -97,13 +97,13 @@ def ratio_at(
     *,
     gains: bool = True,
 ) -> float:
-    """Signal over distortion of what a sensor reads there, with the best gain of each cell or as it is."""
+    """Signal to distortion of a sensor's re-recording at a position, with or without the best gain of each cell."""
     grid, points, model = settings.target.grid, plan.rig.skin().points, plan.rig.sensor_model
     signed = compensate_pressure(asked, settings).pressure.reshape(asked.frames, -1)
     wanted = signed @ interpolation_matrix(asked.sensor, grid).T @ _on(model, grid, place, "lines").T
     G = transfer_matrix(points, drive.array, acoustics=drive.acoustics)
     read = simulate(drive, G, chain=chain, rate=2 * drive.rate, weights=_on(model, points, place, "waves"))
-    # A moment is at the end of its stretch: every second one, from silence on, is at the time of a frame.
+    # Samples are at the ends of their intervals: every second one, after an initial zero, is at the time of a frame.
     read = np.concatenate([np.zeros((1, read.shape[1])), read])[:-1:2]
     first = (asked.frames - original.frames) // 2
     x, y = (in_band(each, asked.rate, BAND) for each in (wanted, read))

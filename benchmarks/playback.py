@@ -1,7 +1,7 @@
-"""Time-resolved playback of one second: `python -m benchmarks.playback`.
+"""Time of a time-resolved playback simulation of one second: `python -m benchmarks.playback`.
 
-996 transducers that each follow their drive in their own way, 256 points, 16 kHz. The plain form (one envelope for all
-transducers, double precision, all moments of a part at once) and the simulation's two precisions, side by side.
+996 transducers with individual dynamics, 256 points, 16 kHz. It compares the plain form (one envelope for all
+transducers, double precision, all moments of a part at once) with the simulation in both precisions.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from midair.physics import (
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.playback", description=__doc__.splitlines()[0])
-    ask.add_argument("--seconds", type=float, default=1.0, help="of drive (default 1)")
-    ask.add_argument("--rate", type=float, default=16e3, help="moments a second (default 16000)")
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.playback", description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=1.0, help="duration of the drive in s (default 1)")
+    parser.add_argument("--rate", type=float, default=16e3, help="simulation rate in Hz (default 16000)")
+    options = parser.parse_args()
     array = TransducerArray.autd3()
     G = transfer_matrix(ControlGrid(), array)
-    frames = round(1000 * said.seconds)
+    frames = round(1000 * options.seconds)
     steps = np.random.default_rng(0).normal(scale=0.3, size=(frames, array.count))
     drive = Drive(phase=np.cumsum(steps, axis=0), level=np.ones(frames), rate=1000.0, array=array)
     spread = Transducers.varied(array.count, seed=0, gain_spread=0.05, resonance_spread=50.0, quality_spread=0.05)
@@ -40,10 +40,12 @@ def main() -> None:
         "single precision, silencer's ramps": PlaybackChain(transducers=spread, phase_ramp=0.5e-3, level_ramp=0.25e-3),
         "double precision": PlaybackChain(transducers=spread, precision="double"),
     }
-    print(f"{said.seconds:g} s at {said.rate:g} Hz, {array.count} transducers, {len(G)} points: clock and CPU time")
-    row("plain, transducers all alike", timed(lambda: plain(drive, G, said.rate)))
+    print(
+        f"{options.seconds:g} s at {options.rate:g} Hz, {array.count} transducers, {len(G)} points: clock and CPU time"
+    )
+    row("plain, transducers all alike", timed(lambda: plain(drive, G, options.rate)))
     for name, chain in chains.items():
-        row(name, timed(lambda chain=chain: simulate(drive, G, chain=chain, rate=said.rate)))
+        row(name, timed(lambda chain=chain: simulate(drive, G, chain=chain, rate=options.rate)))
 
 
 def plain(drive: Drive, G: np.ndarray, rate: float) -> np.ndarray:

@@ -1,8 +1,8 @@
-"""What quiet ears cost and bring: `python -m benchmarks.quiet_ears`.
+"""Cost and benefit of the quiet-ears term: `python -m benchmarks.quiet_ears`.
 
-E of the control points, the loudest sound at either ear by the exposure gate, and what is left of the radiation
-pressure on the palm when the drive is then weakened to 110 dB at the ears. One static pattern (a ring of cells) and a
-towel stroke, each at the level that its loudest frame needs.
+E at the control points, the loudest sound at either ear from the exposure check, and the radiation pressure on the palm
+after the drive is attenuated to 110 dB at the ears. One static pattern (a ring of cells) and a towel stroke, each at
+the level that its loudest frame needs.
 """
 
 from __future__ import annotations
@@ -20,21 +20,23 @@ ARRAY = TransducerArray.autd3()
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.quiet_ears", description=__doc__.splitlines()[0])
-    ask.add_argument("--strengths", type=float, nargs="+", default=[0.05, 0.1, 0.2, 0.3], help="of the targets")
-    ask.add_argument("--weights", type=float, nargs="+", default=[0, 3, 30, 300], help="of the term")
-    ask.add_argument("--frames", type=int, default=100, help="of the towel stroke (default 100)")
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.quiet_ears", description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--strengths", type=float, nargs="+", default=[0.05, 0.1, 0.2, 0.3], help="strengths of the targets"
+    )
+    parser.add_argument("--weights", type=float, nargs="+", default=[0, 3, 30, 300], help="weights of the term")
+    parser.add_argument("--frames", type=int, default=100, help="frames of the towel stroke (default 100)")
+    options = parser.parse_args()
     focus = focus_amplitude(GRID, ARRAY)
     profile = profile_named("occupational-110")
-    for strength in said.strengths:
+    for strength in options.strengths:
         for name, amplitude in (
             ("pattern", problem_of(binary([TEN[3]]), strength).amplitude),
-            ("towel", towel(said.frames, strength).amplitude),
+            ("towel", towel(options.frames, strength).amplitude),
         ):
             target = AmplitudeFrames(amplitude=focus * amplitude, rate=1000.0, grid=GRID)
             first = None
-            for weight in said.weights:
+            for weight in options.weights:
                 solution = solve(target, ARRAY, method="fast", level="auto", quiet_ears=weight, acoustics=Acoustics())
                 found = measure(solution.drive, ARRAY, profile)
                 ears = max(found.peak[0], found.peak[1])

@@ -1,10 +1,10 @@
-"""Recordings that nobody here made: `python -m benchmarks.real_objects`, where ../shared/data or --data has them.
+"""Recordings from public data sets: `python -m benchmarks.real_objects`, with the data in ../shared/data or --data.
 
-What is too slow for the band is slid as many times as fast as brings it to 1 kHz, and one channel becomes a field by a
-disc of 20 mm that moves at 50 mm/s; both are said. `fidelity`: one of each collection in the paper's and the best mode,
-on transducers as modelled and on such that each have their own resonance, quality and strength, as
-`midair paper --fidelity` has it of files; the paper's mode is solved as a whole. `materials`: strokes over seven
-fabrics, as `midair paper --materials --recordings` has it.
+Recordings with a low rate are sped up to 1 kHz, and one channel becomes a field through a disc of 20 mm that moves at
+50 mm/s; both are printed. `fidelity`: one recording of each collection in the paper's and the best mode, on nominal
+transducers and on transducers with individual resonance, quality factor and strength, as in `midair paper --fidelity`
+with files; the paper's mode is solved as a whole. `materials`: strokes over seven fabrics, as in `midair paper
+--materials --recordings`.
 """
 
 from __future__ import annotations
@@ -34,21 +34,23 @@ RATE = 1000.0
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.real_objects", description=__doc__.splitlines()[0])
-    ask.add_argument("--data", type=Path, default=HERE, help="folder with fabricslide, hapmat and audio-to-tactile")
-    ask.add_argument("--part", choices=("fidelity", "materials"), nargs="*", default=["fidelity", "materials"])
-    ask.add_argument("--mode", choices=("best", "quick"), default="best", help="beside the paper's (default best)")
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.real_objects", description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=HERE, help="folder with fabricslide, hapmat and audio-to-tactile")
+    parser.add_argument("--part", choices=("fidelity", "materials"), nargs="*", default=["fidelity", "materials"])
+    parser.add_argument(
+        "--mode", choices=("best", "quick"), default="best", help="mode to compare with the paper's (default best)"
+    )
+    options = parser.parse_args()
     print(load())
     with one_blas_thread(), TemporaryDirectory() as folder:
-        if "fidelity" in said.part:
-            fidelity(takes(said.data, Path(folder)), said.mode)
-        if "materials" in said.part:
-            materials(said.data, Path(folder), said.mode)
+        if "fidelity" in options.part:
+            fidelity(takes(options.data, Path(folder)), options.mode)
+        if "materials" in options.part:
+            materials(options.data, Path(folder), options.mode)
 
 
 def takes(data: Path, folder: Path) -> list[str]:
-    """One calibrated take of each collection, as files."""
+    """One calibrated recording of each collection, as files."""
     denim = fast(open_take(data / "fabricslide" / "fabric" / "Denim_F180_V-50mmps_0.csv").recording)
     stick = fast(open_take(data / "hapmat" / "Fabric 1.csv", channels=["accel_z"], unit="count").recording)
     effect = open_take(data / "audio-to-tactile" / "tactile_pattern_connect.wav", unit="count").recording
@@ -57,18 +59,18 @@ def takes(data: Path, folder: Path) -> list[str]:
 
 
 def fast(recording: Recording) -> Recording:
-    """Slid so many times as fast as gives 1 kHz."""
+    """Change the rate to 1 kHz."""
     print(f"{recording.provenance.source}: {RATE / recording.rate:.1f} times as fast")
     return replace(recording, rate=RATE)
 
 
 def over_the_sensor(recording: Recording) -> Recording:
-    """The waveform of a disc that moves to and fro over 4 x 4 cells."""
+    """Field of a waveform under a disc that moves back and forth over 4 x 4 cells."""
     return footprint_field(recording, Footprint(turn="back"))
 
 
 def kept(recording: Recording, path: Path) -> Path:
-    """A file that opens with a calibration: its largest change is 30 Pa."""
+    """Save a recording with a calibration that makes its largest change 30 Pa."""
     samples = np.asarray(recording.samples, float)
     change = float(np.abs(samples - np.median(samples, axis=0)).max())
     save(recording, path, calibration=Calibration.flat(recording.sensor, sensitivity=change / 30, unit=recording.unit))
@@ -76,7 +78,7 @@ def kept(recording: Recording, path: Path) -> Path:
 
 
 def fidelity(things: list[str], mode: Mode) -> None:
-    """The table of `midair paper --fidelity`, and the skin on transducers that are as modelled."""
+    """Print the table of `midair paper --fidelity`, and the fidelity on the skin with nominal transducers."""
     plan = FidelityPlan(things=tuple(things), paper=paper_mode().but(method="glide"), mode=mode, passes=0)
     rows = iter(fidelity_table(plan).rows)
     for thing in things:
@@ -92,28 +94,28 @@ def fidelity(things: list[str], mode: Mode) -> None:
             at = replace(plan, rig=rig)
             nominal = ratio_at(original, asked, drive, alike, at, chain, (0.0, 0.0))
             print(
-                f"{row['signal']:14} {row['mode']:6} skin {nominal:5.1f} dB on transducers as modelled, "
-                f"{row['sdr_on_skin_db']:5.1f} dB each its own, re-recorded {row['sdr_rerecorded_db']:5.1f} dB, "
+                f"{row['signal']:14} {row['mode']:6} skin {nominal:5.1f} dB on nominal transducers, "
+                f"{row['sdr_on_skin_db']:5.1f} dB on individual ones, re-recorded {row['sdr_rerecorded_db']:5.1f} dB, "
                 f"leak {100 * row['leak']:4.0f} %, solved in "
-                f"{cost / 1e3 / (asked.frames / asked.rate):.1f} s of CPU a second",
+                f"{cost / 1e3 / (asked.frames / asked.rate):.1f} s of CPU per second",
                 flush=True,
             )
 
 
 def materials(data: Path, folder: Path, mode: Mode) -> None:
-    """Seven fabrics at 50 mm/s, three to six strokes each."""
+    """Print the classification of seven fabrics at 50 mm/s, with three to six strokes each."""
     below = folder / "fabrics"
     below.mkdir()
     for path in sorted((data / "fabricslide" / "fabric").glob("*50mmps_?.csv")):
         kept(fast(open_take(path).recording), below / f"{path.stem}.h5")
     result = materials_table(MaterialsPlan(folder=below, mode=mode))
     names = result.about["materials"]
-    print("rows: what it was; columns: taken for", ", ".join(names))
+    print("rows: true material; columns: classified as", ", ".join(names))
     for row in result.rows:
         print(
-            f"{row['mode']:9} {row['named_right']:.2f} named right ({row['named_right_low']:.2f} to "
-            f"{row['named_right_high']:.2f}), as its original {row['as_its_original']:.2f}, told apart "
-            f"{row['told_apart']:.2f}, third octaves off by {row['shape_off_db']:.1f} dB",
+            f"{row['mode']:9} {row['named_right']:.2f} correct ({row['named_right_low']:.2f} to "
+            f"{row['named_right_high']:.2f}), same as original {row['as_its_original']:.2f}, correct within the mode "
+            f"{row['told_apart']:.2f}, error of third octaves {row['shape_off_db']:.1f} dB",
             flush=True,
         )
         for true in names:

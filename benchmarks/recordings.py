@@ -1,10 +1,10 @@
-"""Recordings as a whole: `python -m benchmarks.recordings`, on sequences that nothing was tuned on.
+"""Solvers of whole recordings: `python -m benchmarks.recordings`, on sequences that were not used for tuning.
 
-Three sequences of this file, drawn with seeds, and the package's sample of denim, by midair's own way from pressure to
-targets. Paper's mode: 1 kHz, strength .1; the plain form of the paper's method gets the first frames only. Best mode:
-4 kHz, strength .15, guard. One run, one BLAS thread. `was` is the best mode of before: `fast`, 320 iterations,
---smooth 0.2, a ceiling of .6.
-Times are CPU times of this process, set-up included, but for those that are called wall.
+Three random sequences with fixed seeds, and the package's denim sample, with midair's own mapping from pressure to
+targets. Paper's mode: 1 kHz, strength .1; the plain form of the paper's method solves only the first frames. Best mode:
+4 kHz, strength .15, guard. One run, one BLAS thread. `was` is the former best mode: `fast`, 320 iterations, --smooth
+0.2, a ceiling of .6.
+Times are CPU times of this process including set-up, except for those labelled wall.
 """
 
 from __future__ import annotations
@@ -39,21 +39,23 @@ PARTS = ("paper", "best", "skin", "jobs", "live")
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.recordings", description=__doc__.splitlines()[0])
-    ask.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these parts (default all)")
-    ask.add_argument("--plain-frames", type=int, default=60, help="of a sequence for the plain form (default 60)")
-    ask.add_argument("--length", type=float, default=1.0, help="of all sequences, times the usual (default 1)")
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.recordings", description=__doc__.splitlines()[0])
+    parser.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these parts (default all)")
+    parser.add_argument(
+        "--plain-frames", type=int, default=60, help="frames of a sequence for the plain form (default 60)"
+    )
+    parser.add_argument("--length", type=float, default=1.0, help="factor for the length of all sequences (default 1)")
+    options = parser.parse_args()
     kernel = ", ".join(sorted({each["architecture"] for each in threadpool_info() if "numpy" in each["filepath"]}))
     print(f"{load()}; kernel {kernel}")
     with one_blas_thread():
-        for part in said.part:
+        for part in options.part:
             {
-                "paper": lambda: paper(said.plain_frames, 1.2 * said.length),
-                "best": lambda: best(0.5 * said.length),
+                "paper": lambda: paper(options.plain_frames, 1.2 * options.length),
+                "best": lambda: best(0.5 * options.length),
                 "skin": skin,
-                "jobs": lambda: jobs(said.length),
-                "live": lambda: live(1.2 * said.length),
+                "jobs": lambda: jobs(options.length),
+                "live": lambda: live(1.2 * options.length),
             }[part]()
 
 
@@ -63,14 +65,14 @@ def sequences(settings: Settings, seconds: float) -> Iterator[tuple[str, Pressur
         yield f"{name} (seed {seed})", at_rate(pressure_of(draw(seconds, seed)), settings.target.rate)
     recording = sample("denim")
     change = float(np.abs(np.asarray(recording.samples) - np.median(recording.samples, axis=0)).max())
-    # As `midair import sample:denim --peak 30Pa` and `solve --band 0.5Hz 15Hz` would: its taxels give 36 frames/s.
+    # Like `midair import sample:denim --peak 30Pa` and `solve --band 0.5Hz 15Hz`, because it has only 36 frames/s.
     flat = Calibration.flat(recording.sensor, sensitivity=change / 30.0, unit=recording.unit)
     slow = calibrated_pressure(recording, flat, settings.but(band=(0.5, 15.0)))
     yield "sample:denim", slow.cut(3.0, seconds)
 
 
 def wander(seconds: float, seed: int = 31) -> np.ndarray:
-    """A spot of 9 mm on a random path at .1 m/s, vibrating at a frequency that rises from 30 to 300 Hz."""
+    """A spot of 9 mm on a random path at .1 m/s that vibrates with a frequency rising from 30 to 300 Hz."""
     rng, time_ = np.random.default_rng(seed), _time(seconds)
     x, y = (_slow(rng, len(time_), 2.0) * 12e-3 for _ in range(2))
     X, Y = np.meshgrid(SensorGrid().x, SensorGrid().y)
@@ -80,7 +82,7 @@ def wander(seconds: float, seed: int = 31) -> np.ndarray:
 
 
 def rain(seconds: float, seed: int = 32) -> np.ndarray:
-    """Sixty drops a second on single cells, each a decaying wave of 80 to 250 Hz."""
+    """Sixty drops per second on single cells, each a decaying wave of 80 to 250 Hz."""
     rng, time_ = np.random.default_rng(seed), _time(seconds)
     pressure = np.zeros((len(time_), 16))
     for at in rng.uniform(0, seconds, round(60 * seconds)):
@@ -91,7 +93,7 @@ def rain(seconds: float, seed: int = 32) -> np.ndarray:
 
 
 def cloth(seconds: float, seed: int = 33) -> np.ndarray:
-    """Noise of 40 to 200 Hz that neighbouring cells share."""
+    """Noise of 40 to 200 Hz that is correlated between neighbouring cells."""
     rng, time_ = np.random.default_rng(seed), _time(seconds)
     frequency = np.fft.rfftfreq(len(time_), 1 / RATE)
     spectrum = np.fft.rfft(rng.normal(size=(len(time_), 16)), axis=0)
@@ -102,7 +104,7 @@ def cloth(seconds: float, seed: int = 33) -> np.ndarray:
 
 
 def problem(pressure: PressureFrames, settings: Settings, strength: float) -> Problem:
-    """The settings' problem with the peak of the target at a strength; frames that nobody feels are left out."""
+    """Problem of the settings with the target's peak at a strength, without imperceptible frames."""
     grid, air = settings.target.grid, settings.acoustics
     focus = focus_amplitude(grid, ARRAY, acoustics=air)
     amplitude = np.asarray(target_amplitude(pressure, settings).amplitude)
@@ -142,7 +144,7 @@ def paper(plain_frames: int, seconds: float) -> None:
 
 
 def best(seconds: float) -> None:
-    """Glide and what the best mode was, at 4 kHz; and what bare products of the same shape take."""
+    """Glide and the former best mode at 4 kHz, and the time of bare products of the same shape."""
     settings = best_mode()
     for label, pressure in sequences(settings, seconds):
         asked = problem(pressure, settings, 0.15)
@@ -158,12 +160,12 @@ def best(seconds: float) -> None:
         answer, cost = timed(lambda method=method, asked=asked: method.solve(asked))
         _row("glide", asked, answer.phase, cost / frames, base)
         product = _product(asked, method)
-        shown = f"{product:10.4f} ms; glide is {cost / frames / product:.1f} of them"
+        shown = f"{product:10.4f} ms; glide takes {cost / frames / product:.1f} times as long"
         print(f"{'one evaluation in bare products':36}{'':20}{shown}")
 
 
 def skin() -> None:
-    """Signal over distortion on the skin, by the error budget, for the signals of the fidelity table."""
+    """Signal to distortion on the skin from the error budget, for the signals of the fidelity table."""
     plan = FidelityPlan()
     before = best_mode().but(
         method="fast", fit="points", smooth=0.2, guard=Guard(margin=25e-3, pitch=6e-3, ceiling=0.6)
@@ -183,7 +185,7 @@ def skin() -> None:
 
 
 def jobs(seconds: float) -> None:
-    """A second or so of a towel in the best mode by 1, 2 and 4 jobs: wall time, and whether the bits are the same."""
+    """About one second of a towel in the best mode with 1, 2 and 4 jobs: wall time, and equality of the results."""
     settings = best_mode()
     asked = problem(at_rate(stroke("towel"), settings.target.rate).cut(0.2, seconds), settings, 0.15)
     print(
@@ -197,11 +199,11 @@ def jobs(seconds: float) -> None:
         phase = method.solve(asked).phase
         line(f"{count} jobs", time.perf_counter() - begin, time.process_time() - cpu, digits="22")
         first = phase if first is None else first
-        print(f"{'':36}same bits as one job: {'yes' if np.array_equal(phase, first) else 'NO'}")
+        print(f"{'':36}identical to one job: {'yes' if np.array_equal(phase, first) else 'NO'}")
 
 
 def live(seconds: float) -> None:
-    """The live solver on three sequences, and without what is new in a target being put in first."""
+    """The live solver on three sequences."""
     settings = paper_mode()
     noise = problem(at_rate(pressure_of(_noise(seconds)), settings.target.rate), settings, 0.1)
     print(f"\nlive, 1 kHz, strength .1, E without the first ten frames; garbage collector off; {load()}")
@@ -248,7 +250,7 @@ def _slow(rng: np.random.Generator, frames: int, highest: float) -> np.ndarray:
 
 
 def pressure_of(samples: np.ndarray) -> PressureFrames:
-    """20 Pa at most, faded in and out."""
+    """Scale to a peak of 20 Pa, with a fade at both ends."""
     time_ = np.arange(len(samples)) / RATE
     fade = np.clip(np.minimum(time_, time_[-1] - time_) / 0.1, 0, 1)[:, None]
     pressure = (20 * samples / np.abs(samples).max() * fade).reshape(-1, 4, 4)
@@ -257,7 +259,7 @@ def pressure_of(samples: np.ndarray) -> PressureFrames:
 
 
 def _product(asked: Problem, method: Glide) -> float:
-    """Milliseconds a frame of the four products of one cost and its gradient, in batches as glide has them."""
+    """Milliseconds per frame of the four products of one cost and its gradient, in batches of glide's size."""
     machine = FieldOperators.of(
         asked, backend("numpy"), tolerance=method.tolerance, memory=method.memory, outside=method.outside
     )

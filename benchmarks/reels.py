@@ -1,9 +1,9 @@
-"""Memory of solving a recording as a whole, over its length: `python -m benchmarks.reels`.
+"""Memory of solving a whole recording over its length: `python -m benchmarks.reels`.
 
-A spot that wanders and vibrates is worked out as it is read, at 1 kHz, and solved part by part with `glide`, as `midair
-solve` does it; nothing is kept. Each row is a process of its own with one BLAS thread: the largest resident set that
-the system saw above that of the libraries, beside what `memory_of` tells, and CPU time. One unit with 6 x 6 points is
-cheap enough for ten minutes; the paper's array and grid are shorter.
+A moving, vibrating spot is computed while it is read, at 1 kHz, and solved part by part with `glide`, as `midair solve`
+does; the results are discarded. Each row is a separate process with one BLAS thread. The table has the largest resident
+set minus that of the libraries, the estimate of `memory_of`, and CPU time. One unit with 6 x 6 points is fast enough
+for ten minutes; the rows with the paper's array and grid are shorter.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ ROWS = ("small 30", "small 120", "small 600", "paper 5", "paper 20")
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.reels", description=__doc__.splitlines()[0])
-    ask.add_argument("--rows", nargs="*", default=list(ROWS), help='"small|paper SECONDS" (default all of the table)')
-    ask.add_argument("--jobs", type=int, default=1, help="blocks at once (default 1)")
-    ask.add_argument("--row", help=argparse.SUPPRESS)
-    said = ask.parse_args()
-    if said.row:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.reels", description=__doc__.splitlines()[0])
+    parser.add_argument("--rows", nargs="*", default=list(ROWS), help='rows "small|paper SECONDS" (default all)')
+    parser.add_argument("--jobs", type=int, default=1, help="number of parallel blocks (default 1)")
+    parser.add_argument("--row", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.row:
         with one_blas_thread():
-            print(json.dumps(row(said.row, said.jobs)))
+            print(json.dumps(row(options.row, options.jobs)))
         return
-    print(f"{load()}; {said.jobs} at once")
+    print(f"{load()}; {options.jobs} at once")
     print("| array, grid | s of touch | frames | MB | told MB | CPU s |\n|---|---|---|---|---|---|", flush=True)
-    for name in said.rows:
-        words = [sys.executable, "-m", "benchmarks.reels", "--row", name, "--jobs", str(said.jobs)]
+    for name in options.rows:
+        words = [sys.executable, "-m", "benchmarks.reels", "--row", name, "--jobs", str(options.jobs)]
         found = json.loads(subprocess.run(words, stdout=subprocess.PIPE, text=True, check=True).stdout)
         size, seconds = name.split()
         cells = (size, seconds, found["frames"], *(f"{found[key]:.0f}" for key in ("MB", "told MB", "CPU s")))
@@ -47,13 +47,13 @@ def main() -> None:
 
 
 def row(name: str, jobs: int) -> dict[str, float]:
-    """One line of the table."""
+    """One row of the table."""
     size, seconds = name.split()
     small = size == "small"
     array = TransducerArray.autd3(columns=1, rows=1) if small else TransducerArray.autd3()
     grid = ControlGrid(rows=6, columns=6, pitch=11e-3) if small else ControlGrid()
     for _ in solve_parts(spot(grid, 40), array, method="glide", jobs=jobs):
-        pass  # what libraries load and compile is not counted
+        pass  # exclude the memory that libraries need to load and compile
     before, start = resident(), time.process_time()
     target = spot(grid, round(float(seconds) * RATE))
     frames = sum(len(part.error) for part in solve_parts(target, array, method="glide", jobs=jobs))
@@ -67,7 +67,7 @@ def row(name: str, jobs: int) -> dict[str, float]:
 
 
 def spot(grid: ControlGrid, frames: int) -> AmplitudeFrames:
-    """A spot of 9 mm that goes round at .5 Hz and vibrates at 40 Hz, up to 800 Pa of sound."""
+    """A spot of 9 mm that circles at .5 Hz and vibrates at 40 Hz, with up to 800 Pa of sound pressure."""
     x, y = (axis.ravel() for axis in np.meshgrid(grid.x, grid.y))
 
     def read(first: int, last: int) -> np.ndarray:

@@ -1,8 +1,8 @@
-"""Time and memory of the solvers over transducers and control points: `python -m benchmarks.scale`.
+"""Time and memory of the solvers over the number of transducers and control points: `python -m benchmarks.scale`.
 
-Each row is a process of its own, one BLAS thread: CPU times (the least of some for the live solver), and the largest
-resident set that the system saw above that of the libraries, beside what `memory_needed` tells. Targets are random
-cells of a sensor, interpolated as in the paper, at strength .1: the same seed for every size.
+Each row is a separate process with one BLAS thread. The table has CPU times (the minimum for the live solver), the
+largest resident set minus that of the libraries, and the estimate of `memory_needed`. Targets are random cells of a
+sensor, interpolated as in the paper, at strength .1, with the same seed for every size.
 """
 
 from __future__ import annotations
@@ -46,25 +46,27 @@ COLUMNS = (
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.scale", description=__doc__.splitlines()[0])
-    ask.add_argument("--sizes", nargs="*", default=list(SIZES), help='"UNITS POINTS [fine|hands]", a side each')
-    ask.add_argument("--methods", nargs="*", default=["fast", "glide", "exact", "live"])
-    ask.add_argument("--most", type=float, default=6.0, help="GB that a row may be told to need (default 6)")
-    ask.add_argument("--row", help=argparse.SUPPRESS)
-    said = ask.parse_args()
-    if said.row:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.scale", description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--sizes", nargs="*", default=list(SIZES), help='sizes "UNITS POINTS [fine|hands]", both per side'
+    )
+    parser.add_argument("--methods", nargs="*", default=["fast", "glide", "exact", "live"])
+    parser.add_argument("--most", type=float, default=6.0, help="largest estimated memory of a row in GB (default 6)")
+    parser.add_argument("--row", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.row:
         with one_blas_thread():
-            print(json.dumps(row(said.row, said.methods)))
+            print(json.dumps(row(options.row, options.methods)))
         return
     print(load())
     print("| array, grid | " + " | ".join(COLUMNS) + " |\n|" + "---|" * (len(COLUMNS) + 1), flush=True)
-    for size in said.sizes:
+    for size in options.sizes:
         units, side = (int(word) for word in size.split()[:2])
         needed = memory_needed(side**2 * (2 if "hands" in size else 1), 249 * units**2, 16, method="fast")
-        if needed > 1e9 * said.most:
-            print(f"| {size} | not run: would take {needed / 1e9:.1f} GB |", flush=True)
+        if needed > 1e9 * options.most:
+            print(f"| {size} | skipped: needs {needed / 1e9:.1f} GB |", flush=True)
             continue
-        words = [sys.executable, "-m", "benchmarks.scale", "--row", size, "--methods", *said.methods]
+        words = [sys.executable, "-m", "benchmarks.scale", "--row", size, "--methods", *options.methods]
         made = subprocess.run(words, stdout=subprocess.PIPE, text=True, check=False)
         found = json.loads(made.stdout) if made.returncode == 0 else {}
         cells = [shown(found[name]) if name in found else "" for name in COLUMNS]
@@ -72,12 +74,12 @@ def main() -> None:
 
 
 def shown(number: float) -> str:
-    """Two digits, and no more zeros than whole numbers have."""
+    """Two digits for small numbers, whole numbers otherwise."""
     return f"{number:.2g}" if number < 10 else f"{number:.0f}"
 
 
 def row(size: str, methods: list[str]) -> dict[str, float]:
-    """One line of the table."""
+    """One row of the table."""
     for name in methods:
         solver(name).solve(tiny())
     before = resident()
@@ -106,7 +108,7 @@ def row(size: str, methods: list[str]) -> dict[str, float]:
 
 
 def problem_of(size: str) -> Problem:
-    """The array, the grid and sixteen random patterns of one size."""
+    """Array, grid and sixteen random patterns of one size."""
     units, side, *kind = size.split()
     array, points = TransducerArray.autd3(columns=int(units), rows=int(units)), int(side)
     fine = "fine" in kind
@@ -128,19 +130,19 @@ def problem_of(size: str) -> Problem:
 
 
 def tiny() -> Problem:
-    """Next to nothing, so that what libraries load and compile is not counted."""
+    """A tiny problem that makes the libraries load and compile before the measurement."""
     return replace(problem_of("1 4"), amplitude=np.full((2, 16), 0.05))
 
 
 def between(amplitude: np.ndarray, frames: int) -> np.ndarray:
-    """The first three patterns, from one to the next in equal steps."""
+    """Linear transitions between the first three patterns."""
     at = np.linspace(0, 2, frames)[:, None]
     near = np.maximum(0, 1 - np.abs(at - np.arange(3)))
     return near @ amplitude[:3]
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float]:
-    """What it gives, and the CPU seconds that it took."""
+    """Return the result and its CPU time in s."""
     start = time.process_time()
     made = work()
     return made, time.process_time() - start
@@ -148,7 +150,7 @@ def timed(work: Callable[[], Any]) -> tuple[Any, float]:
 
 def resident() -> int:
     """Largest resident set so far, in bytes."""
-    # Not ru_maxrss, which begins with the peak of the program that started this one.
+    # ru_maxrss would include the peak of the parent program.
     status = Path("/proc/self/status").read_text(encoding="ascii")
     return 1024 * int(status.partition("VmHWM:")[2].split()[0])
 

@@ -1,4 +1,4 @@
-"""Frames one after another: error, time, and how much the phases change; and the live solver over its budget."""
+"""Sequences of frames: error, time and phase change; and the error of the live solver over its time budget."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BUDGETS = ((2, 3), (3, 6), (5, 9), (7, 9), (8, 12), (10, 16), (20, 40))
 
 
 def sequence(label: str, problem: Problem, name: str, reference: Plain, methods: list[str], plain_frames: int) -> None:
-    """The plain form gets the first frames only, since it takes a quarter of a second for each."""
+    """Print a table; the plain form solves only the first frames, because it needs a quarter of a second for each."""
     sounding = problem.amplitude.any(axis=1)
     print(f"\n{label}, {int(sounding.sum())} sounding frames; E without the first ten; {load()}")
     heading("E mean", "E worst", "ms", "ratio", "CPU p50", "CPU p99", "p50 ms", "p99 ms", "p99.9 ms", "rad step")
@@ -32,8 +32,8 @@ def sequence(label: str, problem: Problem, name: str, reference: Plain, methods:
 
 
 def budget(label: str, problem: Problem) -> None:
-    """E of the live solver over the time that it is given a frame."""
-    print(f"\nlive, E over the time a frame, {label}; garbage collector off; {load()}")
+    """Print E of the live solver over its time per frame."""
+    print(f"\nlive, E over the time per frame, {label}; garbage collector off; {load()}")
     heading("E mean", "E worst", "CPU least", "CPU p50", "CPU p99", "p50 ms", "p99 ms", "p99.9 ms")
     for field, lift in BUDGETS:
         theta, wall, cpu = frame_times(Live(warm_iterations=field, warm_lift_iterations=lift), problem)
@@ -43,7 +43,7 @@ def budget(label: str, problem: Problem) -> None:
 
 
 def warm(problem: Problem, reference: Plain) -> np.ndarray:
-    """The paper's sequence: 50 iterations, then 20 from the frame before."""
+    """The paper's sequence: 50 iterations, then 20 from the previous frame."""
     x, phases = None, []
     for p in problem.amplitude:
         if p.any():
@@ -53,7 +53,7 @@ def warm(problem: Problem, reference: Plain) -> np.ndarray:
 
 
 def _percentiles(wall: np.ndarray, cpu: np.ndarray) -> np.ndarray:
-    """50 and 99 % of the CPU time, and 50, 99 and 99.9 % of the time by the clock, in ms."""
+    """50 and 99 % of the CPU time, and 50, 99 and 99.9 % of the wall time, in ms."""
     return np.concatenate([np.percentile(cpu, [50, 99]), np.percentile(wall, [50, 99, 99.9])])
 
 
@@ -75,7 +75,7 @@ def _later(problem: Problem, theta: np.ndarray) -> np.ndarray:
 
 
 def _step(problem: Problem, theta: np.ndarray) -> float:
-    """Root mean square change of phase from one sounding frame to the next, in rad."""
+    """Rms change of phase between consecutive frames with sound, in rad."""
     sounding = problem.amplitude.any(axis=1)
     change = np.angle(np.exp(1j * np.diff(theta, axis=0)))[sounding[1:] & sounding[:-1]]
     return float(np.sqrt((change**2).mean()))

@@ -1,7 +1,7 @@
-"""When the computer itself stood still: a thread that comes before all others and only sleeps, on each core.
+"""Detect when the computer itself stopped, with a sleeping thread of the highest priority on each core.
 
-What it is not woken for, no program could have run through: the host of a virtual machine, or its firmware. So it tells
-frames that a loop is late with from those that nobody could have had in time.
+If this thread is not woken in time, no program could run, because of the host of a virtual machine or the firmware.
+This separates frames that a loop delayed from frames that were impossible to send in time.
 """
 
 from __future__ import annotations
@@ -15,16 +15,14 @@ from multiprocessing.connection import Connection
 import numpy as np
 
 NAP, HIGHEST = 1e-3, 90
-"""How long it sleeps at a time, in s, and its priority: above a live loop's, below the kernel's own threads."""
+"""Sleep interval in s, and priority: above that of a live loop, below the kernel's own threads."""
 
 
 class Standstills:
-    """Watches from its making on.
+    """Monitor for stops of the computer, from its creation on.
 
-    Attributes
-    ----------
-    granted : bool
-        Whether it got its priority; without it, it sees other programs, too, and tells nothing.
+    If `granted` is False, there is no real-time priority, and other programs also cause detections, so the result is
+    invalid.
     """
 
     def __init__(self) -> None:
@@ -37,7 +35,7 @@ class Standstills:
         self.granted = all(ours.recv() for _, ours in self._watchers)
 
     def end(self, longer: float = 2e-3) -> list[np.ndarray]:
-        """Of each core, (begin, end) by `time.monotonic` of what lasted longer, in s, shape (standstill, 2)."""
+        """Return (begin, end) in s by `time.monotonic` of all stops of at least `longer`, one array for each core."""
         found = []
         for process, ours in self._watchers:
             ours.send(None)
@@ -60,14 +58,14 @@ def _watch(core: int, theirs: Connection) -> None:
         time.sleep(NAP)
         now = time.monotonic()
         if now - before > 1.5 * NAP:
-            # It was to wake a nap after `before`.
+            # It should have been woken one interval after `before`.
             seen.append((before + NAP, now))
         before = now
     theirs.send(np.array(seen).reshape(-1, 2))
 
 
 def beside(moments: np.ndarray, stills: list[np.ndarray], *, before: float, after: float) -> np.ndarray:
-    """Which moments lie in a standstill of any core, or so long before or after it, shape (moment,); all in s."""
+    """Mask of the moments within a stop of any core, or this long before or after it, shape (moment,); all in s."""
     hit = np.zeros(len(moments), bool)
     for begin, end in np.concatenate(stills):
         hit |= (moments >= begin - before) & (moments <= end + after)

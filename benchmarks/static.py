@@ -1,4 +1,4 @@
-"""Patterns on their own: error, time, ratio to the plain form, and distance to the floor."""
+"""Independent patterns: error, time, ratio to the plain form, and distance to the lowest known error."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""What limits cover and how often tests find nothing there, in simulated studies: `python -m benchmarks.studies`.
+"""Coverage of confidence limits and rate of false positives in simulated studies: `python -m benchmarks.studies`.
 
-Coverage: the share of studies whose 95 % limits hold the true figure, and how many studies gave no limits. Errors: the
-share of studies without an effect in which a test comes below .05, by trials a person. People differ in d', in their
-favourite answers and in their thresholds, as stated in each line. The standard error of a share of .95 is .007 with
+Coverage: share of studies whose 95 % limits contain the true value, and number of studies without limits. Errors: share
+of studies without an effect in which a test gives p below .05, by trials per person. People differ in d', in their
+preferred answers and in their thresholds, as stated in each line. The standard error of a share of .95 is .007 with
 1000 studies and .011 with 400.
 """
 
@@ -47,37 +47,42 @@ FIGURES: dict[str, Callable[[np.ndarray], Interval]] = {
     "d'": d_prime_limits,
     "kappa": kappa_limits,
 }
-"""Figures of choices with their limits over people."""
+"""Figures of choices with their confidence limits over people."""
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.studies", description=__doc__.splitlines()[0])
-    ask.add_argument("--studies", type=int, default=1000, help="simulated studies a line (default 1000)")
-    ask.add_argument("--part", choices=[*COVERAGE, "errors"], nargs="*", default=[*COVERAGE, "errors"])
-    ask.add_argument("--trials", type=int, nargs="*", default=[48, 200, 400, 1000], help="of the tests, a person")
-    ask.add_argument("--seed", type=int, default=2026, help="of all chance (default 2026)")
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.studies", description=__doc__.splitlines()[0])
+    parser.add_argument("--studies", type=int, default=1000, help="simulated studies per line (default 1000)")
+    parser.add_argument("--part", choices=[*COVERAGE, "errors"], nargs="*", default=[*COVERAGE, "errors"])
+    parser.add_argument(
+        "--trials", type=int, nargs="*", default=[48, 200, 400, 1000], help="trials per person in the tests"
+    )
+    parser.add_argument("--seed", type=int, default=2026, help="random seed (default 2026)")
+    options = parser.parse_args()
     print(load())
-    print(f"coverage of 95 % limits, {said.studies} studies a line")
-    for name in said.part:
+    print(f"coverage of 95 % limits, {options.studies} studies per line")
+    for name in options.part:
         if name in COVERAGE:
-            COVERAGE[name](said.studies, said.seed)
-    if "errors" in said.part:
-        print(f"share of p < .05 without an effect, {said.studies} studies, 10 people; trials a person:", *said.trials)
+            COVERAGE[name](options.studies, options.seed)
+    if "errors" in options.part:
+        print(
+            f"share of p < .05 without an effect, {options.studies} studies, 10 people; trials per person:",
+            *options.trials,
+        )
         for names, test in TESTS.items():
-            shares = [errors(test, trials, said.studies, said.seed) for trials in said.trials]
+            shares = [errors(test, trials, options.studies, options.seed) for trials in options.trials]
             for name, row in zip(names, zip(*shares, strict=True), strict=True):
                 print(f"{name:47}", *(f"{share:.3f}" for share in row), flush=True)
     print(load())
 
 
 def holds(low: float, value: float, high: float) -> bool | None:
-    """Whether limits hold a value; None where there are none."""
+    """True if limits contain a value; None without limits."""
     return None if np.isnan(low) else bool(low <= value <= high)
 
 
 def say(name: str, inside: list[bool | None]) -> None:
-    """One line: None stands for a study without limits."""
+    """Print one line; None stands for a study without limits."""
     known = [one for one in inside if one is not None]
     print(f"{name:80} {np.mean(known) if known else np.nan:.3f}  without limits {len(inside) - len(known)}", flush=True)
 
@@ -95,7 +100,7 @@ def over_people(studies: int, seed: int) -> None:
         drawn = [answers(rng, people, trials, d, spread, favour) for _ in range(studies)]
         who = f"{people} people x {trials} trials, d' {d} (sd {spread})"
         for name, limits in FIGURES.items():
-            # Of so many people, the figure itself is the true one.
+            # With this many people, the figure itself is the true value.
             value = np.atleast_1d(limits(np.stack([true] * 5)).value)[0]
             found = [limits(one) for one in drawn]
             say(
@@ -107,7 +112,7 @@ def over_people(studies: int, seed: int) -> None:
 
 
 def of_pairs(studies: int, who: str, draw: Callable[[], np.ndarray]) -> None:
-    """Macro F of two conditions between which there is no difference."""
+    """Macro F of two conditions without a difference."""
     found: dict[str, list[bool | None]] = {"95 %": [], "90 %": []}
     for _ in range(studies):
         first, second = (f_measure(draw()).mean(axis=-1) for _ in "ab")
@@ -124,7 +129,7 @@ def of_pairs(studies: int, who: str, draw: Callable[[], np.ndarray]) -> None:
 
 
 def of_two_answers(rng: np.random.Generator, studies: int, people: int, trials: int, d: float) -> None:
-    """d' of yes and no, and of same and different, over people who differ in d' and in their criterion."""
+    """d' of yes/no and same/different questions, for people who differ in d' and criterion."""
     for name, measure, chances in (
         ("yes and no", d_prime_yes_no, _yes),
         ("same and different", d_prime_same_different, _different),
@@ -181,7 +186,7 @@ def of_thresholds(studies: int, seed: int) -> None:
 
 
 def of_trials(studies: int, seed: int) -> None:
-    """Limits that take trials as independent, of one observer."""
+    """Confidence limits for independent trials of one observer."""
     rng = np.random.default_rng(seed)
     for total in (20, 40, 120):
         for d in (0.5, 1.2, 2.0):
@@ -197,7 +202,7 @@ def of_trials(studies: int, seed: int) -> None:
 
 
 def of_ratings(studies: int, seed: int) -> None:
-    """Means of ratings with people's levels taken out, for the people of the study."""
+    """Mean ratings with the levels of people removed, for the people of the study."""
     from midair.study import data_of_columns
     from midair.study.findings.rating_findings import rating_means
 
@@ -224,11 +229,11 @@ COVERAGE: dict[str, Callable[[int, int], None]] = {
     "ratings": of_ratings,
     "thresholds": of_thresholds,
 }
-"""What limits are of."""
+"""Coverage studies by name."""
 
 
 def _right(rng: np.random.Generator, people: int, each: int, spread: float) -> np.ndarray:
-    """Right answers and all answers of people with thresholds of their own, shape (participant, level, 2)."""
+    """Correct and total answers of people with individual thresholds, shape (participant, level, 2)."""
     threshold = np.exp(rng.normal(0, spread, (people, 1)))
     p = 0.5 + 0.48 * (1 - np.exp(-((LEVELS / threshold) ** 2)))
     return np.stack([rng.binomial(each, p), np.full(p.shape, each)], axis=-1).astype(float)
@@ -245,17 +250,17 @@ def _above(edge: float) -> float:
 
 
 def _yes(d: np.ndarray, criterion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Chances of yes to something and to nothing."""
+    """Probabilities of "yes" with and without a stimulus."""
     from scipy.stats import norm
 
     return norm.sf(criterion - d / 2), norm.sf(criterion + d / 2)
 
 
 def _different(d: np.ndarray, criterion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Chances of "different" to two that are and to two that are not: the difference of two values is large."""
+    """Probabilities of "different" for different and equal pairs: the difference of two values is large."""
     from scipy.stats import norm
 
-    # Nobody's criterion lies below no difference at all.
+    # A criterion cannot be below a difference of 0.
     k = np.maximum(1.5 + criterion, 0.0)
     return norm.sf((k - d) / 2**0.5) + norm.cdf((-k - d) / 2**0.5), 2 * norm.sf(k / 2**0.5)
 

@@ -1,7 +1,7 @@
-"""The studio against its own browser: pictures drawn of the browser's ticks, delay of samples, the server's share.
+"""Measure the studio against its own browser: frame rate of drawing, delay of samples, CPU share of the server.
 
-``python -m benchmarks.studio --seconds 10``: a server on the virtual rig in a process of its own, and Chromium without
-a GPU, both on this machine. Every figure stands beside what the same browser did in the same run.
+``python -m benchmarks.studio --seconds 10`` starts a server on the virtual rig in a separate process, and Chromium
+without a GPU, both on this machine. Every figure has a reference from the same browser in the same run.
 """
 
 import argparse
@@ -41,7 +41,7 @@ def cpu(processes):
 
 
 def measured(page, server, seconds, drawn):
-    """Pictures over ticks, and the server's part of a core, over so many seconds."""
+    """Drawn pictures over ticks of the browser, and the server's share of a core, over `seconds`."""
     page.evaluate(TICKS)
     before, spent, began = page.evaluate(f"[studio.ticks, {drawn}]"), cpu([server]), time.monotonic()
     time.sleep(seconds)
@@ -56,11 +56,11 @@ def measured(page, server, seconds, drawn):
 
 @contextlib.contextmanager
 def opened():
-    """A studio and a page: the page, the server's process, and how long all of it took."""
+    """Start a studio and a page; yields the page, the server's process, and the durations."""
     from playwright.sync_api import sync_playwright
 
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
-        # The browser is there before, as a person's is.
+        # The browser is started before, like that of a user.
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1440, "height": 900})
         page.goto("about:blank")
@@ -89,16 +89,16 @@ def opened():
 
 
 def _bytes_of(received):
-    """What came of pages, scripts and styles, as it went over the wire."""
+    """Bytes of pages, scripts and styles on the network."""
     ours = [one for url, one in list(received.items()) if "/web/" in url or url.endswith("/")]
     return sum(one.sizes()["responseBodySize"] for one in ours)
 
 
 def main():
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studio", description=__doc__)
-    parser.add_argument("--seconds", type=float, default=10.0, help="for how long each room is watched")
-    parser.add_argument("--part", nargs="+", choices=PARTS, default=PARTS[:-1], help="only these")
-    parser.add_argument("--minutes", type=float, default=10.0, help="of the part memory")
+    parser.add_argument("--seconds", type=float, default=10.0, help="observation time of each panel in s")
+    parser.add_argument("--part", nargs="+", choices=PARTS, default=PARTS[:-1], help="only these parts")
+    parser.add_argument("--minutes", type=float, default=10.0, help="duration of the part memory in minutes")
     given = parser.parse_args()
     figures = {"load": [round(each, 1) for each in os.getloadavg()]}
     if set(given.part) - {"deaths"}:
@@ -119,7 +119,7 @@ def main():
 
 
 def reproduce(page, server, seconds):
-    """Wanted beside played, every picture; then the playhead is dragged."""
+    """Target beside the played field, all frames; then the playhead is dragged."""
     from benchmarks.studio_delays import scrubbed
 
     found = measured(page, server, seconds, "studio.drawn")
@@ -131,7 +131,7 @@ def reproduce(page, server, seconds):
 
 
 def record(page, server, seconds):
-    """Frames as they come, on the virtual sensor."""
+    """Frames of the virtual sensor as they arrive."""
     page.evaluate("location.hash = '#record'")
     until(page, "studio.room?.newest > 500 && studio.link.state.record.state === 'listening'")
     first = page.evaluate("[studio.room.track.lost, studio.room.newest]")
@@ -141,19 +141,19 @@ def record(page, server, seconds):
 
 
 def from_sample(page, _, seconds):
-    """From the sensor's line to the screen."""
+    """Delay from the sensor's line to the screen."""
     from benchmarks.studio_delays import delays
 
     return delays(page, seconds, until)
 
 
 def live(page, server, seconds, attempts=3):
-    """Touch beside sound, while it is felt; begun anew where a busy machine has ended it, and told how often."""
+    """Live touch and its sound field; repeated if a busy machine has ended it, and the ends are reported."""
     until(page, "studio.link.state.player?.state === 'ready'")
     page.evaluate("studio.link.order('record', 'listen', {sensor: 'virtual:towel'}); location.hash = '#live'")
     ended = []
     while not _felt(page):
-        # The page's main thread may have stood still for half a second: then it is silent, as it has to be.
+        # The page's main thread may have stopped for half a second; the array then falls silent, as required.
         ended.append(page.evaluate("studio.link.state.live.said || document.querySelector('#hold').textContent"))
         if len(ended) == attempts:
             return {"ended": ended}
@@ -173,7 +173,7 @@ def live(page, server, seconds, attempts=3):
 
 
 def _felt(page):
-    """Check the exposure, hold the button, wait until there are pictures; whether there are."""
+    """Check the exposure, hold the button and wait for drawn frames; return whether live touch plays."""
     until(page, "studio.name === 'live' && !document.querySelector('#live-check').disabled")
     page.locator("#live-check").click()
     until(page, "!document.querySelector('#hold').disabled")
@@ -187,7 +187,7 @@ def _felt(page):
 
 
 def memory(page, server, minutes):
-    """Of the page and of the server's processes, once a minute, while a take plays and the sensor is listened to."""
+    """Memory of the page and the server's processes, once per minute, during recording and during playback."""
     told = page.context.new_cdp_session(page)
     told.send("Performance.enable")
 

@@ -1,6 +1,6 @@
-"""Every way in which a studio that plays can end: from the event to silence, by the word of the emulated units.
+"""Time from each kind of failure of a playing studio to silence, as reported by the emulated units.
 
-The browser is ours, spoken to by its own protocol: a tool for tests keeps pages in sight that are not.
+The browser is controlled directly by its own protocol, because test tools keep hidden pages visible.
 """
 
 import contextlib
@@ -21,10 +21,10 @@ from websockets.sync.client import connect
 from midair.testing.udp_tap import UdpTap
 
 SWITCH, SILENT_PATTERN = 0x12, 0x16
-"""Commands that make a bank sound, and that silence."""
+"""Commands that start a bank, and that silence the unit."""
 
 FAILSAFE, OVER = 0x80, 0x10
-"""Bits of a unit's state: its failsafe has acted, and its bank is played out, which ends in silence."""
+"""Bits of a unit's state: the failsafe has acted, and the bank has ended, which also means silence."""
 
 CHROMIUM = shutil.which("chromium") or "chromium"
 
@@ -46,8 +46,8 @@ DEATHS = (
 )
 
 
-class Told:
-    """A place that takes orders of the browser's protocol, one after the other."""
+class DevTools:
+    """Client of the browser's DevTools protocol, one command at a time."""
 
     def __init__(self, address):
         self._socket = connect(address, max_size=None, legacy=True)
@@ -63,7 +63,7 @@ class Told:
         return answer["result"]
 
     def tell(self, method, **given):
-        """An order whose answer nobody waits for."""
+        """Send a command without waiting for the answer."""
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": given}))
 
@@ -84,7 +84,7 @@ class Told:
 
 
 class Browser:
-    """Chromium without a screen, and with nobody in between."""
+    """Headless Chromium without a test tool in between."""
 
     def __init__(self):
         self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
@@ -98,22 +98,22 @@ class Browser:
         end = time.monotonic() + 30
         while not told.exists() or len(told.read_text().split()) < 2:
             if time.monotonic() > end:
-                raise TimeoutError("the browser does not come")
+                raise TimeoutError("the browser did not start within 30 s")
             time.sleep(0.05)
         self._port, path = told.read_text().split()
-        self.itself = Told(f"ws://127.0.0.1:{self._port}{path}")
+        self.itself = DevTools(f"ws://127.0.0.1:{self._port}{path}")
 
     def open(self, address):
-        """A page: its number among the browser's, and where it takes orders."""
+        """Open a page; returns its target id and a client for it."""
         number = self.itself("Target.createTarget", url=address)["targetId"]
-        return number, Told(f"ws://127.0.0.1:{self._port}/devtools/page/{number}")
+        return number, DevTools(f"ws://127.0.0.1:{self._port}/devtools/page/{number}")
 
     def pages(self):
         with urllib.request.urlopen(f"http://127.0.0.1:{self._port}/json") as answer:
             return json.load(answer)
 
     def kill(self, sort=signal.SIGKILL):
-        """To the browser and all its processes."""
+        """Send a signal to the browser and all its processes."""
         with contextlib.suppress(psutil.NoSuchProcess):
             for each in [*psutil.Process(self.process.pid).children(recursive=True), self.process]:
                 with contextlib.suppress(ProcessLookupError, psutil.NoSuchProcess):
@@ -127,23 +127,23 @@ class Browser:
 
 
 def solved_take(folder):
-    """A towel stroke and its drive, so that no studio has to solve first."""
+    """A towel stroke with its drive, so that the studio need not solve it."""
     from midair.rig import record
     from midair.studio.work import SolveRequest, solve_take
 
     record("virtual:towel", 0.5, path=folder / "towel.h5", seed=1)
     choices = (("method", "live"), ("level", "auto"))
     solve_take(
-        SolveRequest(take=str(folder / "towel.h5"), drive=str(folder / "towel.drive.h5"), choices=choices), _untold
+        SolveRequest(take=str(folder / "towel.h5"), drive=str(folder / "towel.drive.h5"), choices=choices), _ignored
     )
 
 
-def _untold(*_):
-    """Nobody looks on."""
+def _ignored(*_):
+    """Ignore the progress."""
 
 
-class ArrayInfo:
-    """A studio whose units sound because a page in sight armed them."""
+class PlayingStudio:
+    """A studio whose units emit sound because a visible page has armed them."""
 
     def __init__(self, folder, units=4):
         self.tap, self.browser, self.server, self.process = UdpTap(units), None, None, 0
@@ -156,14 +156,14 @@ class ArrayInfo:
         self.root = f"{link.partition('/enter')[0]}/#calibrate"
         self.number, self.page = self.browser.open(link)
         self.page.until("globalThis.studio?.link?.page > 0")
-        # Nothing is drawn: a picture of frames is no part of this.
+        # This panel draws no frames, which are not needed here.
         self.page.evaluate("location.hash = '#calibrate'")
         self.page.until("studio.link.state.player.state === 'ready'", timeout=90)
         self.process = self.player.pid
 
     @property
     def player(self):
-        """The process that has the array: it listens where STOP goes."""
+        """The process that controls the array; it listens on the stop port."""
         port = self.page.evaluate("studio.link.state.studio.stop_port")
         return next(
             each
@@ -172,7 +172,7 @@ class ArrayInfo:
         )
 
     def begin(self, attempts=4):
-        """Let it sound; on a busy machine emulated units may stop answering, then once more."""
+        """Start playback; repeated if emulated units on a busy machine stop answering."""
         for _ in range(attempts):
             check = "{take: 'towel.h5', repeats: 100, attenuate: true}"
             self.page.evaluate(
@@ -207,7 +207,7 @@ class ArrayInfo:
 
 
 def happens(name, at):
-    """Let something end."""
+    """Cause one failure."""
     match name:
         case "STOP pressed" | "server halted, STOP pressed":
             at.page.tell("Runtime.evaluate", expression="document.querySelector('#stop').click()")
@@ -242,11 +242,11 @@ def happens(name, at):
 
 
 def seconds_to_silence(tap, since, patience=4.0):
-    """From an event to silence, and by whose word: the last order of every unit is silence, or the units say so.
+    """Time from an event to silence, and its source: the last command of every unit is silence, or the units report it.
 
-    A question is a word to the units and holds their failsafe off: they are asked when nothing has reached them for
-    60 ms. They say whether their failsafe has acted; a bank that was played out ends in silence, too, half a second
-    after the last switch at most.
+    A query counts as traffic for the units and delays their failsafe, so they are queried only after 60 ms without
+    traffic. They report whether their failsafe has acted. A bank that has ended also means silence, at most half a
+    second after the last switch.
     """
     until, asked = since + patience, since
     while time.monotonic() < until:
@@ -263,11 +263,11 @@ def seconds_to_silence(tap, since, patience=4.0):
                 return asked - since, "the units' failsafe"
             if states and all(state & OVER for state in states):
                 return asked - since, "the units: played out"
-    return float("inf"), "nobody"
+    return float("inf"), "none"
 
 
 def mends(name, at):
-    """What has ended begins again; whether the same studio can go on."""
+    """Restart the failed part; return whether the same studio can continue."""
     match name:
         case "STOP pressed" | "script hangs":
             pass
@@ -288,7 +288,7 @@ def mends(name, at):
 
 
 def death(name, at):
-    """One way to end."""
+    """Cause one failure and measure the time to silence."""
     at.begin()
     if name.startswith("server halted,"):
         at.server.send_signal(signal.SIGSTOP)
@@ -299,14 +299,14 @@ def death(name, at):
 
 
 def deaths(names=DEATHS, say=print):
-    """Each in turn, what they took, in s, and by whose word; a studio that survives one serves for the next, too."""
+    """Cause each failure in turn and return times in s and sources; a studio that survives is used again."""
     say(f"deaths: ms from the event to silence; load {os.getloadavg()[0]:.1f}")
     found, at = {}, None
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as held:
         solved_take(Path(folder))
         for name in names:
             if at is None:
-                at = held.enter_context(contextlib.closing(ArrayInfo(Path(folder))))
+                at = held.enter_context(contextlib.closing(PlayingStudio(Path(folder))))
             took, by = found[name] = death(name, at)
             say(f"  {name:30}{1e3 * took:6.0f} ms   by {by}")
             if not mends(name, at):

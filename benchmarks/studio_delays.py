@@ -1,8 +1,8 @@
-"""From a sample to the screen: when it was sent, when a picture with it was drawn, when that picture was composed.
+"""Delays from a sample to the screen: sending, drawing, and composition of the picture.
 
-The sensor is ours, behind a serial line: it notes when it sends each frame, and presses one cell at frames that are
-known, so that numbers on both sides can be brought together. Composed pictures come by the browser's screencast; each
-one carries the number of its newest frame as squares.
+The sensor is simulated on a serial line. It notes when it sends each frame, and presses one cell at known frames, so
+that frame numbers of both sides can be matched. The browser's screencast provides composed pictures, each with the
+number of its newest frame as black and white squares.
 """
 
 import base64
@@ -20,7 +20,7 @@ EVERY = 4096
 """Frames between two presses of the marked cell."""
 
 SQUARES, SIDE = 20, 8
-"""Bits of a number, and pixels of the square that shows one."""
+"""Bits of a number, and pixels of the square for each bit."""
 
 NUMBERED = f"""const pen = document.createElement('canvas'), now = () => performance.timeOrigin + performance.now();
     pen.width = {SQUARES * SIDE}; pen.height = {SIDE};
@@ -33,7 +33,7 @@ NUMBERED = f"""const pen = document.createElement('canvas'), now = () => perform
             ink.fillRect(bit * {SIDE}, 0, {SIDE}, {SIDE});
         }}
     }};"""
-"""Shows a number as squares."""
+"""Script that shows a number as squares."""
 
 LOGGED = f"""void (() => {{
     {NUMBERED}
@@ -49,14 +49,14 @@ LOGGED = f"""void (() => {{
         show(room.newest);
     }};
 }})()"""
-"""Notes of each picture when it was drawn, its newest frame, when drawing began and when its last frames came."""
+"""Script that logs for each picture: time of drawing, newest frame, start of drawing, arrival of its last frames."""
 
 EMPTY = f"""void (() => {{
     {NUMBERED}
     globalThis.log = [];
     (function tick() {{ show(log.length); log.push([now(), log.length]); requestAnimationFrame(tick); }})();
 }})()"""
-"""In a page that does nothing but show, at each tick, how many there were."""
+"""Script of a page that only shows the number of ticks at each tick."""
 
 MARKED = f"""(() => {{
     const {{ track }} = studio.room, rows = track.width, found = [];
@@ -68,18 +68,18 @@ MARKED = f"""(() => {{
 
 
 def pressure(number):
-    """A little noise of the frame's own, and a press at the beginning of every `EVERY` frames."""
+    """A small signal that differs between frames, and a press at every multiple of `EVERY` frames."""
     felt = 5.0 * np.sin(np.arange(16) + 0.1 * number)
     felt[0] = 90.0 if number % EVERY == 0 else 0.0
     return felt
 
 
 def delays(page, seconds, until):
-    """In ms, by half and by 95 and 99 of 100: from when a frame was sent to the drawn and to the composed picture.
+    """Median, 95 % and 99 % of the delays in ms from sending a frame to the drawn and to the composed picture.
 
-    `sample_to_drawn_ms` is of the newest frame of each picture; `any_sample_to_drawn_ms` of every frame, to the first
-    picture that has it, and so longer by half a tick. A picture is drawn when its script has ended. What the browser
-    itself takes from there to the composed picture is told of an empty page as well.
+    `sample_to_drawn_ms` refers to the newest frame of each picture; `any_sample_to_drawn_ms` to every frame and the
+    first picture that contains it, and is therefore longer by half a tick. A picture is drawn when its script has
+    ended. The browser's time from there to the composed picture is also measured for an empty page.
     """
     skin = SerialSkin(pressure)
     try:
@@ -118,7 +118,7 @@ def _logged(page):
 
 
 def _empty(page, seconds):
-    """What the same browser takes to compose a page of the same size with nothing in it but the number."""
+    """Time of the same browser to compose a page of the same size that only shows the number."""
     page.evaluate("location.hash = '#study'")
     empty = page.context.browser.new_page(viewport=page.viewport_size)
     try:
@@ -133,15 +133,15 @@ def _empty(page, seconds):
 
 
 def _offset(page, skin):
-    """What a frame's number in the page lacks to the sender's: it began to count when it was listened to."""
+    """Difference between frame numbers of the sender and of the page, which counts from the start of recording."""
     marked = page.evaluate(MARKED)
     behind = max(skin.pushed) - page.evaluate("studio.room.newest")
-    # The sender is ahead by what went by before, and by the delay: the nearest press decides.
+    # The sender is ahead by the earlier frames and by the delay; the nearest press gives the exact offset.
     return round((marked + behind) / EVERY) * EVERY - marked
 
 
 def _composed(page, seconds):
-    """(wall time in ms, number that it shows) of every picture that the browser composed."""
+    """(wall time in ms, shown number) of every picture that the browser composed."""
     from PIL import Image
 
     told = page.context.new_cdp_session(page)
@@ -149,12 +149,12 @@ def _composed(page, seconds):
 
     def take(frame):
         kept.append((1e3 * frame["metadata"]["timestamp"], frame["data"]))
-        # One that comes while the page is closed is answered by nobody.
+        # A frame that arrives while the page closes cannot be acknowledged.
         with contextlib.suppress(Exception):
             told.send("Page.screencastFrameAck", {"sessionId": frame["sessionId"]})
 
     told.on("Page.screencastFrame", take)
-    # At half the size: in full, making the pictures of it took more time than the page, and the page came late for it.
+    # Half the size, because encoding full pictures takes longer than the page itself and delays it.
     half = {"maxWidth": page.viewport_size["width"] // 2, "maxHeight": page.viewport_size["height"] // 2}
     told.send("Page.startScreencast", {"format": "jpeg", "quality": 90, "everyNthFrame": 1, **half})
     end = time.monotonic() + seconds
@@ -193,7 +193,7 @@ SCRUBBED = """void (() => {
 
 
 def scrubbed(page, moves=60):
-    """In ms: from the mouse that moves over the whole take to the drawn frame."""
+    """Delay in ms from a mouse move over the whole recording to the drawn frame."""
     page.evaluate("studio.room.transport.pause()")
     page.evaluate(SCRUBBED)
     box = page.locator("#box-overview canvas, footer canvas").first.bounding_box()

@@ -1,13 +1,14 @@
-"""Print what a sweep costs beside solving, for numbers of workers and of patterns a task.
+"""Print the overhead of a sweep over solving, for numbers of workers and of patterns per task.
 
-Each line is a sweep of its own, on processes of this machine that are already running. `wall` is by the clock, and so
-is `efficiency`: patterns a second over those of as many lone workers. CPU times say what a busy machine hides: `solve`
-is that of the tasks, `workers` all that their processes took meanwhile, `command` that of scheduler and client
-together, also for each task.
+Each row is a separate sweep on local processes that are already running. `wall` is wall time, and so is `efficiency`:
+patterns per second over those of as many single workers. CPU times are independent of other load: `solve` is that of
+the tasks, `workers` the total of their processes meanwhile, `command` that of scheduler and client together, also per
+task.
 
     python -m benchmarks.sweeps
 
-With `--more 600`: what so many tasks more, of one pattern each by `naive`, cost scheduler and client on one worker.
+With `--more 600`: the cost of 600 more tasks, with one pattern each by `naive`, for scheduler and client with one
+worker.
 """
 
 from __future__ import annotations
@@ -40,29 +41,37 @@ class Cost:
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.sweeps", description=__doc__.splitlines()[0])
-    ask.add_argument("--workers", type=int, nargs="*", default=[1, 2, 4], help="numbers of processes (default 1 2 4)")
-    ask.add_argument("--chunk", type=int, nargs="*", default=[16, 512], help="patterns a task (default 16 512)")
-    ask.add_argument("--count", type=int, default=2048, help="patterns a sweep (default 2048)")
-    ask.add_argument("--more", type=int, help="tasks; prints only what one costs scheduler and client")
-    ask.add_argument("--targets", action="store_true", help="prints only what targets of recordings cost the command")
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.sweeps", description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--workers", type=int, nargs="*", default=[1, 2, 4], help="numbers of processes (default 1 2 4)"
+    )
+    parser.add_argument("--chunk", type=int, nargs="*", default=[16, 512], help="patterns per task (default 16 512)")
+    parser.add_argument("--count", type=int, default=2048, help="patterns per sweep (default 2048)")
+    parser.add_argument(
+        "--more", type=int, help="number of tasks; print only the cost of one task for scheduler and client"
+    )
+    parser.add_argument(
+        "--targets", action="store_true", help="print only the cost of recordings' targets for the command"
+    )
+    options = parser.parse_args()
     print(load())
-    if said.targets:
+    if options.targets:
         return targets()
-    if said.more:
-        few, many = (_cost(1, 1, count, method="naive").command for count in (50, 50 + said.more))
-        cost = 1e3 * (many - few) / said.more
-        print(f"{said.more} tasks more: {many - few:.2f} s of scheduler and client, {cost:.1f} ms a task; {load()}")
+    if options.more:
+        few, many = (_cost(1, 1, count, method="naive").command for count in (50, 50 + options.more))
+        cost = 1e3 * (many - few) / options.more
+        print(
+            f"{options.more} more tasks: {many - few:.2f} s of scheduler and client, {cost:.1f} ms per task; {load()}"
+        )
         return None
     heading("wall s", "patterns/s", "efficiency", "solve s", "workers s", "command s", "ms a task")
-    for chunk in said.chunk:
+    for chunk in options.chunk:
         lone = 0.0
-        for workers in said.workers:
-            cost = _cost(workers, chunk, said.count)
-            rate = said.count / cost.wall
+        for workers in options.workers:
+            cost = _cost(workers, chunk, options.count)
+            rate = options.count / cost.wall
             lone = lone or rate / workers
-            each = 1e3 * cost.command / -(-said.count // chunk)
+            each = 1e3 * cost.command / -(-options.count // chunk)
             cells = (cost.wall, rate, rate / workers / lone, cost.solve, cost.workers, cost.command, each)
             line(f"{chunk} a task, {workers} workers", *cells, digits="1121121")
     print(load())
@@ -70,14 +79,14 @@ def main() -> None:
 
 
 def targets() -> None:
-    """CPU time of working out and reading the targets of a towel, as the command does it twice for `glide`."""
+    """Print the CPU time to compute and read the targets of a towel, which the command does twice for `glide`."""
     for name, settings in (("paper", paper_mode()), ("best", best_mode())):
         felt = at_rate(stroke("towel"), settings.target.rate)
         cells = np.tile(felt.pressure, (4, 1, 1))
         reel: np.ndarray = LazyFrames(lambda first, last, cells=cells: cells[first:last], cells.shape)  # pyright: ignore[reportAssignmentType]
         target = target_amplitude(replace(felt, pressure=reel), settings).amplitude
         _, cost = timed(lambda target=target: [block.any(axis=1) for block in blocks(target, 256)])
-        print(f"{name}: {1e3 * cost / len(cells):.0f} us a frame")
+        print(f"{name}: {1e3 * cost / len(cells):.0f} us per frame")
 
 
 def _cost(workers: int, chunk: int, count: int, *, method: str = "fast") -> Cost:

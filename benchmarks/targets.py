@@ -1,4 +1,4 @@
-"""What is solved for: binary patterns, and sequences of frames."""
+"""Targets of the benchmarks: binary patterns, and sequences of frames."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ GRID, ARRAY, AIR = ControlGrid(), TransducerArray.autd3(), Medium(attenuation=0)
 
 
 def patterns(others: int, seed: int = 2024) -> list[int]:
-    """The ten patterns of the yardstick and others drawn with a seed; bit k is channel k."""
+    """The ten patterns of the yardstick and random others; bit k is channel k."""
     drawn = np.random.default_rng(seed).choice(np.arange(1, 65536), others, replace=False)
     return [*TEN, *(int(bits) for bits in drawn)]
 
@@ -40,7 +40,7 @@ def binary(bits: list[int]) -> np.ndarray:
 
 
 def moving_blob(frames: int, rate: float = 1000.0) -> np.ndarray:
-    """A Gaussian of 11 mm to and fro at up to .25 m/s, amplitude modulated at 100 Hz between .1 and 1: (frame, 16)."""
+    """A Gaussian of 11 mm that oscillates at up to .25 m/s, with 100 Hz modulation from .1 to 1: (frame, 16)."""
     time = np.arange(frames) / rate
     x = -0.011 * np.cos(0.25 / 0.011 * time)
     return _gaussian(x, 0.3 * x, 0.011) * (0.55 + 0.45 * np.sin(2 * np.pi * 100 * time + 0.3))[:, None]
@@ -54,10 +54,10 @@ def beating_blob(frames: int, rate: float = 1000.0) -> np.ndarray:
 
 
 def towel(frames: int, strength: float) -> Problem:
-    """The synthetic stroke of a towel by the paper's way from pressure to sound, its peak at a strength.
+    """The synthetic towel stroke with the paper's mapping from pressure to sound, with its peak at a strength.
 
-    Frames below a hundredth of the peak amplitude, a ten-thousandth of its pressure, are left out: nobody feels them,
-    and errors relative to almost nothing would hide the others.
+    Frames below a hundredth of the peak amplitude (a ten-thousandth of its pressure) are omitted: they are
+    imperceptible, and their large relative errors would hide the others.
     """
     amplitude = prepare(stroke("towel"), grid=GRID, medium=AIR).amplitude
     amplitude = amplitude[amplitude.max(axis=1) > 0.01 * amplitude.max()][:frames]

@@ -1,9 +1,9 @@
-"""What each term of the solvers brings and costs: `python -m benchmarks.terms`.
+"""Benefit and cost of each term of the solvers: `python -m benchmarks.terms`.
 
-Ten patterns at two strengths, point sources in air without loss, 200 mm, 996 transducers. E is that of the 256 points;
-"cells" the error of what 16 cells would read; "ring" and "beyond" the loudest sound over the target's peak on a grid of
-2.5 mm, up to 20 mm outside the square and from there to 150 mm from its middle (means and worst of the patterns);
-"power" the mean of |q|^2 over full drive. Times are CPU times with one BLAS thread, set-up included.
+Ten patterns at two strengths, point sources in air without attenuation, 200 mm, 996 transducers. E is that of the 256
+points; "cells" is the error of the pressure on 16 cells; "ring" and "beyond" are the loudest sound over the target's
+peak on a grid of 2.5 mm, up to 20 mm outside the square and from there to 150 mm from its centre (mean and maximum over
+the patterns); "power" is the mean of |q|^2 over full drive. Times are CPU times with one BLAS thread, including set-up.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ EDGE = 27.5e-3 + GRID.pitch / 2
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.terms", description=__doc__.splitlines()[0])
-    ask.add_argument("--part", choices=("static", "sequence", "bits"), help="only this part (default all three)")
-    ask.add_argument("--only", default="", help="rows of the patterns whose name has this in it (default all)")
-    ask.add_argument("--strengths", type=float, nargs="+", default=[0.05, 0.15], help="of the patterns")
-    ask.add_argument("--backend", default="numpy", help="of the method fast (default numpy)")
-    ask.add_argument("--frames", type=int, default=200, help="frames of a sequence (default 200)")
-    said = ask.parse_args()
-    fast = Fast(backend=said.backend)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.terms", description=__doc__.splitlines()[0])
+    parser.add_argument("--part", choices=("static", "sequence", "bits"), help="only this part (default all three)")
+    parser.add_argument("--only", default="", help="only rows of patterns whose name contains this text (default all)")
+    parser.add_argument("--strengths", type=float, nargs="+", default=[0.05, 0.15], help="strengths of the patterns")
+    parser.add_argument("--backend", default="numpy", help="backend of the method fast (default numpy)")
+    parser.add_argument("--frames", type=int, default=200, help="frames of a sequence (default 200)")
+    options = parser.parse_args()
+    fast = Fast(backend=options.backend)
     with one_blas_thread():
-        for strength in said.strengths if said.part in (None, "static") else ():
-            static(strength, fast, said.only)
+        for strength in options.strengths if options.part in (None, "static") else ():
+            static(strength, fast, options.only)
         for label, channels in (("moving", moving_blob), ("beating", beating_blob)):
-            if said.part in (None, "sequence"):
-                sequence(label, problem_of(channels(said.frames), 0.1), fast)
-        for strength in said.strengths if said.part in (None, "bits") else ():
+            if options.part in (None, "sequence"):
+                sequence(label, problem_of(channels(options.frames), 0.1), fast)
+        for strength in options.strengths if options.part in (None, "bits") else ():
             bits(strength, fast)
 
 
@@ -100,7 +100,7 @@ def bits(strength: float, fast: Fast) -> None:
 
 
 class _Looking:
-    """Looks at a drive's field on the wide plane, in the units of a problem."""
+    """Field of a drive on the wide plane, in the units of a problem."""
 
     def __init__(self, scale: float) -> None:
         G = transfer_matrix(PLANE, ARRAY, acoustics=Acoustics(medium=AIR, directivity="point"))

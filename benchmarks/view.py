@@ -1,8 +1,8 @@
-"""How fast a page draws, and what a film costs: `python -m benchmarks.view`. Needs Chromium and Playwright.
+"""Drawing speed of a page, and cost of a film: `python -m benchmarks.view`. Requires Chromium and Playwright.
 
-A towel stroke with its drive is shown as a page. Pictures that were drawn stand over the browser's own ticks in the
-same seconds; milliseconds a picture are those of the script, without what the browser does with the pixels. With
-`--pictures FOLDER` it keeps what it saw, for the docs.
+A towel stroke with its drive is shown as a page. Drawn pictures are counted relative to the browser's ticks in the same
+time; milliseconds per picture are those of the script, without the browser's own work on the pixels. `--pictures
+FOLDER` saves the pictures for the docs.
 """
 
 from __future__ import annotations
@@ -48,25 +48,25 @@ EACH = """async () => {
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser(prog="python -m benchmarks.view", description=__doc__.splitlines()[0])
-    ask.add_argument("--seconds", type=float, default=5, help="to watch (default 5)")
-    ask.add_argument("--pictures", type=Path, help="folder for pictures of what was seen")
-    said = ask.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.view", description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=5, help="observation time in s (default 5)")
+    parser.add_argument("--pictures", type=Path, help="folder for saved pictures")
+    options = parser.parse_args()
     drive, both = towel()
     print(f"web: {sum(path.stat().st_size for path in WEB.iterdir()) / 1e3:.0f} kB")
-    watch(both, said.seconds)
+    watch(both, options.seconds)
     began = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         write_gif(Film(drive), Path(folder) / "film.gif")
         size = (Path(folder) / "film.gif").stat().st_size
     spent = time.process_time() - began
-    print(f"GIF: {1e3 * spent / drive.frames:.1f} ms of CPU a picture, {size / drive.frames / 1e3:.1f} kB")
-    if said.pictures is not None:
-        keep_pictures(drive, both, said.pictures)
+    print(f"GIF: {1e3 * spent / drive.frames:.1f} ms of CPU per picture, {size / drive.frames / 1e3:.1f} kB")
+    if options.pictures is not None:
+        keep_pictures(drive, both, options.pictures)
 
 
 def towel() -> tuple[ViewData, ViewData]:
-    """What a loop played of a virtual towel stroke; and the same between what was felt, and what was felt of it."""
+    """View of the drive of a loop with a virtual towel stroke; and the same with original and re-recorded pressure."""
     take = midair.record("virtual:towel", 1.28)
     settings = MODES["best"]().but(rate=1000.0)
     both = view_of_loop(
@@ -84,7 +84,7 @@ def watch(shown: ViewData, seconds: float) -> None:
         drawn, ticks = page.evaluate(TICKS, seconds)
         print(f"drawn: {drawn} of {ticks} ticks in {seconds:g} s, {drawn / ticks:.1%}")
         for label, spent in page.evaluate(EACH).items():
-            print(f"  {label:26} {spent:5.2f} ms a picture of 17 frames")
+            print(f"  {label:26} {spent:5.2f} ms per picture of 17 frames")
 
 
 def keep_pictures(drive: ViewData, both: ViewData, folder: Path) -> None:

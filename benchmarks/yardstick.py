@@ -1,4 +1,4 @@
-"""The plain form of the paper's method, from a file of its own, or this package's if there is none."""
+"""Plain form of the paper's method from a separate file, or this package's form if there is none."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import numpy as np
 from midair.solvers import LevenbergMarquardt, Problem
 
 Plain = Callable[[np.ndarray, np.ndarray, int, "np.ndarray | None"], np.ndarray]
-"""(G, p, iterations, first x) -> x = [theta, psi]."""
+"""(G, p, iterations, initial x) -> x = [theta, psi]."""
 
 
 def plain(path: str | None) -> tuple[str, Plain]:
-    """What it is called, and the function."""
+    """Name and function of the plain form."""
     file = Path(path or os.environ.get("MIDAIR_YARDSTICK", "../shared/baseline/paper_lm.py"))
     if not file.exists():
         return "lm (no yardstick found)", _own
