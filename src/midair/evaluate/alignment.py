@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 def find_delay(original: Array | LazyFrames, later: Array | LazyFrames, rate: float, *, longest: float = 0.05) -> float:
     """Delay of `later` after `original` in s, from the peak of the cross-correlation summed over the channels.
 
-    The peak is located between samples by band-limited interpolation.
+    The peak is located between samples by band-limited interpolation. The delay is 0 if either signal is silent.
 
     Parameters
     ----------
@@ -24,11 +24,6 @@ def find_delay(original: Array | LazyFrames, later: Array | LazyFrames, rate: fl
         In Hz.
     longest : float
         Largest delay in either direction, in s.
-
-    Returns
-    -------
-    float
-        In s; 0 if either signal is silent.
     """
     reach = max(1, min(round(longest * rate), max(len(original), len(later)) - 1))
     around = _correlation(original, later, reach)

@@ -49,15 +49,7 @@ class SolveError:
 
 
 def error_by_energy(error: Array, power: Array) -> SolveError:
-    """Summarise the errors E of frames, weighted with the power of their targets.
-
-    Parameters
-    ----------
-    error : ndarray, shape (frame,)
-        E of each frame.
-    power : ndarray, shape (frame,)
-        Power of each frame's target, in any unit; silent frames are ignored.
-    """
+    """Summarise the errors E of frames, weighted with their targets' power in any unit; silent frames are ignored."""
     plays = power > 0
     error, power = error[plays], power[plays]
     if not len(error):

@@ -10,12 +10,6 @@ Field = NDArray[np.complex128] | NDArray[np.float64]
 
 
 def peak_position(values: Array, grid: ControlGrid | SensorGrid) -> tuple[float, float]:
-    """(x, y) of the largest value of a map, relative to the centre of its grid, in m.
-
-    Parameters
-    ----------
-    values : ndarray, shape (row, column) or (point,)
-        Map on the grid.
-    """
+    """(x, y) of the largest value of a map (row, column) or (point,), relative to the centre of its grid, in m."""
     row, column = np.unravel_index(int(np.argmax(values)), grid.shape)
     return float(grid.x[column]), float(grid.y[row])

@@ -28,7 +28,7 @@ class Leak:
 def surroundings(
     grid: ControlGrid, *, reach: float = 0.02, pitch: float = 2.5e-3
 ) -> tuple[ControlGrid, NDArray[np.bool_]]:
-    """Create a larger grid around a control grid, with a mask of its points outside the square.
+    """Create a larger grid around a control grid, with a mask (point,) of its points outside the square.
 
     Parameters
     ----------
@@ -38,13 +38,6 @@ def surroundings(
         Margin of the larger grid around the square, in m.
     pitch : float
         Pitch of the larger grid, in m; 2.5 mm is a third of a wavelength at 40 kHz.
-
-    Returns
-    -------
-    ControlGrid
-        The larger grid.
-    ndarray of bool, shape (point,)
-        True outside the square.
     """
     half_x, half_y = grid.columns * grid.pitch / 2, grid.rows * grid.pitch / 2
     rows, columns = (2 * int(np.ceil((half + reach) / pitch)) + 1 for half in (half_y, half_x))

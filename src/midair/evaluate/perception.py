@@ -254,7 +254,8 @@ def pacinian_level(pressure: Array | LazyFrames, rate: float, skin: SkinModel | 
 
     It predicts the perceived roughness of textures (Bensmaia and Hollins, Percept. Psychophys. 65(6), 2003). X are the
     peak amplitudes of the Fourier components of the whole signal without its mean. For long signals the mean power of
-    segments is used, see `midair.evaluate.spectrum.long_stretches`.
+    segments is used, see `midair.evaluate.spectrum.long_stretches`. A sine at the threshold has 0 dB, silence minus
+    infinity.
 
     Parameters
     ----------
@@ -262,11 +263,6 @@ def pacinian_level(pressure: Array | LazyFrames, rate: float, skin: SkinModel | 
         In Pa.
     rate : float
         In Hz.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        In dB; 0 dB for a sine at the threshold at any frequency, minus infinity for silence.
     """
     skin = skin or SkinModel()
     parts = long_stretches(len(pressure))

@@ -9,19 +9,10 @@ Array = NDArray[np.float64]
 
 
 def spectral_error(original: Array, later: Array) -> float:
-    """Rms level difference of two spectra in dB, weighted by the power of the original.
+    """Rms level difference of two power densities (bin, ...) in dB, weighted by the power of the original.
 
-    Bins with little power in the original have little weight, so that noise floors do not matter.
-
-    Parameters
-    ----------
-    original, later : ndarray, shape (bin, ...)
-        Power densities of the same bins.
-
-    Returns
-    -------
-    float
-        0 for equal spectra, never NaN: for a silent original 0 if the other is silent too, otherwise infinite.
+    Bins with little power in the original have little weight, so that noise floors do not matter. The result is never
+    NaN: for a silent original it is 0 if the other is silent too, otherwise infinite.
     """
     total = original.sum()
     if total <= 0:

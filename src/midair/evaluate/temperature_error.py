@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 def error_at_temperature(drive: Drive, target: AmplitudeFrames, medium: Medium, *, frames: int | None = None) -> Array:
     """Compute the error E of a drive at the control points in another medium than its own.
 
-    The target pressure stays the same; the required sound pressure depends on density and speed of sound.
+    The target pressure stays the same; the required sound pressure depends on density and speed of sound. The result is
+    ``|| |G q| - p || / || p ||`` of each computed frame, empty if all frames are silent.
 
     Parameters
     ----------
@@ -26,11 +27,6 @@ def error_at_temperature(drive: Drive, target: AmplitudeFrames, medium: Medium, 
         Air in which the drive is played.
     frames : int, optional
         Number of evenly spaced frames to compute among those that are not silent; all if None.
-
-    Returns
-    -------
-    ndarray, shape (computed frame,)
-        ``|| |G q| - p || / || p ||``; empty if all frames are silent.
 
     Raises
     ------

@@ -16,26 +16,16 @@ _FLOOR = 1e-6  # relative to the total power; anything below is rounding noise
 
 
 def third_octaves(pressure: PressureFrames) -> Array:
-    """Level of each third octave over all cells, relative to the power of all of them, in dB.
+    """Level of each third octave relative to the total power of all cells, in dB, shape (13,), at least -60 dB.
 
     The levels do not depend on the overall level, so a texture and a weaker copy of it have the same levels.
-
-    Parameters
-    ----------
-    pressure : PressureFrames
-        At 1 kHz or faster.
-
-    Returns
-    -------
-    ndarray, shape (13,)
-        At least -60 dB.
 
     Raises
     ------
     InputError
         If there is no power in any band.
     BandError
-        If the rate is too low for the last band.
+        If the rate is too low for the last band; 1 kHz is enough.
     """
     half = 10**0.05
     power = np.array(

@@ -47,13 +47,7 @@ class StimuliPlan:
 
 
 def figure_4(plan: StimuliPlan | None = None, *, stage: Stage = quiet) -> PaperResult:
-    """Record, reproduce and re-record stimuli i to iii in both modes.
-
-    Parameters
-    ----------
-    stage : callable
-        Called with the name of each stage as it begins.
-    """
+    """Record, reproduce and re-record stimuli i to iii in both modes; call `stage` with the name of each stage."""
     plan = plan or StimuliPlan()
     rows: list[Row] = []
     shown: dict[str, dict[str, PressureFrames]] = {}

@@ -103,12 +103,7 @@ class MaterialsPlan:
 
 
 def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = quiet) -> PaperResult:
-    """Reproduce every stroke in every mode, and classify it with two classifiers.
-
-    Parameters
-    ----------
-    stage : callable
-        Called with the name of each stage as it begins.
+    """Reproduce every stroke in every mode, and classify it with two classifiers; call `stage` with each stage's name.
 
     Raises
     ------

@@ -72,10 +72,7 @@ class FidelityPlan:
 def fidelity_table(plan: FidelityPlan | None = None, *, stage: Stage = quiet) -> PaperResult:
     """Compute error budgets of all signals in both modes at the same strength, and iterative corrections.
 
-    Parameters
-    ----------
-    stage : callable
-        Called with the name of each stage as it begins.
+    `stage` is called with the name of each stage as it begins.
     """
     plan = plan or FidelityPlan()
     rows: list[Row] = []

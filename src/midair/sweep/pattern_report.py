@@ -81,13 +81,7 @@ class PatternResults:
 
 @as_stored()
 def report_of(results: PatternResults) -> PatternReport:
-    """Compute the figures of a sweep that may be incomplete.
-
-    Raises
-    ------
-    InputError
-        If no pattern is solved yet.
-    """
+    """Compute the figures of a sweep that may be incomplete; raise an InputError if no pattern is solved yet."""
     if not _main(results):
         raise InputError("sweep: expected solved patterns, got none so far; continue with midair sweep patterns")
     return PatternReport(

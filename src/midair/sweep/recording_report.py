@@ -33,10 +33,7 @@ class TrialReport:
 def trial_report(results: SweepResults) -> TrialReport:
     """Compute the figures of a sweep over recordings that may be incomplete; silent frames do not count.
 
-    Raises
-    ------
-    InputError
-        If the sweep is over something else, or nothing is solved yet.
+    Raises an InputError for a sweep over something else, or if nothing is solved yet.
     """
     if results.kind != "recordings":
         raise InputError(f"sweep: expected one over recordings, got one over {results.kind}")

@@ -77,16 +77,8 @@ class SweepStore:
 def open_sweep(where: Path | str, sweep: Sweep) -> Generator[SweepStore]:
     """Create a store for a sweep, or open the existing one to continue it.
 
-    Raises
-    ------
-    MismatchError
-        If the store contains a sweep with other settings.
-    DeviceStateError
-        If another program is writing to this folder.
-    BrokenFileError
-        If another kind of file has this name.
-    FileError
-        If the object store cannot be reached.
+    Raises a MismatchError for a store with other settings, a DeviceStateError if another program writes to it, a
+    BrokenFileError if another kind of file has this name, and a FileError if the object store cannot be reached.
     """
     place = place_of(where)
     if not place.exists() or dict(place.group("r").attrs) == _BEGUN:
@@ -105,10 +97,8 @@ def load_sweep(where: Path | str) -> SweepResults:
 
     Raises
     ------
-    MissingFileError
-        If the name does not exist.
-    BrokenFileError
-        If it is not a sweep.
+    MissingFileError, BrokenFileError
+        If the name does not exist, or is not a sweep.
     FileError
         If the object store cannot be reached.
     """

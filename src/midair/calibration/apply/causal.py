@@ -104,24 +104,20 @@ def causal_error(
     floor: float = 0.05,
     edges: tuple[float, float] | None = None,
 ) -> Array:
-    """Relative rms error of a causal filter against the delayed zero-phase inverse, in parts of the band.
+    """Relative rms error of a causal filter against the delayed zero-phase inverse, shape (part,).
 
-    For a flat input spectrum within each part: the root of the sum over f of ``|H W exp(j 2 pi f delay) - H W0|^2``
-    over the sum of ``|H W0|^2``, with W0 from `inverse_response`, in mean square over the channels.
+    For a flat input spectrum within each part of the band: the root of the sum over f of ``|H W exp(j 2 pi f delay) - H
+    W0|^2`` over the sum of ``|H W0|^2``, with W0 from `inverse_response`, in mean square over the channels. An output
+    of zeros has the error 1.
 
     Parameters
     ----------
     fir : ndarray, shape (taps, row, column)
         From `causal_fir`.
     calibration, rate, band, delay, floor, edges
-        The arguments that `causal_fir` was called with.
+        The arguments of `causal_fir`.
     parts : sequence of tuple of float
         (low, high) of each part in Hz.
-
-    Returns
-    -------
-    ndarray, shape (part,)
-        An output of zeros has the error 1.
     """
     band, edges = _checked(calibration, rate, band, edges, delay, len(fir))
     frequency = fft_frequencies(_BINS * len(fir), rate)
@@ -195,13 +191,7 @@ class CausalInverse:
             np.dot(self._mix, into, out=out)
 
     def push(self, block: Array) -> Array:
-        """Filter a block of shape (frame, row, column) and return as many frames in Pa.
-
-        Raises
-        ------
-        ShapeError
-            If the block has another shape.
-        """
+        """Filter a block of shape (frame, row, column) and return as many frames in Pa."""
         samples = np.asarray(block, float)
         if samples.ndim != 3 or samples.shape[1:] != self._shape:
             raise ShapeError(f"block: expected shape (frame, {self._shape[0]}, {self._shape[1]}), got {samples.shape}")

@@ -10,20 +10,11 @@ Array = NDArray[np.float64]
 
 
 def undo_matrix(crosstalk: Crosstalk, *, damping: float = 0.0) -> Array:
-    """Compute the damped inverse of a crosstalk matrix C: (C^T C + d^2)^-1 (C^T + d^2).
+    """Compute the damped inverse of a crosstalk matrix C: (C^T C + d^2)^-1 (C^T + d^2), shape (channel, channel).
 
-    With d = 0 this is the inverse. A large damping d leaves the pressure unchanged (Tikhonov regularisation towards no
-    crosstalk), so that nearly identical rows do not amplify noise.
-
-    Parameters
-    ----------
-    damping : float
-        d, 0 or more.
-
-    Returns
-    -------
-    ndarray, shape (channel, channel)
-        Multiply it with the measured pressures of all channels.
+    With a damping d = 0 this is the inverse. A large d leaves the pressure unchanged (Tikhonov regularisation towards
+    no crosstalk), so that nearly identical rows do not amplify noise. Multiply the matrix with the pressures of all
+    channels.
 
     Raises
     ------

@@ -21,7 +21,7 @@ Complex = NDArray[np.complex128]
 def inverse_response(
     calibration: Calibration, frequency: Array, band: Band, *, edges: tuple[float, float], floor: float = 0.05
 ) -> Complex:
-    """Compute W(f) of every channel.
+    """Compute W(f) of every channel, complex, shape (bin, row, column), in Pa per unit of the output.
 
     Parameters
     ----------
@@ -33,11 +33,6 @@ def inverse_response(
         Corners and edges of B(f) in Hz, see `midair.dsp.band_window`.
     floor : float
         Density of the weakest relevant pressure, in Pa/sqrt(Hz).
-
-    Returns
-    -------
-    ndarray of complex, shape (bin, row, column)
-        In Pa per unit of the output; 0 for a channel without response.
     """
     response = calibration.response_at(frequency)
     below = heard_power(calibration, response, floor)
@@ -64,7 +59,7 @@ def inverse_fir(
     """Compute W(f) as a FIR filter for a stream; it inverts the phase of H and delays by (taps - 1) / 2 frames.
 
     It is the least-squares fit of that length; where B(0) = 0, with the constraint that a constant input gives exactly
-    0.
+    0. The result has the shape (taps, row, column), in Pa per unit of the output.
 
     Parameters
     ----------
@@ -74,11 +69,6 @@ def inverse_fir(
         Frame rate in Hz.
     taps : int, optional
         Odd; `default_taps` by default.
-
-    Returns
-    -------
-    ndarray, shape (taps, row, column)
-        In Pa per unit of the output.
     """
     taps = default_taps(rate, edges) if taps is None else taps
     if taps < 3 or taps % 2 == 0:

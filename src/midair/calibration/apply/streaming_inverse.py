@@ -62,8 +62,7 @@ class StreamingInverse:
         self.delay = (len(fir) - 1) / 2 / rate
 
     def push(self, block: Array) -> Array:
-        """Take the next block, shape (frame, row, column), and return the frames that are ready, in Pa; there may be
-        none.
+        """Take a block of shape (frame, row, column) and return the frames that are ready, possibly none, in Pa.
 
         Raises
         ------

@@ -25,22 +25,17 @@ def measure_response(
 ) -> Calibration:
     """Measure a calibration from one recording of a known pressure that differs from cell to cell.
 
+    Only valid bins are kept; a dead channel has the response 0.
+
     Parameters
     ----------
-    recording : Recording
-        The sensor's output.
     pressure : PressureFrames
-        Pressure on its cells at the same times and rate: noise or a sweep that fills the band, for at least 12 /
+        Pressure on the cells at the recording's times and rate: noise or a sweep that fills the band, for at least 12 /
         resolution seconds.
     resolution, coherence
         See `MeasureSettings`.
     date : str
-        Date of the measurement, ISO 8601.
-
-    Returns
-    -------
-    Calibration
-        At the valid bins; a dead channel has the response 0.
+        ISO 8601.
 
     Raises
     ------
@@ -81,10 +76,8 @@ def measure_calibration(
         used for linearity only). Five different levels give the linearity.
     quiet : Recording, optional
         A recording without any pressure, for the noise; without it, the noise is the residual of the fit.
-    date : str
-        Date of the measurement, ISO 8601.
-    version : int
-        Version of this sensor's calibration.
+    date, version
+        As in `Calibration`.
 
     Raises
     ------

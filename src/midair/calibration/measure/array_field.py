@@ -57,15 +57,7 @@ class ArrayField:
     """Side of the square over which a cell averages, in m."""
 
     def matrix(self, place: SensorPlace) -> tuple[Complex, Array]:
-        """Transfer matrix to points around the cells, and the cells' averaging weights.
-
-        Returns
-        -------
-        G : ndarray of complex, shape (point, transducer)
-            In roots of Pa of radiation pressure.
-        weights : ndarray, shape (cell, point)
-            For the cells under the beam.
-        """
+        """Transfer matrix (point, transducer) in roots of Pa to points around the cells, and weights (cell, point)."""
         sensor = self.calibration.sensor
         rows, columns = (np.unique(axis) for axis in np.divmod(self.codes.cells, sensor.columns))
         some = SensorGrid(rows=len(rows), columns=len(columns), pitch=sensor.pitch, name=sensor.name)

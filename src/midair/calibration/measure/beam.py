@@ -45,7 +45,9 @@ class BeamReading:
 
 
 def tones_of(signal: Array, rate: float, plan: BeamPlan, *, lag: int = 0) -> Complex:
-    """Complex amplitude of each tone at each level, from the measurement window of each level.
+    """Complex amplitude of each tone at each level from its measurement window, shape (level, tone, channel).
+
+    The amplitude is the peak 2 / N sum y e^(-j 2 pi f t), with t from the start of the window.
 
     Parameters
     ----------
@@ -55,11 +57,6 @@ def tones_of(signal: Array, rate: float, plan: BeamPlan, *, lag: int = 0) -> Com
         In Hz, a whole multiple of the plan's.
     lag : int
         Delay of the signal in frames of `rate`.
-
-    Returns
-    -------
-    ndarray of complex, shape (level, tone, channel)
-        Peak amplitude 2 / N sum y e^(-j 2 pi f t), with t from the start of the window.
 
     Raises
     ------

@@ -35,27 +35,15 @@ def white_level(density: Array, averages: float, overlap: float) -> tuple[Array,
 
 
 def noise_equivalent_pressure(calibration: Calibration, band: Band = (20.0, 470.0)) -> Array:
-    """Rms pressure in a band that is as strong as each channel's noise.
+    """Rms pressure in a band that is as strong as each channel's noise, in Pa, shape (row, column).
 
-    It is the root of the integral of ``S_nn / |H|^2`` over the band; the white `noise` is used where no density was
-    measured.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        Calibration whose bins cover the band.
-    band : tuple of float
-        (low, high) in Hz.
-
-    Returns
-    -------
-    ndarray, shape (row, column)
-        In Pa; infinite for a channel whose response is 0 somewhere in the band.
+    It is the root of the integral of ``S_nn / |H|^2`` over the band, or uses the white `noise` if no density was
+    measured. It is infinite for a channel whose response is 0 somewhere in the band.
 
     Raises
     ------
     BandError
-        If the band is not within the calibration's.
+        If the band (low, high) in Hz is not within the calibration's.
     """
     low, high = band
     first, last = calibration.frequency[0], calibration.frequency[-1]

@@ -92,21 +92,14 @@ class ReferencedTake:
 def split_channel(
     recording: Recording, channel: int, *, sensor: SensorGrid | None = None
 ) -> tuple[Recording, Recording]:
-    """Split one channel, such as a reference on a spare input, off a recording.
+    """Split one channel, such as a reference on a spare input, off a recording; return the rest and the reference.
 
     Parameters
     ----------
-    recording : Recording
-        Recording with one channel more than the sensor.
     channel : int
         Number of the reference's channel, row by row from 0.
     sensor : SensorGrid, optional
         Cells of the other channels; by default a square if their number is a square, otherwise one row.
-
-    Returns
-    -------
-    sensor, reference : Recording
-        The reference has one row and one column.
 
     Raises
     ------

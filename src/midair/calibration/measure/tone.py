@@ -29,7 +29,8 @@ def measure_tone(
 
     A sine is fitted to each segment (three-parameter fit of IEEE Std 1057) at the frequency that fits the whole
     recording best. The result is the mean over the segments; their scatter and the uncertainty of the tone give its
-    uncertainty.
+    uncertainty. The calibration has one bin, with phases relative to the mean of all channels. Use `anchored` to scale
+    a whole response to this level.
 
     Parameters
     ----------
@@ -41,18 +42,10 @@ def measure_tone(
         Rms in Pa; 114 dB are 10.02 Pa.
     uncertainty : float
         Relative standard uncertainty of the pressure.
-    reference : str
-        Name of the source of the tone.
     segments : int
         Three or more.
-    date, version
-        As in `Calibration`.
-
-    Returns
-    -------
-    Calibration
-        With one bin; the phase is relative to the mean of all channels. Use `anchored` to scale a whole response to
-        this level.
+    reference, date, version
+        As in `Measurement` and `Calibration`.
 
     Raises
     ------
