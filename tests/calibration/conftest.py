@@ -1,4 +1,4 @@
-"""A bench whose sensor the code does not know: what it states is compared with what is true."""
+"""Blind calibration bench: the code under test does not know the true sensor, the tests compare with it."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def bench(blind_model):
 
 @pytest.fixture(scope="package")
 def covered():
-    """Shares of bins in 20 to 470 Hz and channels whose true magnitude and phase lie within k = 2."""
+    """Shares of bins in 20 to 470 Hz and channels whose true magnitude and phase are within k = 2."""
 
     def share(calibration, model):
         frequency, measured = calibration.frequency, calibration.measurement

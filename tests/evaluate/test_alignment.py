@@ -20,7 +20,7 @@ def test_finds_a_delay_of_any_part_of_a_frame(delay):
 
 @pytest.mark.parametrize("part", [-0.45, -0.2, 0.1, 0.3, 0.5])
 def test_finds_a_part_of_a_frame_in_dense_noise(part):
-    """Noise up to .47 of the rate, whose correlation is as narrow as it can be."""
+    """Noise up to .47 of the rate, which has a very narrow correlation."""
     noise = np.fft.rfft(np.random.default_rng(8).normal(size=(2000, 3)), axis=0)
     noise[np.fft.rfftfreq(2000, 1 / RATE) > 470] = 0
     x = np.fft.irfft(noise, 2000, axis=0)

@@ -64,7 +64,7 @@ def test_a_delay_is_found_and_taken_out():
 
 
 def test_a_perfect_piece_that_is_early_is_perfect():
-    """As perfect as its delay is found, by a parabola through three frames; cut out beforehand, it loses its ends."""
+    """The error is that of the delay; a piece that is cut before alignment loses its ends."""
     noise = in_band(np.random.default_rng(0).normal(size=(4000, 4, 4)), 4000.0, (20.0, 470.0))
     whole = dataclasses.replace(frames(rate=4000.0), pressure=noise)
     early = dataclasses.replace(whole, pressure=advance(noise, 0.11e-3, 4000.0))
@@ -80,7 +80,7 @@ def test_another_place():
     assert comparison.correlation == pytest.approx(0, abs=1e-9)
 
 
-def test_of_two_equal_places_either_may_be_the_stronger_again():
+def test_any_of_two_equal_peaks_may_be_reproduced():
     def both(first, last):
         pressure = frames(first, channel=0).pressure + frames(last, channel=15).pressure
         return dataclasses.replace(frames(), pressure=pressure)
@@ -121,8 +121,8 @@ def reeled(pressure):
 
 
 @pytest.mark.parametrize(("highest", "apart"), [(470.0, 1e-6), (500.0, 2e-4)])
-def test_of_reels_all_figures_are_the_same(highest, apart, monkeypatch):
-    """But for what lies near half the rate, since a delay that is no whole number of frames never ends there."""
+def test_lazy_frames_give_the_same_figures(highest, apart, monkeypatch):
+    """Except near half the rate, because the impulse response of a fractional delay does not end there."""
     monkeypatch.setattr("midair.lazy_filters.BYTES", 2**17)
     rng = np.random.default_rng(0)
     noise = rng.standard_normal((2, 20_000, 4, 4))
@@ -139,8 +139,8 @@ def test_of_reels_all_figures_are_the_same(highest, apart, monkeypatch):
     np.testing.assert_allclose(read.channel_correlation, whole.channel_correlation, rtol=apart)
 
 
-def test_the_figures_are_what_their_definitions_say_of_the_whole():
-    """Sums over all cells at once by NumPy, where `compare` goes from cell to cell."""
+def test_the_figures_equal_their_definitions():
+    """Compared with sums over all cells at once in NumPy, while `compare` processes cell by cell."""
     rng = np.random.default_rng(1)
     x = rng.standard_normal((4000, 4, 4)) * np.linspace(0.1, 3, 16).reshape(4, 4)
     late = advance(0.7 * x * np.linspace(0.5, 2, 16).reshape(4, 4) + rng.standard_normal(x.shape), -0.0034, 1000.0)

@@ -26,7 +26,7 @@ def sine(frequency, amplitude=1.0):
 
 
 def test_distortion_by_hand():
-    """A second sine of a tenth is 20 dB of distortion, a steady push and one beyond the band are none."""
+    """A second sine of a tenth is 20 dB of distortion; steady pressure and one outside the band do not count."""
     x = frames({5: sine(100)})
     y = frames({5: 0.7 * (sine(100) + sine(200, 0.1)) + 3.0 + sine(600, 0.5)})
     found = fidelity(x, y)
@@ -41,11 +41,11 @@ def test_another_gain_on_each_cell_is_no_distortion_of_the_waveform_but_one_over
     y = frames({0: sine(100), 15: sine(150, 0.5)})
     found = fidelity(x, y)
     assert found.distortion_ratio > 60
-    # gains 1 and .5: the best single one is .75, and .25 of it is missed on both
+    # gains 1 and .5: the best common gain is .75, with an error of .25 on both
     assert found.overall_ratio == pytest.approx(20 * np.log10(3), abs=0.05)
 
 
-def test_what_presses_beside_the_place_counts_overall():
+def test_pressure_beside_the_target_counts_overall():
     found = fidelity(frames({5: sine(100)}), frames({5: sine(100), 6: sine(100, 0.1)}))
     assert found.distortion_ratio > 60
     assert found.overall_ratio == pytest.approx(20, abs=0.05)
@@ -61,14 +61,14 @@ def test_a_delay_is_found_and_taken_out():
 
 
 def noisy_piece(late):
-    """A second of noise in the band on every cell, and the same late by a part of a frame."""
+    """One second of noise in the band on every cell, and the same with a fractional delay."""
     rng = np.random.default_rng(0)
     x = frames(dict(enumerate(in_band(rng.normal(size=(4000, 16)), RATE, (20.0, 470.0)).T)))
     return x, replace(x, pressure=advance(x.pressure, -late, RATE))
 
 
 def test_a_perfect_piece_that_is_late_is_perfect():
-    """As much as the delay is found to, a parabola through three frames; cut out beforehand, it loses its ends."""
+    """The error is that of the delay; a piece that is cut before alignment loses its ends."""
     x, late = noisy_piece(0.11e-3)
     found = fidelity(x, late, judged=(0.4, 0.12))
     assert found.delay == pytest.approx(0.11e-3, abs=2e-6)
@@ -76,8 +76,8 @@ def test_a_perfect_piece_that_is_late_is_perfect():
     assert fidelity(x.cut(0.4, 0.12), late.cut(0.4, 0.12)).distortion_ratio < 40
 
 
-def test_only_what_is_judged_counts():
-    """All but what sharp edges of the band ring on for."""
+def test_only_the_evaluated_part_counts():
+    """Except for the ringing of the sharp band edges."""
     x, late = noisy_piece(0.0)
     wrong = np.array(late.pressure)
     wrong[:800] *= -np.hanning(800)[:, None, None]

@@ -4,8 +4,8 @@ import pytest
 from midair.evaluate import error_by_energy
 
 
-def test_faint_frames_count_as_little_as_they_press():
-    """Nine frames met to 3 %, and ninety-one of a ten-thousandth of their power that are missed by a hundred times."""
+def test_faint_frames_are_weighted_by_their_power():
+    """Nine frames with 3 % error, and ninety-one of a ten-thousandth of their power with an error of 100."""
     error = np.r_[np.full(9, 0.03), np.full(91, 100.0)]
     power = np.r_[np.full(9, 4.0), np.full(91, 4e-10)]
     found = error_by_energy(error, power)

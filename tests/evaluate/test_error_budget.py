@@ -37,7 +37,7 @@ def made():
 def test_alone_and_so_far_by_hand(made):
     assert made.stage("first").so_far.distortion_ratio == pytest.approx(20, abs=0.05)
     assert made.stage("first").alone == made.stage("first").so_far
-    # alone: .1 more in 1 + .01 of power; so far: twice .01
+    # alone: .1 more in 1 + .01 of power; cumulative: twice .01
     assert made.stage("second").alone.distortion_ratio == pytest.approx(10 * np.log10(101), abs=0.1)
     assert made.stage("second").so_far.distortion_ratio == pytest.approx(10 * np.log10(50), abs=0.05)
 

@@ -1,4 +1,4 @@
-"""What a perfect reproduction would be heard as."""
+"""Re-recording of a perfect reproduction."""
 
 from dataclasses import replace
 
@@ -29,21 +29,21 @@ def test_each_frequency_passes_the_edges_of_the_band_once_more(frequency):
     assert np.linalg.norm(heard) == pytest.approx(part * np.linalg.norm(x.pressure), abs=0.01 * np.linalg.norm(wave))
 
 
-def test_it_takes_the_edges_that_the_pressure_was_calibrated_with():
-    """At 4 kHz there is room for wider edges than the sensor's 1 kHz had."""
+def test_uses_the_edges_of_the_calibration():
+    """At 4 kHz the edges can be wider than at the sensor's 1 kHz."""
     wide, narrow = noise(), noise()
     narrow = replace(narrow, provenance=narrow.provenance.then("calibrate", {"edges_hz": (1.0, 2.0)}))
     assert compare(apply_band_twice(wide), apply_band_twice(narrow)).waveform_error > 0.03
 
 
-def test_of_a_reel_it_is_the_same():
+def test_lazy_frames_give_the_same():
     x = noise(6000)
     reel = replace(x, pressure=LazyFrames(lambda first, last: x.pressure[first:last], x.pressure.shape))
     got = np.asarray(apply_band_twice(reel).pressure)
     np.testing.assert_allclose(got, apply_band_twice(x).pressure, atol=3e-4)
 
 
-def test_what_was_in_no_band_stays_as_it_is():
+def test_pressure_without_a_band_is_unchanged():
     x = replace(noise(), band=None)
     assert apply_band_twice(x) is x
 
@@ -54,7 +54,7 @@ def test_silence_is_kept_for_four_periods():
 
 
 def test_a_lead_that_ends_in_silence_hides_the_ends():
-    """With a lead nothing of the part inside hangs on what is taken to lie beyond the ends."""
+    """With a lead, the part inside does not depend on the signal assumed beyond the ends."""
     x = led_in(noise(), 0.15)
     longer = replace(x, pressure=np.concatenate([np.zeros((500, 4, 4)), x.pressure, np.zeros((500, 4, 4))]))
     inside = apply_band_twice(longer).pressure[500:-500]

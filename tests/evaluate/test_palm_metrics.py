@@ -13,7 +13,7 @@ TWO_SKINS = {"soft": Tissue(), "layer": Tissue(depth=5e-3)}
 
 
 def waves(frames, points, seed):
-    """Sines in the band that swell and fade, each point its own."""
+    """Sines in the band with changing amplitudes, different at each point."""
     rng = np.random.default_rng(seed)
     turns = np.arange(frames)[:, None, None] / RATE * np.arange(40, 400, 40)[:, None]
     fade = np.hanning(frames)[:, None]
@@ -38,21 +38,21 @@ def test_the_same_but_later_and_louder_is_whole(wanted):
     assert min(found.pressure, found.square, *found.displacement.values()) > 40
 
 
-def test_a_steady_leak_costs_nothing_and_one_that_flickers_costs_what_it_is(wanted):
+def test_only_a_varying_leak_counts(wanted):
     steady = judged(wanted, wanted + 100.0 * BEYOND, judged=(0.1, 0.1))
     assert steady.outside < 1e-3
     leak = np.where(BEYOND, waves(600, BEYOND.size, 1), 0.0)
     leak *= np.sqrt((wanted[200:400] ** 2).sum() / (leak[200:400] ** 2).sum()) / 2
     found = judged(wanted, wanted + leak, judged=(0.1, 0.1))
-    # A quarter of the power beside it: a fifth of all, and 6 dB.
+    # A quarter of the power is added outside: a fifth of the total, and 6 dB.
     assert found.outside == pytest.approx(0.2, abs=2e-3)
     assert found.pressure == pytest.approx(6.02, abs=0.1)
     assert found.square > 40
     assert all(ratio < 20 for ratio in found.displacement.values())
 
 
-def test_skin_feels_what_lies_beside_it_and_the_layer_less_far(wanted):
-    # Noise in the whole palm's outermost ring alone.
+def test_skin_moves_beside_the_pressure(wanted):
+    # Noise only in the outermost ring of the palm.
     x, y = np.meshgrid(PALM.grid(1.0).x, PALM.grid(1.0).y)
     ring = (np.hypot(x, y) > 25e-3)[PALM.inside]
     found = judged(wanted, wanted + ring * waves(600, BEYOND.size, 2), judged=(0.1, 0.1))
@@ -60,7 +60,7 @@ def test_skin_feels_what_lies_beside_it_and_the_layer_less_far(wanted):
     assert found.range[0] < found.range[1]
 
 
-def test_nothing_played_is_no_number_and_no_error(wanted):
+def test_silence_gives_no_number_and_no_error(wanted):
     found = judged(wanted, np.zeros_like(wanted))
     assert found.outside == 0.0
     assert found.pressure == -np.inf
@@ -70,7 +70,7 @@ def test_nothing_played_is_no_number_and_no_error(wanted):
     assert "SIMULATED" in repr(found)
 
 
-def test_frames_are_what_is_compared_moment_by_moment(wanted):
+def test_frames_are_the_compared_quantities(wanted):
     late = np.concatenate([np.zeros((8, wanted.shape[1])), 3.0 * wanted[:-8]])
     found = palm_frames(
         wanted, late, PALM, rates=(RATE, RATE), square=SQUARE, judged=(0.1, 0.1), band=(20.0, 450.0), skin="stiff, deep"
@@ -78,7 +78,7 @@ def test_frames_are_what_is_compared_moment_by_moment(wanted):
     assert found.rate == 1000.0
     assert found.wanted.shape == found.motion.shape == (100, *PALM.inside.shape)
     assert np.isnan(found.delivered[:, ~PALM.inside]).all()
-    # As loud as what came, and when it came.
+    # The target has the level and the delay of the delivered pressure.
     inside = (slice(None), PALM.inside)
     np.testing.assert_allclose(found.wanted[inside], found.delivered[inside], atol=0.02 * np.nanmax(found.wanted))
     np.testing.assert_allclose(found.wanted[inside], 3 * wanted[200:400:2], atol=0.1 * np.nanmax(found.wanted))

@@ -25,7 +25,7 @@ def cases():
     }
 
 
-# What vibromaf 0.0.8 (PyPI, MIT) gave for these on 2026-11-21: ST-SIM, SPQI.
+# Results of vibromaf 0.0.8 (PyPI, MIT) on 2026-11-21: ST-SIM, SPQI.
 VIBROMAF = {
     "a level with noise": (0.8014194584703337, 0.9070472299473984),
     "a ramp, shifted": (0.7445262743171056, 0.3031451820089071),
@@ -53,7 +53,7 @@ def test_agrees_with_vibromaf_where_it_is_installed(seed):
     assert spqi(reference, distorted) == pytest.approx(metrics[1].spqi(distorted, reference), rel=1e-9)
 
 
-def test_what_is_the_same_is_the_same_and_what_is_silent_says_nothing():
+def test_equal_signals_and_silent_blocks():
     assert st_sim(tone(), tone()) == spqi(tone(), tone()) == 1
     silence = np.zeros(4096)
     assert st_sim(silence, tone()) == spqi(silence, tone()) == 0
@@ -61,7 +61,7 @@ def test_what_is_the_same_is_the_same_and_what_is_silent_says_nothing():
     assert st_sim(half, np.concatenate([tone(0.5), silence])) == pytest.approx(st_sim(tone(), tone(0.5)))
 
 
-def test_st_sim_passes_1_where_more_is_felt_than_in_the_original():
+def test_st_sim_exceeds_1_for_a_stronger_signal():
     faint = tone(0.01)
     assert st_sim(faint, 0.5 * faint) < 1 < st_sim(faint, 3 * faint) < st_sim(faint, 10 * faint)
 
@@ -71,7 +71,7 @@ def test_the_other_way_round_is_another_waveform_and_the_same_spectrum():
     assert spqi(tone(), -tone()) == pytest.approx(1)
 
 
-def test_a_difference_as_large_as_the_original_gives_what_the_card_says():
+def test_a_difference_as_large_as_the_original():
     assert spqi(tone(), np.sqrt(2) * tone()) == pytest.approx((1 - np.tanh(2)) / 2, rel=1e-6)
     fifth = 10 ** (-2 / 0.3 / 10)
     assert fifth == pytest.approx(0.2, abs=0.02)

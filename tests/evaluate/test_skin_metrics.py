@@ -38,7 +38,7 @@ def test_half_as_strong_is_6_db_and_nearly_4_steps_weaker():
     assert card.figure("Pacinian power difference").overall == pytest.approx(20 * np.log10(0.5), abs=1e-6)
     steps = card.figure("the same in just noticeable differences")
     assert steps.overall == pytest.approx(-3.81, abs=0.01)
-    # To rounding: the level of all goes through the power of each.
+    # To rounding, because the total level is computed from the powers.
     assert steps.overall == pytest.approx(steps.channels[1, 1], rel=1e-12)
     assert card.figure("ST-SIM").overall < 1
 
@@ -66,7 +66,7 @@ def test_silence_gives_no_nan_overall():
         assert not any(np.isnan(each.overall) for each in perceptual_metrics(*pair).figures)
 
 
-def test_every_figure_says_in_a_sentence_what_it_means_and_none_is_a_total():
+def test_every_figure_has_an_explanation_and_none_is_a_total():
     card = perceptual_metrics(frames(), scaled(frames(), 0.9))
     assert all(each.meaning.endswith(".") and len(each.meaning) > 40 for each in card.figures)
     assert not {"score", "total", "quality"} & {each.name.lower() for each in card.figures}
@@ -75,7 +75,7 @@ def test_every_figure_says_in_a_sentence_what_it_means_and_none_is_a_total():
     assert json.dumps(plain)
 
 
-def test_what_does_not_fit_is_refused():
+def test_mismatched_recordings_are_rejected():
     with pytest.raises(RateError):
         perceptual_metrics(frames(), frames(rate=500.0))
     with pytest.raises(MismatchError):
@@ -87,9 +87,9 @@ def test_what_does_not_fit_is_refused():
         perceptual_metrics(short, short)
 
 
-def test_of_reels_all_figures_are_the_same():
+def test_lazy_frames_give_the_same_figures():
     rng = np.random.default_rng(0)
-    # Long enough for more than one stretch of blocks at 8 kHz.
+    # Long enough for more than one segment of blocks at 8 kHz.
     x = 10 * rng.standard_normal((70_000, 1, 2))
     original = PressureFrames(pressure=x, rate=1000.0, sensor=SensorGrid(rows=1, columns=2))
     later = scaled(original, 0.9)

@@ -1,4 +1,4 @@
-"""E of a drive in other air: by hand on a single focus, and what it looks at."""
+"""Error E of a drive in other air: by hand for a single focus, and the selection of frames."""
 
 from dataclasses import replace
 
@@ -16,25 +16,25 @@ ROOM = Acoustics(medium=Medium.at(temperature=26.0))
 
 
 def focused(frames, air=None):
-    """A focus at three levels in turn, and exactly what it makes as its target."""
+    """A focus at three levels in turn, with its own field as the target."""
     phase = np.broadcast_to(focus_phase(ARRAY, POINT.position[0], acoustics=air), (frames, ARRAY.count))
     level = np.tile([0.2, 0.5, 0.0], frames)[:frames]
     drive = Drive(phase=phase, level=level, rate=1000.0, array=ARRAY, acoustics=air or Acoustics())
     return drive, AmplitudeFrames(amplitude=np.abs(propagate(drive, POINT)), rate=1000.0, grid=POINT)
 
 
-def test_in_its_own_air_a_drive_makes_what_it_was_solved_for():
+def test_a_drive_has_no_error_in_its_own_air():
     np.testing.assert_allclose(error_at_temperature(*focused(6, ROOM), ROOM.medium), np.zeros(4), atol=1e-12)
 
 
-def test_in_denser_air_the_same_sound_presses_less():
-    """No phase and no loss changes, only rho: P = alpha p^2 / (2 rho c^2), so that p must be larger by sqrt(2)."""
+def test_pressure_decreases_in_denser_air():
+    """Only rho changes, no phase and no loss: P = alpha p^2 / (2 rho c^2), so p must be larger by sqrt(2)."""
     drive, target = focused(3)
     dense = replace(Medium(), density=2.5)
     np.testing.assert_allclose(error_at_temperature(drive, target, dense), np.full(2, 1 - 1 / np.sqrt(2)), rtol=1e-9)
 
 
-def test_some_frames_stand_for_all_that_play():
+def test_selected_frames_represent_all_audible_ones():
     drive, target = focused(300)
     warm = Medium.at(temperature=30.0)
     everything, some = error_at_temperature(drive, target, warm), error_at_temperature(drive, target, warm, frames=7)

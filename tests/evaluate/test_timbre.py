@@ -1,4 +1,4 @@
-"""Third octaves: a tone is in its own, level does not count, a white noise rises by a third of a decade's power."""
+"""Third octaves: a tone is in its own band, the level has no effect, and white noise rises by 1 dB per band."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def test_a_tone_lies_in_its_own_band(number):
     assert levels[number] == pytest.approx(0, abs=0.5)
 
 
-def test_level_is_not_heard():
+def test_level_has_no_effect():
     noise = np.random.default_rng(1).standard_normal(4000)
     assert third_octaves(pressed(1e-3 * noise)) == pytest.approx(third_octaves(pressed(noise)))
 

@@ -1,4 +1,4 @@
-"""Materials: what is apart is told apart, what is not is not, and folders are taken by their names."""
+"""Classification of materials: different ones are separated, equal ones are not, and names come from folders."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ COARSE = Settings().but(grid=ControlGrid(rows=4, columns=4, pitch=11e-3), method
 
 
 @pytest.mark.long
-def test_a_classifier_names_what_is_apart_and_guesses_what_is_not():
+def test_a_classifier_separates_only_different_materials():
     rng = np.random.default_rng(0)
     truth = np.repeat([0, 1, 2], 30)
     apart = rng.standard_normal((90, 13)) + 4 * truth[:, None]
@@ -31,8 +31,8 @@ def test_a_classifier_names_what_is_apart_and_guesses_what_is_not():
     assert np.mean(left_out_names(alike, alike, truth) == truth) < 0.55
 
 
-def test_what_is_asked_never_was_learnt():
-    # One stroke that is like nothing else, under a name of its own kind: who has seen it would know it.
+def test_the_classified_stroke_is_not_in_the_training_set():
+    # One stroke differs from all others and has a common label; only a classifier trained on it would know it.
     rng = np.random.default_rng(3)
     truth = np.repeat([0, 1], 10)
     shapes = rng.standard_normal((20, 5)) + 6 * truth[:, None]
@@ -61,7 +61,7 @@ def write(path, seed):
     save(recording, path, calibration=Calibration.flat(recording.sensor, sensitivity=1.0, unit="Pa"))
 
 
-def test_recordings_are_named_by_folder_or_by_what_their_names_begin_with(tmp_path):
+def test_materials_are_named_by_folder_or_file_name(tmp_path):
     for number in range(3):
         write(tmp_path / f"denim_{number}.h5", number)
         write(tmp_path / "old wool" / f"take {number}.h5", number)
@@ -71,17 +71,17 @@ def test_recordings_are_named_by_folder_or_by_what_their_names_begin_with(tmp_pa
     assert material_of(tmp_path / "cork.h5", tmp_path) == "cork"
 
 
-def test_the_live_mode_undoes_the_sensor_while_it_is_felt_and_the_part_is_the_same(tmp_path):
+def test_the_live_mode_inverts_the_sensor_causally(tmp_path):
     for number in range(3):
         write(tmp_path / f"denim_{number}.h5", number)
         write(tmp_path / f"wool_{number}.h5", number)
     stroke_ = recorded(tmp_path, 0.3)[0]
     zero_phase, causal = (part(COARSE, 0.3).pressure for part in (stroke_.original, stroke_.live))
     assert causal.shape == zero_phase.shape
-    # Its delay is taken out: whatever it does to the wave, it is most alike where it lies.
+    # The delay is removed, so the correlation has its maximum at a lag of 0.
     alike = [np.sum(zero_phase[20:-20] * causal[20 + lag : len(causal) - 20 + lag]) for lag in range(-10, 11)]
     assert np.argmax(alike) == 10
-    # And it is not the same, since it may look 6 ms ahead and no further: `midair live` tells 7 to 39 % by band.
+    # The pressures differ, because the filter uses only 6 ms of future samples: errors of 7 to 39 % by band.
     off = np.linalg.norm(causal - zero_phase) / np.linalg.norm(zero_phase)
     assert 0.03 < off < 0.4
 
@@ -89,7 +89,7 @@ def test_the_live_mode_undoes_the_sensor_while_it_is_felt_and_the_part_is_the_sa
 @pytest.mark.parametrize(
     "names", [[], ["wool_1.h5", "wool_2.h5", "wool_3.h5"], ["a_1.h5", "a_2.h5", "a_3.h5", "b_1.h5"]]
 )
-def test_too_few_recordings_are_refused_with_what_was_found(tmp_path, names):
+def test_too_few_recordings_are_rejected_with_their_numbers(tmp_path, names):
     for number, name in enumerate(names):
         write(tmp_path / name, number)
     with pytest.raises(InputError, match="two or more materials with three or more recordings each"):

@@ -1,4 +1,4 @@
-"""The paper's figures made again, with few points and short signals: what they hold, not what they come to."""
+"""The paper's figures with few points and short signals: structure, not numbers."""
 
 import csv
 import io
@@ -49,7 +49,7 @@ def test_figure_4_finds_place_and_frequency_of_each_stimulus():
 
 @pytest.mark.long
 def test_figure_9_has_the_order_that_the_paper_reports():
-    """Above 300 Hz towel over sponge over brush on both surfaces; grooves raise low more than high ones."""
+    """Above 300 Hz towel over sponge over brush on both surfaces; grooves raise low frequencies more than high ones."""
     result = figure_9(takes=1)
     check(result, 12)
     level = {(row["object"], row["surface"], row["mode"]): row for row in result.rows}
@@ -80,7 +80,7 @@ def test_figure_9_shows_the_mode_of_a_name_beside_the_paper_s(mode, shown):
     assert {row["mode"] for row in figure_9(takes=1, mode=mode).rows} == shown
 
 
-def test_what_stands_beside_the_paper_s_mode_is_chosen_by_name():
+def test_the_compared_mode_is_chosen_by_name():
     assert list(FidelityPlan(mode="quick").modes) == ["paper", "quick"]
     assert list(FidelityPlan(mode="paper").modes) == ["paper"]
 

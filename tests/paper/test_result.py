@@ -1,4 +1,4 @@
-"""Rows and pictures as files, whole and readable by others."""
+"""Rows and pictures as complete, readable files."""
 
 import json
 

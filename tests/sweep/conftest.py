@@ -1,4 +1,4 @@
-"""Sweeps that are finished here and now, and clusters of this machine."""
+"""Fixtures: sweeps solved in this process, and clusters on this machine."""
 
 import json
 import subprocess
@@ -15,7 +15,7 @@ from midair.sweep.store import load_sweep, open_sweep
 
 @pytest.fixture(scope="session")
 def finished():
-    """Do a sweep, task after task in this process, in a file; its results."""
+    """Solve a sweep in this process into a file; return its results."""
 
     def finish(path, sweep):
         with open_sweep(path, sweep) as store:

@@ -48,7 +48,7 @@ def test_rows_by_channels_add_up_to_the_whole():
 
 @pytest.mark.long
 def test_examples_are_the_patterns_that_were_stored(results):
-    """Solved again, they have the very error that the store says, from the best pattern to the worst."""
+    """Solved again, they have the stored errors, from the best pattern to the worst."""
     examples = examples_of(results, 0, quantiles=(0, 1))
     stored = results.error[0]
     assert [one.error for one in examples] == pytest.approx([stored.min(), stored.max()], rel=1e-9)
@@ -90,7 +90,7 @@ def test_a_sweep_without_curves_has_no_figures_of_them(tmp_path):
     assert "strength.png" not in {file.name for file in files}
 
 
-def test_an_unfinished_sweep_is_reported_as_far_as_it_is():
+def test_an_unfinished_sweep_is_reported():
     error = np.full((len(SWEEP.conditions()), 24), np.nan)
     error[0, :8] = 0.1
     report = report_of(made_up(error))

@@ -45,7 +45,7 @@ def test_settings_name_those_of_the_solver():
     assert PatternSweep(iterations=7).settings()["solver"]["iterations"] == 7
 
 
-def test_results_are_said_to_be_simulated():
+def test_results_are_marked_as_simulated():
     provenance = SMALL.provenance()
     assert provenance.simulated
     assert provenance.steps[-1].settings["seed"] == 2024
@@ -91,6 +91,6 @@ def test_agrees_with_the_stage_of_the_pipeline():
     ],
     ids=str,
 )
-def test_what_cannot_be_swept_is_refused(wrong):
+def test_invalid_sweeps_are_rejected(wrong):
     with pytest.raises(InputError):
         PatternSweep(**wrong)

@@ -1,4 +1,4 @@
-"""Folders and object stores: the same sweep, whole or not there, and one line for what cannot be."""
+"""Folders and object stores: the same sweep, complete or absent, and one-line errors."""
 
 import sys
 from dataclasses import replace
@@ -19,14 +19,14 @@ SWEEP = PatternSweep(count=10, curve_count=4, chunk=4, strengths=(0.1,), curve_h
 
 @pytest.fixture
 def bucket():
-    """An address in an object store that lives in this process."""
+    """An address in an object store in the memory of this process."""
     yield "memory://bucket/all.zarr"
     fsspec.filesystem("memory").rm("/bucket", recursive=True)
 
 
 @pytest.mark.long
-def test_an_object_store_holds_what_a_folder_holds(bucket, tmp_path, finished, threads):
-    """Bit by bit, written by a worker, and gone on with."""
+def test_an_object_store_equals_a_folder(bucket, tmp_path, finished, threads):
+    """Bit by bit, written by a worker, and continued."""
 
     def stop(done, _):
         if done:
@@ -38,7 +38,7 @@ def test_an_object_store_holds_what_a_folder_holds(bucket, tmp_path, finished, t
             run_sweep(SWEEP, bucket, scheduler=scheduler, progress=stop)
         before = load_sweep(bucket).known
         assert before > 0
-        # A worker ends the task that it was at, and stores it.
+        # A worker finishes and stores its current task.
         assert 0 < run_sweep(SWEEP, bucket, scheduler=scheduler) <= here.known - before
     there = load_sweep(bucket)
     for name in ("error", "rounded_error", "strength"):
@@ -50,7 +50,7 @@ def test_an_object_store_holds_what_a_folder_holds(bucket, tmp_path, finished, t
 
 @pytest.fixture
 def s3(monkeypatch):
-    """An address in a bucket that a server on loopback holds, by packages that the tests do not ask for."""
+    """An address in a bucket of a loopback server; requires extra packages."""
     pytest.importorskip("s3fs")
     server = pytest.importorskip("moto.server").ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
     server.start()
@@ -68,7 +68,7 @@ def s3(monkeypatch):
 
 
 @pytest.mark.slow
-def test_s3_holds_what_a_folder_holds_written_by_workers_and_gone_on_with(s3, tmp_path, finished):
+def test_s3_equals_a_folder_when_workers_write_and_continue(s3, tmp_path, finished):
     here = finished(tmp_path / "s.zarr", SWEEP)
     with open_sweep(s3, SWEEP) as store:
         first = store.missing()[0]
@@ -81,7 +81,7 @@ def test_s3_holds_what_a_folder_holds_written_by_workers_and_gone_on_with(s3, tm
     assert run_sweep(SWEEP, s3, workers=2) == 0
 
 
-def test_a_beginning_that_was_interrupted_is_made_whole(bucket, monkeypatch, finished):
+def test_an_interrupted_creation_is_completed(bucket, monkeypatch, finished):
     create = zarr.Group.create_array
 
     def dies(group, name, **layout):
@@ -96,8 +96,8 @@ def test_a_beginning_that_was_interrupted_is_made_whole(bucket, monkeypatch, fin
     assert finished(bucket, SWEEP).known == sum(task.count for task in SWEEP.tasks())
 
 
-def test_a_disk_that_takes_nothing_is_told_by_the_name_that_was_given(tmp_path):
-    """It was told of a name that begins with .midair and that nobody had typed."""
+def test_a_full_disk_is_reported_with_the_given_name(tmp_path):
+    """The message must not contain the temporary name that begins with .midair."""
     resource = pytest.importorskip("resource")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (16, hard))
@@ -137,7 +137,7 @@ def test_names_of_chunks_are_read_and_others_do_not_count(place, tmp_path, monke
         ("frob://bucket/s.zarr", InputError, "frob"),
     ],
 )
-def test_what_is_not_there_is_one_line(where, error, words):
+def test_a_missing_store_is_one_line(where, error, words):
     with pytest.raises(error, match=words) as told:
         load_sweep(where)
     assert "\n" not in str(told.value)

@@ -1,4 +1,4 @@
-"""What a sweep over recordings says, as far as it is."""
+"""Report of a sweep over recordings."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ SWEEP = RecordingSweep(
 )
 
 
-def test_report_counts_only_frames_that_ask_for_something(finished, tmp_path):
+def test_report_counts_only_audible_frames(finished, tmp_path):
     results = finished(tmp_path / "s.zarr", SWEEP)
     results = replace(results, error=np.where(np.isnan(results.error), np.nan, [[0.0, 0.1] * 5, [0.2] * 10]))
     report = trial_report(results)

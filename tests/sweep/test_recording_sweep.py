@@ -1,4 +1,4 @@
-"""Recordings under settings: what a sweep finds is what `reproduce` finds."""
+"""Sweeps over recordings and settings: the results equal those of `reproduce`."""
 
 import json
 from dataclasses import replace
@@ -34,7 +34,7 @@ SWEEP = RecordingSweep(
 )
 
 
-def test_finds_what_the_pipeline_finds(finished, tmp_path):
+def test_equals_the_pipeline(finished, tmp_path):
     results = finished(tmp_path / "s.zarr", SWEEP)
     array = TransducerArray.autd3(columns=1, rows=1)
     for number, one in enumerate(SWEEP.trials):
@@ -93,6 +93,6 @@ def test_settings_survive_json():
     [(), (trial("a"), trial("a")), (trial("a", settings=Settings().but(method="magic")),)],
     ids=["none", "twice", "unknown method"],
 )
-def test_what_cannot_be_swept_is_refused(trials):
+def test_invalid_sweeps_are_rejected(trials):
     with pytest.raises(InputError):
         RecordingSweep(trials=trials)

@@ -1,4 +1,4 @@
-"""A worker writes into the very store that it was sent to, or tells what it found."""
+"""A worker writes only into the store that it was sent to; otherwise it returns its result."""
 
 import shutil
 from dataclasses import replace
@@ -23,7 +23,7 @@ def address_of(path):
         return store.address
 
 
-def test_a_worker_stores_and_has_only_its_time_left_to_tell(tmp_path):
+def test_a_worker_stores_and_returns_only_its_time(tmp_path):
     address = address_of(tmp_path / "s.zarr")
     left = address.take(RESULT)
     assert (left.task, left.found, left.seconds) == (TASK, None, 1.0)
@@ -32,8 +32,8 @@ def test_a_worker_stores_and_has_only_its_time_left_to_tell(tmp_path):
     assert results.seconds == 1.0
 
 
-def test_a_store_begun_anew_under_the_same_name_is_another(tmp_path):
-    """An old task may still be running when the sweep that asked for it is thrown away."""
+def test_a_new_store_with_the_same_name_is_not_written(tmp_path):
+    """An old task may still be running after its sweep was deleted."""
     old = address_of(tmp_path / "s.zarr")
     shutil.rmtree(tmp_path / "s.zarr")
     new = address_of(tmp_path / "s.zarr")
@@ -49,7 +49,7 @@ def test_no_store_is_made_where_there_is_none(tmp_path):
 
 
 def test_the_flag_is_written_last():
-    """Into a group that dies at any array: nothing is flagged that is not whole."""
+    """With a group that fails at any array, no incomplete task is flagged."""
 
     class Group(dict):
         def __missing__(self, name):

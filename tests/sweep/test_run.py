@@ -1,4 +1,4 @@
-"""The sweep on real Dask workers; what a kill costs, with a real kill."""
+"""Sweeps on real Dask workers, also with a real kill."""
 
 import os
 import shutil
@@ -45,7 +45,7 @@ def expected(sweep):
 
 
 @pytest.mark.long
-def test_a_cluster_finds_what_one_process_finds(tmp_path, scheduler):
+def test_a_cluster_equals_one_process(tmp_path, scheduler):
     reports = []
     solved = run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler, progress=lambda *said: reports.append(said))
     results = load_sweep(tmp_path / "s.zarr")
@@ -56,7 +56,7 @@ def test_a_cluster_finds_what_one_process_finds(tmp_path, scheduler):
     assert len(reports) == len(SWEEP.tasks()) + 1
 
 
-def test_a_finished_sweep_asks_for_no_cluster(tmp_path, scheduler):
+def test_a_finished_sweep_needs_no_cluster(tmp_path, scheduler):
     run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler)
     assert run_sweep(SWEEP, tmp_path / "s.zarr", scheduler="tcp://127.0.0.1:1") == 0
 
@@ -72,14 +72,14 @@ def test_stopped_and_started_again_it_does_only_what_is_missing(tmp_path, schedu
     before, done = _stored(tmp_path / "s.zarr")
     known = load_sweep(tmp_path / "s.zarr").known
     assert 0 < known < asked(SWEEP)
-    # A worker ends the task that it was at, and stores it.
+    # A worker finishes and stores its current task.
     assert 0 < run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler) <= asked(SWEEP) - known
     np.testing.assert_array_equal(_stored(tmp_path / "s.zarr")[0][done], before[done])
     np.testing.assert_allclose(load_sweep(tmp_path / "s.zarr").error, expected(SWEEP), rtol=1e-9)
 
 
 @pytest.mark.long
-def test_a_task_that_fails_is_told_in_one_line_and_costs_nothing_else(tmp_path, scheduler, monkeypatch):
+def test_a_failed_task_is_one_line_and_loses_nothing_else(tmp_path, scheduler, monkeypatch):
     do = module.do
     monkeypatch.setattr(module, "do", lambda job, task: 1 / 0 if task.first == 8 else do(job, task))
     with pytest.raises(MidairError, match=r"ZeroDivisionError.*stored"):
@@ -99,8 +99,8 @@ def test_workers_write_their_results_themselves(tmp_path, scheduler, monkeypatch
 
 
 @pytest.mark.long
-def test_a_store_that_workers_do_not_see_is_written_by_the_command(tmp_path, scheduler, monkeypatch):
-    """As on machines without a common disk: there the folder has the same name, and is another or none."""
+def test_a_store_that_workers_cannot_access_is_written_by_the_command(tmp_path, scheduler, monkeypatch):
+    """As on machines without a shared disk, where the folder name refers to another folder or none."""
     place = SweepStore.address.fget
     elsewhere = tmp_path / "elsewhere.zarr"
     other = property(lambda store: replace(place(store), place=str(elsewhere)))
@@ -115,12 +115,12 @@ def test_a_store_that_workers_do_not_see_is_written_by_the_command(tmp_path, sch
         np.testing.assert_allclose(load_sweep(tmp_path / name).error, expected(SWEEP), rtol=1e-9)
 
 
-def test_an_address_without_a_scheduler_is_told_in_one_line():
+def test_an_address_without_a_scheduler_is_one_line():
     with pytest.raises(MidairError, match=r"tcp://127\.0\.0\.1:1"), cluster("tcp://127.0.0.1:1", patience=0.5):
         pass
 
 
-def test_a_scheduler_without_workers_is_told_in_one_line():
+def test_a_scheduler_without_workers_is_one_line():
     with (
         distributed.LocalCluster(
             n_workers=0, protocol="tcp", host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs="CRITICAL"
@@ -132,8 +132,8 @@ def test_a_scheduler_without_workers_is_told_in_one_line():
 
 
 @pytest.mark.slow
-def test_killed_it_goes_on_without_losing_or_repeating_anything(tmp_path):
-    """SIGKILL while two worker processes are at it; every stored task keeps the very seconds it took before."""
+def test_a_killed_sweep_continues_without_losing_or_repeating_anything(tmp_path):
+    """SIGKILL while two worker processes are busy; every stored task keeps its processor time."""
     path = tmp_path / "s.zarr"
     sweep = PatternSweep(count=160, curve_count=0, chunk=8, strengths=(0.1,), method="fast")
     command = ["sweep", "patterns", str(path), "--count", "160", "--curves", "0", "--chunk", "8", "--strength", "0.1"]
@@ -173,8 +173,8 @@ def _wait(true, limit=120):
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_speaks_tls_is_reached_with_a_certificate_and_not_without(tmp_path, programs):
-    """As in docs/sweep.md: one certificate for all of a group, in Dask's own settings."""
+def test_a_tls_scheduler_requires_a_certificate(tmp_path, programs):
+    """As in docs/sweep.md: one certificate for a group, in Dask's own settings."""
     if shutil.which("openssl") is None:
         pytest.skip("no openssl to make a certificate with")
     make = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "1", "-subj", "/CN=sweep"]

@@ -1,4 +1,4 @@
-"""The first setting that differs is named, short values as they are."""
+"""Errors name the first different setting, with short values in full."""
 
 from dataclasses import replace
 

@@ -65,8 +65,8 @@ def test_a_store_of_other_settings_is_refused_and_left_alone(tmp_path, change):
     assert load_sweep(path).known == SWEEP.tasks()[0].count
 
 
-def test_two_who_write_at_once_do_not_meet(tmp_path):
-    """No chunk of any array belongs to two tasks: whoever writes one rewrites nothing of another's."""
+def test_two_concurrent_writers_do_not_conflict(tmp_path):
+    """No chunk of any array belongs to two tasks, so writers never overwrite each other."""
     path = tmp_path / "s.zarr"
     with open_sweep(path, SWEEP) as store:
         written = set()
@@ -79,8 +79,8 @@ def test_two_who_write_at_once_do_not_meet(tmp_path):
     assert written == {"error", "rounded_error", "target_strength", "seconds", "done"}
 
 
-def test_a_store_of_before_workers_wrote_is_gone_on_with_by_the_command(tmp_path):
-    """Flags of a row in one file: two writers would lose each other's."""
+def test_an_older_store_is_continued_by_the_command(tmp_path):
+    """It has the flags of a row in one file, where two writers would overwrite each other."""
     path = tmp_path / "s.zarr"
     with open_sweep(path, SWEEP) as store:
         for name in ("done", "seconds", "target_strength"):
@@ -97,7 +97,7 @@ def test_a_store_of_before_workers_wrote_is_gone_on_with_by_the_command(tmp_path
     assert load_sweep(path).known == SWEEP.tasks()[1].count
 
 
-def test_a_second_writer_is_refused_while_the_first_is_at_it(tmp_path):
+def test_a_second_writer_is_rejected(tmp_path):
     pytest.importorskip("fcntl")
     path = tmp_path / "s.zarr"
     with open_sweep(path, SWEEP), pytest.raises(DeviceStateError, match="another program"), open_sweep(path, SWEEP):
@@ -119,12 +119,12 @@ def test_other_programs_can_read_it(tmp_path):
         assert from_json(data.attrs["provenance"]).simulated
 
 
-def test_nothing_half_made_is_left(tmp_path):
+def test_no_incomplete_store_remains(tmp_path):
     with open_sweep(tmp_path / "s.zarr", SWEEP):
         assert [path.name for path in tmp_path.iterdir()] == ["s.zarr"]
 
 
-def test_what_is_no_sweep_is_refused(tmp_path):
+def test_other_files_are_rejected(tmp_path):
     with pytest.raises(MissingFileError):
         load_sweep(tmp_path / "none.zarr")
     (tmp_path / "file.zarr").write_text("text")

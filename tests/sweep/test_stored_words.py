@@ -1,4 +1,4 @@
-"""A store that somebody edited is one line, whatever of it is asked for."""
+"""An edited store gives a one-line error for every query."""
 
 from dataclasses import replace
 

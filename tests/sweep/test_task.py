@@ -1,4 +1,4 @@
-"""Tasks, and settings as JSON gives them back."""
+"""Tasks, and settings as JSON values."""
 
 import json
 from dataclasses import dataclass
@@ -41,12 +41,12 @@ LEAVES = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) 
 
 @pytest.mark.long
 @given(st.recursive(LEAVES, lambda few: st.lists(few) | st.tuples(few, few) | st.dictionaries(st.integers(), few)))
-def test_they_are_what_json_would_give_back(thing):
+def test_settings_equal_their_json_round_trip(thing):
     plain = settings_of(thing)
     assert json.loads(json.dumps(plain)) == plain
     assert settings_of(plain) == plain
 
 
 @pytest.mark.parametrize("value", [0, 1.5, "a", None, True])
-def test_what_json_knows_stays_as_it_is(value):
+def test_json_values_are_unchanged(value):
     assert settings_of(value) is value

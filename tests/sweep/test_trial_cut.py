@@ -1,4 +1,4 @@
-"""A recording in pieces, on workers: the bits of one process, and after a kill only what was being done."""
+"""A recording in pieces on workers: the bits of one process, and after a kill only the current pieces are lost."""
 
 import os
 import signal
@@ -32,7 +32,7 @@ UNIT = TransducerArray.autd3(columns=1, rows=1)
 
 
 def trial(name, frames, settings=SETTINGS):
-    """What presses sounds only while it presses: half-wave leaves silence in between."""
+    """A half-wave rectified signal, which has silent frames in between."""
     pressure = am_stimulus("i", peak=30.0, duration=frames / 1000, rate=1000.0)
     if settings.solver.name == "glide":
         samples = pressure.pressure
@@ -49,7 +49,7 @@ SWEEP = RecordingSweep(
 
 
 def alone(one):
-    """E of every frame of a trial, solved by one process from one end to the other."""
+    """E of every frame of a trial, solved in one process from start to end."""
     _, parts = reproduce_stream(one.pressure, UNIT, one.settings.but(jobs=1))
     return np.concatenate([part.error for part in parts])
 
@@ -80,7 +80,7 @@ def test_workers_give_the_same_bits_and_write_their_own_regions(tmp_path, thread
     assert group["error"].chunks == (1, SWEEP.chunk)
 
 
-def test_begun_in_the_middle_it_does_the_other_pieces_only(finished, tmp_path):
+def test_a_continued_sweep_solves_only_the_missing_pieces(finished, tmp_path):
     path = tmp_path / "s.zarr"
     with open_sweep(path, SWEEP) as store:
         second = store.missing()[1]
@@ -113,7 +113,7 @@ def test_other_pieces_are_another_sweep_and_other_cores_are_not(tmp_path):
         pass
 
 
-def test_what_is_short_stands_in_its_own_order():
+def test_short_recordings_are_stored_in_order():
     whole = replace(SWEEP, trials=SWEEP.trials[1:])
     assert (whole.item, whole.shape) == ("frame", (2, 12))
     assert "blocks" not in whole.settings()
@@ -144,7 +144,7 @@ OPTIONS = ["--method", "glide", "--points", "6", "--pitch", "11mm", "--rate", "8
 
 
 @pytest.mark.slow
-def test_two_worker_processes_find_what_midair_solve_finds_to_the_last_bit(stroke, tmp_path):
+def test_two_workers_give_the_bits_of_midair_solve(stroke, tmp_path):
     midair("solve", str(stroke), "one.drive.h5", "--mode", "paper", *OPTIONS, folder=tmp_path)
     midair(
         *["sweep", "recordings", "s.zarr", str(stroke), "--mode", "paper", *OPTIONS],
@@ -157,8 +157,8 @@ def test_two_worker_processes_find_what_midair_solve_finds_to_the_last_bit(strok
 
 
 @pytest.mark.slow
-def test_a_killed_worker_costs_its_own_piece_only(stroke, tmp_path, programs):
-    """Killed while it works: the other one does that piece, and what was stored is not touched."""
+def test_a_killed_worker_loses_only_its_own_piece(stroke, tmp_path, programs):
+    """The other worker solves that piece, and stored results are unchanged."""
     path = tmp_path / "s.zarr"
     with programs(2) as (address, workers):
         command = ["sweep", "recordings", str(path), str(stroke), "--mode", "paper", *OPTIONS, "--blocks", "1"]

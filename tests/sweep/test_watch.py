@@ -1,4 +1,4 @@
-"""A cluster whose workers are gone: said within half a minute, with what was found in the store."""
+"""A cluster without live workers is reported within half a minute, with all results stored."""
 
 import signal
 import subprocess
@@ -15,8 +15,8 @@ from midair.sweep.store import load_sweep
 from midair.sweep.watch import WorkersWatch
 
 
-class Told:
-    """A client whose scheduler says what it is told to."""
+class FakeClient:
+    """A client whose scheduler gives prepared answers."""
 
     def __init__(self, *answers):
         self.answers = list(answers)
@@ -28,8 +28,8 @@ class Told:
         return {"workers": {str(number): {"last_seen": seen} for number, seen in enumerate(answer)}}
 
 
-def test_a_sign_of_any_worker_is_enough():
-    watch = WorkersWatch(Told([1.0, 5.0], [1.0, 6.0], [1.0, 7.0]), patience=0.0)
+def test_a_heartbeat_of_any_worker_is_enough():
+    watch = WorkersWatch(FakeClient([1.0, 5.0], [1.0, 6.0], [1.0, 7.0]), patience=0.0)
     for _ in range(3):
         watch.look()
 
@@ -37,8 +37,8 @@ def test_a_sign_of_any_worker_is_enough():
 @pytest.mark.parametrize(
     "silent", [[], [5.0], OSError("gone"), TimeoutError()], ids=["none", "stopped", "gone", "hangs"]
 )
-def test_no_new_sign_is_the_end(silent):
-    watch = WorkersWatch(Told([5.0], silent), patience=0.0)
+def test_no_new_heartbeat_is_an_error(silent):
+    watch = WorkersWatch(FakeClient([5.0], silent), patience=0.0)
     watch.look()
     time.sleep(0.01)
     with pytest.raises(ClusterError, match="no heartbeat"):
@@ -46,10 +46,10 @@ def test_no_new_sign_is_the_end(silent):
 
 
 @pytest.mark.parametrize("answered", [True, False])
-def test_an_answer_counts_as_a_sign(answered, monkeypatch):
+def test_an_answer_counts_as_a_heartbeat(answered, monkeypatch):
     clock = iter([0.0, 0.0, *([50.0] if answered else []), 70.0]).__next__
     monkeypatch.setattr("midair.sweep.watch.time", SimpleNamespace(monotonic=clock))
-    watch = WorkersWatch(Told([5.0], []), patience=60.0)
+    watch = WorkersWatch(FakeClient([5.0], []), patience=60.0)
     watch.look()
     if answered:
         watch.reset()
@@ -59,8 +59,8 @@ def test_an_answer_counts_as_a_sign(answered, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
-def test_workers_all_gone_is_one_line_and_nothing_is_lost(how, tmp_path, programs):
-    """The workers of a real scheduler, as soon as something is stored; then others, who end the sweep."""
+def test_lost_workers_are_one_line_and_no_result_is_lost(how, tmp_path, programs):
+    """The workers of a real scheduler are killed as soon as a result is stored; others then complete the sweep."""
     path = tmp_path / "s.zarr"
     with programs(2) as (address, workers):
         ask = ["sweep", "patterns", str(path), "--count", "400", "--curves", "0", "--chunk", "8", "--strength", ".1"]

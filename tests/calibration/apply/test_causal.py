@@ -22,8 +22,8 @@ def one_channel(frequency, response, noise=0.0):
     )
 
 
-def test_is_what_a_regression_on_noise_finds():
-    """Noise through a resonance, and the same noise in the band 6 ms later: the regression of one on the other."""
+def test_equals_a_regression_on_noise():
+    """Regression of noise in the band, delayed by 6 ms, on the same noise through a resonance."""
     length, taps, late = 2**15, 40, 6
     frequency = np.fft.rfftfreq(length, 1 / RATE)
     response = 1 / (1 - (frequency / 320) ** 2 + 0.6j * frequency / 320)
@@ -41,7 +41,7 @@ def test_is_what_a_regression_on_noise_finds():
     assert told == pytest.approx(missed, rel=0.05)
 
 
-def test_with_a_long_delay_it_is_the_zero_phase_inverse():
+def test_a_long_delay_gives_the_zero_phase_inverse():
     parts = [(30.0, 460.0)]
     error = [
         causal_error(causal_fir(KNOWN, RATE, delay=delay, taps=taps), KNOWN, RATE, delay=delay, parts=parts)[0]
@@ -58,7 +58,7 @@ def test_error_falls_with_the_delay_in_every_part():
     assert (np.diff(errors, axis=1) < 0).all()
 
 
-def test_a_stream_is_the_filter_and_looks_at_nothing_later():
+def test_a_stream_equals_the_filter_and_is_causal():
     samples = np.random.default_rng(1).standard_normal((700, 4, 4))
     samples[0] = 0.0
     stream = CausalInverse(KNOWN, RATE)
@@ -71,16 +71,16 @@ def test_a_stream_is_the_filter_and_looks_at_nothing_later():
     assert np.array_equal(CausalInverse(KNOWN, RATE).push(changed)[:400], out[:400])
 
 
-def test_a_hand_that_rests_is_not_felt():
-    """A converter's offset is 0 Pa from the first frame on; a push of 1 kPa below the band is a thousandth of it."""
+def test_slow_pressure_is_removed():
+    """A converter's offset gives 0 Pa from the first frame on, a pressure of 1 kPa below the band a thousandth."""
     assert np.abs(CausalInverse(KNOWN, RATE).push(np.full((300, 4, 4), 0.2))).max() < 1e-9
     slow = 1000 * np.sin(2 * np.pi * np.arange(3000) / 3000)[:, None, None] * np.ones((1, 4, 4))
     said = sense(replace(MODEL, noise=0.0), slow, RATE)
     assert np.abs(CausalInverse(KNOWN, RATE).push(said)[600:2400]).max() < 1.0
 
 
-def test_touch_comes_out_after_the_delay():
-    """Band-limited noise in Pa: best aligned with what acted 6 ms before, and as near to it as `causal_error` says."""
+def test_output_is_the_input_after_the_delay():
+    """Band-limited noise in Pa: aligned best with the input 6 ms earlier, with the error of `causal_error`."""
     rng = np.random.default_rng(2)
     pressure = 10 * rng.standard_normal((3000, 4, 4))
     recording = Recording(samples=sense(MODEL, pressure, RATE), rate=RATE)
@@ -102,7 +102,7 @@ def test_crosstalk_is_undone_after_the_filter():
     assert undone.reshape(50, 16) @ mixed.T == pytest.approx(kept.reshape(50, 16))
 
 
-def test_what_makes_no_sense_is_refused():
+def test_invalid_arguments_are_rejected():
     for wrong in ({"delay": 0.2}, {"delay": -1e-3}, {"taps": 4}, {"below": -1.0}):
         with pytest.raises(InputError):
             causal_fir(KNOWN, RATE, **wrong)

@@ -29,32 +29,32 @@ def test_inverse_at_hand_computed_numbers():
     assert value[:, 0, 0] == pytest.approx([-0.125j, -0.25j])
 
 
-def test_a_pressure_of_the_floor_in_as_much_noise_is_halved():
+def test_a_pressure_at_the_floor_in_equal_noise_is_halved():
     value = inverse_response(one_channel(0.02, 0.02 * 0.3), np.array([100.0]), BAND, edges=EDGES, floor=0.3)
     assert value[0, 0, 0] * 0.02 == pytest.approx(0.5)
 
 
-def test_times_the_response_it_is_the_band():
+def test_inverse_times_response_is_the_band_window():
     frequency = np.linspace(0, 500, 1001)
     through = inverse_response(calibration_of(MODEL), frequency, BAND, edges=EDGES) * channel_response(MODEL, frequency)
     window = band_window(frequency, BAND, edges=EDGES)[:, None, None]
-    # what regularisation takes: (noise-equivalent pressure / floor)^2, 1 mPa over 50 mPa squared, more at 20 Hz
+    # loss by regularisation: (noise-equivalent pressure / floor)^2, 1 mPa over 50 mPa squared, more at 20 Hz
     assert np.abs(through - window).max() < 2e-3
     assert 2e-4 < np.abs(through - window)[100:900].max() < 8e-4
 
 
-def test_a_channel_that_hears_nothing_is_silent():
+def test_a_channel_without_response_is_silent():
     frequency = np.linspace(0, 500, 11)
     assert not inverse_response(one_channel(0.0, 0.0), frequency, BAND, edges=EDGES).any()
     assert not inverse_response(one_channel(0.0, 1e-3), frequency, BAND, edges=EDGES).any()
-    # a response of 0 at 0 Hz alone, without any noise, is no division by zero
+    # a response of 0 only at 0 Hz, without noise, causes no division by zero
     assert np.isfinite(
         inverse_response(calibration_of(SensorModel(noise=0.0)), frequency, (0, 500), edges=(0, 0))
     ).all()
 
 
 @pytest.mark.parametrize(("taps", "worst"), [(None, 0.03), (401, 0.006), (801, 0.0015)])
-def test_the_fir_filter_undoes_the_sensor_but_for_its_delay(taps, worst):
+def test_the_fir_filter_inverts_the_sensor_except_its_delay(taps, worst):
     fir = inverse_fir(calibration_of(MODEL), 1000.0, BAND, edges=EDGES, taps=taps)
     frequency = np.linspace(0, 500, 999)
     response = freqz(fir[:, 2, 1], worN=frequency, fs=1000.0)[1]
@@ -63,7 +63,7 @@ def test_the_fir_filter_undoes_the_sensor_but_for_its_delay(taps, worst):
     assert np.abs(through - band_window(frequency, BAND, edges=EDGES)).max() < worst
 
 
-def test_a_constant_gives_exactly_nothing():
+def test_a_constant_gives_exactly_zero():
     fir = inverse_fir(Calibration.flat(SensorGrid()), 1000.0, BAND, edges=EDGES)
     assert fir.sum(axis=0) == pytest.approx(np.zeros((4, 4)), abs=1e-15)
     through = inverse_fir(Calibration.flat(SensorGrid(), sensitivity=4.0), 1000.0, (0, 470), edges=(0, 23.5))

@@ -21,7 +21,7 @@ CALIBRATION = calibration_of(MODEL)
 
 
 def noise(seed, frames=2400, rise=300):
-    """10 Pa rms of white pressure between rests."""
+    """10 Pa rms of white pressure with silence at both ends."""
     ramp = np.sin(np.pi / 2 * np.clip(np.minimum(np.arange(frames), np.arange(frames)[::-1]) / rise, 0, 1)) ** 2
     return 10 * np.random.default_rng(seed).standard_normal((frames, 4, 4)) * ramp[:, None, None]
 
@@ -50,7 +50,7 @@ def tone(frequency, frames=1000, offset=0.0):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_what_acted_on_the_sensor_comes_back(seed):
+def test_recovers_the_pressure_on_the_sensor(seed):
     pressure = noise(seed)
     assert relative(calibrate(recorded(pressure), CALIBRATION).pressure, within_band(pressure)) < 1e-3
 
@@ -73,7 +73,7 @@ def test_the_two_methods_agree(taps, agreement):
 
 @pytest.mark.parametrize("method", ["fft", "fir"])
 @pytest.mark.parametrize("frequency", [25.0, 100.0, 250.0, 450.0])
-def test_a_tone_comes_back_in_size_and_time(method, frequency):
+def test_a_tone_keeps_amplitude_and_phase(method, frequency):
     time = np.arange(2000) / RATE
     pressure = np.zeros((2000, 4, 4))
     rise = np.sin(np.pi / 2 * np.clip(np.minimum(time, 2 - time) / 0.3, 0, 1)) ** 2
@@ -138,7 +138,7 @@ def test_a_real_recording_of_denim():
     assert not frames.provenance.simulated
 
 
-def test_what_was_done_is_written_down():
+def test_provenance_records_the_settings():
     recording = recorded(noise(0))
     frames = calibrate(recording, CALIBRATION, method="fir")
     step = frames.provenance.steps[-1]
@@ -209,7 +209,7 @@ def test_a_constant_recording_is_refused(offset):
 
 
 @pytest.mark.parametrize("start", [5, 50, 3000, 3955])
-def test_a_short_tap_anywhere_is_heard(start):
+def test_a_short_tap_anywhere_is_detected(start):
     samples, middle = np.zeros((2, 4000, 4, 4))
     samples[start : start + 40, 0, 0] = middle[2000:2040, 0, 0] = np.hanning(40)
     heard, wanted = (calibrate(of(x)).pressure[at : at + 40, 0, 0] for x, at in ((samples, start), (middle, 2000)))
@@ -217,7 +217,7 @@ def test_a_short_tap_anywhere_is_heard(start):
     assert wanted.max() > 0.3
 
 
-def test_a_weak_texture_on_a_strong_drift_is_heard():
+def test_a_weak_texture_on_a_strong_drift_is_detected():
     samples = 100 * tone(3.0) + 0.5 * tone(100.0)
     assert calibrate(of(samples)).pressure[300:700] == pytest.approx(0.5 * tone(100.0)[300:700], abs=0.15)
 
@@ -249,7 +249,7 @@ def test_other_settings_are_checked():
 @pytest.mark.long
 @pytest.mark.parametrize(("method", "tolerance"), [("fft", 2e-5), ("fir", 1e-9)])
 def test_a_recording_on_disk_is_calibrated_as_one_in_memory(method, tolerance, monkeypatch):
-    """To what the FFT's answer has left after a reach, four periods of the narrowest edge; the FIR to rounding."""
+    """Equal to the decay of the FFT filter after four periods of the narrowest edge; for the FIR filter to rounding."""
     monkeypatch.setattr("midair.lazy_filters.BYTES", 2**17)
     recording = recorded(noise(3, frames=10_000), rng=np.random.default_rng(1))
     reel = LazyFrames(lambda first, last: recording.samples[first:last], recording.samples.shape)

@@ -25,7 +25,7 @@ def streamed(stream, samples, cuts):
 
 @settings(max_examples=8)
 @given(st.lists(st.integers(0, 900), max_size=6), st.sampled_from([201, 401, 3]))
-def test_blocks_give_what_the_whole_gives(cuts, taps):
+def test_blocks_equal_the_whole_recording(cuts, taps):
     recording = recorded()
     whole = calibrate(recording, CALIBRATION, method="fir", taps=taps).pressure
     stream = StreamingInverse(CALIBRATION, 1000.0, taps=taps)
@@ -41,7 +41,7 @@ def test_a_short_stream_comes_out_whole(frames):
 
 
 def test_agrees_with_the_offline_inverse_to_the_stated_tolerance():
-    """Noise whose ends are at rest: .4 % rms with the default taps, .06 % with 401."""
+    """Noise with silent ends: .4 % rms with the default taps, .06 % with 401."""
     rest = np.sin(np.pi * np.clip(np.minimum(np.arange(4000), np.arange(4000)[::-1]) / 300, 0, 0.5)) ** 2
     pressure = 10 * np.random.default_rng(1).standard_normal((4000, 4, 4)) * rest[:, None, None]
     recording = Recording(samples=sense(SensorModel().with_spread(seed=7), pressure, 1000.0), rate=1000.0)

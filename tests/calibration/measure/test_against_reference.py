@@ -23,7 +23,7 @@ def said(known):
     return Recording(samples=volts, rate=RATE)
 
 
-def test_finds_the_sensors_response(known, said):
+def test_measures_the_sensors_response(known, said):
     calibration = measure_response(said, known)
     frequency = np.linspace(20, 470, 91)
     wanted = channel_response(MODEL, frequency)
@@ -39,7 +39,7 @@ def test_finds_the_sensors_noise(known):
     assert calibration.noise == pytest.approx(np.full((4, 4), 2e-3), rel=0.15)
 
 
-def test_what_it_finds_undoes_the_sensor(known, said):
+def test_the_measured_calibration_inverts_the_sensor(known, said):
     calibration = measure_response(said, known, date="2026-01-31")
     other = 10 * np.random.default_rng(5).standard_normal((3000, 4, 4))
     volts = sense(MODEL, other, RATE, rng=np.random.default_rng(6))
@@ -52,7 +52,7 @@ def test_what_it_finds_undoes_the_sensor(known, said):
 
 
 def test_only_coherent_bins_count(known):
-    # nothing acts above 300 Hz but the sensor's noise
+    # above 300 Hz there is only the sensor's noise
     window = np.fft.rfftfreq(20000, 1 / RATE) < 300
     slow = np.fft.irfft(np.fft.rfft(known.pressure, axis=0) * window[:, None, None], axis=0)
     volts = sense(MODEL, slow, RATE, rng=np.random.default_rng(1))

@@ -1,4 +1,4 @@
-"""Transducers measured blind: an array whose secrets only the simulation knows."""
+"""Blind measurement of transducers: only the simulation knows the true array."""
 
 from dataclasses import dataclass
 
@@ -30,7 +30,7 @@ class Secret:
 
     @property
     def response(self):
-        """Without the phase that all share, which nobody can hear."""
+        """Without the common phase, which has no effect."""
         return self.transducers.response * np.exp(-1j * np.angle(self.transducers.response[~self.dead].sum()))
 
 
@@ -46,13 +46,13 @@ def secret(count, *, seed, dead=1):
 
 
 def measured(known, plan, *, seed, noise, away=(0.0, 0.0, 0.2)):
-    """What comes out of a blind measurement by a sensor that lies somewhere near."""
+    """Result of a blind measurement with a displaced sensor."""
     model = SensorModel(noise=noise, bits=32).with_spread(seed=seed)
     codes = array_codes(known.array, model.grid, plan, acoustics=ACOUSTICS, height=0.2)
     drive = Drive(
         phase=codes.phase, level=np.full(codes.frames, codes.level), rate=1000, array=known.array, acoustics=ACOUSTICS
     )
-    # Finer than what the fit takes, and only where the beam is.
+    # A finer grid than that of the fit, only under the beam.
     points = ControlGrid(rows=16, columns=16, pitch=1.6e-3, height=away[2], centre=away[:2])
     felt = simulate(
         drive,
@@ -68,7 +68,7 @@ def measured(known, plan, *, seed, noise, away=(0.0, 0.0, 0.2)):
 
 
 def scores(found, known):
-    """Errors over standard uncertainties of what lives, by name; the level of all apart."""
+    """Errors over standard uncertainties of live transducers by name, without the common level."""
     alive = ~known.dead
     level = found.strength[alive].mean() / np.abs(known.response[alive]).mean()
     pole = known.transducers.pole
@@ -85,7 +85,7 @@ def scores(found, known):
 
 
 @pytest.mark.long
-def test_most_of_what_a_few_transducers_differ_by_is_found():
+def test_most_differences_of_a_few_transducers_are_measured():
     known = secret(40, seed=2)
     found = measured(known, ArrayPlan(duration=0.5, group=20), seed=2, noise=1e-7)
     np.testing.assert_array_equal(found.dead, known.dead)
@@ -114,13 +114,13 @@ def test_uncertainties_hold_for_95_percent(away):
         assert shares[name] > 0.93, shares
 
 
-def test_codes_are_refused_that_are_too_short_to_tell_the_transducers_apart():
+def test_codes_that_are_too_short_are_rejected():
     array = TransducerArray.autd3(columns=1, rows=1)
     with pytest.raises(InputError, match=r"or more for 249 transducers, got 0\.1 s"):
         array_codes(array, SensorModel().grid, ArrayPlan(duration=0.1), acoustics=ACOUSTICS, height=0.2)
 
 
-def test_what_is_no_beam_is_refused():
+def test_a_recording_without_the_beam_is_rejected():
     known, model = secret(8, seed=0), SensorModel()
     codes = array_codes(known.array, model.grid, ArrayPlan(duration=0.2), acoustics=ACOUSTICS, height=0.2)
     field = ArrayField(array=known.array, codes=codes, acoustics=ACOUSTICS, calibration=calibration_of(model))
@@ -131,7 +131,7 @@ def test_what_is_no_beam_is_refused():
         fit_array(field, noise[:100])
 
 
-def test_the_first_group_begins_when_the_sensor_has_forgotten_the_start():
+def test_the_first_group_begins_after_the_sensor_has_settled():
     codes = array_codes(
         secret(8, seed=0).array, SensorModel().grid, ArrayPlan(duration=0.4, group=4), acoustics=ACOUSTICS, height=0.2
     )

@@ -1,4 +1,4 @@
-"""The beam's plan and its analysis, on numbers made by hand; tests/rig/test_calibration_beam.py plays it."""
+"""Plan and analysis of the beam calibration on hand-made numbers; tests/rig/test_calibration_beam.py plays it."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def test_the_plan_at_hand_computed_numbers():
     wave = PLAN.waveform.reshape(5, 120)
     assert wave[:, :50].max(axis=1) == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
     assert wave.min() >= 0
-    # settle and window last whole periods of 50 ms: the window sees what the settling saw
+    # settling time and window are whole periods of 50 ms, so the signal is periodic over both
     assert wave[:, 50:100] == pytest.approx(wave[:, :50], abs=1e-12)
     assert BeamPlan().tones[[0, 1, 8, 9, -1]].tolist() == [20, 25, 60, 70, 470]
 
@@ -33,7 +33,7 @@ def test_the_plan_at_hand_computed_numbers():
         ({"rate": 1001.0}, "rate: expected a multiple"),
     ],
 )
-def test_a_plan_that_cannot_be_is_refused(changes, says):
+def test_an_invalid_plan_is_rejected(changes, says):
     with pytest.raises(InputError, match=says):
         BeamPlan(**changes)
 
@@ -59,7 +59,7 @@ def test_the_lag_is_found():
 
 
 def reading(*, response, crosstalk, shares, changed=None, bend=0.0, noise=0.0, offset=0.0):
-    """Outputs of two channels of a known response to a beam on each of two cells."""
+    """Outputs of two channels with a known response to a beam on each of two cells."""
     rng = np.random.default_rng(0)
     commanded = np.arange(1, 6)[:, None] * np.exp(1j * np.linspace(0, 3, 13))
     mixed = np.diag(response) @ crosstalk @ shares
@@ -88,7 +88,7 @@ def measured(**changes):
     return measure_beam(reading(**(parts | changes)), sensor=quiet(), quiet=quiet())
 
 
-def test_response_and_crosstalk_come_out():
+def test_response_and_crosstalk_are_measured():
     crosstalk = np.array([[1, 0.06], [0.04, 1]])
     found = measured(crosstalk=crosstalk, offset=1e-3 + 2e-3j)
     assert found.response == pytest.approx(np.broadcast_to([[0.02, 0.03]], (13, 1, 2)), rel=1e-9)
@@ -99,10 +99,10 @@ def test_response_and_crosstalk_come_out():
 
 
 def test_an_uncertain_length_makes_the_level_uncertain():
-    # all cells get a fifth more: H would be a sixth less, all of it shared
+    # all cells get a fifth more: H would be a sixth smaller, fully shared
     found = measured(changed=[[[0.6, 0.024], [0.036, 0.48]]])
     assert found.measurement.reference_uncertainty == pytest.approx(np.hypot(0.1, 1 / 6), rel=1e-6)
-    # one cell more: the other channel is surer, and what all share cannot be more than that
+    # one cell only: the other channel is more certain, which limits the shared part
     found = measured(shares=[[0.5, 0], [0, 0.4]], changed=[[[0.6, 0], [0, 0.4]]])
     assert found.measurement.magnitude_uncertainty[0, 0] == pytest.approx([np.hypot(0.1, 1 / 6), 0.1], rel=1e-3)
     assert found.measurement.reference_uncertainty == pytest.approx(0.1, rel=1e-3)
@@ -125,7 +125,7 @@ def test_noise_is_covered():
     assert np.median(random) < 0.02
 
 
-def test_a_channel_that_hears_nothing_is_named():
+def test_a_channel_without_signal_is_named():
     with pytest.raises(InputError, match="got none on channels 1"):
         measured(response=[0.02, 0.0], noise=1e-4)
 
@@ -136,12 +136,12 @@ def test_the_field_on_the_cells():
     field = beam_field(array, sensor, setting)
     on = field.on_cells(setting)
     assert focus_of(sensor, 1, setting) == pytest.approx([5.5e-3, 0, 0.2])
-    # an even array over its middle: both alike, most of it on the cell that is pressed
+    # a symmetric array over the centre: both cells are equal, with most pressure on the focused cell
     assert on[0, 0] == pytest.approx(on[1, 1], rel=0.05)
     assert on[0, 1] < 0.5 * on[1, 1]
-    # cells average over an aperture wider than the focus: less than its middle
+    # cells average over an aperture wider than the focus: less than its peak
     assert (np.diag(on) < field.middle).all()
     changed = field.changed(setting)
     assert changed.shape == (4, 2, 2)
-    # a wider or softer cell hears less of a focus
+    # a wider or softer cell averages to a lower pressure
     assert (np.diagonal(changed[:2], axis1=1, axis2=2) < np.diag(on)).all()

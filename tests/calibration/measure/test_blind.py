@@ -1,4 +1,4 @@
-"""A sensor calibrated blind: its true response lies within twice the stated uncertainty about 95 times in 100."""
+"""Blind calibration of a sensor: the true response is within twice the stated uncertainty in about 95 % of cases."""
 
 import numpy as np
 import pytest
@@ -49,8 +49,8 @@ def test_the_response_at_any_level(kind, rms, bench, covered):
 
 
 @pytest.mark.slow
-def test_a_reference_that_is_wrong_by_what_it_states(bench, covered):
-    """All bins and channels share its error: one number a seed, inside for about 95 % of the seeds."""
+def test_a_reference_with_an_error_within_its_uncertainty(bench, covered):
+    """All bins and channels share its error: one number per seed, within the limits for about 95 % of the seeds."""
     inside = []
     for seed in range(100):
         rng = np.random.default_rng(seed)
@@ -73,7 +73,7 @@ def test_takes_that_do_not_repeat(bench, covered):
     assert 88 <= sum(inside) <= 100
 
 
-def test_one_seating_more_makes_it_unsure(bench):
+def test_one_more_seating_increases_the_uncertainty(bench):
     rng = np.random.default_rng(1)
     sure = measure_calibration([bench(1).take(noise_signal(5, 13, rng=rng), number=n) for n in (0, 1)], settings=COARSE)
     lab = bench(1, seating=0.02)
@@ -92,7 +92,7 @@ def test_delays(bench):
         true = channel_response(lab.model, frequency[upper]).reshape(-1, 16)
         wanted, _ = channel_delay(frequency[upper], true, measured.phase_uncertainty.reshape(-1, 16)[upper])
         scores.append((measured.delay.ravel() - wanted) / measured.delay_uncertainty.ravel())
-        # the channels' own delays of 0 to .3 ms, and what gel and cavity add to all of them
+        # the channels' own delays of 0 to .3 ms, plus the common delay of gel and cavity
         assert wanted - lab.model.delay.ravel() == pytest.approx(np.full(16, 0.27e-3), abs=0.03e-3)
     assert (np.abs(scores) < 2).mean() > 0.9
     assert 0.4 < np.std(scores) < 1.3
@@ -160,17 +160,17 @@ def test_a_straight_sensor_is_straight(bench, covered):
     assert (np.abs(scores) < 2).mean() > 0.93
 
 
-def test_a_sensor_that_saturates_says_so_and_is_less_sure(bench, blind_model, covered):
+def test_saturation_is_reported_and_increases_the_uncertainty(bench, blind_model, covered):
     lab = bench(2, model=blind_model(2, saturation=2.0))
     calibration = measure_calibration(levels(lab, np.random.default_rng(2)), settings=COARSE)
     line = calibration.linearity
     assert (line.curvature + 4 * line.curvature_uncertainty < 0).all()
-    # .8 V rms in an amplifier of 2 V: what it would have said to a small pressure is still inside
+    # .8 V rms in an amplifier of 2 V: the small-signal response is still within the limits
     assert np.median(calibration.measurement.magnitude_uncertainty) > 0.02
     assert covered(calibration, lab.model)[0] > 0.85
 
 
-def test_four_levels_tell_nothing_of_linearity(bench):
+def test_four_levels_give_no_linearity(bench):
     assert (
         measure_calibration(
             levels(bench(0), np.random.default_rng(0), rms=(5, 10, 20, 20.1)), settings=COARSE

@@ -1,4 +1,4 @@
-"""The crosstalk matrix from presses on each cell alone: hand-computed numbers, and what a dead channel feels."""
+"""Crosstalk matrix from presses on each cell alone: hand-computed numbers, and dead channels."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ ALL = np.ones(BANDS, bool)
 
 
 def fit(response, relative):
-    """The response of two channels to a press on one cell, with one relative uncertainty everywhere."""
+    """Response of two channels to a press on one cell, with the same relative uncertainty everywhere."""
     whole = np.broadcast_to(np.asarray(response, complex), (BANDS, 2))
     each = np.ones((BANDS, 2))
     return FrequencyResponse(
@@ -34,7 +34,7 @@ def test_each_channel_is_compared_with_its_own_cell():
     assert found.uncertainty.diagonal() == pytest.approx([0, 0])
 
 
-def test_what_changes_over_the_band_is_uncertainty():
+def test_variation_over_the_band_increases_the_uncertainty():
     changing = np.array([[1, 0.1], [1, 0.3], [1, 0.1], [1, 0.3]])
     found = crosstalk_of([fit(changing, 1e-6), fit([0, 1], 1e-6)], ALL)
     # weights go by 1 / (1 + ratio^2) of own and other; nearly even, so mean .2, standard error .1155 / sqrt(4)
@@ -51,14 +51,14 @@ def test_only_the_bins_that_count():
     assert found.matrix[1, 0] == pytest.approx(0.1)
 
 
-def test_how_takes_differ_adds_to_both():
+def test_variation_between_takes_adds_to_both():
     fits = [fit([2, 0.2], 1e-9), fit([0.5, 4], 1e-9)]
     found = crosstalk_of(fits, ALL, repeat=np.array([0.03, 0.04]))
     assert found.uncertainty[0, 1] == pytest.approx(0.25 * 0.05)
     assert found.uncertainty[1, 0] == pytest.approx(0.05 * 0.05)
 
 
-def test_a_dead_channel_feels_nothing_but_itself():
+def test_a_dead_channel_has_no_crosstalk():
     found = crosstalk_of([fit([0, 0.2], 0.01), fit([0, 4], 0.01)], ALL)
     assert found.matrix == pytest.approx(np.eye(2))
     assert not found.uncertainty.any()

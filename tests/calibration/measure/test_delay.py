@@ -1,4 +1,4 @@
-"""The delay of a channel: hand-checked numbers, and errors that are as large as stated."""
+"""Delay of a channel: hand-checked numbers, and errors with the stated scatter."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from midair.errors import BandError
 FREQUENCY = np.arange(100.0, 400.0, 2.0)
 
 
-def test_a_pure_delay_comes_out():
+def test_a_pure_delay_is_measured():
     response = np.exp(-2j * np.pi * FREQUENCY[:, None] * np.array([0, 1e-4, 3e-3])) * np.array([2, 0.5j, -1])
     delay, unsure = channel_delay(FREQUENCY, response, np.full((150, 3), 0.01))
     assert delay == pytest.approx([0, 1e-4, 3e-3], abs=1e-12)
@@ -24,7 +24,7 @@ def test_delays_of_noisy_phases_scatter_as_stated():
     assert ((delay - 5e-4) / unsure).std() == pytest.approx(1, abs=0.1)
 
 
-def test_a_deaf_channel_has_no_delay():
+def test_a_channel_without_response_has_no_delay():
     delay, unsure = channel_delay(FREQUENCY, np.zeros((150, 1)), np.full((150, 1), np.inf))
     assert (delay[0], unsure[0]) == (0, np.inf)
     with pytest.raises(BandError, match="three bins"):

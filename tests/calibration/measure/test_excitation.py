@@ -1,4 +1,4 @@
-"""Signals that are played while a sensor is calibrated."""
+"""Excitation signals for calibration."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from midair.calibration.measure.excitation import noise_signal, sweep_signal, to
 from midair.errors import InputError
 
 
-def test_signals_are_what_they_say():
+def test_signals_have_the_stated_properties():
     noise = noise_signal(3.0, 20, band=(50, 200), rng=np.random.default_rng(0))
     spectrum = np.abs(np.fft.rfft(noise)) ** 2
     frequency = np.fft.rfftfreq(len(noise), 1e-3)

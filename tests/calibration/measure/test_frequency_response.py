@@ -30,7 +30,7 @@ SIGNALS = {
 
 
 @pytest.mark.parametrize("signal", SIGNALS)
-def test_without_noise_the_response_comes_out_whatever_pressed(signal):
+def test_the_noiseless_response_is_exact_for_any_signal(signal):
     found = fit(SIGNALS[signal], heard(SIGNALS[signal]))
     band = (found.frequency >= 20) & (found.frequency <= 470)
     wanted = channel_response(MODEL, found.frequency).reshape(-1, 16)
@@ -44,13 +44,13 @@ def test_a_constant_response_is_h1_with_bendat_and_piersols_error():
     x = rng.standard_normal(200_000)
     y = (0.5 * x + 0.4 * rng.standard_normal(len(x)))[:, None]
     found = fit(x, y, order=-1)
-    # gamma^2 = .25 / (.25 + .16), n_d = 2 Hz * 200 s less the one that the fit takes
+    # gamma^2 = .25 / (.25 + .16), n_d = 2 Hz * 200 s minus one for the fit
     gamma2 = 0.25 / 0.41
     assert np.median(found.coherence) == pytest.approx(gamma2, rel=0.01)
     assert found.averages[0] == 400 - 1
     assert np.median(found.uncertainty) == pytest.approx(np.sqrt((1 - gamma2) / (2 * gamma2 * 399)), rel=0.02)
     assert np.mean(found.response.real) == pytest.approx(0.5, abs=0.002)
-    # what is left over is the noise: .4^2 in 500 Hz
+    # the residual is the noise: .4^2 in 500 Hz
     assert np.median(found.noise) == pytest.approx(0.16 / 500, rel=0.01)
 
 
@@ -73,14 +73,14 @@ def test_records_add_up():
     assert both.averages[0] == pytest.approx(whole.averages[0], abs=4)
     apart = np.abs(both.response[band] / whole.response[band] - 1)
     assert (apart / np.hypot(both.uncertainty, whole.uncertainty)[band]).max() < 5
-    # twice the same record says the same, and pretends to be sure by the root of two
+    # the same recording twice gives the same response, with the uncertainty divided by the root of two
     twice = solve_sums([halves[0], halves[0]])
     once = solve_sums([halves[0]])
     assert twice.response[band] == pytest.approx(once.response[band], rel=1e-9)
     assert np.median(twice.uncertainty[band] / once.uncertainty[band]) == pytest.approx(np.sqrt(0.5), rel=0.1)
 
 
-def test_a_channel_left_out_counts_for_nothing():
+def test_an_excluded_channel_has_no_weight():
     x = SIGNALS["noise"]
     sums = band_sums(x[:, None], heard(x), RATE, resolution=1.0, width=2.0)
     only = solve_sums([sums.only(np.arange(16) == 3)])
@@ -99,7 +99,7 @@ def test_no_input_gives_no_response_and_no_certainty():
 
 @settings(max_examples=6)
 @given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
-def test_units_go_through(a, b):
+def test_units_scale_the_response(a, b):
     x = SIGNALS["noise"][:8000]
     y = heard(x, noise=1e-3)[:, :2]
     plain, scaled = fit(x, y), fit(a * x, b * y)
@@ -115,12 +115,12 @@ def test_a_short_record_is_refused_with_the_length_it_needs():
     assert len(fit(np.random.default_rng(0).standard_normal(6000), np.ones((6000, 1))).frequency) > 400
 
 
-def test_how_many_frequencies_are_pressed():
+def test_number_of_excited_frequencies():
     # white noise: |X|^2 is exponential, so (sum P)^2 / sum P^2 is half of the 40 frequencies less the 3 of T
     noise = SIGNALS["noise"]
     band = slice(30, 450)
     assert np.median(fit(noise, heard(noise)).excited[band]) == pytest.approx(37 / 2, rel=0.15)
-    # a tone is one frequency, whatever surrounds it; the polynomials of T spread it a little
+    # a tone is one frequency; the polynomials of T spread it slightly
     tone = np.sin(2 * np.pi * 100.5 * np.arange(20000) / RATE)
     found = fit(tone, heard(tone))
     assert found.excited[np.argmin(np.abs(found.frequency - 100.5)), 0] < 1.5

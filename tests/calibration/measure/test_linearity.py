@@ -1,4 +1,4 @@
-"""Lines and bends through levels: hand-checked numbers, and errors that are as large as stated."""
+"""Lines and curvature through levels: hand-checked numbers, and errors with the stated scatter."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_known_noise_is_a_lower_bound_of_the_errors():
     assert line.intercept_uncertainty[0, 0] == pytest.approx(0.1 * np.sqrt(1 / 5 + 9 / 10))
 
 
-def test_lines_through_noise_are_as_unsure_as_they_say():
+def test_lines_through_noise_scatter_as_stated():
     rng = np.random.default_rng(3)
     x = np.broadcast_to(np.array([1.0, 2, 4, 8, 16]).reshape(5, 1, 1), (5, 1, 4000))
     y = x + 0.05 * rng.standard_normal(x.shape)
@@ -42,7 +42,7 @@ def test_lines_through_noise_are_as_unsure_as_they_say():
         (line.intercept, line.intercept_uncertainty),
         (line.curvature, line.curvature_uncertainty),
     ):
-        # Student's t has been allowed for: k = 2 covers 95.3 % with 3 degrees of freedom, 95.3 % with 2
+        # with Student's t, k = 2 covers 95.3 % for 3 degrees of freedom, 95.3 % for 2
         assert (np.abs(value) < 2 * unsure).mean() == pytest.approx(0.953, abs=0.012)
 
 
@@ -52,7 +52,7 @@ def test_levels_that_differ():
         levels([1, 2, 3, 4, 4.1], [1, 2, 3, 4, 4])
 
 
-def test_which_takes_make_the_levels():
+def test_selection_of_takes_for_the_levels():
     # five on all cells, in any order
     assert same_levels(np.array([5.0, 1, 2, 3, 4]), [None] * 5, 2).T.tolist() == [[1, 2, 3, 4, 0]] * 2
     # or five on each cell alone
@@ -63,12 +63,12 @@ def test_which_takes_make_the_levels():
     assert same_levels(np.arange(1.0, 10), cells[:9], 2) is None
 
 
-def test_a_bend_is_an_even_distribution():
+def test_nonlinearity_is_a_uniform_distribution():
     share = np.array([[1.06, 1.0], [1.03, 1.0], [1.0, 1.001]])
     assert bend_uncertainty(share, np.full(share.shape, 0.001)) == pytest.approx([0.058 / np.sqrt(3), 0])
 
 
-def test_how_far_a_take_follows_the_common_response():
+def test_share_of_the_predicted_output():
     rng = np.random.default_rng(5)
     x = rng.standard_normal((20_000, 1))
     noise = 0.05 * rng.standard_normal((20_000, 2))
@@ -78,7 +78,7 @@ def test_how_far_a_take_follows_the_common_response():
     share, error = predicted_share(weak, solve_sums([whole]), counts)
     assert share == pytest.approx([0.9, 1.0], abs=0.002)
     assert (error < 0.002).all()
-    # a channel that hears nothing follows nothing
+    # a channel without response has no share
     deaf = band_sums(x, np.zeros((20_000, 2)), 1000.0, resolution=5.0, width=10.0)
     share, error = predicted_share(deaf, solve_sums([deaf]), counts)
     assert (share.tolist(), error.tolist()) == ([0, 0], [1, 1])

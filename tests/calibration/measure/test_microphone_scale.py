@@ -10,8 +10,8 @@ TIME = np.arange(4000) / RATE
 
 @pytest.mark.parametrize("hertz", [250.0, 1000.0, 997.3])
 @pytest.mark.parametrize(("level", "peak"), [(94.0, np.sqrt(2) * 1.0024), (114.0, np.sqrt(2) * 10.024)])
-def test_a_tone_of_known_level_tells_the_scale(hertz, level, peak):
-    """94 dB are 1.0024 Pa rms; the file holds a 40th of the pressure, some noise and an offset."""
+def test_scale_of_a_tone_of_known_level(hertz, level, peak):
+    """94 dB are 1.0024 Pa rms; the file has a 40th of the pressure, some noise and an offset."""
     noise = 1e-3 * np.random.default_rng(0).standard_normal(len(TIME))
     pressure = peak * np.sin(2 * np.pi * hertz * TIME + 0.3)
     found = scale_of_tone(pressure / 40 + noise + 0.2, RATE, level=level)
@@ -20,14 +20,14 @@ def test_a_tone_of_known_level_tells_the_scale(hertz, level, peak):
 
 
 @pytest.mark.parametrize("wrong", [np.random.default_rng(1).standard_normal(4000), np.zeros(4000)])
-def test_what_is_no_tone_is_refused(wrong):
+def test_other_signals_than_a_tone_are_rejected(wrong):
     with pytest.raises(InputError, match="expected a tone"):
         scale_of_tone(wrong, RATE)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_weight_that_drops_tells_the_scale(sign):
-    """A half sine of 4 ms whose integral is the momentum over the area, worked out by hand: 2 g from 50 mm on 10 mm."""
+def test_scale_of_a_falling_weight(sign):
+    """A half sine of 4 ms whose integral is the momentum over the area, by hand: 2 g from 50 mm on 10 mm."""
     impulse = 2e-3 * np.sqrt(2 * 9.81 * 50e-3) / (np.pi * 25e-6)
     assert impulse == pytest.approx(25.2, rel=1e-2)
     blow = np.where(abs(TIME - 0.2) < 2e-3, np.cos((TIME - 0.2) * np.pi / 4e-3), 0.0)
@@ -42,6 +42,6 @@ def test_a_weight_that_drops_tells_the_scale(sign):
     ("samples", "words"),
     [(np.random.default_rng(1).standard_normal(4000), "twenty times the noise"), (np.eye(1, 4000, 77)[0], "4 frames")],
 )
-def test_what_is_no_blow_is_refused(samples, words):
+def test_a_recording_without_an_impact_is_rejected(samples, words):
     with pytest.raises(InputError, match=words):
         scale_of_drop(samples, RATE, mass=2e-3, height=50e-3, diameter=10e-3)

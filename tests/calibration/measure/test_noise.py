@@ -1,4 +1,4 @@
-"""Noise and noise-equivalent pressure: hand-checked numbers, and a density that scatters as stated."""
+"""Noise and noise-equivalent pressure: hand-checked numbers, and a density with the stated scatter."""
 
 import numpy as np
 import pytest

@@ -87,14 +87,14 @@ def test_some_cells_alone_are_not_enough(bench):
         measure_calibration(takes(bench, None, 0, 1))
 
 
-def test_what_is_not_related_is_refused(bench):
+def test_unrelated_signals_are_rejected(bench):
     take = takes(bench, None)[0]
     other = Reference(pressure=noise_signal(5, 8, rng=np.random.default_rng(9)), rate=RATE)
     with pytest.raises(BandError, match=r"coherence of 0\.9 on every live channel, got [01];"):
         measure_calibration([ReferencedTake(recording=take.recording, reference=other)])
 
 
-def test_a_dead_channel_hears_nothing_and_is_not_sure(bench):
+def test_a_dead_channel_has_no_response_and_is_uncertain(bench):
     take = takes(bench, None)[0]
     samples = np.array(take.recording.samples)
     samples[:, 2, 3] = 0.1
@@ -105,7 +105,7 @@ def test_a_dead_channel_hears_nothing_and_is_not_sure(bench):
     assert np.median(found.measurement.magnitude_uncertainty) < 3e-3
 
 
-def test_what_was_done_is_written_down(bench):
+def test_provenance_records_the_settings(bench):
     found = measure_calibration(takes(bench, None, reference_uncertainty=0.01), date="2026-01-31", version=4)
     assert (found.date, found.version) == ("2026-01-31", 4)
     assert found.provenance.simulated

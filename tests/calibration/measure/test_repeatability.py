@@ -1,4 +1,4 @@
-"""What differs from take to take: found when it is there, and nothing when noise explains it."""
+"""Variation between takes: detected if present, and zero if the noise explains it."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ RATE = 1000.0
 
 
 def take(gain, rng, *, noise=0.0, seconds=5):
-    """The sums of a take of which each channel has its own gain."""
+    """Sums of a take with an individual gain of each channel."""
     x = rng.standard_normal(round(seconds * RATE))
     y = x[:, None] * np.asarray(gain) + noise * rng.standard_normal((len(x), len(gain)))
     return band_sums(x[:, None], y, RATE, resolution=5.0, width=10.0, order=0)
@@ -21,7 +21,7 @@ def found(parts):
     return repeatability(parts, whole, np.ones(len(whole.frequency), bool))
 
 
-def test_the_scatter_of_gains_comes_out():
+def test_the_scatter_of_gains_is_measured():
     rng = np.random.default_rng(0)
     gains = 1 + 0.03 * rng.standard_normal((30, 40))
     magnitude, phase = found([take(gain, rng, noise=0.01) for gain in gains])
@@ -37,7 +37,7 @@ def test_takes_that_differ_by_their_noise_only_repeat():
     assert np.median(magnitude) < 0.3 * np.median(solve_sums(parts[:1]).uncertainty)
 
 
-def test_one_take_says_nothing_of_it():
+def test_one_take_gives_no_repeatability():
     magnitude, phase = found([take([1.0, 2.0], np.random.default_rng(2), noise=0.1)])
     assert magnitude.tolist() == phase.tolist() == [0, 0]
 

@@ -15,7 +15,7 @@ def pistonphone(bench, seed, *, rms=10.0, frequency=250.0, duration=8.0):
 
 
 def test_a_pistonphone_blind(bench):
-    """114 dB, 250 Hz, a little off: all channels within the stated uncertainty, in most of the seeds."""
+    """114 dB, 250 Hz, slightly off: all channels are within the stated uncertainty for most seeds."""
     inside = []
     for seed in range(6):
         rng = np.random.default_rng(seed)
@@ -50,8 +50,8 @@ def test_phases_are_those_between_channels(bench):
     assert apart - apart.mean() == pytest.approx(np.zeros((4, 4)), abs=2e-3)
 
 
-def test_a_shape_is_brought_to_the_level_of_a_tone(bench, covered):
-    """A response against a reference that is 25 % wrong and says so, anchored by a tone of 1 %."""
+def test_a_response_is_scaled_to_a_tone(bench, covered):
+    """A response from a reference that is 25 % wrong with this uncertainty, scaled by a tone of 1 %."""
     lab = bench(5, reference_error=-0.2, reference_uncertainty=0.15)
     shape = measure_calibration([lab.take(noise_signal(10, 13, rng=np.random.default_rng(5)))])
     tone = measure_tone(pistonphone(lab, 0), frequency=250.0, pressure=10.0, uncertainty=0.01)
@@ -92,7 +92,7 @@ def test_a_tone_of_another_sensor_is_refused(bench):
         anchored(shape, replace(tone, frequency=np.array([499.9])))
 
 
-def test_silence_is_no_tone():
+def test_silence_is_rejected():
     quiet = Recording(samples=np.zeros((4000, 4, 4)), rate=1000.0)
     with pytest.raises(InputError, match="tone: expected a steady tone near"):
         measure_tone(quiet, frequency=250.0, pressure=10.0)
