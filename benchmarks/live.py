@@ -162,7 +162,7 @@ def _spin() -> None:
 def latency(seconds: float) -> np.ndarray:
     """Delay of bursts on one cell from the sensor's serial line to the phases on the network, in ms.
 
-    The loop itself reports nothing. The pressure on the cell is computed from the phases on the network, and the delay
+    The loop's own figures are not used. The pressure on the cell is computed from the phases on the network. The delay
     of a burst is at the maximum of its correlation with the sensor's signal.
     """
     tap = UdpTap(4)
