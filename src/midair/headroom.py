@@ -64,18 +64,19 @@ class PressureLevel:
     """Rms of the vibration in the band at the same point, in Pa."""
     comes: float
     """Ratio of predicted to requested pressure in the loudest frames."""
-    linear: float
-    """Highest pressure at a control point for which the loudest pattern is in the linear range, in Pa."""
-    headroom: Headroom
+    linear: float | None = None
+    """Highest pressure at a control point for which the loudest pattern is in the linear range, in Pa, if computed."""
+    headroom: Headroom | None = None
+    """Largest pressures of the array, if computed."""
 
     @property
     def too_loud(self) -> bool:
         """True above the linear range, where the predicted pressure falls short of the requested one."""
-        return self.asked > self.linear and self.comes < LINEAR
+        return self.linear is not None and self.asked > self.linear and self.comes < LINEAR
 
     def advice(self) -> str:
         """Suggested strength or gain if the drive requests too much; otherwise empty."""
-        if not self.too_loud:
+        if self.linear is None or not self.too_loud:
             return ""
         fits = self.linear / self.asked
         return (
@@ -86,31 +87,26 @@ class PressureLevel:
 
     def rows(self) -> list[tuple[str, str]]:
         """Label and text of each row of a printed table."""
+        limits = [] if self.headroom is None else [("can be had", str(self.headroom))]
+        full = "" if self.linear is None else f"; in full up to about {_pa(self.linear)}"
         return [
-            ("can be had", str(self.headroom)),
+            *limits,
             (
                 "asked",
                 f"{_pa(self.asked)} at most, strength {self.strength:.3f}; at that point {_pa(self.steady)} steady "
                 f"and {_pa(self.vibration)} rms of vibration",
             ),
-            (
-                "comes",
-                f"{100 * self.comes:.0f} % of it in the loudest frames (model prediction); in full up to about "
-                f"{_pa(self.linear)}",
-            ),
+            ("comes", f"{100 * self.comes:.0f} % of it in the loudest frames (model prediction){full}"),
         ]
 
     def plain(self) -> dict[str, object]:
         """Dictionary for JSON, pressures in Pa."""
         own = {f"{name}_pa": getattr(self, name) for name in ("asked", "steady", "vibration", "linear")}
-        head = {f"{name}_pa": value for name, value in asdict(self.headroom).items() if name != "height"}
-        return {
-            "strength": self.strength,
-            **own,
-            "comes": self.comes,
-            "too_loud": self.too_loud,
-            "can_be_had": {"height_m": self.headroom.height, **head, "swing_pa": self.headroom.swing},
-        }
+        plain: dict[str, object] = {"strength": self.strength, **own, "comes": self.comes, "too_loud": self.too_loud}
+        if self.headroom is not None:
+            head = {f"{name}_pa": value for name, value in asdict(self.headroom).items() if name != "height"}
+            plain["can_be_had"] = {"height_m": self.headroom.height, **head, "swing_pa": self.headroom.swing}
+        return plain
 
 
 def headroom(
@@ -126,9 +122,12 @@ def headroom(
 
 
 def level_of(
-    solution: Solution, target: AmplitudeFrames, *, band: tuple[float, float] = (20.0, 470.0)
+    solution: Solution, target: AmplitudeFrames, *, band: tuple[float, float] = (20.0, 470.0), limits: bool = True
 ) -> PressureLevel:
-    """Requested and predicted pressure of a solution for its target; vibration is measured within `band`, in Hz."""
+    """Requested and predicted pressure of a solution for its target; vibration is measured within `band`, in Hz.
+
+    With `limits`, also the limits of the array for this pattern, for which a few patterns are solved.
+    """
     drive = solution.drive
     medium = drive.acoustics.medium
     piece = piece_of(target.provenance, target.frames, target.rate)
@@ -137,17 +136,16 @@ def level_of(
     pressure = radiation_pressure(wave, medium)
     vibration = in_band(pressure[:, None], target.rate, (band[0], min(band[1], target.rate / 2)))
     pattern = read_frames(target.amplitude, loudest, loudest + 1)[0]
-    limits = headroom(drive.array, target.grid, drive.acoustics)
+    focus = focus_amplitude(target.grid, drive.array, acoustics=drive.acoustics)
     asked = float(radiation_pressure(np.array(sums.max()), medium))
-    linear, _ = linear_range(drive.array, target.grid, pattern**2, drive.acoustics)
     return PressureLevel(
-        strength=float(np.sqrt(asked / limits.focus)),
+        strength=float(np.sqrt(asked / radiation_pressure(np.array(focus), medium))),
         asked=asked,
         steady=float(pressure.mean()),
         vibration=float(np.sqrt((vibration**2).mean())),
         comes=_pressure_ratio(drive, target, _loud_frames(target, piece)),
-        linear=linear,
-        headroom=limits,
+        linear=linear_range(drive.array, target.grid, pattern**2, drive.acoustics)[0] if limits else None,
+        headroom=headroom(drive.array, target.grid, drive.acoustics) if limits else None,
     )
 
 
