@@ -35,7 +35,7 @@ from midair.model import (
     Step,
     TransducerArray,
 )
-from midair.model.reprs import clipped, clipped_list, counted, lasting, short, span
+from midair.model.reprs import clipped, clipped_list, counted, frames_and_duration, short, span
 
 SVG = "{http://www.w3.org/2000/svg}"
 LONG = "<b>" + "a very long name " * 40 + "\n</b>"
@@ -346,4 +346,4 @@ def test_numbers_are_short_and_have_units():
     assert span(np.array([-0.31, 0.42]), "V") == "-0.31 to 0.42 V"
     assert span(np.ones(3)) == "1"
     assert [counted(n, "frame") for n in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
-    assert lasting(1, 4.0) == "1 frame at 4 Hz, 0.25 s"
+    assert frames_and_duration(1, 4.0) == "1 frame at 4 Hz, 0.25 s"

@@ -1,4 +1,4 @@
-"""The nouns: frozen dataclasses on NumPy arrays that the stages hand to each other."""
+"""Data classes that the stages exchange: frozen dataclasses that hold read-only NumPy arrays."""
 
 from midair.model.acoustics import Acoustics, Directivity
 from midair.model.array_calibration import ArrayCalibration

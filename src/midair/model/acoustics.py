@@ -1,4 +1,4 @@
-"""How sound gets from transducers to where it is wanted: the air, and what a transducer radiates off its axis."""
+"""Settings of sound propagation: the air, and the directivity of the transducers."""
 
 from dataclasses import dataclass, field
 from typing import Literal, get_args
@@ -7,23 +7,19 @@ from midair.errors import InputError
 from midair.model.medium import Medium
 
 Directivity = Literal["point", "piston", "t4010a1"]
-"""D(theta) of the paper's eq. (3): even, a circular piston in a baffle, AUTD3's transducer as measured."""
+"""Directivity D(theta) in eq. (3) of the paper: omnidirectional, a circular piston in a baffle, or the measured T4010A1
+of
+AUTD3."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acoustics:
-    """What a transfer matrix needs to know besides places; a drive carries the one that it was solved for.
-
-    Attributes
-    ----------
-    medium : Medium
-        The air, and the surface in it.
-    directivity : {"point", "piston", "t4010a1"}
-        Of every transducer.
-    """
+    """Settings of a transfer matrix apart from positions; a drive stores those that it was solved for."""
 
     medium: Medium = field(default_factory=Medium)
+    """The air, and the surface that reflects the sound."""
     directivity: Directivity = "t4010a1"
+    """Directivity of every transducer."""
 
     def __post_init__(self) -> None:
         if self.directivity not in get_args(Directivity):

@@ -1,4 +1,4 @@
-"""Air by its temperature, humidity and pressure: how fast sound is in it, how it weakens, how dense it is."""
+"""Speed of sound, attenuation and density of air at a given temperature, humidity and pressure."""
 
 import math
 
@@ -8,28 +8,16 @@ STANDARD_PRESSURE = 101.325e3
 """One standard atmosphere, in Pa."""
 
 LOWEST_PRESSURE, HIGHEST_PRESSURE = 60e3, 110e3
-"""Of air, in Pa, between which the formulas are used."""
+"""Range of air pressure, in Pa, in which the formulas are used."""
 
 _KELVIN = 273.15
 _CARBON_DIOXIDE = 420e-6  # mole fraction; 100 ppm change the speed of sound by 0.009 m/s
 
 
 def check_air(temperature: float, humidity: float, pressure: float) -> None:
-    """Refuse air in which the formulas do not hold.
+    """Raise InputError unless the formulas hold: temperature 0 to 50 degrees Celsius, humidity 0 to 1, pressure in Pa.
 
-    Parameters
-    ----------
-    temperature : float
-        In degrees Celsius: 0 to 50. Cramer's fit is stated for 0 to 30.
-    humidity : float
-        Relative, 0 to 1.
-    pressure : float
-        In Pa: 60 to 110 kPa. Cramer's fit is stated for 75 to 102 kPa.
-
-    Raises
-    ------
-    InputError
-        If one is out of range.
+    Cramer's fit is stated for 0 to 30 degrees Celsius and 75 to 102 kPa.
     """
     if not 0 <= temperature <= 50:
         raise InputError(f"temperature: expected 0 to 50 degrees Celsius, got {temperature:g}")
@@ -40,13 +28,7 @@ def check_air(temperature: float, humidity: float, pressure: float) -> None:
 
 
 def vapour_fraction(temperature: float, humidity: float, pressure: float = STANDARD_PRESSURE) -> float:
-    """Mole fraction of water vapour: saturation pressure and enhancement factor of Davis (Metrologia 29, 1992).
-
-    Parameters
-    ----------
-    temperature, humidity, pressure
-        As in `check_air`.
-    """
+    """Mole fraction of water vapour: saturation pressure and enhancement factor of Davis (Metrologia 29, 1992)."""
     kelvin = temperature + _KELVIN
     saturated = math.exp(1.2378847e-5 * kelvin**2 - 1.9121316e-2 * kelvin + 33.93711047 - 6.3431645e3 / kelvin)
     enhancement = 1.00062 + 3.14e-8 * pressure + 5.6e-7 * temperature**2
@@ -56,12 +38,7 @@ def vapour_fraction(temperature: float, humidity: float, pressure: float = STAND
 def speed_of_sound(temperature: float, humidity: float, pressure: float = STANDARD_PRESSURE) -> float:
     """Speed of sound at zero frequency, in m/s: Cramer (J. Acoust. Soc. Am. 93, 1993), eq. 15 and table III.
 
-    Stated to 300 parts per million, .1 m/s. Dispersion adds less than .1 m/s at 40 kHz and is left out.
-
-    Parameters
-    ----------
-    temperature, humidity, pressure
-        As in `check_air`.
+    Stated accuracy: 300 parts per million, .1 m/s. Dispersion adds less than .1 m/s at 40 kHz and is neglected.
     """
     t, p, water, carbon = temperature, pressure, vapour_fraction(temperature, humidity, pressure), _CARBON_DIOXIDE
     return (
@@ -79,9 +56,9 @@ def speed_of_sound(temperature: float, humidity: float, pressure: float = STANDA
 
 
 def temperature_of(speed: float, humidity: float = 0.5) -> float:
-    """Temperature, in degrees Celsius, of air at one atmosphere in which sound is as fast as `speed`, in m/s.
+    """Temperature, in degrees Celsius, at which the speed of sound at one atmosphere is `speed`, in m/s.
 
-    Held within -50 to 100 degrees, between which `speed_of_sound` grows steadily for any humidity up to 1.
+    Limited to -50 to 100 degrees, where `speed_of_sound` increases monotonically for any humidity up to 1.
     """
     low, high = -50.0, 100.0
     for _ in range(60):
@@ -93,14 +70,9 @@ def temperature_of(speed: float, humidity: float = 0.5) -> float:
 def attenuation(frequency: float, temperature: float, humidity: float, pressure: float = STANDARD_PRESSURE) -> float:
     """Amplitude attenuation of a pure tone, in Np/m: ISO 9613-1:1993, eqs. 3 to 5 and B.2, B.3.
 
-    Stated to 10 % where frequency over pressure is 4e-4 to 10 Hz/Pa, which 40 kHz is at one atmosphere.
-
-    Parameters
-    ----------
-    frequency : float
-        In Hz.
-    temperature, humidity, pressure
-        As in `check_air`, though the formulas hold from -20 degrees on.
+    Stated accuracy: 10 % for a frequency over pressure of 4e-4 to 10 Hz/Pa, which includes 40 kHz at one atmosphere.
+    The
+    formulas hold from -20 degrees Celsius on.
     """
     kelvin, ratio = temperature + _KELVIN, pressure / STANDARD_PRESSURE
     warm = kelvin / 293.15
@@ -117,12 +89,7 @@ def attenuation(frequency: float, temperature: float, humidity: float, pressure:
 def density(temperature: float, humidity: float, pressure: float = STANDARD_PRESSURE) -> float:
     """Density of moist air, in kg/m3: the ideal gas law with the molar masses of Davis (Metrologia 29, 1992).
 
-    Compressibility, .04 %, is left out.
-
-    Parameters
-    ----------
-    temperature, humidity, pressure
-        As in `check_air`.
+    Compressibility, .04 %, is neglected.
     """
     water = vapour_fraction(temperature, humidity, pressure)
     return pressure * 28.9635e-3 / (8.314462618 * (temperature + _KELVIN)) * (1 - 0.3780 * water)

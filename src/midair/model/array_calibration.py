@@ -1,4 +1,4 @@
-"""What was measured of each transducer of an array: how strong, how late, and how fast it follows its drive."""
+"""Measured response, resonance and quality factor of each transducer of an array."""
 
 import hashlib
 from dataclasses import dataclass, field, replace
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError, MismatchError
 from midair.model.geometry import TransducerArray
 from midair.model.provenance import Provenance
-from midair.model.reprs import came_from, counted, told
+from midair.model.reprs import counted, from_source, summary
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
@@ -18,46 +18,33 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArrayCalibration:
-    """The transducers of one array as they are; every uncertainty is a standard one (k = 1).
-
-    Attributes
-    ----------
-    array : TransducerArray
-        The array, as its model says it is.
-    response : ndarray of complex, shape (transducer,)
-        What each one radiates when it has settled under full drive, over what the model says; 0 for a dead one. The
-        phase that all share cannot be heard: it is 0 on average.
-    pole : ndarray of complex, shape (transducer,)
-        -1 / time constant + j (resonance less drive), in rad/s.
-    strength_uncertainty : ndarray, shape (transducer,)
-        Of the magnitude of the response, from one transducer to the next.
-    phase_uncertainty : ndarray, shape (transducer,)
-        Of its phase, in rad.
-    resonance_uncertainty : ndarray, shape (transducer,)
-        In Hz.
-    quality_uncertainty : ndarray, shape (transducer,)
-        Of the quality factor, as a part of it.
-    dead : ndarray of bool, shape (transducer,)
-        That were not heard; their pole is what is usual.
-    level_uncertainty : float
-        What the magnitudes share, as a part of them: half that of the sensor's level, since pressure goes with the
-        square.
-    date : str
-        When it was made, ISO 8601; empty when nobody wrote it down.
-    provenance : Provenance
-        How it was made.
-    """
+    """Measured properties of the transducers of one array; every uncertainty is a standard uncertainty (k = 1)."""
 
     array: TransducerArray
+    """The nominal array, without the measured response."""
     response: Complex
+    """Complex, shape (transducer,): steady sound pressure at full drive divided by the nominal one; 0 for a dead
+    transducer.
+
+    The common phase cannot be measured: the mean phase is 0.
+    """
     pole: Complex
+    """Complex, shape (transducer,): -1 / time constant + j (resonance - drive frequency), in rad/s."""
     strength_uncertainty: Array
+    """Uncertainty of the response's magnitude that differs between transducers, shape (transducer,)."""
     phase_uncertainty: Array
+    """Uncertainty of the response's phase, shape (transducer,), in rad."""
     resonance_uncertainty: Array
+    """Shape (transducer,), in Hz."""
     quality_uncertainty: Array
+    """Relative uncertainty of the quality factor, shape (transducer,)."""
     dead: NDArray[np.bool_]
+    """Transducers without a measurable output, shape (transducer,); their pole is a typical one."""
     level_uncertainty: float = 0.0
+    """Relative uncertainty that all magnitudes share: half that of the sensor's level, since radiation pressure is
+    proportional to the square of the sound pressure."""
     date: str = ""
+    """Date of the measurement, ISO 8601; empty if unknown."""
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
@@ -78,12 +65,12 @@ class ArrayCalibration:
         object.__setattr__(self, "array", self.array.nominal)
 
     def __repr__(self) -> str:
-        return told(
+        return summary(
             self,
             counted(self.array.count, "transducer"),
             f"{int(self.dead.sum())} dead" if self.dead.any() else "none dead",
             f"strength {self.strength[~self.dead].mean():.3g} ± {self.strength[~self.dead].std():.2g}",
-            came_from(self.provenance.source),
+            from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
 
@@ -94,32 +81,32 @@ class ArrayCalibration:
 
     @property
     def phase(self) -> Array:
-        """Of each response, shape (transducer,), in rad."""
+        """Phase of each response, shape (transducer,), in rad."""
         return np.angle(self.response)
 
     @property
     def resonance(self) -> Array:
-        """Resonance of each, shape (transducer,), in Hz."""
+        """Resonance frequency of each transducer, shape (transducer,), in Hz."""
         return np.asarray(self.array.frequency + self.pole.imag / (2 * np.pi), np.float64)
 
     @property
     def quality(self) -> Array:
-        """Quality factor of each, shape (transducer,): pi times resonance times time constant."""
+        """Quality factor of each transducer, shape (transducer,): pi times resonance times time constant."""
         return np.asarray(-np.pi * self.resonance / self.pole.real, np.float64)
 
     @property
     def identifier(self) -> str:
-        """Of what was measured, in eight digits."""
+        """Eight hexadecimal digits: a hash of the response and the poles."""
         digest = hashlib.sha256(self.response.tobytes() + self.pole.tobytes())
         return digest.hexdigest()[:8]
 
     def applied(self, array: TransducerArray) -> TransducerArray:
-        """The same array with its transducers as they were measured, to be solved for.
+        """The same array with the measured response of its transducers, for use in a solver.
 
         Raises
         ------
         MismatchError
-            If it is another array.
+            If the transducers of `array` are at other positions.
         """
         if not array.same_as(self.array):
             raise MismatchError(

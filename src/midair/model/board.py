@@ -1,4 +1,6 @@
-"""OpenMPD boards: 256 transducers each, wired and measured one by one; one board, or two face to face."""
+"""OpenMPD boards of 256 transducers with measured pins and phase offsets; an array is one board or two opposite
+boards.
+"""
 
 from dataclasses import dataclass
 
@@ -7,39 +9,32 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.model.geometry import TransducerArray, centred
-from midair.model.reprs import clipped, told
+from midair.model.reprs import clipped, summary
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
 
 SIDE = 16
-"""Transducers along a side of a board."""
+"""Number of transducers along one side of a board."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Board:
-    """One board as its makers measured it.
-
-    Attributes
-    ----------
-    position : ndarray, shape (256, 3)
-        Of each transducer from the middle of the board, in m; all radiate along +z.
-    pin : ndarray of int, shape (256,)
-        Place of each transducer's byte in a frame, 0 to 255.
-    offset : ndarray, shape (256,)
-        Phase by which each transducer sounds later than it is told, in rad; it is subtracted. Many boards have two
-        groups half a turn apart: transducers soldered the other way round.
-    strength : ndarray, shape (256,)
-        By which the level of each transducer is multiplied, 0 to 1.
-    serial : str
-        Of the board's USB chip.
-    """
+    """One OpenMPD board with the values that its manufacturer measured."""
 
     position: Array
+    """Position of each transducer relative to the centre of the board, shape (256, 3), in m; all radiate along +z."""
     pin: NDArray[np.int64]
+    """Index of each transducer's byte in a frame, 0 to 255, shape (256,)."""
     offset: Array
+    """Phase lag of each transducer, shape (256,), in rad; it is subtracted from the drive.
+
+    Many boards have two groups that differ by half a turn: transducers soldered with reversed polarity.
+    """
     strength: Array
+    """Factor on the level of each transducer, 0 to 1, shape (256,)."""
     serial: str = ""
+    """Serial number of the board's USB chip."""
 
     def __post_init__(self) -> None:
         count = SIDE * SIDE
@@ -50,19 +45,18 @@ class Board:
         if np.any(np.sort(self.pin) != np.arange(count)):
             raise InputError(f"board pin: expected each of 0 to {count - 1} once, got {np.sort(self.pin)[:4]}...")
         if self.strength.min() < 0 or self.strength.max() > 1:
-            # Above 1 it would be louder than what its exposure was worked out for.
+            # Above 1 the board would be louder than the exposure check assumes.
             raise InputError(f"board strength: expected 0 to 1, got {self.strength.min():g} to {self.strength.max():g}")
 
     def __repr__(self) -> str:
         known = "offsets known" if np.any(self.offset) else "no offsets"
-        return told(self, clipped(self.serial or "any"), f"{len(self.pin)} transducers", known)
+        return summary(self, clipped(self.serial or "any"), f"{len(self.pin)} transducers", known)
 
     @classmethod
     def nominal(cls) -> "Board":
-        """A board without offsets: 10.5 mm pitch, down the columns from the upper left.
+        """A board without offsets: 10.5 mm pitch, column by column from the upper left.
 
-        Places and pins are those of the makers' board files (RMResearch/OpenMPD, OpenMPD_Client/board_1.pat), which
-        agree with each other.
+        Positions and pins are those of the manufacturer's board files (RMResearch/OpenMPD, OpenMPD_Client/board_1.pat).
         """
         column, row = np.divmod(np.arange(SIDE * SIDE), SIDE)
         x = centred(SIDE, 10.5e-3)
@@ -76,17 +70,19 @@ class Board:
 
 
 def array_of_boards(*boards: Board) -> TransducerArray:
-    """One board that radiates up, or a second one face to face with it, 238.8 mm above.
+    """One board that radiates upwards, or two opposite boards 238.8 mm apart.
 
-    The second board is turned about the y axis, as the makers' driver places it (AsierInhoImpl_V2.cpp). Nobody
-    publishes the model of the transducers; figures for their pressure in programs for these boards are 3.4, 6.0 and
-    8.02 Pa m (AcousTools, Constants.py). The highest is assumed, so that exposure errs to the safe side, and what is
-    played may be felt weaker than asked.
+    The second board is turned about the y axis, as in the manufacturer's driver (AsierInhoImpl_V2.cpp). The model of
+    the
+    transducers is not published; programs for these boards assume a pressure of 3.4, 6.0 or 8.02 Pa m (AcousTools,
+    Constants.py). midair assumes the highest value, so that exposure is never underestimated; the felt pressure may
+    then
+    be weaker than requested.
 
     Raises
     ------
     InputError
-        If there are not one or two.
+        If there are not one or two boards.
     """
     if len(boards) not in (1, 2):
         raise InputError(f"OpenMPD: expected one board, or two face to face, got {len(boards)}")

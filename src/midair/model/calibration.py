@@ -1,4 +1,4 @@
-"""How a sensor answers to pressure, channel by channel."""
+"""Frequency response and noise of a sensor, channel by channel."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -13,52 +13,39 @@ from midair.model.measurement import Crosstalk, Linearity, Measurement
 from midair.model.pictures import curve, framed
 from midair.model.provenance import Provenance
 from midair.model.recording import Unit
-from midair.model.reprs import came_from, clipped, counted, span, told
+from midair.model.reprs import clipped, counted, from_source, span, summary
 from midair.validation import frozen_array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Calibration:
-    """Frequency response of each channel of one sensor, and its noise.
-
-    Attributes
-    ----------
-    sensor : SensorGrid
-        The sensor it was made with, by its name.
-    frequency : ndarray, shape (bin,)
-        Increasing, in Hz.
-    response : ndarray of complex, shape (bin, row, column)
-        Output over pressure, in `unit` per Pa.
-    noise : ndarray, shape (row, column)
-        One-sided noise density of the output, in `unit` per sqrt(Hz).
-    unit : {"V", "count", "Pa"}
-        Of the sensor's output.
-    date : str
-        When it was made, ISO 8601; empty when nobody wrote it down.
-    provenance : Provenance
-        How it was made.
-    version : int
-        Of this sensor's calibration: 1 for the first, one more for each that takes an older one's place.
-    measurement : Measurement, optional
-        How sure it is; None for one that was stated, not measured.
-    crosstalk : Crosstalk, optional
-        What the cells feel of each other's pressure; None when it is not known. `response` is then that of a pressure
-        on the cell alone; otherwise that of an even pressure on all of them.
-    linearity : Linearity, optional
-        What was found at several levels.
-    """
+    """Frequency response and noise of each channel of one sensor."""
 
     sensor: SensorGrid
+    """The calibrated sensor, identified by its name."""
     frequency: NDArray[np.float64]
+    """Frequencies of the bins, increasing, shape (bin,), in Hz."""
     response: NDArray[np.complex128]
+    """Complex output over pressure, shape (bin, row, column), in `unit` per Pa."""
     noise: NDArray[np.float64]
+    """One-sided noise density of the output, shape (row, column), in `unit` per sqrt(Hz)."""
     unit: Unit = "V"
+    """Unit of the sensor's output."""
     date: str = ""
+    """Date of the calibration, ISO 8601; empty if unknown."""
     provenance: Provenance = field(default_factory=Provenance)
     version: int = 1
+    """Version of this sensor's calibration: 1 for the first, one more for each that replaces an older one."""
     measurement: Measurement | None = None
+    """Uncertainties; None for a calibration that was stated, not measured."""
     crosstalk: Crosstalk | None = None
+    """Crosstalk between the cells; None if unknown.
+
+    With crosstalk, `response` is that of a pressure on one cell alone; without, that of a uniform pressure on all
+    cells.
+    """
     linearity: Linearity | None = None
+    """Result of measurements at several levels."""
 
     def __post_init__(self) -> None:
         frequency = frozen_array(self.frequency, "frequency", ("bin",))
@@ -77,19 +64,19 @@ class Calibration:
         self._check_parts()
 
     def __repr__(self) -> str:
-        return told(
+        return summary(
             self,
             f"{counted(len(self.frequency), 'bin')} {span(self.frequency, 'Hz')}",
             self.sensor.spelled,
             f"|response| {span(np.abs(self.response), f'{self.unit}/Pa')}",
             "stated" if self.measurement is None else "measured",
             f"version {self.version} {clipped(self.date)}".rstrip(),
-            came_from(self.provenance.source),
+            from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
 
     def _repr_html_(self) -> str:
-        # A response falls to nothing at 0 Hz, which no logarithmic axis has.
+        # A logarithmic axis has no place for 0 Hz.
         kept = self.frequency > 0 if (self.frequency > 0).sum() > 1 else np.ones(len(self.frequency), bool)
         size = np.abs(self.response[kept]).reshape(int(kept.sum()), -1)
         picture = curve(
@@ -107,7 +94,7 @@ class Calibration:
     def flat(cls, sensor: SensorGrid, *, sensitivity: float = 1.0, unit: Unit = "V") -> "Calibration":
         """A nominal calibration: the same `sensitivity` (unit per Pa) on every channel at every frequency.
 
-        It is a statement, not a measurement; the steps of whatever is made with it say so.
+        It is stated, not measured; the provenance of derived data records this.
         """
         if not (np.isfinite(sensitivity) and sensitivity != 0):
             raise InputError(f"sensitivity: expected a number other than 0 {unit}/Pa, got {sensitivity:g}")
@@ -122,8 +109,8 @@ class Calibration:
 
     @property
     def identifier(self) -> str:
-        """Eight letters and digits that change with sensor, unit, date, version, bins, response, noise or crosstalk."""
-        # Spelled out, and for good: files tell by this number which calibration their recording was made pressure with.
+        """Eight hexadecimal digits: a hash of sensor, unit, date, version, bins, response, noise and crosstalk."""
+        # This format must not change: files store the identifier of the calibration that was applied to them.
         cells = ", ".join(f"{name}={getattr(self.sensor, name)!r}" for name in ("rows", "columns", "pitch", "name"))
         digest = hashlib.sha256(f"SensorGrid({cells}) {self.unit} {self.date} {self.version}".encode())
         for part in (self.frequency, self.response, self.noise):
@@ -133,31 +120,23 @@ class Calibration:
         return digest.hexdigest()[:8]
 
     def uncertainty_at(self, frequency: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Standard uncertainty of the magnitude between the bins, as a part of it, shape (f, row, column).
+        """Relative standard uncertainty of the magnitude, interpolated, shape (f, row, column).
 
-        None when the calibration was not measured.
+        None for a calibration that was not measured.
         """
         if self.measurement is None:
             return None
         return self._between(frequency, self.measurement.magnitude_uncertainty)
 
     def response_at(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """The response between the bins, by linear interpolation of real and imaginary part; held at the ends.
+        """The response in `unit` per Pa, shape (f, row, column), at frequencies in Hz, shape (f,).
 
-        Parameters
-        ----------
-        frequency : ndarray, shape (f,)
-            In Hz.
-
-        Returns
-        -------
-        ndarray of complex, shape (f, row, column)
-            In `unit` per Pa.
+        Real and imaginary part are interpolated linearly; beyond the bins the first or the last value holds.
         """
         return self._between(frequency, self.response)
 
     def _between(self, frequency: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:
-        """`values` of the bins, interpolated in a straight line and held at the ends."""
+        """`values` of the bins, interpolated linearly; constant beyond the ends."""
         where = np.clip(np.interp(frequency, self.frequency, np.arange(len(self.frequency))), 0, None)
         low = np.minimum(where.astype(int), len(self.frequency) - 2) if len(self.frequency) > 1 else where.astype(int)
         high = np.minimum(low + 1, len(self.frequency) - 1)

@@ -1,4 +1,4 @@
-"""What the array is told, and how well it was solved for; and what it was told of touch while that was felt."""
+"""The drive of an array, the solution that it is part of, and the frames that were played in live touch."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -13,41 +13,31 @@ from midair.model.acoustics import Acoustics
 from midair.model.geometry import TransducerArray
 from midair.model.pictures import curve, dots, framed
 from midair.model.provenance import Provenance
-from midair.model.reprs import came_from, clipped, counted, lasting, span, told
+from midair.model.reprs import clipped, counted, frames_and_duration, from_source, span, summary
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
 
 Status = Literal["converged", "iterations", "stalled", "silent"]
-"""How the solver of a frame ended: step or gradient small enough; iterations used up; no step of any length helps;
-nothing to play."""
+"""How the solver ended a frame: step or gradient below its tolerance; maximum of iterations reached; no step of any
+length
+reduces the error; nothing to play."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Drive:
-    """Phase and level of every transducer, frame by frame: q = level exp(j phase).
-
-    Attributes
-    ----------
-    phase : ndarray, shape (frame, transducer)
-        In rad.
-    level : ndarray, shape (frame,) or (frame, transducer)
-        0 to 1 of full drive.
-    rate : float
-        Frames per second, in Hz.
-    array : TransducerArray
-        The array that the phases are for, and for no other.
-    acoustics : Acoustics
-        The air and the directivity that the phases are for.
-    provenance : Provenance
-        Where it came from and what was done to it.
-    """
+    """Phase and level of every transducer, frame by frame: q = level exp(j phase)."""
 
     phase: Array
+    """Shape (frame, transducer), in rad."""
     level: Array
+    """Shape (frame,) or (frame, transducer), 0 to 1 of full drive."""
     rate: float
+    """Frames per second, in Hz."""
     array: TransducerArray
+    """The array that the phases were computed for; they are invalid for any other."""
     acoustics: Acoustics = field(default_factory=Acoustics)
+    """The air and the directivity that the phases were computed for."""
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
@@ -56,7 +46,7 @@ class Drive:
         if shape not in ((len(phase),), phase.shape):
             raise ShapeError(f"level: expected shape {(len(phase),)} or {phase.shape}, got {shape}")
         level = frozen_array(self.level, "level", shape)
-        # A reel's numbers are looked at when they are read.
+        # Lazy frames are checked when they are read.
         if not isinstance(level, LazyFrames) and (level.min() < 0 or level.max() > 1):
             raise InputError(f"level: expected 0 to 1 of full drive, got {level.min():g} to {level.max():g}")
         object.__setattr__(self, "phase", phase)
@@ -64,12 +54,12 @@ class Drive:
         object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
 
     def __repr__(self) -> str:
-        return told(
+        return summary(
             self,
-            lasting(self.frames, self.rate),
+            frames_and_duration(self.frames, self.rate),
             f"{counted(self.array.count, 'transducer')} of {clipped(self.array.name)}",
             f"level {span(self.level)}",
-            came_from(self.provenance.source),
+            from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
 
@@ -90,36 +80,27 @@ class Drive:
 
     @property
     def time(self) -> Array:
-        """Of each frame, shape (frame,), in s."""
+        """Time of each frame, shape (frame,), in s."""
         return np.arange(self.frames) / self.rate
 
     @property
     def q(self) -> NDArray[np.complex128]:
-        """Complex drive of each transducer (paper, eq. 4), shape (frame, transducer), 0 to 1 in magnitude."""
+        """Complex drive of each transducer (paper, eq. 4), shape (frame, transducer), magnitude 0 to 1."""
         level = self.level if self.level.ndim == 2 else self.level[:, None]
         return np.asarray(level * np.exp(1j * self.phase), np.complex128)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Solution:
-    """A drive and how well each of its frames meets the target.
-
-    Attributes
-    ----------
-    drive : Drive
-        What to play.
-    error : ndarray, shape (frame,)
-        ``E = || |G q| - p || / || p ||``; 0 for a frame with nothing to play.
-    iterations : ndarray of int, shape (frame,)
-        That the solver made.
-    status : tuple of {"converged", "iterations", "stalled", "silent"}
-        One a frame.
-    """
+    """A drive, with the error and the solver status of each frame."""
 
     drive: Drive
     error: Array
+    """``E = || |G q| - p || / || p ||``, shape (frame,); 0 for a frame with nothing to play."""
     iterations: NDArray[np.int64]
+    """Number of iterations of the solver, shape (frame,)."""
     status: tuple[Status, ...]
+    """One status per frame."""
 
     def __post_init__(self) -> None:
         frames = self.drive.frames
@@ -130,7 +111,7 @@ class Solution:
 
     @classmethod
     def joined(cls, parts: "Sequence[Solution]") -> "Solution":
-        """Parts of one recording, one after another; what is told of the drive is the first one's."""
+        """Concatenate consecutive parts of one recording; all other properties are those of the first."""
         if len(parts) == 1:
             return parts[0]
         drives = [part.drive for part in parts]
@@ -147,14 +128,14 @@ class Solution:
         )
 
     def cut(self, first: int, last: int) -> "Solution":
-        """Frames from `first` up to `last`."""
+        """Frames from `first` up to, but not including, `last`."""
         part = slice(first, last)
         drive = replace(self.drive, phase=self.drive.phase[part], level=self.drive.level[part])
         return Solution(drive=drive, error=self.error[part], iterations=self.iterations[part], status=self.status[part])
 
     def __repr__(self) -> str:
         plays, error = self.plays, 100 * self.error[self.plays]
-        return told(
+        return summary(
             self,
             counted(self.drive.frames, "frame"),
             f"E mean {error.mean():.3g} %, worst {error.max():.3g} %" if plays.any() else "",
@@ -171,38 +152,27 @@ class Solution:
 
     @property
     def plays(self) -> NDArray[np.bool_]:
-        """Whether a frame has anything to play, shape (frame,); E says something about these only."""
+        """True for each frame that has anything to play, shape (frame,); E is meaningful for these only."""
         return np.array([status != "silent" for status in self.status])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlayedTouch:
-    """Frames of live touch as the array was told them, one for each frame that a sensor gave.
-
-    Attributes
-    ----------
-    phase_steps : ndarray of uint8, shape (frame, transducer)
-        In steps of 2 pi / 256; of a silent frame those of the last one that sounded.
-    intensity : ndarray of uint8, shape (frame,)
-        255 is full drive, 0 silence.
-    instant : ndarray of int64, shape (frame,)
-        When it was to sound, in ns of the units' time; 0 of a frame that had no instant.
-    state : ndarray of int8, shape (frame,)
-        1 it sounded; 2 it was late, and the one before stood on; 4 the sensor never gave it; or a sum of these.
-    rate : float
-        Frames per second, in Hz.
-    array : TransducerArray
-        That played.
-    provenance : Provenance
-        Where it came from.
-    """
+    """Frames of live touch that were sent to the array, one for each sensor frame."""
 
     phase_steps: NDArray[np.uint8]
+    """Shape (frame, transducer), in steps of 2 pi / 256; a silent frame repeats those of the last frame with sound."""
     intensity: NDArray[np.uint8]
+    """Shape (frame,); 255 is full drive, 0 is silence."""
     instant: NDArray[np.int64]
+    """Scheduled time of each frame, shape (frame,), in ns of the units' clock; 0 for a frame without one."""
     state: NDArray[np.int8]
+    """Shape (frame,), a sum of: 1 the frame was played; 2 it was late and the frame before continued; 4 the sensor lost
+    it."""
     rate: float
+    """Frames per second, in Hz."""
     array: TransducerArray
+    """The array that played."""
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
@@ -210,7 +180,7 @@ class PlayedTouch:
         if self.phase_steps.shape != (frames, self.array.count):
             raise ShapeError(f"phase_steps: expected (frame, {self.array.count}), got {self.phase_steps.shape}")
         for name in ("phase_steps", "intensity", "instant", "state"):
-            # A view: ten minutes are 600 MB.
+            # A view saves memory: ten minutes are 600 MB.
             view = getattr(self, name).view()
             view.flags.writeable = False
             object.__setattr__(self, name, view)
@@ -219,7 +189,7 @@ class PlayedTouch:
                 raise ShapeError(f"{name}: expected shape ({frames},), got {getattr(self, name).shape}")
 
     def __repr__(self) -> str:
-        return told(self, counted(self.frames, "frame"), f"{self.rate:g} Hz", self.array.name)
+        return summary(self, counted(self.frames, "frame"), f"{self.rate:g} Hz", self.array.name)
 
     @property
     def frames(self) -> int:
@@ -228,7 +198,7 @@ class PlayedTouch:
 
     @property
     def drive(self) -> Drive:
-        """What sounded, frame by frame: where one was late, or none came, the one before, which stood on."""
+        """The drive that was emitted; a late or lost frame repeats the frame before it."""
         there = np.maximum.accumulate(np.where(self.state & 6, 0, np.arange(self.frames)))
         return Drive(
             phase=np.asarray(self.phase_steps[there] * (2 * np.pi / 256), np.float64),

@@ -1,4 +1,4 @@
-"""Sequences of frames: pressure on skin, and the sound amplitude that is to make it."""
+"""Sequences of frames: pressure on the skin, and the sound amplitude that is to produce it."""
 
 from dataclasses import dataclass, field, replace
 
@@ -10,7 +10,7 @@ from midair.lazy_frames import LazyFrames
 from midair.model.geometry import ControlGrid, SensorGrid
 from midair.model.pictures import framed, heat_map, sparklines
 from midair.model.provenance import Provenance
-from midair.model.reprs import came_from, lasting, span, told
+from midair.model.reprs import frames_and_duration, from_source, span, summary
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -18,26 +18,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PressureFrames:
-    """Calibrated pressure on the cells of a sensor; signed, since the sensor hears changes only.
-
-    Attributes
-    ----------
-    pressure : ndarray, shape (frame, row, column)
-        In Pa.
-    rate : float
-        Frames per second, in Hz.
-    sensor : SensorGrid
-        The cells.
-    band : tuple of float or None
-        (low, high) of the frequencies that were kept, in Hz; None when nothing was removed.
-    provenance : Provenance
-        Where it came from and what was done to it.
-    """
+    """Calibrated pressure on the cells of a sensor; signed, since the sensor measures only changes."""
 
     pressure: Array
+    """Shape (frame, row, column), in Pa."""
     rate: float
+    """Frames per second, in Hz."""
     sensor: SensorGrid = field(default_factory=SensorGrid)
     band: tuple[float, float] | None = None
+    """(low, high) of the pass band, in Hz; None if nothing was filtered."""
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
@@ -46,13 +35,13 @@ class PressureFrames:
         object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
 
     def __repr__(self) -> str:
-        return told(
+        return summary(
             self,
-            lasting(self.frames, self.rate),
+            frames_and_duration(self.frames, self.rate),
             self.sensor.spelled,
             span(self.pressure, "Pa"),
             "" if self.band is None else f"band {self.band[0]:g} to {self.band[1]:g} Hz",
-            came_from(self.provenance.source),
+            from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
 
@@ -67,7 +56,7 @@ class PressureFrames:
 
     @property
     def time(self) -> Array:
-        """Of each frame, shape (frame,), in s."""
+        """Time of each frame, shape (frame,), in s."""
         return np.arange(self.frames) / self.rate
 
     def cut(self, start: float = 0.0, duration: float | None = None) -> "PressureFrames":
@@ -89,40 +78,30 @@ class PressureFrames:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AmplitudeFrames:
-    """Peak sound pressure wanted at each control point.
-
-    Attributes
-    ----------
-    amplitude : ndarray, shape (frame, point)
-        Peak, 0 or more, in Pa.
-    rate : float
-        Frames per second, in Hz.
-    grid : ControlGrid
-        The points.
-    provenance : Provenance
-        Where it came from and what was done to it.
-    """
+    """Peak sound pressure required at each control point."""
 
     amplitude: Array
+    """Peak amplitude, 0 or more, shape (frame, point), in Pa."""
     rate: float
+    """Frames per second, in Hz."""
     grid: ControlGrid = field(default_factory=ControlGrid)
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
         amplitude = frozen_array(self.amplitude, "amplitude", ("frame", self.grid.count))
-        # A reel's numbers are looked at when they are read.
+        # Lazy frames are checked when they are read.
         if not isinstance(amplitude, LazyFrames) and (amplitude < 0).any():
             raise InputError(f"amplitude: expected 0 Pa or more, got {amplitude.min():g} Pa; it is a magnitude")
         object.__setattr__(self, "amplitude", amplitude)
         object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
 
     def __repr__(self) -> str:
-        return told(
+        return summary(
             self,
-            lasting(self.frames, self.rate),
+            frames_and_duration(self.frames, self.rate),
             f"{self.grid.rows} x {self.grid.columns} points {1e3 * self.grid.height:.4g} mm above the array",
             f"up to {self.amplitude.max():.4g} Pa",
-            came_from(self.provenance.source),
+            from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
 
@@ -140,5 +119,5 @@ class AmplitudeFrames:
 
     @property
     def time(self) -> Array:
-        """Of each frame, shape (frame,), in s."""
+        """Time of each frame, shape (frame,), in s."""
         return np.arange(self.frames) / self.rate

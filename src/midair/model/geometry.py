@@ -1,6 +1,6 @@
-"""Where things are: the transducers of the array, the cells of the sensor, the points that are controlled.
+"""Positions of the transducers of the array, the cells of the sensor and the control points.
 
-Origin at the centre of the array, z towards the palm, metres. x grows with the column and y with the row of a grid;
+Origin at the centre of the array, z towards the palm, metres. x increases with the column and y with the row of a grid;
 maps are drawn with row 0 at the top, so that channel 0 is the top left corner, as in the paper's Fig. 4.
 """
 
@@ -11,48 +11,39 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
 from midair.model.pictures import dots, framed
-from midair.model.reprs import clipped, counted, told
+from midair.model.reprs import clipped, counted, summary
 from midair.validation import HEIGHTS, PITCHES, frozen_array, length, positive
 
 Array = NDArray[np.float64]
 _UNKNOWN = np.zeros(0, np.complex128)
-"""Of transducers that nobody measured."""
+"""Response of transducers that have not been measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TransducerArray:
-    """The transducers of a phased array.
-
-    Attributes
-    ----------
-    position : ndarray, shape (transducer, 3)
-        In m.
-    normal : ndarray, shape (transducer, 3)
-        Unit vectors along which each transducer radiates.
-    unit : ndarray of int, shape (transducer,)
-        Which device of the array a transducer belongs to, from 0.
-    pressure : float
-        Peak sound pressure of one transducer on its axis at 1 m and full drive, times that distance, in Pa m.
-        4.38590 is the T4010A1's value in the AUTD3 emulator; on a real array it is a parameter to calibrate.
-    frequency : float
-        Of the ultrasound, in Hz.
-    response : ndarray of complex, shape (transducer,)
-        What each one radiates under full drive, over what `pressure` says, where it was measured
-        (`ArrayCalibration`); empty for 1 everywhere.
-    pole : ndarray of complex, shape (transducer,)
-        -1 / time constant + j (resonance less drive) of each, in rad/s, where it was measured; empty elsewhere.
-    name : str
-        What to call the array in messages and files.
-    """
+    """The transducers of a phased array."""
 
     position: Array
+    """Shape (transducer, 3), in m."""
     normal: Array
+    """Unit vectors along which each transducer radiates, shape (transducer, 3)."""
     unit: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """Index of the device that each transducer belongs to, from 0, shape (transducer,)."""
     pressure: float = 275.574246625 * 200e-3 / (4 * np.pi)
+    """Peak sound pressure of one transducer on its axis at 1 m and full drive, times that distance, in Pa m.
+
+    The default 4.38590 is that of the T4010A1 in the AUTD3 emulator; calibrate it on a real array.
+    """
     frequency: float = 40e3
+    """Frequency of the ultrasound, in Hz."""
     response: NDArray[np.complex128] = field(default_factory=lambda: _UNKNOWN)
+    """Complex, shape (transducer,): measured pressure at full drive over `pressure` (`ArrayCalibration`); 1 by default.
+    """
     pole: NDArray[np.complex128] = field(default_factory=lambda: _UNKNOWN)
+    """Measured -1 / time constant + j (resonance - drive frequency), in rad/s, shape (transducer,); empty if not
+    measured."""
     name: str = "array"
+    """Name of the array in messages and files."""
 
     def __post_init__(self) -> None:
         position = frozen_array(self.position, "transducer position", ("transducer", 3))
@@ -74,7 +65,7 @@ class TransducerArray:
     def __repr__(self) -> str:
         units = len(np.unique(self.unit))
         width, depth = 1e3 * np.ptp(self.position[:, :2], axis=0)
-        return told(
+        return summary(
             self,
             clipped(self.name),
             f"{counted(self.count, 'transducer')} in {counted(units, 'unit')}",
@@ -84,7 +75,7 @@ class TransducerArray:
         )
 
     def _repr_html_(self) -> str:
-        # Neighbours among the 16 colours look alike: steps of 5 keep units apart that stand side by side.
+        # Neighbours among the 16 colours look alike: steps of 5 distinguish adjacent units.
         picture = dots(self.position, np.asarray(self.unit * 5 % 16, np.int64))
         return framed(self, picture, "Transducers from above, coloured by unit; x, y in mm")
 
@@ -116,16 +107,16 @@ class TransducerArray:
 
     @property
     def alike(self) -> bool:
-        """Whether all transducers are taken for what the model says: nobody has measured them."""
+        """True if no transducer has a measured response."""
         return bool((self.response == 1).all()) and not len(self.pole)
 
     @property
     def nominal(self) -> "TransducerArray":
-        """The same without what was measured of it."""
+        """The same array without its measured response."""
         return self if self.alike else replace(self, response=_UNKNOWN, pole=_UNKNOWN)
 
     def same_as(self, other: "TransducerArray") -> bool:
-        """Whether phases made for one are right for the other: same places, normals and frequency, to 1 µm."""
+        """True if phases for one array fit the other: equal positions (to 1 µm), normals and frequency."""
         return (
             self.count == other.count
             and self.frequency == other.frequency
@@ -136,22 +127,15 @@ class TransducerArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
-    """Places in rows and columns, the same distance apart: what sensors and control grids share.
-
-    Attributes
-    ----------
-    rows, columns : int
-        Number of places.
-    pitch : float
-        Distance between neighbours, in m.
-    """
+    """Points in rows and columns with a constant pitch: the base of sensor and control grids."""
 
     rows: int
     columns: int
     pitch: float
+    """Distance between neighbours, in m."""
 
     def __post_init__(self) -> None:
-        # NaN and infinity are no whole numbers either.
+        # This also rejects NaN and infinity.
         if not all(count >= 1 and count % 1 == 0 for count in (self.rows, self.columns)):
             raise ShapeError(f"grid: expected at least 1 row and 1 column, got {self.rows} x {self.columns}")
         length(self.pitch, "pitch", PITCHES)
@@ -163,49 +147,40 @@ class Grid:
 
     @property
     def count(self) -> int:
-        """Number of places: channels, or control points."""
+        """Number of channels or control points."""
         return self.rows * self.columns
 
     @property
     def x(self) -> Array:
-        """Of each column, from the middle of the grid, shape (column,), in m."""
+        """Position of each column relative to the centre of the grid, shape (column,), in m."""
         return centred(self.columns, self.pitch)
 
     @property
     def y(self) -> Array:
-        """Of each row, from the middle of the grid, shape (row,), in m."""
+        """Position of each row relative to the centre of the grid, shape (row,), in m."""
         return centred(self.rows, self.pitch)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorGrid(Grid):
-    """A square grid of pressure cells: channel = row * columns + column.
-
-    Attributes
-    ----------
-    rows, columns : int
-        Number of cells.
-    pitch : float
-        Distance between neighbours, in m.
-    name : str
-        Which sensor it is; a calibration fits only the sensor it was made with.
-    """
+    """A square grid of pressure cells: channel = row * columns + column."""
 
     rows: int = 4
     columns: int = 4
     pitch: float = 11e-3
     name: str = "sensor"
+    """Name of the sensor; a calibration fits only the sensor of its name."""
 
     def __repr__(self) -> str:
-        return told(self, self.spelled, f"{1e3 * self.pitch:.4g} mm apart")
+        return summary(self, self.spelled, f"{1e3 * self.pitch:.4g} mm apart")
 
     @property
     def spelled(self) -> str:
-        """``4 x 4 'sensor'``: rows, columns and the name on one short line."""
+        """Rows, columns and the name on one short line: ``4 x 4 'sensor'``."""
         return f"{self.rows} x {self.columns} '{clipped(self.name)}'"
 
     def channel_position(self, channel: int) -> tuple[float, float]:
-        """(x, y) of a channel from the centre of the grid, in m."""
+        """(x, y) of a channel relative to the centre of the grid, in m."""
         if not 0 <= channel < self.count:
             raise ShapeError(f"channel: expected 0 to {self.count - 1}, got {channel}")
         row, column = divmod(channel, self.columns)
@@ -214,25 +189,15 @@ class SensorGrid(Grid):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControlGrid(Grid):
-    """The points in midair whose sound pressure is controlled: a square grid parallel to the array.
-
-    Attributes
-    ----------
-    rows, columns : int
-        Number of points.
-    pitch : float
-        Distance between neighbours, in m.
-    height : float
-        Above the array, in m.
-    centre : tuple of float
-        (x, y) of the middle of the grid, in m.
-    """
+    """Control points in midair, where sound pressure is prescribed: a square grid parallel to the array."""
 
     rows: int = 16
     columns: int = 16
     pitch: float = 11e-3 / 3
     height: float = 0.2
+    """Height above the array, in m."""
     centre: tuple[float, float] = (0.0, 0.0)
+    """(x, y) of the centre of the grid, in m."""
 
     def __post_init__(self) -> None:
         Grid.__post_init__(self)
@@ -241,11 +206,11 @@ class ControlGrid(Grid):
 
     @property
     def position(self) -> Array:
-        """Of each point, row by row, shape (point, 3), in m."""
+        """Position of each point, row by row, shape (point, 3), in m."""
         x, y = np.meshgrid(self.x + self.centre[0], self.y + self.centre[1])
         return np.stack([x.ravel(), y.ravel(), np.full(self.count, self.height)], axis=1)
 
 
 def centred(count: int, pitch: float) -> Array:
-    """`count` places `pitch` apart around 0, shape (count,), in m."""
+    """`count` positions `pitch` apart around 0, shape (count,), in m."""
     return np.asarray((np.arange(count) - (count - 1) / 2) * pitch, np.float64)

@@ -1,7 +1,7 @@
-"""What a measured calibration knows of itself: how sure it is, what its cells do to each other, and how straight it is.
+"""Uncertainty, crosstalk and linearity of a measured calibration.
 
-Every uncertainty is a standard one (k = 1), as in the Guide to the expression of uncertainty in measurement (GUM,
-JCGM 100:2008); twice it covers about 95 %. Those from few readings are already widened by Student's t.
+Every uncertainty is a standard uncertainty (k = 1), as in the Guide to the expression of uncertainty in measurement
+(GUM, JCGM 100:2008); twice its value covers about 95 %. Those from few readings are widened by Student's t.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model.reprs import clipped, counted, span, told
+from midair.model.reprs import clipped, counted, span, summary
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
@@ -19,45 +19,30 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Measurement:
-    """How sure a calibration is, bin by bin and channel by channel.
-
-    Attributes
-    ----------
-    coherence : ndarray, shape (bin, row, column)
-        Share of the output that the reference explains, 0 to 1.
-    magnitude_uncertainty : ndarray, shape (bin, row, column)
-        Of the response's magnitude, as a part of it; everything counted, the reference too.
-    phase_uncertainty : ndarray, shape (bin, row, column)
-        Of the response's phase, in rad.
-    noise_density : ndarray, shape (bin, row, column)
-        One-sided noise density of the output, in the calibration's unit per sqrt(Hz).
-    noise_uncertainty : ndarray, shape (row, column)
-        Of the calibration's `noise`, as a part of it.
-    delay : ndarray, shape (row, column)
-        Of each channel behind the reference in the upper half of the bins, in s.
-    delay_uncertainty : ndarray, shape (row, column)
-        In s.
-    reference_uncertainty : float
-        What of the magnitude's uncertainty all bins and channels share, as a part of the magnitude.
-    reference : str
-        What the pressure was measured by.
-    method : str
-        How it was done, in words.
-    takes : int
-        Number of recordings that it rests on.
-    """
+    """Uncertainties of a calibration, bin by bin and channel by channel."""
 
     coherence: Array
+    """Share of the output that the reference explains, 0 to 1, shape (bin, row, column)."""
     magnitude_uncertainty: Array
+    """Relative uncertainty of the response's magnitude, including that of the reference, shape (bin, row, column)."""
     phase_uncertainty: Array
+    """Uncertainty of the response's phase, shape (bin, row, column), in rad."""
     noise_density: Array
+    """One-sided noise density of the output, shape (bin, row, column), in the calibration's unit per sqrt(Hz)."""
     noise_uncertainty: Array
+    """Relative uncertainty of the calibration's `noise`, shape (row, column)."""
     delay: Array
+    """Delay of each channel relative to the reference in the upper half of the bins, shape (row, column), in s."""
     delay_uncertainty: Array
+    """Shape (row, column), in s."""
     reference_uncertainty: float = 0.0
+    """Part of the relative magnitude uncertainty that all bins and channels share."""
     reference: str = ""
+    """Name of the reference sensor or source."""
     method: str = ""
+    """Description of the method."""
     takes: int = 1
+    """Number of recordings that were used."""
 
     def __post_init__(self) -> None:
         bins = frozen_array(self.coherence, "coherence", ("bin", "row", "column"))
@@ -74,7 +59,7 @@ class Measurement:
 
     def __repr__(self) -> str:
         bins, rows, columns = self.coherence.shape
-        return told(
+        return summary(
             self,
             f"{counted(bins, 'bin')} of {rows} x {columns} cells",
             f"magnitude to {100 * np.median(self.magnitude_uncertainty):.3g} % (median, k = 1)",
@@ -88,18 +73,12 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Crosstalk:
-    """What each cell feels of a pressure on another one.
-
-    Attributes
-    ----------
-    matrix : ndarray, shape (channel, channel)
-        Pressure that cell i feels over the pressure on cell k alone; 1 on the diagonal.
-    uncertainty : ndarray, shape (channel, channel)
-        Of each element, how much it changes over the band included.
-    """
+    """Response of each cell to a pressure on another cell."""
 
     matrix: Array
+    """Shape (channel, channel): output of cell i, as pressure, over the pressure on cell k alone; 1 on the diagonal."""
     uncertainty: Array
+    """Uncertainty of each element, including its change over the band, shape (channel, channel)."""
 
     def __post_init__(self) -> None:
         matrix = frozen_array(self.matrix, "crosstalk", ("channel", "channel"))
@@ -111,35 +90,27 @@ class Crosstalk:
     def __repr__(self) -> str:
         others = np.abs(self.matrix[~np.eye(len(self.matrix), dtype=bool)])
         said = f"at most {100 * others.max():.3g} % of a pressure on another cell" if others.size else ""
-        return told(self, f"{len(self.matrix)} x {len(self.matrix)} channels", said)
+        return summary(self, f"{len(self.matrix)} x {len(self.matrix)} channels", said)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Linearity:
-    """Output over pressure at five levels or more: a straight line with an intercept, and its bend.
-
-    Attributes
-    ----------
-    pressure : ndarray, shape (level, row, column)
-        Rms of the pressure, in Pa.
-    output : ndarray, shape (level, row, column)
-        Rms of the part of the output that follows it, divided by the response: in Pa.
-    gain, gain_uncertainty : ndarray, shape (row, column)
-        Slope of the line; 1 where the response was measured at these levels.
-    intercept, intercept_uncertainty : ndarray, shape (row, column)
-        In Pa.
-    curvature, curvature_uncertainty : ndarray, shape (row, column)
-        Change of the slope from the lowest to the highest level by a parabola through the same points, as a part of the
-        gain: saturation is negative.
-    """
+    """Output over pressure at five or more levels: a straight line with an intercept, and its curvature."""
 
     pressure: Array
+    """Rms pressure, shape (level, row, column), in Pa."""
     output: Array
+    """Rms of the part of the output that follows the pressure, divided by the response, shape (level, row, column), in
+    Pa."""
     gain: Array
+    """Slope of the line, shape (row, column); 1 if the response was measured at these levels."""
     gain_uncertainty: Array
     intercept: Array
+    """Shape (row, column), in Pa."""
     intercept_uncertainty: Array
     curvature: Array
+    """Relative change of the slope from the lowest to the highest level, by a fitted parabola; negative for saturation.
+    """
     curvature_uncertainty: Array
 
     def __post_init__(self) -> None:
@@ -152,7 +123,7 @@ class Linearity:
 
     def __repr__(self) -> str:
         rows, columns = self.gain.shape
-        return told(
+        return summary(
             self,
             f"{counted(self.levels, 'level')} of {rows} x {columns} cells",
             f"{span(self.pressure, 'Pa')} rms",

@@ -1,4 +1,4 @@
-"""The air that sound goes through and the surface that it pushes."""
+"""The air that carries the sound, and the surface that reflects it."""
 
 from dataclasses import dataclass, replace
 
@@ -16,40 +16,31 @@ from midair.model.air import (
 from midair.validation import positive
 
 SLOWEST, FASTEST = 300.0, 370.0
-"""Speeds of sound that the air of a drive may have, in m/s: more than those of air from -50 to 65 degrees Celsius."""
+"""Permitted speeds of sound of a drive, in m/s: a wider range than air from -50 to 65 degrees Celsius."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Medium:
-    """Air, and how much of the sound the surface in it reflects (paper, 2.1).
-
-    Attributes
-    ----------
-    density : float
-        rho, in kg/m3.
-    speed : float
-        Speed of sound c, in m/s; the paper's 340 m/s is that of air at 14 degrees Celsius.
-    attenuation : float
-        Amplitude attenuation beta, in Np/m (ISO 9613-1: .15 at 40 kHz, 20-25 °C, 40-60 % humidity).
-    alpha : float
-        1 + R, with R the power reflection coefficient of the surface: 1 to 2.
-    temperature : float or None
-        In degrees Celsius, where the medium was made by `at`; None where its constants were stated.
-    humidity : float or None
-        Relative, 0 to 1; likewise.
+    """Properties of the air, and reflection of the surface (paper, 2.1).
 
     Raises
     ------
     InputError
-        If a constant is out of range, or is not that of air of the stated temperature and humidity.
+        If a constant is out of range, or does not agree with the stated temperature and humidity.
     """
 
     density: float = 1.25
+    """rho, in kg/m3."""
     speed: float = 340.0
+    """Speed of sound c, in m/s; the paper's 340 m/s is that of air at 14 degrees Celsius."""
     attenuation: float = 0.15
+    """Amplitude attenuation beta, in Np/m (ISO 9613-1: .15 at 40 kHz, 20-25 °C, 40-60 % humidity)."""
     alpha: float = 2.0
+    """1 + R, with R the power reflection coefficient of the surface: 1 to 2."""
     temperature: float | None = None
+    """Temperature in degrees Celsius if the medium was made by `at`; None if its constants were stated."""
     humidity: float | None = None
+    """Relative humidity, 0 to 1; None if the constants were stated."""
 
     def __post_init__(self) -> None:
         positive(self.density, "density", "kg/m3")
@@ -70,25 +61,25 @@ class Medium:
         frequency: float = 40e3,
         alpha: float = 2.0,
     ) -> "Medium":
-        """Air of a laboratory: speed of sound by Cramer (1993), attenuation by ISO 9613-1, density of moist air.
+        """Air of a given temperature: speed of sound by Cramer (1993), attenuation by ISO 9613-1, density of moist air.
 
         Parameters
         ----------
         temperature : float
             In degrees Celsius, 0 to 50.
         humidity : float
-            Relative, 0 to 1.
+            Relative humidity, 0 to 1.
         pressure : float
-            Of the air, in Pa.
+            Air pressure, in Pa.
         frequency : float
-            At which sound weakens, in Hz.
+            Frequency of the sound, in Hz, for the attenuation.
         alpha : float
             1 + R of the surface.
 
         Raises
         ------
         InputError
-            If the air is outside of what the formulas hold for.
+            If the air is outside the range of the formulas.
         """
         check_air(temperature, humidity, pressure)
         return cls(
@@ -102,32 +93,26 @@ class Medium:
 
     @property
     def degrees(self) -> float:
-        """Its temperature, in degrees Celsius: the stated one, or that at which sound is as fast in half-dry air."""
+        """Temperature in degrees Celsius: the stated one, or that with this speed of sound at 50 % humidity."""
         return temperature_of(self.speed) if self.temperature is None else self.temperature
 
     def check_speed(self, source: str = "drive") -> None:
-        """Refuse a speed of sound that no room has.
-
-        Raises
-        ------
-        InputError
-            If it is outside of 300 to 370 m/s.
-        """
+        """Raise InputError unless the speed of sound is 300 to 370 m/s."""
         if not SLOWEST <= self.speed <= FASTEST:
             raise InputError(
                 f"{source}: expected a speed of sound of {SLOWEST:g} to {FASTEST:g} m/s, as in air, "
-                f"got {self.speed:g} m/s; solve the target again for the air of the room"
+                f"got {self.speed:g} m/s; solve the target again for the temperature of the air"
             )
 
     def warmer(self, degrees: float) -> "Medium":
-        """The same air, so much warmer or, below 0, colder.
+        """The same air, warmer by `degrees` (colder if negative).
 
-        Of air whose constants were stated, the speed of sound alone changes: by as much as that of a laboratory's.
+        If the constants were stated, only the speed of sound changes: by as much as at 50 % humidity.
 
         Raises
         ------
         InputError
-            If it would be outside of what the formulas hold for.
+            If the result is outside the range of the formulas.
         """
         if self.temperature is not None and self.humidity is not None:
             return Medium.at(temperature=self.temperature + degrees, humidity=self.humidity, alpha=self.alpha)
@@ -141,16 +126,16 @@ class Medium:
 
 
 def _check_stated(temperature: float | None, humidity: float | None, speed: float) -> None:
-    """Refuse a temperature beside a speed of sound that no air of that temperature has."""
+    """Raise unless the speed of sound agrees with temperature and humidity at some permitted air pressure."""
     if temperature is None and humidity is None:
         return
     if temperature is None or humidity is None:
-        raise InputError("air: expected temperature and humidity together, got one of them; Medium.at() knows the rest")
+        raise InputError("air: expected temperature and humidity together, got only one of them; use Medium.at()")
     check_air(temperature, humidity, STANDARD_PRESSURE)
     ends = [speed_of_sound(temperature, humidity, pressure) for pressure in (LOWEST_PRESSURE, HIGHEST_PRESSURE)]
-    # A digit more than a person would write down.
+    # Tolerance for a rounded speed of sound.
     if not min(ends) - 0.05 <= speed <= max(ends) + 0.05:
         raise InputError(
             f"air: expected a speed of sound of {min(ends):.1f} to {max(ends):.1f} m/s at {temperature:g} degrees "
-            f"Celsius, got {speed:g}; Medium.at() works it out"
+            f"Celsius, got {speed:g}; compute it with Medium.at()"
         )

@@ -1,4 +1,4 @@
-"""A palm under the array: which points of a grid are skin."""
+"""The outline of a palm above the array: which points of a grid are skin."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import ControlGrid, centred
-from midair.model.reprs import clipped, told
+from midair.model.reprs import clipped, summary
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -15,21 +15,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Palm:
-    """Where skin is, on a grid whose middle lies over the middle of the array.
-
-    Attributes
-    ----------
-    inside : ndarray of bool, shape (row, column)
-        Which points are skin.
-    pitch : float
-        Between the points, in m. Sound presses in ripples of half a wavelength and more; two points for each ripple,
-        2.1 mm at 40 kHz, hold any sound, and 2.5 mm what an array of four units radiates from 20 cm below.
-    name : str
-        What to call it.
-    """
+    """Points of a grid that are skin; the centre of the grid is above the centre of the array."""
 
     inside: NDArray[np.bool_]
+    """True for points on skin, shape (row, column)."""
     pitch: float = 2.5e-3
+    """Distance between the points, in m.
+
+    Radiation pressure varies over half a wavelength or more, so that two points per period (2.1 mm at 40 kHz) sample
+    any
+    field; 2.5 mm suffice for the field of four units at 20 cm.
+    """
     name: str = "palm"
 
     def __post_init__(self) -> None:
@@ -40,11 +36,11 @@ class Palm:
 
     def __repr__(self) -> str:
         area = 1e4 * self.inside.sum() * self.pitch**2
-        return told(self, clipped(self.name), f"{area:.3g} cm2", f"points {1e3 * self.pitch:g} mm apart")
+        return summary(self, clipped(self.name), f"{area:.3g} cm2", f"points {1e3 * self.pitch:g} mm apart")
 
     @classmethod
     def disc(cls, diameter: float = 85e-3, *, pitch: float = 2.5e-3) -> "Palm":
-        """A round one; 85 mm is the breadth of a man's palm."""
+        """A round palm; 85 mm is the breadth of a man's palm."""
         positive(diameter, "diameter of the palm", "m")
         place = centred(2 * int(diameter / 2 / positive(pitch, "pitch of the palm", "m")) + 1, pitch)
         inside = np.hypot(place, place[:, None]) <= diameter / 2
@@ -52,16 +48,12 @@ class Palm:
 
     @classmethod
     def within(cls, outline: Array, *, pitch: float = 2.5e-3, name: str = "palm") -> "Palm":
-        """What a closed line goes round.
+        """The area inside a closed outline.
 
         Parameters
         ----------
         outline : ndarray, shape (corner, 2)
-            x and y of its corners from the middle of the array, in m; it closes by itself.
-        pitch : float
-            As above.
-        name : str
-            As above.
+            x and y of the corners relative to the centre of the array, in m; the last is joined to the first.
 
         Raises
         ------
@@ -77,12 +69,12 @@ class Palm:
 
     @classmethod
     def of_rows(cls, rows: tuple[str, ...], *, pitch: float = 2.5e-3, name: str = "palm") -> "Palm":
-        """The palm that `rows` of another one draw.
+        """The palm that `rows` of text describe (see `rows`).
 
         Raises
         ------
         ShapeError
-            If the rows are of different lengths.
+            If the rows differ in length.
         """
         if len({len(row) for row in rows}) > 1:
             raise ShapeError(f"palm: expected rows of one length, got {min(map(len, rows))} to {max(map(len, rows))}")
@@ -90,15 +82,15 @@ class Palm:
 
     @property
     def rows(self) -> tuple[str, ...]:
-        """Its points in letters: # where skin is, a dot where none is."""
+        """The points as text: # for skin, a dot for the rest."""
         return tuple("".join("#" if skin else "." for skin in row) for row in self.inside)
 
     def wider(self, margin: float, *, pitch: float) -> "Palm":
-        """Everything that is no farther than a margin from its skin, on points of another pitch; both in m."""
+        """All points at most `margin` away from the skin, on a grid of another pitch; both in m."""
         from scipy.spatial import cKDTree
 
         skin = self.grid(1.0).position[self.inside.ravel(), :2]
-        # Half a pitch to the left of its first point it is skin, too.
+        # A point of skin stands for a square that extends half a pitch around it.
         reach = margin + self.pitch / 2
         half_y, half_x = ((count - 1) / 2 * self.pitch + reach for count in self.inside.shape)
         x, y = (centred(2 * int(half / pitch) + 1, pitch) for half in (half_x, half_y))
@@ -107,12 +99,12 @@ class Palm:
         return Palm(inside=np.asarray(away <= reach), pitch=pitch, name=self.name)
 
     def grid(self, height: float) -> ControlGrid:
-        """The grid that `inside` is of, at a height above the array, in m."""
+        """The control grid that `inside` refers to, at a height above the array in m."""
         rows, columns = self.inside.shape
         return ControlGrid(rows=rows, columns=columns, pitch=self.pitch, height=height)
 
     def beyond(self, reach_x: float, reach_y: float) -> NDArray[np.bool_]:
-        """Which of its skin is farther from the middle than this, in m, shape (row, column)."""
+        """True for skin farther from the centre than the given distances, in m, shape (row, column)."""
         rows, columns = self.inside.shape
         x, y = np.meshgrid(centred(columns, self.pitch), centred(rows, self.pitch))
         return self.inside & ((np.abs(x) > reach_x + 1e-9) | (np.abs(y) > reach_y + 1e-9))

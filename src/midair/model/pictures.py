@@ -1,8 +1,7 @@
-"""Small pictures for notebooks, as SVG text: traces, maps, dots and curves, each with its units.
+"""Small SVG pictures for notebooks: traces, maps, dots and curves, each with its units.
 
-Lines and words are in the colour of the page's text, so that they are seen on white and on black. Data are thinned out
-first: a picture has some 1200 points at most, about 15 kB. Row 0 of a map is at the top and y grows
-downwards, as in all of midair's figures.
+Lines and labels use the text colour of the page, so that they are visible on white and on black. Data are thinned out
+to about 1200 points (15 kB) per picture. Row 0 of a map is at the top and y increases downwards, as in all figures.
 """
 
 from collections.abc import Sequence
@@ -19,37 +18,26 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureStyle:
-    """Colours and sizes.
-
-    Attributes
-    ----------
-    width : int
-        Of a picture, in px.
-    left, right : int
-        Margins for the labels beside a map or a curve, in px.
-    line : int
-        Height of a line of words, in px.
-    points : int
-        Most points of a picture.
-    quantity : tuple of str
-        From low to high: 16 steps of viridis.
-    phase : tuple of str
-        Once round: 16 hues of the same lightness .7 and chroma .11 (OKLCH), so that no phase looks like silence.
-    """
+    """Colours and sizes; lengths in px."""
 
     width: int = 360
     left: int = 44
+    """Margin for labels on the left; `right` is that on the right."""
     right: int = 92
     line: int = 16
+    """Height of a line of text."""
     points: int = 1200
+    """Maximum number of points in a picture."""
     quantity: tuple[str, ...] = (
         *("#440154", "#481a6c", "#472f7d", "#414487", "#39568c", "#31688e", "#2a788e", "#23888e"),
         *("#1f988b", "#22a884", "#35b779", "#54c568", "#7ad151", "#a5db36", "#d2e21b", "#fde725"),
     )
+    """From low to high: 16 steps of viridis."""
     phase: tuple[str, ...] = (
         *("#d6809c", "#da827f", "#d78863", "#cc914e", "#b99b46", "#9fa550", "#80ae67", "#5db383"),
         *("#3bb5a1", "#2bb2bc", "#42acd2", "#63a4df", "#849be3", "#a091dd", "#b889cd", "#ca83b7"),
     )
+    """A cycle of 16 hues of the same lightness .7 and chroma .11 (OKLCH), so that no phase looks like silence."""
 
     @property
     def inner(self) -> int:
@@ -57,28 +45,21 @@ class PictureStyle:
         return self.width - self.left - self.right
 
 
-def framed(noun: object, picture: str, caption: str, *, simulated: bool = False) -> str:
-    """A picture above its caption and the noun's `repr`, as HTML; what is simulated says so in the caption."""
+def framed(value: object, picture: str, caption: str, *, simulated: bool = False) -> str:
+    """A picture with a caption and the object's `repr`, as HTML; the caption marks simulated data."""
     words = escape(f"{caption}, SIMULATED" if simulated else caption)
     return (
         '<figure style="margin:0.5em 0;width:360px;max-width:100%">'
         f"{picture}"
         '<figcaption style="font:12px sans-serif;text-align:left">'
-        f'{words}<br/><span style="opacity:0.7">{escape(repr(noun))}</span></figcaption></figure>'
+        f'{words}<br/><span style="opacity:0.7">{escape(repr(value))}</span></figcaption></figure>'
     )
 
 
 def sparklines(values: Array, *, duration: float, unit: str, style: PictureStyle | None = None) -> str:
-    """A small trace of each channel where its cell is, all on one scale.
+    """A small trace of each channel at the position of its cell, all on one scale.
 
-    Parameters
-    ----------
-    values : ndarray, shape (frame, row, column)
-        In `unit`. Of more than 8 rows or columns only some are drawn.
-    duration : float
-        Of all frames, in s.
-    unit : str
-        Of the values.
+    `values` has shape (frame, row, column); of more than 8 rows or columns only some are drawn. `duration` is in s.
     """
     style = style or PictureStyle()
     shown = values[:, :: -(-values.shape[1] // 8), :: -(-values.shape[2] // 8)]
@@ -105,16 +86,10 @@ def sparklines(values: Array, *, duration: float, unit: str, style: PictureStyle
 
 
 def heat_map(values: Array, x: Array, y: Array, *, unit: str, style: PictureStyle | None = None) -> str:
-    """A map in 16 colours from 0 to its highest value, and the bar that says what they mean.
+    """A map in 16 colours from 0 to the maximum, with a colour bar.
 
-    Parameters
-    ----------
-    values : ndarray, shape (row, column)
-        0 or more, in `unit`. Of more than 32 rows or columns a square shows the highest of several.
-    x, y : ndarray, shapes (column,) and (row,)
-        Of the places, in m.
-    unit : str
-        Of the values.
+    `values` has shape (row, column); beyond 32 rows or columns a square shows the maximum of several. `x` and `y` are
+    in m.
     """
     style = style or PictureStyle()
     shown = values
@@ -149,14 +124,9 @@ def dots(
 ) -> str:
     """Transducers from above, as dots of the cyclic colours.
 
-    Parameters
-    ----------
-    position : ndarray, shape (transducer, 2 or 3)
-        x and y, in m. Of more than the style's points one is drawn for all that are close.
-    colour : ndarray of int, shape (transducer,)
-        Which of the 16 colours; -1 for a faint dot in the colour of the text.
-    bar : tuple of str, optional
-        What the last and the first colour mean.
+    `position` is in m, shape (transducer, 2 or 3); beyond `style.points`, one dot stands for a cluster. `colour` is 0
+    to 15,
+    or -1 for a faint dot in the text colour. `bar` labels the last and the first colour.
     """
     style = style or PictureStyle()
     place = position[:, :2]
@@ -197,20 +167,7 @@ def curve(
 ) -> str:
     """A line over an axis that begins at 0, with a gap where it is NaN.
 
-    Parameters
-    ----------
-    x : ndarray, shape (point,)
-        Increasing.
-    y : ndarray, shape (point,)
-        0 or more, in `y_unit`.
-    x_label : str
-        Name or unit of x.
-    y_unit : str
-        Of y.
-    around : tuple of two ndarray, optional
-        Lower and upper end of a shaded range about the line.
-    logarithmic : bool
-        Whether x, then above 0, is drawn by its decades.
+    `x` increases. `around` is the lower and upper end of a shaded range. `logarithmic` needs x above 0.
     """
     style = style or PictureStyle()
     width, height, foot = style.width - style.left - 10, 100, 100 + style.line + 2
@@ -233,19 +190,9 @@ def curve(
 
 
 def thinned(at: Array, values: Array, most: int) -> NDArray[np.intp]:
-    """Which points to draw of a trace, `most` and two at most: the ends, and of each stretch the lowest and highest.
+    """Indices of at most `most` + 2 points of a trace: the ends, and the minimum and maximum of each interval.
 
-    Parameters
-    ----------
-    at, values : ndarray, shape (point,)
-        The trace; `at` increases. Values may be NaN.
-    most : int
-        Twice the number of stretches, which are of the same length in `at`.
-
-    Returns
-    -------
-    ndarray of int, shape (drawn point,)
-        Increasing.
+    The intervals have the same length in `at`, which increases; there are `most` / 2 of them. Values may be NaN.
     """
     if len(values) <= most:
         return np.arange(len(values))
@@ -259,7 +206,7 @@ def thinned(at: Array, values: Array, most: int) -> NDArray[np.intp]:
 
 
 def path_of(x: Array, y: Array) -> str:
-    """The path through points in px, begun anew after each NaN; a point on its own becomes a dot."""
+    """An SVG path through points in px, interrupted at each NaN; an isolated point becomes a dot."""
     known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     if not len(known):
         return ""
@@ -284,7 +231,7 @@ def _text(x: float, y: float, words: str, anchor: str = "start") -> str:
 
 
 def _marks(x: Array, place: Array, foot: float, label: str, *, logarithmic: bool) -> str:
-    """The ends of an axis, and its decades where they do not run into them."""
+    """Labels for the ends of an axis, and for its decades where there is room."""
     drawn = _text(place[0], foot, short(x[0])) + _text(place[-1], foot, f"{short(x[-1])} {label}", "end")
     if logarithmic:
         decades = 10.0 ** np.arange(np.floor(np.log10(x[0])) + 1, np.ceil(np.log10(x[-1])))
@@ -295,7 +242,7 @@ def _marks(x: Array, place: Array, foot: float, label: str, *, logarithmic: bool
 
 
 def _places(x: Array, y: Array, width: float, height: float, style: PictureStyle) -> str:
-    """The first and the last place of both axes, in mm, beside a map of that size."""
+    """Labels for the first and the last position on both axes, in mm."""
     left, foot = style.left, height + 4 + style.line - 3
     return (
         _text(left - 4, 13, f"{1e3 * y[0]:.3g}", "end")
@@ -306,7 +253,7 @@ def _places(x: Array, y: Array, width: float, height: float, style: PictureStyle
 
 
 def _bar(colours: Sequence[str], high: str, low: str, x: float, height: float) -> str:
-    """The colours above each other, the last at the top, and what the two ends mean."""
+    """A vertical colour bar, the last colour at the top, with labels of both ends."""
     step = height / len(colours)
     boxes = "".join(f'<path fill="{each}" d="M0 {-k}h10v-1h-10z"/>' for k, each in enumerate(colours))
     place = f'transform="translate({x:.1f} {4 + height:.1f}) scale(1 {step:.3f})" shape-rendering="crispEdges"'

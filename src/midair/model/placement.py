@@ -1,4 +1,4 @@
-"""Where the units of an AUTD3 array stand; the paper's two by two, or any other."""
+"""Positions and rotations of the units of an AUTD3 array."""
 
 from dataclasses import dataclass
 
@@ -13,26 +13,19 @@ from midair.validation import frozen_array
 Array = NDArray[np.float64]
 
 UNIT = TransducerArray.autd3(columns=1, rows=1).count
-"""Transducers of one unit."""
+"""Number of transducers of one unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Placement:
-    """Position and rotation of each unit.
-
-    Attributes
-    ----------
-    position : ndarray, shape (unit, 3)
-        Place of each unit's first transducer, in m.
-    rotation : ndarray, shape (unit, 3)
-        About the fixed x, then y, then z axis, in rad.
-    name : str
-        What to call the array.
-    """
+    """Position and rotation of each unit."""
 
     position: Array
+    """Position of each unit's first transducer, shape (unit, 3), in m."""
     rotation: Array
+    """Rotation about the fixed x, then y, then z axis, shape (unit, 3), in rad."""
     name: str = "AUTD3"
+    """Name of the array."""
 
     def __post_init__(self) -> None:
         position = frozen_array(self.position, "unit position", ("unit", 3))
@@ -54,7 +47,7 @@ class Placement:
 
     @property
     def quaternion(self) -> Array:
-        """Rotation of each unit as a quaternion as both SDKs want it, (w, x, y, z), shape (unit, 4)."""
+        """Rotation of each unit as a quaternion (w, x, y, z), the order of both SDKs, shape (unit, 4)."""
         from scipy.spatial.transform import Rotation
 
         # SciPy puts w last, the SDKs put it first.
@@ -62,7 +55,7 @@ class Placement:
 
     @property
     def origin(self) -> Array:
-        """Place of each unit's first transducer once the whole is centred, shape (unit, 3), in m."""
+        """Position of each unit's first transducer in the centred array, shape (unit, 3), in m."""
         return self.position - self._transducers().mean(axis=(0, 1))
 
     def array(self) -> TransducerArray:

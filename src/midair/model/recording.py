@@ -1,4 +1,4 @@
-"""What a sensor said, before any calibration."""
+"""Uncalibrated samples of a sensor."""
 
 from dataclasses import dataclass, field
 from typing import Literal, get_args
@@ -10,7 +10,7 @@ from midair.errors import UnitError
 from midair.model.geometry import SensorGrid
 from midair.model.pictures import framed, sparklines
 from midair.model.provenance import Provenance
-from midair.model.reprs import came_from, lasting, span, told
+from midair.model.reprs import frames_and_duration, from_source, span, summary
 from midair.validation import frozen_array, positive
 
 Unit = Literal["V", "count", "Pa"]
@@ -19,24 +19,12 @@ Unit = Literal["V", "count", "Pa"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
-    """Samples of a sensor grid.
-
-    Attributes
-    ----------
-    samples : ndarray, shape (frame, row, column)
-        In `unit`.
-    rate : float
-        Frames per second, in Hz: frame i was taken at i / rate.
-    sensor : SensorGrid
-        The cells.
-    unit : {"V", "count", "Pa"}
-        Of the samples.
-    provenance : Provenance
-        Where it came from.
-    """
+    """Samples of a sensor grid."""
 
     samples: NDArray[np.float64]
+    """Shape (frame, row, column), in `unit`."""
     rate: float
+    """Frames per second, in Hz: frame i was sampled at i / rate."""
     sensor: SensorGrid = field(default_factory=SensorGrid)
     unit: Unit = "V"
     provenance: Provenance = field(default_factory=Provenance)
@@ -49,12 +37,12 @@ class Recording:
             raise UnitError(f"unit of the samples: expected one of {', '.join(get_args(Unit))}, got {self.unit!r}")
 
     def __repr__(self) -> str:
-        return told(
+        return summary(
             self,
-            lasting(self.frames, self.rate),
+            frames_and_duration(self.frames, self.rate),
             self.sensor.spelled,
             span(self.samples, self.unit),
-            came_from(self.provenance.source),
+            from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
 
@@ -69,10 +57,10 @@ class Recording:
 
     @property
     def duration(self) -> float:
-        """Frames over rate, in s."""
+        """Number of frames divided by the rate, in s."""
         return self.frames / self.rate
 
     @property
     def time(self) -> NDArray[np.float64]:
-        """Of each frame, shape (frame,), in s."""
+        """Time of each frame, shape (frame,), in s."""
         return np.arange(self.frames) / self.rate

@@ -1,4 +1,4 @@
-"""A stage that draws an object over the sensor: where it may go, what a stroke is, and where it was when."""
+"""A motion stage that draws an object over the sensor: its setup, its strokes and its recorded positions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,58 +11,43 @@ from midair.errors import InputError
 from midair.validation import positive
 
 Place = tuple[float, float, float]
-"""x, y, z in the machine's coordinates, in m; z grows away from the sensor."""
+"""x, y, z in machine coordinates, in m; z increases away from the sensor."""
 
 Heading = Literal["+x", "-x", "+y", "-y"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StageStamp:
-    """Where the stage was, and how fast it went.
-
-    Attributes
-    ----------
-    time : float
-        In s: by this computer's steady clock while it moves, from the first frame on in a recording.
-    position : tuple of float
-        x, y, z in the machine's coordinates, in m.
-    feed : float
-        Speed as the machine says it, in m/s.
-    """
+    """Position and speed of the stage at one time."""
 
     time: float
+    """Time in s: on this computer's monotonic clock during the motion, from the first frame on in a recording."""
     position: Place
+    """x, y, z in machine coordinates, in m."""
     feed: float
+    """Speed that the machine reports, in m/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StageSetup:
-    """How an object is brought to the sensor, drawn over it, and taken back; all places in the machine's coordinates.
-
-    Attributes
-    ----------
-    heading : {"+x", "-x", "+y", "-y"}
-        Where strokes go.
-    start : tuple of float
-        x, y of where they begin, in m.
-    contact, clear : float
-        z at which the object touches as it should, and z at which it touches nothing, in m.
-    approach, back : float
-        Speed down to the contact, and of all that is no stroke, in m/s.
-    travel : tuple of three pairs of float
-        Least and largest x, y and z, in m.
-    homing : {"switches", "by hand"}
-        How the machine comes to know where it is.
-    """
+    """How an object is moved to the sensor, along it and back; all positions in machine coordinates."""
 
     heading: Heading
+    """Direction of the strokes."""
     start: tuple[float, float]
+    """x, y of the start of a stroke, in m."""
     contact: float
+    """z with the object in contact, in m."""
     clear: float
+    """z with the object clear of the sensor, in m."""
     approach: float
+    """Speed of the descent to contact, in m/s."""
     back: float
+    """Speed of all other moves except strokes, in m/s."""
     travel: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+    """(least, largest) x, y and z, in m."""
     homing: Literal["switches", "by hand"] = "switches"
+    """How the machine finds its reference position."""
 
     def __post_init__(self) -> None:
         positive(self.approach, "approach", "m/s")
@@ -77,23 +62,17 @@ class StageSetup:
 
     @property
     def above(self) -> Place:
-        """Over the beginning of a stroke, touching nothing."""
+        """Position above the start of a stroke, out of contact."""
         return (*self.start, self.clear)
 
     def end(self, stroke: float) -> Place:
-        """Where a stroke of so many metres ends, in contact."""
+        """Position at the end of a stroke of `stroke` metres, in contact."""
         step = stroke if self.heading[0] == "+" else -stroke
         x, y = self.start
         return (x + step, y, self.contact) if self.heading[1] == "x" else (x, y + step, self.contact)
 
     def check(self, stroke: float) -> None:
-        """Raise unless a whole stroke, with its way there and back, is within the travel.
-
-        Raises
-        ------
-        InputError
-            If any place of it lies beyond.
-        """
+        """Raise InputError unless a stroke of `stroke` metres, with approach and return, is within the travel."""
         positive(stroke, "stroke", "m")
         for what, place in (("the start", self.above), ("contact", (*self.start, self.contact))):
             self._within(what, place)
@@ -110,26 +89,26 @@ class StageSetup:
 
 
 def check_reached(speed: float, way: float, *, largest: float, growth: float) -> None:
-    """Raise unless a machine reaches a speed and keeps it over at least half of a way.
+    """Raise unless a machine reaches a speed and keeps it over at least half of a distance.
 
     Parameters
     ----------
     speed, largest : float
-        That is asked for, and the largest one of the machine along that way, in m/s.
+        Requested speed, and the maximum of the machine along that path, in m/s.
     way : float
-        In m.
+        Length of the path, in m.
     growth : float
-        Acceleration of the machine, in m/s2; speeding up and slowing down take speed**2 / growth together.
+        Acceleration of the machine, in m/s2; acceleration and braking take speed**2 / growth together.
 
     Raises
     ------
     InputError
-        If it does not.
+        If the speed is not reached.
     """
     if speed > largest:
         raise InputError(
             f"--speed: expected up to {1e3 * largest:g} mm/s, the machine's own limit along the stroke, got "
-            f"{1e3 * speed:g} mm/s; it would go slower without a word"
+            f"{1e3 * speed:g} mm/s; the machine would go slower; choose a lower speed"
         )
     if speed**2 / growth > way / 2:
         raise InputError(
@@ -140,15 +119,15 @@ def check_reached(speed: float, way: float, *, largest: float, growth: float) ->
 
 
 def speed_of(stamps: Sequence[StageStamp]) -> float | None:
-    """Speed over the middle half of a way, in m/s; None of fewer than three places in it.
+    """Speed over the middle half of a path, in m/s; None with fewer than three positions in it.
 
-    The median of the slopes of all pairs of places that lie half of that middle apart (Theil and Sen's line): a stamp
-    that came late because this computer was busy does not count more than another.
+    The median slope of all pairs of positions at least half of that interval apart (Theil-Sen estimator), which a late
+    time stamp hardly affects.
 
     Parameters
     ----------
     stamps : sequence of StageStamp
-        In the order of time, along one straight way.
+        In the order of time, along one straight path.
     """
     time = np.array([stamp.time for stamp in stamps])
     way = _way(np.array([stamp.position for stamp in stamps]).reshape(-1, 3))
@@ -165,7 +144,7 @@ def speed_of(stamps: Sequence[StageStamp]) -> float | None:
 
 
 def _way(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far along the line from the first to the last place each one lies, in m."""
+    """Distance of each position along the line from the first to the last, in m."""
     if len(places) < 2:
         return np.zeros(0)
     line = places[-1] - places[0]

@@ -11,34 +11,27 @@ from numpy.typing import NDArray
 from midair.errors import InputError, ShapeError, UnitError
 from midair.model.geometry import SensorGrid
 from midair.model.recording import Unit
-from midair.model.reprs import counted, told
+from midair.model.reprs import counted, summary
 from midair.validation import positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorWiring:
-    """A sensor as a source gives it: which of its channels is which cell, and what its numbers mean.
-
-    Attributes
-    ----------
-    grid : SensorGrid
-        The cells, with the sensor's name.
-    order : tuple of int
-        For each cell, row by row, the channel of the source that it is wired to, from 0; empty for 0, 1, 2 and so on.
-    unit : {"V", "count", "Pa"}
-        Of the samples.
-    full_scale : float or None
-        Magnitude in `unit` at which the source clips. Sources that only know shares of their full scale (audio) or
-        counts (serial) are scaled by it.
-    sensitivity : float or None
-        Nominal output per pressure, the same for all cells, in `unit` per Pa.
-    """
+    """Assignment of a source's channels to the cells of a sensor, with their unit and scale."""
 
     grid: SensorGrid = field(default_factory=SensorGrid)
+    """The cells, with the sensor's name."""
     order: tuple[int, ...] = ()
+    """For each cell, row by row, the channel of the source that it is wired to, from 0; empty for 0, 1, 2 and so on."""
     unit: Unit = "count"
+    """Unit of the samples."""
     full_scale: float | None = None
+    """Magnitude in `unit` at which the source clips.
+
+    It scales sources that report only fractions of full scale (audio) or counts (serial).
+    """
     sensitivity: float | None = None
+    """Nominal output per pressure, the same for all cells, in `unit` per Pa."""
 
     def __post_init__(self) -> None:
         order = tuple(int(channel) for channel in self.order) or tuple(range(self.grid.count))
@@ -55,12 +48,12 @@ class SensorWiring:
         if self.sensitivity is not None and not (np.isfinite(self.sensitivity) and self.sensitivity != 0):
             raise InputError(
                 f"sensitivity: expected a number other than 0 {self.unit}/Pa, got {self.sensitivity:g}; leave it out "
-                "if nobody knows it"
+                "if it is unknown"
             )
 
     def __repr__(self) -> str:
         in_order = self.order == tuple(range(self.grid.count))
-        return told(
+        return summary(
             self,
             self.grid.spelled,
             f"{counted(self.grid.count, 'channel')} {'in order' if in_order else 'in an order of their own'}",
@@ -71,7 +64,7 @@ class SensorWiring:
 
     @classmethod
     def for_channels(cls, channels: int, *, name: str = "sensor", unit: Unit = "count") -> "SensorWiring":
-        """In the order of the source: a square of cells 11 mm apart where the number allows one, else one row."""
+        """Channels in the order of the source: a square of cells 11 mm apart if the number allows one, else one row."""
         if channels < 1:
             raise ShapeError(f"channels: expected at least 1, got {channels}")
         side = isqrt(channels)
@@ -80,25 +73,20 @@ class SensorWiring:
 
     @property
     def channels(self) -> int:
-        """How many channels the source must have at least."""
+        """Minimum number of channels of the source."""
         return max(self.order) + 1
 
     def with_order(self, order: Sequence[int]) -> "SensorWiring":
-        """The same sensor with its channels in another order."""
+        """The same sensor with another order of channels."""
         return replace(self, order=tuple(order))
 
     def arrange(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Samples of the source's channels as samples of the cells.
-
-        Parameters
-        ----------
-        samples : ndarray, shape (frame, channel)
-            As the source gives them.
+        """Assign samples of the source's channels, shape (frame, channel), to the cells.
 
         Returns
         -------
         ndarray, shape (frame, row, column)
-            The same unit; channels that no cell is wired to are left out.
+            Samples in the same unit; channels without a cell are dropped.
 
         Raises
         ------
