@@ -140,7 +140,7 @@ def test_delays_that_make_no_sense_are_refused(array):
 
 
 def test_a_drive_that_nobody_admitted_does_not_play(array):
-    with array, pytest.raises(DeviceStateError, match=r"expected an admission from admit\(\), got a Drive"):
+    with array, pytest.raises(DeviceStateError, match=r"expected the result of check_exposure\(\), got a Drive"):
         array.play(drive(array))
     assert not array.emitting
 
@@ -173,7 +173,7 @@ def test_what_was_admitted_where_nothing_sounds_does_not_play_where_it_does(arra
     if not array.gated:
         return
     silent = VirtualArray(array.array)
-    with array, pytest.raises(DeviceStateError, match="admit again"):
+    with array, pytest.raises(DeviceStateError, match="check it again"):
         array.play(overridden(drive(array), silent))
     assert not array.emitting
 

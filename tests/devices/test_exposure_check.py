@@ -202,10 +202,10 @@ def test_an_admission_is_for_the_device_that_was_measured():
     other = Loud(TransducerArray.autd3(columns=1, rows=1))
     admission = check_exposure(focus(level=0.01), Loud(ARRAY), CHOICES)
     for device in (louder, other):
-        with device, pytest.raises(MismatchError, match="expected what was admitted for it"):
+        with device, pytest.raises(MismatchError, match="expected a drive that was checked for it"):
             device.play(admission)
         assert not device.emitting
-    with louder, pytest.raises(DeviceStateError, match="admit again"):
+    with louder, pytest.raises(DeviceStateError, match="check it again"):
         louder.play(check_exposure(focus(), VirtualArray(louder.array), CHOICES))
 
 
@@ -234,7 +234,7 @@ def test_parts_that_are_read_twice_are_admitted_and_no_others():
     np.testing.assert_allclose(admission.exposure.level, measure(whole, ARRAY, PROFILE).level, atol=1e-3)
     with device:
         assert sum(device.play(admission.frames(part)).frames for part in parts) == 6
-        with pytest.raises(ExposureError, match="got one that was not"):
+        with pytest.raises(ExposureError, match="got another one"):
             admission.frames(focus(level=0.02))
         with pytest.raises(MismatchError, match="expected some at 1000 Hz, got some at 2000 Hz"):
             admission.frames(replace(parts[0], rate=2000.0))
@@ -318,7 +318,7 @@ def test_what_is_read_again_is_what_was_measured():
     drive.phase.read(1100, 2600)  # the last three stretches are still in memory
     frames[600] = 0
     drive.phase.read(0, 512)
-    with pytest.raises(ExposureError, match="512 to 1023 as they were admitted, got others"):
+    with pytest.raises(ExposureError, match="512 to 1023 as they were checked, got others"):
         drive.phase.read(500, 700)
 
 

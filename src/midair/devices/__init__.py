@@ -1,4 +1,4 @@
-"""Devices: the only files that touch hardware, and the virtual rig, which is a driver like any other."""
+"""Drivers of arrays, sensors and motion stages, real and virtual, and the exposure check."""
 
 from midair.devices.arrays import (
     BankedArray,

@@ -1,7 +1,7 @@
-"""Safety as a type: nothing that can sound takes a bare drive, and only this file makes what it takes.
+"""The exposure check, which is mandatory before playback.
 
-`check_exposure` measures the exposure of people to a drive, with the array of the device that will play it, before any
-sound. Its result, an `ExposureClearance`, is the only thing that `ArrayDevice.play` accepts.
+`check_exposure` computes the exposure of people to a drive on the array that will play it, before any sound. It returns
+an `ExposureClearance`, the only type that `ArrayDevice.play` accepts, and only this module can create one.
 """
 
 import hashlib
@@ -22,26 +22,15 @@ from midair.physics import Exposure, ExposureProfile, airs_of_room, exposure, gr
 Array = NDArray[np.float64]
 
 Outcome = Literal["kept", "attenuated", "overridden", "exceeded"]
-"""Within the limits; weakened until it was; a person answers for it; above them where no sound can come out."""
+"""Within the limits; attenuated to meet them; above them under the responsibility of a named person; above them on a
+device without sound."""
 
-_ONLY_HERE = object()  # What an Admission is made with: no other file has it.
+_ONLY_HERE = object()  # Key to the constructor of ExposureClearance, private to this module.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExposureChoices:
-    """What a drive may expose people to, and what is done with one that exceeds it; passed whole, never in parts.
-
-    Attributes
-    ----------
-    profile : ExposureProfile
-        That every drive must keep.
-    attenuate : bool
-        Whether to weaken a drive that is too strong, all frames alike, until it keeps the profile.
-    override : str or None
-        Who answers for playing it all the same.
-    room : Medium or None
-        The air of the room, stated by a person or measured: 2 degrees and 20 % of humidity around it count. From 14
-        to 30 degrees count if None; a default, or the air that a file claims, must not stand here.
+    """Exposure limits, the action if a drive exceeds them, and the air; passed as a whole.
 
     Raises
     ------
@@ -50,9 +39,16 @@ class ExposureChoices:
     """
 
     profile: ExposureProfile
+    """Limits for every drive."""
     attenuate: bool = False
+    """Whether to attenuate a drive that exceeds the profile, all frames by the same factor, until it meets it."""
     override: str | None = None
+    """Name of the person who takes responsibility for playing a drive that exceeds the profile."""
     room: Medium | None = None
+    """Air in the room, stated by the user or measured; 2 degrees and 20 % of humidity around it are checked.
+
+    None checks 14 to 30 degrees. Never pass a default, or the air stored in a file.
+    """
 
     def __post_init__(self) -> None:
         if self.override is not None and not self.override.strip():
@@ -60,7 +56,7 @@ class ExposureChoices:
 
 
 class ArrayInfo(Protocol):
-    """What `check_exposure` needs to know of a device; see `ArrayDevice`."""
+    """The attributes of a device that `check_exposure` needs; see `ArrayDevice`."""
 
     name: str
     array: TransducerArray
@@ -70,88 +66,78 @@ class ArrayInfo(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExposureClearance:
-    """What may be played, on which array, how often. Only the functions of this module make one.
-
-    Attributes
-    ----------
-    drive : Drive or None
-        What to play; weaker than the one that came if it was attenuated. None where the frames come later: `frames`
-        admits them.
-    array : TransducerArray
-        The device's, with which the exposure was worked out.
-    exposure : Exposure
-        Of what is to be played.
-    outcome : {"kept", "attenuated", "overridden", "exceeded"}
-        "exceeded" only where no sound can come out.
-    by : str
-        Who answers for an override.
-    repeats : int
-        How often it may be played, one time after the other.
-    gated : bool
-        Whether it was made for a device that can be heard.
-    level : float
-        Highest level of frames that come later, 0 to 1.
-    factor : float
-        By which frames that come later are weakened.
-    """
+    """Permission to play a drive on one array a number of times; created only by the functions of this module."""
 
     drive: Drive | None
+    """The drive to play, after any attenuation; None if the frames come later (see `frames`)."""
     array: TransducerArray
+    """The device's array, for which the exposure was computed."""
     exposure: Exposure
+    """Exposure to what will be played."""
     outcome: Outcome
+    """"exceeded" only on a device without sound."""
     by: str = ""
+    """Name of the person responsible for an override."""
     repeats: int = 1
+    """Number of consecutive repeats."""
     gated: bool = True
+    """True if it was issued for a gated device, which can emit sound."""
     level: float = 0.0
+    """Maximum level of frames that come later, 0 to 1."""
     factor: float = 1.0
+    """Attenuation factor for frames that come later."""
     _known: frozenset[bytes] = field(default=frozenset(), repr=False)
     _key: InitVar[object] = None
 
     def __post_init__(self, _key: object) -> None:
         if _key is not _ONLY_HERE:
-            raise DeviceStateError("admission: expected one from admit(), which checks exposure; it cannot be made up")
+            raise DeviceStateError("clearance: expected the result of check_exposure(); it cannot be made up")
 
     def check_array(self, device: ArrayInfo) -> None:
-        """Refuse a device that it was not admitted on.
+        """Raise unless it was issued for this device.
 
         Raises
         ------
         MismatchError
-            If the device's array is another, or louder, than the one that was measured.
+            If the device's array differs from the checked one, or is louder.
         DeviceStateError
-            If it was admitted where nothing sounds and the device can be heard.
+            If it was issued for a device without sound and this device can emit sound.
         """
         if not self.array.same_as(device.array) or device.array.pressure > self.array.pressure * (1 + 1e-9):
-            raise MismatchError(f"{device.name}: expected what was admitted for it, got it for {self.array.name}")
+            raise MismatchError(
+                f"{device.name}: expected a drive that was checked for it, got one checked for {self.array.name}"
+            )
         if device.gated and not self.gated:
             raise DeviceStateError(
-                f"{device.name}: expected what was admitted on a device that can be heard; admit again"
+                f"{device.name}: expected a drive that was checked on a device with sound; check it again"
             )
 
     def check_for(self, device: ArrayInfo) -> Drive:
-        """The drive, for a device that it was admitted on.
+        """Return the drive if it was cleared for this device.
 
         Raises
         ------
         MismatchError
-            If the device's array is another, or louder, than the one that was measured.
+            If the device's array differs from the checked one, or is louder.
         DeviceStateError
-            If it was admitted where nothing sounds and the device can be heard, or its frames are yet to come.
+            If it was issued for a device without sound and this device can emit sound, or its frames come later.
         """
         self.check_array(device)
         if self.drive is None:
-            raise DeviceStateError(f"{device.name}: expected frames to play, got an admission for frames to come")
+            raise DeviceStateError(f"{device.name}: expected frames to play, got a clearance for frames to come")
         return self.drive
 
     @property
     def strongest(self) -> int:
-        """The strongest intensity byte, 0 to 255, of frames that come later: none that is above `level` in any way."""
+        """Largest intensity byte, 0 to 255, for frames that come later; neither nominal nor actual level exceeds
+        `level`.
+        """
         steps = np.arange(256, dtype=np.uint8)
-        # To a hair, so that a level that is a step is that step.
+        # The tolerance keeps a level that equals a step from being rounded down.
         return int(np.flatnonzero(np.maximum(steps / 255, amplitude_of(steps)) <= self.level * (1 + 1e-9))[-1])
 
     def frames(self, drive: Drive) -> "ExposureClearance":
-        """Frames that were read or made after the admission, as something that may be played.
+        """Clear frames that were read or computed after the check.
 
         Parameters
         ----------
@@ -161,17 +147,17 @@ class ExposureClearance:
         Raises
         ------
         MismatchError
-            If they are for another array, or of another rate.
+            If array or rate differ.
         ExposureError
-            If they were not measured, or are stronger than what was admitted.
+            If the frames were not measured, or exceed the cleared level.
         """
         if not self.array.same_as(drive.array):
             raise MismatchError(f"frames: expected some for {self.array.name}, got some for {drive.array.name}")
         if drive.rate != self.exposure.rate:
             raise MismatchError(f"frames: expected some at {self.exposure.rate:g} Hz, got some at {drive.rate:g} Hz")
         if self._known and _fingerprint(drive) not in self._known:
-            raise ExposureError("frames: expected a part that was admitted, got one that was not; admit it again")
-        # Half a step of the firmware's 255 is what rounding may add, and adds in the measure of the level too.
+            raise ExposureError("frames: expected a part that was checked, got another one; check it again")
+        # The firmware rounds to 255 steps; the check of the level includes this rounding.
         if not self._known and drive.level.max(initial=0.0) > self.level + 1e-9:
             raise ExposureError(
                 f"frames: expected a level of at most {self.level:g} of full drive, got {drive.level.max():g}"
@@ -181,26 +167,22 @@ class ExposureClearance:
         return replace(self, drive=weaker, _key=_ONLY_HERE)
 
     def verdict(self) -> str:
-        """One line: what becomes of it, why, and whether anybody would feel it."""
+        """Outcome and reason in one line; for an attenuated drive also whether it can be felt."""
         felt = felt_pressure_text(self.exposure) if self.outcome == "attenuated" else ""
         return f"{self.outcome}: {self.exposure.verdict()}" + (f"; {felt}" if felt else "")
 
     def __repr__(self) -> str:
         what = f"frames to come up to level {self.level:.3g}" if self.drive is None else f"{self.drive.frames} frames"
-        answers = f", {self.by[:40]} answers for it" if self.by else ""
-        return f"<Admission of {what}, {self.repeats} times on {self.array.name[:40]}: {self.outcome}{answers}>"
+        answers = f", {self.by[:40]} is responsible" if self.by else ""
+        return f"<ExposureClearance of {what}, {self.repeats} times on {self.array.name[:40]}: {self.outcome}{answers}>"
 
 
 def felt_pressure_text(found: Exposure) -> str:
-    """What a palm would make of a drive in one line; nothing where it may be felt.
+    """One line if a drive cannot be felt on the palm; empty if it may be felt.
 
-    A pressure that comes and goes swings by half its peak around its mean at most. Where that is less than what is just
-    felt at the frequency that skin feels best (`SkinModel`; nominal, people differ by 10 dB), nothing will be felt.
-
-    Parameters
-    ----------
-    found : Exposure
-        Of the drive.
+    A modulated pressure has an amplitude of at most half its peak. It cannot be felt below the detection threshold at
+    the
+    most sensitive frequency of the skin (`SkinModel`; nominal, people differ by 10 dB).
     """
     just = 2 * SkinModel().pressure_just_felt
     if found.pressure >= just:
@@ -217,23 +199,17 @@ def measure(
     steps: int = PHASE_STEPS,
     room: Medium | None = None,
 ) -> Exposure:
-    """Exposure on an array that is known, whatever the drive's file says of its strength and of the air.
+    """Exposure on a given array; the source strength and air that the drive's file states are ignored.
 
-    Measured in the airs that the room may have (`airs_of_room`); the loudest counts. Levels and phases count as the
-    firmware's steps make them.
+    Computed for the range of air in the room (`airs_of_room`); the loudest counts. Levels and phases are rounded to the
+    firmware's steps.
 
     Parameters
     ----------
-    drive : Drive
-        To be played.
-    array : TransducerArray
-        That is to play it.
-    profile : ExposureProfile
-        Places and limits.
     repeats : int
-        How often it is to be played, 1 or more.
+        Number of consecutive repeats, 1 or more.
     steps : int
-        Of a turn, to which what plays rounds phases.
+        Number of phase steps per turn of the device.
     room : Medium, optional
         As in `ExposureChoices`.
 
@@ -242,7 +218,7 @@ def measure(
     MismatchError
         If the drive is for another array.
     InputError
-        If it was solved for an air of which the speed of sound cannot be that of a room.
+        If the drive's speed of sound is outside the range of air.
     """
     drive.acoustics.medium.check_speed()
     if not array.same_as(drive.array):
@@ -260,24 +236,21 @@ def check_exposure(drive: Drive, device: ArrayInfo, choices: ExposureChoices, *,
 
     Parameters
     ----------
-    drive : Drive
-        To be played.
     device : ArrayDevice
-        That is to play it. Its own array is measured: what a file says of a transducer's strength and of the air
-        counts for nothing.
+        The device that will play it. Its own array is used; the source strength and air stored in a file are ignored.
     choices : ExposureChoices
-        The profile, the air of the room, and what to do with a drive that exceeds the profile.
+        The profile, the air in the room, and the action if a drive exceeds the profile.
     repeats : int
-        How often it is to be played, 1 or more.
+        Number of consecutive repeats, 1 or more.
 
     Raises
     ------
     MismatchError
         If the drive is for another array.
     ExposureError
-        If the drive exceeds the profile and nobody answers for it.
+        If the drive exceeds the profile and there is no override.
     InputError
-        If there is less than one repeat.
+        If `repeats` is below 1.
     """
     _check_repeats(repeats)
     drive = sealed(drive)
@@ -293,23 +266,23 @@ def check_exposure(drive: Drive, device: ArrayInfo, choices: ExposureChoices, *,
 def check_exposure_parts(
     parts: Iterable[Drive], device: ArrayInfo, choices: ExposureChoices, *, repeats: int = 1
 ) -> ExposureClearance:
-    """Check a drive that is read in parts, so that none of it need be in memory at once.
+    """Check a drive that is read in parts, so that it need not fit into memory.
 
-    Every part is measured here; `ExposureClearance.frames` then admits those parts, read once more, and no others.
+    `ExposureClearance.frames` then accepts these parts, read once more, and no others.
 
     Parameters
     ----------
     parts : iterable of Drive
-        One after another, of one rate.
+        Consecutive parts of one rate.
     device, choices, repeats
         As in `check_exposure`.
 
     Raises
     ------
     MismatchError
-        If a part is for another array, or of another rate.
+        If a part is for another array, or has another rate.
     ExposureError
-        If one exceeds the profile and nobody answers for it.
+        If a part exceeds the profile and there is no override.
     InputError
         If there are no parts.
     """
@@ -337,24 +310,25 @@ def check_exposure_parts(
 def check_exposure_level(
     level: float, device: ArrayInfo, choices: ExposureChoices, *, rate: float
 ) -> ExposureClearance:
-    """Check the most that frames of a level can do, for frames that are made while the array plays.
+    """Check the worst case of a level, for frames that are computed during playback.
 
-    The worst that any phases can do at a place is all transducers in step there. It is far above what a target needs,
-    so that a level this admits is safe whatever comes.
+    In the worst case all transducers are in phase at a place. This is far above the needs of a target, so that a
+    cleared
+    level is safe for any frames.
 
     Parameters
     ----------
     level : float
-        Highest drive of any transducer, above 0 to 1.
+        Maximum drive of any transducer, above 0 to 1.
     device, choices
-        As in `check_exposure`. With `attenuate`, the level is lowered until the worst keeps the profile.
+        As in `check_exposure`. With `attenuate`, the level is lowered until the worst case meets the profile.
     rate : float
         Frames per second, in Hz.
 
     Raises
     ------
     ExposureError
-        If the worst exceeds the profile and nobody answers for it.
+        If the worst case exceeds the profile and there is no override.
     InputError
         If the level is out of range.
     """
@@ -370,7 +344,7 @@ def check_exposure_level(
 
 
 def _measured(drive: Drive, device: ArrayInfo, choices: ExposureChoices, repeats: int) -> Exposure:
-    """Exposure on the array of the device that is to play, in the room's air."""
+    """Exposure on the device's array, in the air of the room."""
     return measure(drive, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn, room=choices.room)
 
 
@@ -401,7 +375,7 @@ def _admission(
 
 
 def _decide(found: Exposure, device: ArrayInfo, choices: ExposureChoices) -> tuple[Outcome, float]:
-    """What becomes of a drive with this exposure, and the factor that weakens it."""
+    """Outcome for this exposure, and the attenuation factor."""
     if found.excess <= 0:
         return "kept", 1.0
     if choices.attenuate:
@@ -412,13 +386,13 @@ def _decide(found: Exposure, device: ArrayInfo, choices: ExposureChoices) -> tup
         return "exceeded", 1.0
     raise ExposureError(
         f"exposure: {found.verdict()}; weaken it with --attenuate ({-found.excess:.1f} dB{_and_then(found)}), "
-        "take another --profile, or answer for it with --override-exposure NAME and ear protection for everyone in "
-        "the room"
+        "take another --profile, or take responsibility with --override-exposure NAME and ear protection for everyone "
+        "in the room"
     )
 
 
 def _and_then(found: Exposure) -> str:
-    """What would be left to feel after attenuation: radiation pressure goes with the square of sound pressure."""
+    """A note if nothing can be felt after attenuation: radiation pressure is proportional to sound pressure squared."""
     weakened = replace(found, pressure=found.pressure * 10 ** (-found.excess / 10))
     return ", and nothing will be felt" if felt_pressure_text(weakened) else ""
 
@@ -428,7 +402,7 @@ def _who(outcome: Outcome, choices: ExposureChoices) -> str:
 
 
 def _weakened(drive: Drive, factor: float, profile: str) -> Drive:
-    """The drive at the strongest intensities that a firmware has and that keep the profile."""
+    """The drive at the strongest intensities of the firmware that meet the profile."""
     steps = np.arange(256, dtype=np.uint8)
     strength = np.maximum(steps / 255, amplitude_of(steps))
 
@@ -440,20 +414,12 @@ def _weakened(drive: Drive, factor: float, profile: str) -> Drive:
 
 
 def _fingerprint(drive: Drive) -> bytes:
-    """Of what sounds: phases and levels, to the last bit."""
+    """Hash of all phases and levels."""
     return hashlib.sha256(drive.phase.tobytes() + drive.level.tobytes()).digest()
 
 
 def sealed(drive: Drive) -> Drive:
-    """A drive whose reels give the same frames whenever they are read: what was measured is what is played.
-
-    A file may change between the two, by accident or not. What was read first is what counts.
-
-    Raises
-    ------
-    ExposureError
-        When frames are read that are others than they were before.
-    """
+    """A drive whose lazy frames raise ExposureError if a second reading differs, as when the file was changed."""
     held = (drive.phase, drive.level)
     phase, level = (_sealed(each) if isinstance(each, LazyFrames) else each for each in held)
     return replace(drive, phase=phase, level=level) if any(isinstance(each, LazyFrames) for each in held) else drive
@@ -466,10 +432,10 @@ def _sealed(reel: LazyFrames) -> Array:
         frames = reel.read(first, last)
         if prints.setdefault(first, digest := hashlib.sha256(frames.tobytes()).digest()) != digest:
             raise ExposureError(
-                f"frames: expected {first} to {last - 1} as they were admitted, got others; the file was changed, "
-                "admit it again"
+                f"frames: expected {first} to {last - 1} as they were checked, got others; the file was changed, "
+                "check it again"
             )
         return frames
 
-    # To a type checker a reel is the array that it stands for.
+    # Lazy frames are typed as the array that they represent.
     return cast("Array", cached_blocks(make, reel.shape, size=512))

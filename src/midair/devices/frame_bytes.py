@@ -1,8 +1,8 @@
-"""A drive as AUTD3's firmware holds it: one byte of phase and one of intensity for each transducer.
+"""Conversion of a drive to the firmware format of AUTD3: one byte of phase and one of intensity per transducer.
 
-q = exp(+j phi) and G = exp(+j k d) / d are the firmware's signs as well as midair's, so a phase goes over as it is:
-byte = round(phi / 2 pi * 256) mod 256. An intensity byte I becomes a pulse of round(512 asin(I / 255) / pi) of 512
-steps, and a pulse of w steps an amplitude of sin(pi w / 512): so I = round(255 level), true to .005 of full drive.
+The firmware uses the same signs as midair, q = exp(+j phi) and G = exp(+j k d) / d, so that the byte is
+round(phi / 2 pi * 256) mod 256. An intensity byte I becomes a pulse of w = round(512 asin(I / 255) / pi) of 512 steps,
+with an amplitude of sin(pi w / 512): I = round(255 level), accurate to .005 of full drive.
 """
 
 import numpy as np
@@ -19,11 +19,11 @@ TICK = 25_000
 """Period of the ultrasound in ns: every instant of the firmware is a multiple of it."""
 
 PHASE_STEPS = 256
-"""Of a turn, to which phases are rounded."""
+"""Number of phase steps per turn."""
 
 
 def phase_bytes(drive: Drive, units: int) -> Bytes:
-    """Phases in `PHASE_STEPS` of a turn, shape (frame, unit, transducer of the unit); a reel of a drive that is one."""
+    """Phases in `PHASE_STEPS` per turn, shape (frame, unit, transducer of the unit); lazy if the drive is."""
 
     def in_steps(phase: Array) -> Bytes:
         steps = np.mod(np.rint(phase * (PHASE_STEPS / (2 * np.pi))), PHASE_STEPS)
@@ -33,7 +33,7 @@ def phase_bytes(drive: Drive, units: int) -> Bytes:
 
 
 def intensity_bytes(drive: Drive, units: int) -> Bytes:
-    """Intensities, shape (frame,) when all transducers share one, or (frame, unit, transducer of the unit)."""
+    """Intensities, shape (frame,) if all transducers share one, else (frame, unit, transducer of the unit)."""
 
     def in_steps(level: Array) -> Bytes:
         steps = np.rint(level * 255).astype(np.uint8)
@@ -43,22 +43,22 @@ def intensity_bytes(drive: Drive, units: int) -> Bytes:
 
 
 def amplitude_of(intensity: Bytes) -> NDArray[np.float64]:
-    """Amplitude relative to full drive that an intensity byte gives through its pulse width, same shape."""
+    """Actual amplitude of an intensity byte relative to full drive, from its pulse width, same shape."""
     width = np.rint(512 / np.pi * np.arcsin(intensity / 255))
     return np.sin(np.pi * width / 512)
 
 
 def loudest_of(level: Array) -> Array:
-    """Levels as loud as firmware makes them that rounds to bytes and these to pulses; no quieter than they are.
+    """Actual level after rounding to bytes and pulses, or the level itself if that is higher.
 
-    Half of a step, .002 of full drive, is rounded to a whole one, and that to a pulse of .006: 10 dB louder.
+    Half a step, .002 of full drive, is rounded to a whole step and then to a pulse of .006: 10 dB louder.
     """
     played = amplitude_of(np.arange(256, dtype=np.uint8))
     return np.asarray(np.maximum(np.abs(level), played[np.rint(level * 255).astype(np.uint8)]), np.float64)
 
 
 def divider(rate: float) -> int:
-    """The whole number N of ultrasound periods in a frame: rate = 40 kHz / N.
+    """Number N of ultrasound periods in a frame: rate = 40 kHz / N.
 
     Raises
     ------

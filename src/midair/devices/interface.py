@@ -1,7 +1,7 @@
-"""What a sensor and an array can do, whoever made them.
+"""Interfaces of sensors and arrays.
 
-A device is a context manager: entering opens it, leaving stops and closes it, and leaving an array silences it first,
-on errors too. A new device is a subclass in a file of its own that fills in the abstract methods.
+A device is a context manager: it opens on entry, and on exit it stops and closes, also after an error; an array is
+silenced first. To add a device, write a subclass in its own file and implement the abstract methods.
 """
 
 import contextlib
@@ -26,28 +26,22 @@ from midair.model import Calibration, Drive, Medium, Progress, SensorGrid, Senso
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameBlock:
-    """Consecutive frames as a sensor gave them.
-
-    Attributes
-    ----------
-    samples : ndarray, shape (frame, row, column)
-        In the sensor's unit.
-    first : int
-        Index of the first frame since start; a gap to the block before is lost frames.
-    device_time : float
-        Of the first frame by the device's own clock, in s: its time stamp, or else frames counted over its rate.
-    host_time : float
-        Of the first frame by this computer's steady clock (`time.monotonic`), in s, as well as the source tells. The
-        slope of one time over the other is the drift of the device's clock. A virtual sensor gives its own time twice.
-    overflow : bool
-        Whether frames were lost before this block.
-    """
+    """Consecutive frames of a sensor."""
 
     samples: NDArray[np.float64]
+    """Shape (frame, row, column), in the sensor's unit."""
     first: int
+    """Index of the first frame since start; a gap after the previous block means lost frames."""
     device_time: float
+    """Time of the first frame on the device's clock, in s: its time stamp, or the number of frames over the rate."""
     host_time: float
+    """Time of the first frame on this computer's monotonic clock (`time.monotonic`), in s, as accurately as known.
+
+    The slope of one time over the other is the drift of the device's clock. A virtual sensor sets both to the same
+    value.
+    """
     overflow: bool = False
+    """True if frames were lost before this block."""
 
     def __repr__(self) -> str:
         lost = ", after lost frames" if self.overflow else ""
@@ -55,73 +49,56 @@ class FrameBlock:
 
 
 class SensorDevice(ABC):
-    """A pressure sensor that gives blocks of frames.
-
-    Attributes
-    ----------
-    name : str
-        What it was opened by, such as ``virtual:towel``.
-    grid : SensorGrid
-        Its cells.
-    rate : float
-        Frames per second, in Hz.
-    unit : {"V", "count", "Pa"}
-        Of its samples.
-    calibration : Calibration or None
-        That it brings along.
-    simulated : bool
-        Whether what it gives is simulated.
-    full_scale : float or None
-        Magnitude in `unit` at which it clips, where that is known.
-    wiring : SensorWiring or None
-        Which channel of its source is which cell, where it has a source with channels.
-    on_demand : bool
-        Whether its time stands still while nobody reads, as that of a replayed file does.
-    stored : {"f4", "f8"}
-        Whether float32 holds every number that it gives.
-    """
+    """A pressure sensor that delivers blocks of frames."""
 
     name: str
+    """The name that it was opened with, such as ``virtual:towel``."""
     grid: SensorGrid
     rate: float
+    """Frames per second, in Hz."""
     unit: Unit
     calibration: Calibration | None = None
+    """Calibration that the device provides."""
     simulated: bool = False
     full_scale: float | None = None
+    """Magnitude in `unit` at which it clips, if known."""
     wiring: SensorWiring | None = None
+    """Assignment of the source's channels to cells; None for a source without channels."""
     on_demand: bool = False
+    """True if its time advances only when it is read, as for a replayed file."""
     stored: Stored = "f8"
+    """"f4" if float32 represents every sample exactly."""
 
     @abstractmethod
     def open(self) -> None:
-        """Take hold of the device."""
+        """Open the device."""
 
     @abstractmethod
     def start(self) -> None:
-        """Begin to sample: frame 0 is the first one after this."""
+        """Start sampling: frame 0 is the first one after this call."""
 
     @abstractmethod
     def read(self, frames: int) -> FrameBlock:
-        """The next frames, `frames` of them; fewer before a gap and at the end, none when the source has ended.
+        """Return the next `frames` frames; fewer before a gap and at the end, none if the source has ended.
 
         Raises
         ------
         DeviceStateError
             If it was not started.
         DeviceError
-            If it gives nothing for longer than it may, or is lost; frames that came before are given first.
+            If it times out or the connection is lost; frames that arrived before are returned first.
         """
 
     @abstractmethod
     def stop(self) -> None:
-        """End sampling. Harmless when not started."""
+        """Stop sampling; no effect if not started."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the device. Harmless when not open."""
+        """Close the device; no effect if not open."""
 
     def describe(self) -> dict[str, str]:
-        """What it says of itself, and what it counted since start, in words."""
+        """Device information and counters since start, by name."""
         return {}
 
     def __enter__(self) -> Self:
@@ -137,74 +114,52 @@ class SensorDevice(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayReport:
-    """What an array did with a drive.
-
-    Attributes
-    ----------
-    frames : int
-        That it played, all repeats counted.
-    duration : float
-        From the first frame to the end of the last, less gaps, in s.
-    late : int
-        Frames that began later than their time.
-    repeated : int
-        Frames that stood longer than their time.
-    start : int or None
-        Device time of the first frame in ns, the same on all units; None where there is no such clock.
-    gap : float
-        Silence that came between frames, in s.
-    silencer : str
-        How the firmware spread steps, in words; empty where there is none.
-    units : str
-        How the units were while they played, in words; empty where they cannot be asked.
-    """
+    """Result of playing a drive on an array."""
 
     frames: int
+    """Number of frames played, including all repeats."""
     duration: float
+    """Time from the first frame to the end of the last, without gaps, in s."""
     late: int = 0
+    """Number of frames that began late."""
     repeated: int = 0
+    """Number of frames that lasted too long."""
     start: int | None = None
+    """Device time of the first frame in ns, the same on all units; None without such a clock."""
     gap: float = 0.0
+    """Silence between frames, in s."""
     silencer: str = ""
+    """Setting of the firmware's silencer, as text; empty if there is none."""
     units: str = ""
+    """State of the units during playback, as text; empty if it cannot be queried."""
 
 
 class ArrayDevice(ABC):
-    """A phased array that plays drives and is silent at all other times.
-
-    Attributes
-    ----------
-    name : str
-        What it was opened by, such as ``virtual``.
-    array : TransducerArray
-        Its transducers; it plays phases made for them and refuses others.
-    simulated : bool
-        Whether it only pretends.
-    gated : bool
-        Whether nothing may be played on it that breaks the exposure profile; False only where no sound can come out
-        and no real device is spoken to. What plays on a gated array is logged, and `midair stop` reaches it.
-    exclusive : str or None
-        What no other program may have while this one is open, see `device_lock`; None where each program gets its own.
-    streams : bool
-        Whether it takes a drive whose frames are read while it plays; others get it in memory.
-    steps_a_turn : int
-        Of a turn, to which it rounds phases.
-    """
+    """A phased array that plays drives and is silent at all other times."""
 
     name: str
+    """The name that it was opened with, such as ``virtual``."""
     array: TransducerArray
+    """Its transducers; it refuses phases that were computed for another array."""
     simulated: bool = False
     gated: bool = True
+    """True if the exposure profile is enforced; False only if no sound can be emitted and no real device is connected.
+
+    Playback on a gated array is logged, and `midair stop` reaches it.
+    """
     exclusive: str | None = None
+    """Name of the lock that keeps other programs out while it is open, see `device_lock`; None if it can be shared."""
     streams: bool = False
+    """True if it reads the frames of a drive during playback; for other arrays the drive is loaded into memory."""
     steps_a_turn: int = PHASE_STEPS
+    """Number of steps per turn to which it rounds phases."""
     _order: StopGuard
     _entered: contextlib.ExitStack
     _plays: bool
     _allowed: Callable[[], None] | None
 
     def __new__(cls, *_: Any, **__: Any) -> Self:
-        """Every array has its order from the beginning, whatever a driver's __init__ does."""
+        """Create the stop guard before a driver's `__init__` runs."""
         made = super().__new__(cls)
         made._order, made._entered, made._plays = StopGuard(), contextlib.ExitStack(), False
         made._allowed = None
@@ -212,25 +167,25 @@ class ArrayDevice(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Take hold of the device; it is silent."""
+        """Open the device; it is silent afterwards."""
 
     @abstractmethod
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
-        """Put out every frame of a drive that `play` has checked; `play` silences afterwards.
+        """Emit every frame of a drive that `play` has checked; `play` silences afterwards.
 
-        Whatever lets sound begin, or go on, does so inside `sounding`.
+        An implementation must start or continue sound only inside `sounding`.
         """
 
     @abstractmethod
     def silence(self) -> None:
-        """Stop all sound at once, and return when it has; from any thread, harmless at any time."""
+        """Stop all sound immediately and return once it is silent; callable from any thread at any time."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the device. Harmless when not open."""
+        """Close the device; no effect if not open."""
 
     def describe(self) -> dict[str, str]:
-        """What it says of itself while it is open, in words."""
+        """Device information while it is open, by name."""
         return {}
 
     def play(
@@ -243,46 +198,47 @@ class ArrayDevice(ABC):
         watched: bool | None = None,
         room: Medium | None = None,
     ) -> PlayReport:
-        """Play what was admitted from its first frame to its last, then be silent, whatever happens on the way.
+        """Play a checked drive from its first frame to its last, then silence the array, also after an error.
 
-        On an array that can be heard the order is in the log before the first sound, and its end after the last; and
-        `midair stop` in another terminal silences it.
+        On a gated array the order is logged before the first sound and its end after the last, and `midair stop` in
+        another
+        terminal silences the array.
 
         Parameters
         ----------
-        admission : Admission
-            From `admit` with this device; it says how often, one time after the other without a gap.
+        admission : ExposureClearance
+            Result of `check_exposure` for this device; it includes the number of repeats, which follow without a gap.
         source : str or Path
-            What to call it in the log; a file is hashed there.
+            Name of the drive in the log; a file is hashed.
         delay : float
             Silence before the first frame, in s.
         progress : callable, optional
-            Called with (frames begun, frames in all).
+            Called with (frames begun, total frames).
         watched : bool, optional
-            Whether it is logged and can be stopped from elsewhere, on an array that nobody can hear. Any other always
-            is, and such a one is not if None.
+            Whether playback on an array that is not gated is logged and can be stopped; default: no. A gated one always
+            is.
         room : Medium, optional
-            The air that somebody stated, for the log.
+            Air that the user stated, for the log.
 
         Raises
         ------
         MismatchError
-            If it was admitted for another array.
+            If the drive was checked for another array.
         InputError
-            If the delay is negative or endless.
+            If the delay is out of range.
         DeviceStateError
-            If it is no admission, or one for frames that are yet to come, or the device is not open.
+            If `admission` is no clearance or has no frames yet, or the device is not open.
         StoppedError
-            If somebody asked for silence.
+            If `midair stop` was called.
         HeldError
-            If another program has the device.
+            If another program uses the device.
         FileError
             If the log or the state folder cannot be written.
         """
         if not isinstance(admission, ExposureClearance):  # pyright: ignore[reportUnnecessaryIsInstance]
             kind = type(admission).__name__
             raise DeviceStateError(
-                f"{self.name}: expected an admission from admit(), got a {kind}; nothing plays unchecked"
+                f"{self.name}: expected the result of check_exposure(), got a {kind}; nothing plays unchecked"
             )
         if not 0 <= delay < 3600:
             raise InputError(f"delay: expected 0 to 3600 s, got {delay:g} s")
@@ -307,7 +263,7 @@ class ArrayDevice(ABC):
             number = log_order(source, self.name, admission, simulated=self.simulated, room=room)
             try:
                 report = emitted()
-                # The last block of a drive needs no order any more that could have been refused.
+                # A stop during the last block is not noticed inside `emit`.
                 self._order.check(self.name)
             except BaseException as end:
                 log_end(number, source, self.name, *self._ended(end))
@@ -317,17 +273,18 @@ class ArrayDevice(ABC):
 
     @contextmanager
     def reserved(self) -> Generator[None]:
-        """While inside, open or not yet, no other program gets the device, and `midair stop` reaches this one.
+        """While inside, no other program gets the device, open or not, and `midair stop` reaches this one.
 
-        After such a stop nothing sounds until the outermost block is left. Entering the device reserves it; earlier is
-        better where what comes before, such as reading and checking a long drive, takes its time.
+        After a stop nothing sounds until the outermost block ends. Entering the device reserves it; reserve it earlier
+        if
+        preparation, such as reading and checking a long drive, takes time.
 
         Raises
         ------
         HeldError
-            If another program has it.
+            If another program uses it.
         StoppedError
-            If somebody asked for silence since the command was given, or does so meanwhile.
+            If `midair stop` was called since the command was given, or is called inside.
         FileError
             If the state folder cannot be written.
         """
@@ -339,26 +296,29 @@ class ArrayDevice(ABC):
 
     @contextmanager
     def sounding(self) -> Generator[None]:
-        """Inside, a driver lets sound begin or go on: nobody silences meanwhile, and nothing begins after a stop.
+        """Inside, a driver may start or continue sound; a stop waits until the block ends and then prevents any
+        further sound.
 
         Raises
         ------
         StoppedError
-            If somebody asked for silence.
+            If `midair stop` was called.
         DeviceStateError
-            If this is not `play`, where it can be heard.
+            If a gated array is used outside `play`.
         MidairError
-            Whatever the check of `allowing` raises.
+            Any error of the check set by `allowing`.
         """
         if self.gated and not self._plays:
-            raise DeviceStateError(f"{self.name}: expected play() with an admission; nothing sounds unchecked")
+            raise DeviceStateError(
+                f"{self.name}: expected play() with the result of check_exposure(); nothing sounds unchecked"
+            )
         with self._order.sounding(self.name):
             if self._allowed is not None:
                 self._allowed()
             yield
 
     def allowing(self, check: Callable[[], None] | None) -> None:
-        """Have something called before every frame or switch, which raises where nothing may sound."""
+        """Set a function that is called before every frame or switch and raises if sound is not permitted."""
         self._allowed = check
 
     def __enter__(self) -> Self:
@@ -384,14 +344,14 @@ class ArrayDevice(ABC):
             self.close()
 
     def _ended(self, end: BaseException) -> tuple[Ending, str]:
-        """How an exception that ended playing stands in the log."""
+        """Outcome and reason of an exception that ended playback, for the log."""
         if self._order.stopped:
             return "stopped", "midair stop"
-        # A key or a signal is somebody's wish as well.
+        # A key press or a signal is a request of the user as well.
         wished = isinstance(end, KeyboardInterrupt | SystemExit)
         return "stopped" if wished else "failed", f"{type(end).__name__}: {end}".rstrip(": ")
 
     def _silence_after_an_error(self) -> None:
-        """Silence, and let the first error be the one that is told: a lost link, say, cannot be told to be silent."""
+        """Silence, but report the first error: after a lost connection, for example, silencing fails as well."""
         with contextlib.suppress(DeviceError):
             self.silence()

@@ -1,4 +1,4 @@
-"""Blocks of a sensor put together into frames without gaps: read as they come, or held where some were lost."""
+"""Combine the blocks of a sensor into frames without gaps."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,35 +12,28 @@ from midair.errors import DeviceError
 Array = NDArray[np.float64]
 
 LONGEST = 60.0
-"""Gap that is still bridged, in s; a longer one means that the sensor began anew."""
+"""Longest gap that is filled, in s; a longer one means that the sensor restarted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FilledBlock:
-    """Frames of which none is missing.
-
-    Attributes
-    ----------
-    samples : ndarray, shape (frame, row, column)
-        The frames that were lost first, held at the last one before them, then those of the block.
-    first : int
-        Number of the first frame.
-    lost : int
-        How many of the frames are held ones; they come first.
-    """
+    """Frames without a gap."""
 
     samples: Array
+    """Shape (frame, row, column): first copies of the last frame before the gap, then the frames of the block."""
     first: int
+    """Index of the first frame."""
     lost: int
+    """Number of copies at the start."""
 
 
 class GapFiller:
-    """Puts blocks together; frames that never came are held at the last one that did: frame i stays at i / rate.
+    """Combines blocks; lost frames repeat the last one before them, so that frame i stays at i / rate.
 
     Parameters
     ----------
     name : str
-        Of the sensor, for messages.
+        Name of the sensor, for messages.
     rate : float
         Frames per second, in Hz.
     """
@@ -52,22 +45,22 @@ class GapFiller:
 
     @property
     def frames(self) -> int:
-        """How many frames there are so far, held ones included."""
+        """Number of frames so far, including filled ones."""
         return self._next
 
     def add(self, block: FrameBlock) -> FilledBlock:
-        """The block with what was lost before it.
+        """Return the block, preceded by copies for the frames lost before it.
 
         Raises
         ------
         DeviceError
-            If frames come a second time, or more than a minute of them is missing.
+            If a frame index repeats, or more than a minute of frames is missing.
         """
         lost = block.first - self._next
         if lost < 0 or lost > LONGEST * self._rate:
             raise DeviceError(
                 f"{self._name}: expected frame {self._next} or one soon after, got frame {block.first}; "
-                "the sensor began anew, check its power and cable and record again"
+                "the sensor restarted; check its power and cable and record again"
             )
         samples, first = block.samples, self._next
         if len(samples):
@@ -80,21 +73,21 @@ class GapFiller:
 
 
 def fill_gaps(sensor: SensorDevice, frames: int, *, block: int | None = None) -> Iterator[Array]:
-    """The first `frames` frames after a start, piece by piece; fewer if the source ends.
+    """Yield the first `frames` frames after a start, block by block; fewer if the source ends.
 
     Parameters
     ----------
     sensor : SensorDevice
-        Started.
+        A started sensor.
     frames : int
-        At most.
+        Maximum number of frames.
     block : int, optional
-        Frames that are asked for at once; all that are left if None.
+        Frames per read; all remaining ones if None.
 
     Yields
     ------
     ndarray, shape (frame, row, column)
-        One after another, none missing.
+        Consecutive frames.
 
     Raises
     ------
@@ -106,7 +99,7 @@ def fill_gaps(sensor: SensorDevice, frames: int, *, block: int | None = None) ->
         part = sensor.read(min(block or frames, frames - have))
         if part.overflow or part.first != have:
             raise DeviceError(
-                f"{sensor.name}: lost frames before {have / sensor.rate:.3f} s; close other programs, try again"
+                f"{sensor.name}: lost frames before {have / sensor.rate:.3f} s; close other programs and try again"
             )
         if not len(part.samples):
             return
@@ -115,12 +108,12 @@ def fill_gaps(sensor: SensorDevice, frames: int, *, block: int | None = None) ->
 
 
 def read_frames(sensor: SensorDevice, frames: int) -> Array:
-    """The first `frames` frames after a start, every one of them, shape (frame, row, column).
+    """Return the first `frames` frames after a start, shape (frame, row, column).
 
     Raises
     ------
     DeviceError
-        If the sensor loses frames or ends before.
+        If the sensor loses frames or ends early.
     """
     parts = list(fill_gaps(sensor, frames))
     have = sum(len(part) for part in parts)

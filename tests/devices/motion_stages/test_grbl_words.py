@@ -27,8 +27,8 @@ def test_what_is_no_report_is_none(line):
 
 
 def test_alarms_and_refusals_say_what_they_mean():
-    assert in_words("ALARM:1") == "ALARM:1, a limit switch was hit, its place is probably lost"
-    assert in_words("error:15") == "error:15, that is beyond its own travel"
+    assert in_words("ALARM:1") == "ALARM:1, a limit switch was hit, the position is probably lost"
+    assert in_words("error:15") == "error:15, the target is beyond the machine's travel"
     assert in_words("ALARM:77") == "ALARM:77"
 
 

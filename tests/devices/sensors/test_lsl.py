@@ -73,7 +73,7 @@ def test_the_unit_is_the_senders_or_the_stated_one(unit, options, factor, lsl_se
 
 def test_a_unit_that_contradicts_the_sender_is_refused(lsl_sender):
     name, _ = lsl_sender(unit="V")
-    with pytest.raises(MismatchError, match="the source says V"):
+    with pytest.raises(MismatchError, match="the source states V"):
         source_sensor(f"lsl:{name}?search=60&unit=Pa").open()
 
 
@@ -81,7 +81,7 @@ def test_a_stream_that_nobody_sends(lsl_sender):
     from midair.devices.sensors.lsl import LslSource
 
     lsl_sender()
-    with pytest.raises(DeviceError, match=r"a stream called 'Nobody', found none in 0\.3 s.*Streams here: midair"):
+    with pytest.raises(DeviceError, match=r"a stream called 'Nobody', found none in 0\.3 s.*Streams found: midair"):
         LslSource("Nobody", search=0.3).open()
 
 

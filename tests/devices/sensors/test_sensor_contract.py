@@ -183,7 +183,7 @@ def test_a_live_sensor_is_opened_before_it_is_started_or_asked(live_sensor):
     sensor, _, _ = live_sensor
     with pytest.raises(DeviceStateError, match="open before start"):
         sensor.start()
-    with pytest.raises(DeviceStateError, match="open before asking for its rate"):
+    with pytest.raises(DeviceStateError, match="open before reading its rate"):
         _ = sensor.rate
 
 

@@ -109,7 +109,7 @@ def test_counter_and_time_go_on_over_their_wraps():
 def test_a_counter_that_goes_back_is_a_restart():
     decoder = Decoder()
     decoder.push(frame(300))
-    with pytest.raises(DeviceError, match=r"after number 300, got 0; the sensor started anew"):
+    with pytest.raises(DeviceError, match=r"after number 300, got 0; the sensor restarted"):
         decoder.push(frame(0))
 
 

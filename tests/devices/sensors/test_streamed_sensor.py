@@ -97,7 +97,7 @@ def test_a_silent_source_is_an_error_after_the_time_limit_and_may_come_back():
     with StreamedSensor(source, name="s", timeout=0.2) as sensor:
         sensor.start()
         assert len(sensor.read(50).samples) == 10
-        with pytest.raises(DeviceError, match=r"got none for 0\.2 s; is it connected"):
+        with pytest.raises(DeviceError, match=r"got none for 0\.2 s; check that it is connected"):
             sensor.read(50)
         source.left.append(chunk(10, 50))
         assert sensor.read(50).first == 10
@@ -161,7 +161,7 @@ def test_units_and_full_scale(stream, wiring, factor, full_scale):
 
 
 def test_a_unit_that_contradicts_the_source_is_refused():
-    with pytest.raises(MismatchError, match=r"expected samples in Pa, the source says V; state unit=V"):
+    with pytest.raises(MismatchError, match=r"expected samples in Pa, the source states V; set unit=V"):
         StreamedSensor(Script(unit="V"), name="s", wire=wired(unit="Pa")).open()
 
 

@@ -1,4 +1,4 @@
-"""Phased arrays: AUTD3 by both of its SDKs, OpenMPD's boards, and how frames reach them."""
+"""Phased arrays: AUTD3 through both of its SDKs, OpenMPD boards, and the transmission of frames."""
 
 from midair.devices.arrays.autd3 import autd3_array, autd3_firmware, autd3_immediate, autd3_standing, pyautd3_array
 from midair.devices.arrays.banked_array import BankedArray

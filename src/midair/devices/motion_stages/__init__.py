@@ -1,4 +1,4 @@
-"""ProgressBars: machines that draw an object over the sensor."""
+"""Motion stages that draw an object over the sensor."""
 
 from midair.devices.motion_stages.stage_device import StageDevice
 

@@ -1,7 +1,7 @@
-"""A stage behind Grbl 1.1, such as a small milling machine, at a serial port. Imports the extra `serial`.
+"""A motion stage with Grbl 1.1, such as a small milling machine, on a serial port; needs the extra `serial`.
 
-Never more than one move is on its way, so that a machine whose line is cut stops by itself at the end of that move.
-What it is sent and says is from gnea/grbl, doc/markdown, interface.md and commands.md.
+Only one move is sent at a time, so that the machine stops at the end of that move if the connection fails. Protocol:
+gnea/grbl, doc/markdown, interface.md and commands.md.
 """
 
 import os
@@ -19,28 +19,21 @@ from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostErr
 from midair.model import Place, StageStamp, check_reached
 
 EVERY = 0.1
-"""Seconds between two questions where it is: Grbl's makers advise against more than ten a second."""
+"""Seconds between two status queries; Grbl's makers advise against more than ten per second."""
 
 SILENT = 2.0
-"""Seconds without an answer to such a question after which the machine counts as lost."""
+"""Seconds without an answer to a query after which the connection counts as lost."""
 
 HOMING = 120.0
-"""Seconds that it may look for its switches, during which it answers nothing."""
+"""Time limit for homing in s, during which Grbl does not answer."""
 
 HOLD, RESET, ASK = b"!", b"\x18", b"?"
 
 
 class GrblStage(StageDevice):
-    """A machine with three axes.
+    """A machine with three axes on `port`, such as ``/dev/ttyUSB0`` or ``COM3``.
 
-    Parameters
-    ----------
-    port : str
-        Such as ``/dev/ttyUSB0`` or ``COM3``.
-    baud : int
-        Bits per second; Grbl 1.1 speaks at 115200.
-    search : float
-        How long to wait for the first answer, in s: opening the port starts many boards anew.
+    `search` limits the time to the first answer, in s: opening the port restarts many boards.
     """
 
     def __init__(self, port: str, *, baud: int = 115_200, search: float = 5.0) -> None:
@@ -59,9 +52,9 @@ class GrblStage(StageDevice):
         self._version = ""
 
     def open(self) -> None:
-        """Open the port and wait for its first status report."""
+        """Open the port and wait for the first status report."""
         with ExitStack() as hold:
-            # By its real path, since one port has several names; a sensor at the same port is refused, too.
+            # The real path, since one port has several names; a sensor on the same port is refused as well.
             hold.enter_context(device_lock(f"serial:{os.path.realpath(self._port_name)}"))
             exclusive = True if os.name == "posix" else None
             try:
@@ -75,17 +68,17 @@ class GrblStage(StageDevice):
             self._hold_on = hold.pop_all()
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         self._hold_on.close()
 
     def describe(self) -> dict[str, str]:
-        """Its firmware, what it does and where it stands."""
+        """Firmware, state and position."""
         if self._report is None:
             return {}
         return {"firmware": f"Grbl {self._version}", "state": self._report.state, "stands": self._stands()}
 
     def ready(self, *, homing: bool) -> StageStamp:
-        """Where it stands, once it is known that it may be moved."""
+        """Return the position if the machine is ready to move."""
         report = self._ask()
         self._check_rest(report)
         self._query()
@@ -93,20 +86,20 @@ class GrblStage(StageDevice):
             raise DeviceError(f"{self.name}: a limit switch is pressed ({', '.join(pressed)}); move it off by hand")
         if homing and not self._setting(22):
             raise DeviceError(
-                f"{self.name}: it has no limit switches ($22=0) and takes for 0 where it was switched on; if somebody "
-                'sees to that place each time, write homing = "by hand" into the stage\'s file'
+                f"{self.name}: it has no limit switches ($22=0), so that 0 is the position at power-on; if you set "
+                'that position by hand each time, write homing = "by hand" into the stage\'s file'
             )
         return self._stamp(self._ask())
 
     def home(self, stopped: Callable[[], bool]) -> None:
-        """Let it find its switches ($H); it answers nothing meanwhile."""
+        """Run the homing cycle ($H), during which Grbl does not answer."""
         if (state := self._ask().state) not in ("Idle", "Alarm"):
             raise DeviceError(f"{self.name}: expected a machine at rest, got {state}")
         try:
             self._send("$H")
             self._until(lambda: self._outbox.empty, HOMING, stopped)
         except BaseException:
-            # A hold means nothing while it looks for its switches; a reset does.
+            # During homing Grbl ignores a hold, but not a reset.
             with suppress(DeviceError):
                 self._write(RESET)
                 self._outbox.forget()
@@ -114,17 +107,17 @@ class GrblStage(StageDevice):
         if not self._outbox.empty:
             self._write(RESET)
             self._outbox.forget()
-            raise DeviceError(f"{self.name}: stopped while it looked for its switches; it does not know where it is")
+            raise DeviceError(f"{self.name}: stopped during homing; its position is unknown, home it again")
 
     def check_speed(self, speed: float, way: float, axis: int) -> None:
-        """By its own settings of speed ($110 to $112) and acceleration ($120 to $122)."""
+        """Check against the maximum rate ($110 to $112) and acceleration ($120 to $122)."""
         largest, growth = self._setting(110 + axis) / 60e3, self._setting(120 + axis) / 1e3
         check_reached(speed, way, largest=largest, growth=growth)
 
     def move(
         self, target: Place, speed: float, *, stamp: Callable[[StageStamp], object], stopped: Callable[[], bool]
     ) -> tuple[float, float] | None:
-        """One straight line (G1 in machine coordinates), and a dwell whose answer comes when it is over."""
+        """Move in one straight line (G1 in machine coordinates), then dwell; the answer to the dwell marks the end."""
         x, y, z = (1e3 * part for part in target)
         try:
             self._send(f"G21G90G94G53G1X{x:.3f}Y{y:.3f}Z{z:.3f}F{60e3 * speed:.1f}")
@@ -145,7 +138,7 @@ class GrblStage(StageDevice):
         return None
 
     def _greet(self) -> None:
-        """The first report; a board that starts anew greets first."""
+        """Wait for the first report; a restarting board sends its greeting first."""
         end = time.monotonic() + self._search
         while self._report is None:
             if time.monotonic() > end:
@@ -162,15 +155,15 @@ class GrblStage(StageDevice):
         state = report.state.partition(":")[0]
         if state == "Alarm":
             raise DeviceError(
-                f"{self.name}: it is locked (Alarm) and does not know where it is; take everything out of its way, "
-                "then let it find its switches: --home"
+                f"{self.name}: it is locked (Alarm) and its position is unknown; remove all obstacles, "
+                "then home it: --home"
             )
         if state != "Idle":
             means = STATES.get(state, "it is not at rest")
             raise DeviceError(f"{self.name}: expected a machine at rest (Idle), got {report.state}: {means}")
 
     def _query(self) -> None:
-        """Its settings and version."""
+        """Read settings and version."""
         for line in ("$$", "$I"):
             self._send(line)
         self._until(lambda: self._outbox.empty, SILENT)
@@ -179,9 +172,7 @@ class GrblStage(StageDevice):
 
     def _setting(self, number: int) -> float:
         if number not in self._settings:
-            raise DeviceError(
-                f"{self.name}: expected the setting ${number} of Grbl 1.1, got none; what firmware is it?"
-            )
+            raise DeviceError(f"{self.name}: expected the setting ${number} of Grbl 1.1, got none; check the firmware")
         return self._settings[number]
 
     def _until(
@@ -191,9 +182,9 @@ class GrblStage(StageDevice):
         stopped: Callable[[], bool] = lambda: False,
         stamp: Callable[[StageStamp], object] | None = None,
     ) -> bool:
-        """Send and read until something is so; False when it was stopped before.
+        """Send and read until `done`; False if `stopped` first.
 
-        With `stamp` it is asked where it is all the while; without, it may be silent for as long as `limit`.
+        With `stamp`, the position is queried continuously; without, Grbl may be silent for up to `limit` s.
         """
         end = None if limit is None else time.monotonic() + limit
         while not done():
@@ -212,7 +203,7 @@ class GrblStage(StageDevice):
     def _check_moving(self, report: StatusReport) -> None:
         state = report.state.partition(":")[0]
         if state == "Alarm":
-            raise DeviceError(f"{self.name}: an alarm while it moved; home it before the next stroke")
+            raise DeviceError(f"{self.name}: alarm during the move; home it before the next stroke")
         if state not in ("Idle", "Run"):
             raise DeviceError(f"{self.name}: expected it to move (Run), got {report.state}: {STATES.get(state, '')}")
 
@@ -220,14 +211,14 @@ class GrblStage(StageDevice):
         now = time.monotonic()
         if self._asked is not None:
             if now - self._asked > SILENT:
-                raise LinkLostError(f"{self.name}: it has said nothing for {SILENT:g} s")
+                raise LinkLostError(f"{self.name}: expected a status report, got no answer for {SILENT:g} s")
         elif now - self._told >= EVERY:
             self._write(ASK)
-            # After the writing: what held this computer up before is no part of the way there and back.
+            # Taken after writing, so that delays of this computer do not count as transmission time.
             self._asked = time.monotonic()
 
     def _ask(self) -> StatusReport:
-        """A report that is new."""
+        """Request a new status report."""
         if self._asked is None:
             self._write(ASK)
             self._asked = time.monotonic()
@@ -243,7 +234,7 @@ class GrblStage(StageDevice):
         return None
 
     def _listen(self) -> StatusReport | None:
-        """Read what has come, up to a report."""
+        """Read the received data, up to a report."""
         self._partial += self._guarded(lambda: self._opened().read(max(1, self._opened().in_waiting)))
         while b"\n" in self._partial:
             line, _, self._partial = self._partial.partition(b"\n")
@@ -253,19 +244,19 @@ class GrblStage(StageDevice):
 
     def _hear(self, line: str) -> StatusReport | None:
         if line == "ok":
-            # In a hold, answers may still come to what was given up.
+            # During a hold, answers to cancelled lines may still arrive.
             _ = None if self._flushing else self._outbox.answered()
         elif line.startswith("error:"):
-            raise DeviceError(f"{self.name}: it refused {self._outbox.answered()}: {in_words(line)}")
+            raise DeviceError(f"{self.name}: Grbl rejected {self._outbox.answered()}: {in_words(line)}")
         elif line.startswith("ALARM:"):
             self._locked = True
-            raise DeviceError(f"{self.name}: {in_words(line)}; reset it, look at it, and home it again")
+            raise DeviceError(f"{self.name}: {in_words(line)}; reset the machine, inspect it, and home it again")
         elif line.startswith("Grbl "):
             self._greeted = True
             self._outbox.forget()
             if self._restarting:
                 return None
-            raise DeviceError(f"{self.name}: it was reset or switched on anew; home it again")
+            raise DeviceError(f"{self.name}: the machine was reset or restarted; home it again")
         elif line.startswith("$") and "=" in line:
             number, _, value = line[1:].partition("=")
             with suppress(ValueError):
@@ -278,7 +269,7 @@ class GrblStage(StageDevice):
 
     def _reported(self, report: StatusReport) -> StatusReport:
         self._report, self._told = report, time.monotonic()
-        # It was there at about the middle between question and answer.
+        # The position is that at about the middle between query and answer.
         self._when = self._told if self._asked is None else (self._told + self._asked) / 2
         self._asked = None
         self._offset = report.offset or self._offset
@@ -293,36 +284,36 @@ class GrblStage(StageDevice):
 
     def _stands(self) -> str:
         if self._report is None:
-            return "nobody knows where"
+            return "an unknown position"
         x, y, z = (1e3 * part for part in self._stamp(self._report).position)
         return f"x {x:.3f}, y {y:.3f}, z {z:.3f} mm"
 
     def _hold(self) -> str:
-        """Slow down, stand, and forget what was to come; what is known of that, in words."""
+        """Stop with a feed hold and cancel pending moves; return a description of the result."""
         self._flushing = True
         try:
             self._write(HOLD)
             self._outbox.forget()
             if not self._locked:
                 self._come_to_rest()
-                return f"the stage was held and stands at {self._stands()}"
+                return f"the stage was stopped at {self._stands()}"
         except LinkLostError as wrong:
             return (
-                "the feed hold may not have reached the stage: it may finish the one move that it has; switch it off "
-                f"if it must not ({wrong})"
+                "the feed hold may not have reached the stage, which may finish its current move; switch it off "
+                f"if necessary ({wrong})"
             )
         except DeviceError as wrong:
-            return f"the stage was held, but: {wrong}"
+            return f"the stage was stopped, but: {wrong}"
         finally:
             self._flushing = False
-        return f"the stage is locked, and was last at {self._stands()}"
+        return f"the stage is locked; its last position was {self._stands()}"
 
     def _come_to_rest(self) -> None:
-        """Wait until it stands, then clear the rest of its way by a reset, which loses the place of what moves."""
+        """Wait for standstill, then reset to cancel the rest of the move; a reset in motion would lose the position."""
         end = time.monotonic() + 2 * SILENT
         while (state := self._ask().state) not in ("Hold:0", "Idle"):
             if state == "Alarm" or time.monotonic() > end:
-                raise DeviceError(f"{self.name}: expected it to stand (Hold:0), got {state}")
+                raise DeviceError(f"{self.name}: expected standstill (Hold:0), got {state}")
         self._restarting, self._greeted = True, False
         self._write(RESET)
         end = time.monotonic() + SILENT
@@ -340,7 +331,7 @@ class GrblStage(StageDevice):
             self._guarded(lambda: self._opened().write(data))
 
     def _guarded(self, call: Callable[[], Any]) -> Any:
-        """What the port answers; pyserial's errors are OSErrors, and TypeError when it was closed meanwhile."""
+        """Convert pyserial's errors: OSError, and TypeError if the port was closed meanwhile."""
         try:
             return call()
         except (OSError, TypeError) as wrong:

@@ -1,4 +1,4 @@
-"""What Grbl 1.1 says, read: status reports, alarms, refusals; and how much it can be told at once.
+"""Messages of Grbl 1.1: status reports, alarms and errors; and flow control of its receive buffer.
 
 Source of the protocol: gnea/grbl, doc/markdown, interface.md and commands.md.
 """
@@ -10,66 +10,56 @@ from midair.errors import DeviceError
 from midair.model import Place
 
 RECEIVES = 128
-"""Bytes of Grbl's receive buffer; what does not fit is lost without a word."""
+"""Bytes of Grbl's receive buffer; it drops the excess without an error."""
 
 MEANINGS = {
-    "ALARM:1": "a limit switch was hit, its place is probably lost",
-    "ALARM:2": "it was to go beyond its own travel, its place is kept",
-    "ALARM:3": "it was reset while it moved, its place is probably lost",
-    "ALARM:6": "it was reset while it looked for its switches",
-    "ALARM:7": "its door was opened while it looked for its switches",
-    "ALARM:8": "it did not get off a limit switch",
+    "ALARM:1": "a limit switch was hit, the position is probably lost",
+    "ALARM:2": "the target is beyond the machine's travel, the position is kept",
+    "ALARM:3": "it was reset during a move, the position is probably lost",
+    "ALARM:6": "it was reset during homing",
+    "ALARM:7": "the safety door was opened during homing",
+    "ALARM:8": "it could not leave a limit switch",
     "ALARM:9": "it found no limit switch",
-    "error:5": "it has no limit switches to find ($22=0)",
+    "error:5": "homing is disabled, it has no limit switches ($22=0)",
     "error:8": "it is busy",
     "error:9": "it is locked",
-    "error:11": "the line is too long for it",
-    "error:15": "that is beyond its own travel",
-    "error:20": "it does not know that command",
-    "error:22": "it knows no speed",
+    "error:11": "the line is too long",
+    "error:15": "the target is beyond the machine's travel",
+    "error:20": "unknown command",
+    "error:22": "no feed rate is set",
 }
 STATES = {
-    "Run": "it moves already",
-    "Jog": "it moves already",
-    "Home": "it looks for its switches",
-    "Hold": "somebody held it",
-    "Door": "its door is open",
+    "Run": "it is already moving",
+    "Jog": "it is already moving",
+    "Home": "it is homing",
+    "Hold": "it is in a feed hold",
+    "Door": "the safety door is open",
     "Check": "it only checks programs ($C)",
-    "Sleep": "it sleeps ($SLP)",
+    "Sleep": "it is in sleep mode ($SLP)",
 }
-"""What a state of the machine means, other than Idle and Alarm."""
+"""Explanations of the machine's states other than Idle and Alarm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatusReport:
-    """What stands between the chevrons of a report.
-
-    Attributes
-    ----------
-    state : str
-        Such as Idle, Run or Hold:0.
-    position : tuple of float
-        x, y, z in the numbers of the report (mm or inches): the machine's, or the work's where `offset` is missing.
-    work : bool
-        Whether it is the work's.
-    offset : tuple of float or None
-        The machine's place less the work's, in reports that have it.
-    feed : float
-        Speed, per minute.
-    pins : str
-        Inputs that are triggered, a letter each.
-    """
+    """Contents of a status report."""
 
     state: str
+    """For example Idle, Run or Hold:0."""
     position: Place
+    """x, y, z in the unit of the report (mm or inches), in machine or work coordinates."""
     work: bool
+    """True if the position is in work coordinates."""
     offset: Place | None
+    """Machine position minus work position, if reported."""
     feed: float
+    """Speed, per minute."""
     pins: str
+    """Active inputs, one letter each."""
 
 
 def status_of(line: str) -> StatusReport | None:
-    """The report of a line; None if it is none, or one that was cut."""
+    """Parse a status report; None for any other or an incomplete line."""
     if not (line.startswith("<") and line.endswith(">")):
         return None
     state, *rest = line[1:-1].split("|")
@@ -89,12 +79,12 @@ def status_of(line: str) -> StatusReport | None:
 
 
 def in_words(line: str) -> str:
-    """An alarm or a refusal with what it means, such as "ALARM:1, a limit switch was hit"."""
+    """An alarm or error with its meaning, such as "ALARM:1, a limit switch was hit"."""
     return f"{line}, {MEANINGS[line]}" if line in MEANINGS else line
 
 
 class Outbox:
-    """Lines on their way, counted by character: none is sent before Grbl has room for it, each is answered in turn."""
+    """Lines being sent, with character counting: a line is sent only when Grbl's buffer has room for it."""
 
     def __init__(self) -> None:
         self._waiting: deque[str] = deque()
@@ -102,15 +92,15 @@ class Outbox:
 
     @property
     def empty(self) -> bool:
-        """Whether every line was answered."""
+        """True if every line was answered."""
         return not (self._waiting or self._sent)
 
     def add(self, line: str) -> None:
-        """A line to send, without its end."""
+        """Queue a line, without its end."""
         self._waiting.append(line)
 
     def due(self) -> bytes:
-        """What can be sent now."""
+        """Lines that can be sent now."""
         data = b""
         while self._waiting and self._taken() + len(self._waiting[0]) + 1 < RECEIVES:
             self._sent.append(self._waiting.popleft())
@@ -118,19 +108,13 @@ class Outbox:
         return data
 
     def answered(self) -> str:
-        """The line that an ``ok`` or ``error`` is about.
-
-        Raises
-        ------
-        DeviceError
-            If there was none: the count is wrong, and nothing that follows is certain.
-        """
+        """The line that an ``ok`` or ``error`` answers; DeviceError if there is none, since the count is then wrong."""
         if not self._sent:
-            raise DeviceError("an answer came to a line that was not sent; does another program use the port?")
+            raise DeviceError("received an answer to a line that was not sent; close other programs that use the port")
         return self._sent.popleft()
 
     def forget(self) -> None:
-        """Grbl was reset: what was on its way is gone."""
+        """Drop all lines, after a reset of Grbl."""
         self._waiting.clear()
         self._sent.clear()
 

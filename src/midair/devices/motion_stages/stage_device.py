@@ -1,7 +1,7 @@
-"""What a stage can do, whoever made it.
+"""Interface of motion stages.
 
-A stage is a context manager: entering opens it and moves nothing, leaving closes it. A new one is a subclass in a file
-of its own.
+A stage is a context manager: it opens on entry without moving, and closes on exit. To add a stage, write a subclass in
+its own file.
 """
 
 from abc import ABC, abstractmethod
@@ -13,91 +13,75 @@ from midair.model import Place, StageStamp
 
 
 class StageDevice(ABC):
-    """A machine that moves in straight lines and says where it is.
-
-    Attributes
-    ----------
-    name : str
-        What it was opened by, such as ``grbl:/dev/ttyUSB0``.
-    """
+    """A machine that moves in straight lines and reports its position."""
 
     name: str
+    """The name that it was opened with, such as ``grbl:/dev/ttyUSB0``."""
 
     @abstractmethod
     def open(self) -> None:
-        """Take hold of the machine; nothing moves."""
+        """Open the connection; nothing moves."""
 
     @abstractmethod
     def ready(self, *, homing: bool) -> StageStamp:
-        """Where it stands, if it is at rest, is not locked, and knows where it is.
+        """Return the position if the machine is at rest, not locked, and knows its position.
 
         Parameters
         ----------
         homing : bool
-            Whether it has to have switches by which it found out.
+            Whether limit switches are required.
 
         Raises
         ------
         DeviceError
-            If it does not; the message says what to do.
+            If it is not ready; the message says what to do.
         """
 
     @abstractmethod
     def home(self, stopped: Callable[[], bool]) -> None:
-        """Let it find its switches. It moves.
-
-        Raises
-        ------
-        DeviceError
-            If it does not find them.
-        """
+        """Find the limit switches; the machine moves. Raises DeviceError if it does not find them."""
 
     @abstractmethod
     def check_speed(self, speed: float, way: float, axis: int) -> None:
-        """Raise unless it can go so fast (m/s) over at least half of a way (m) along an axis.
-
-        Raises
-        ------
-        InputError
-            If it cannot.
-        """
+        """Raise InputError unless it reaches a speed (m/s) over at least half of a distance (m) along an axis."""
 
     @abstractmethod
     def move(
         self, target: Place, speed: float, *, stamp: Callable[[StageStamp], object], stopped: Callable[[], bool]
     ) -> tuple[float, float] | None:
-        """Go straight to a place, and return when it is there.
+        """Move in a straight line to a position, and return on arrival.
 
-        However it is left before, the machine is held first: it slows down and stands, and forgets where it was going.
+        If the move ends early, also by an error, the machine is stopped first: it brakes and cancels the rest of the
+        move.
 
         Parameters
         ----------
         target : tuple of float
-            x, y, z in the machine's coordinates, in m.
+            x, y, z in machine coordinates, in m.
         speed : float
             In m/s.
         stamp : callable
-            Called with every place that the machine tells of on its way.
+            Called with every position that the machine reports during the move.
         stopped : callable
-            Asked all the time; once it says True the machine is held.
+            Called continuously; once it returns True the machine is stopped.
 
         Returns
         -------
         tuple of float or None
-            When it began and when it was there, by this computer's steady clock; None if it was stopped.
+            Start and end time on this computer's monotonic clock; None if it was stopped.
 
         Raises
         ------
         DeviceError
-            If the machine gives an alarm, refuses, is silent, or is lost.
+            If the machine reports an alarm, rejects the move, does not answer, or is lost.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the machine. Harmless when not open."""
+        """Close the connection; no effect if not open."""
 
     def describe(self) -> dict[str, str]:
-        """What it says of itself, in words."""
+        """Information about the machine, by name."""
         return {}
 
     def __enter__(self) -> Self:

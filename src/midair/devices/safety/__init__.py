@@ -1,4 +1,4 @@
-"""What keeps playing safe, whoever plays: one program a device, a log, a line by which another terminal silences."""
+"""Safety of playback: one program per device, a log, and a channel through which another terminal stops it."""
 
 from midair.devices.safety.device_locks import device_lock
 from midair.devices.safety.play_log import Ending, log_end, log_order

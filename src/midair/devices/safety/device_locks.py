@@ -1,4 +1,4 @@
-"""One program a device: whoever comes second is told who came first."""
+"""Exclusive locks: only one program uses a device at a time."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -12,20 +12,21 @@ from midair.errors import HeldError
 
 @contextmanager
 def device_lock(device: str) -> Generator[None]:
-    """While inside, no other program of this user that asks gets the device, nor another part of this one.
+    """While inside, no other program of this user, and no other part of this one, can lock the device.
 
-    The lock is the system's, on a file of the state folder: it goes with the process, however that ends, and a file
-    that was left behind holds nothing up. Windows has no such lock; nobody is refused there.
+    The lock is a system lock on a file in the state folder: it ends with the process, and a leftover file does not
+    block.
+    Windows has no such lock; there every program gets the device.
 
     Parameters
     ----------
     device : str
-        Its name, parts by colons: ``autd3``, which may find any units, holds ``autd3:eth0`` as well, and the reverse.
+        Name in parts separated by colons: ``autd3``, which may find any units, excludes ``autd3:eth0``, and vice versa.
 
     Raises
     ------
     HeldError
-        If another program has it.
+        If another program uses it.
     FileError
         If the state folder cannot be written.
     """
@@ -35,7 +36,7 @@ def device_lock(device: str) -> Generator[None]:
         raise HeldError(_refusal(device, path))
     try:
         held.write({"device": device})
-        # First our own, then a look at the others: of two that come at once at least one sees the other.
+        # Lock first, then check the others: of two simultaneous programs at least one detects the other.
         for other in _overlapping(device):
             if held_entry(other) is not None:
                 raise HeldError(_refusal(device, other))
@@ -49,7 +50,7 @@ def _path(folder: Path, device: str) -> Path:
 
 
 def _overlapping(device: str) -> list[Path]:
-    """Files of devices that this one is a part of, or that are a part of it."""
+    """Lock files of devices that contain this one or that it contains."""
     others = {unquote(path.stem.removeprefix("device-")): path for path in state_folder().glob("device-*.json")}
     return [
         path

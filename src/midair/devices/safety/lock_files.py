@@ -1,4 +1,4 @@
-"""Small files that a living process holds: what one says is true while its lock is there, which dies with it."""
+"""Lock files with content: an entry is valid while the process that wrote it holds the lock."""
 
 import contextlib
 import getpass
@@ -15,32 +15,29 @@ from typing import Any, Literal
 from midair.errors import FileError
 
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0)
-"""Opens without a wait: a pipe in a file's place must not hang."""
+"""Open without waiting, so that a pipe in place of a file does not block."""
 
 LONGEST = 65536
-"""Bytes that are read of such a file: an entry has some hundred."""
+"""Maximum number of bytes read from a lock file; an entry has some hundred."""
 
 NAMELESS = {"process": 0, "command": "an unknown command", "since": "an unknown time"}
-"""What is said of a holder whose file cannot be understood."""
+"""Entry for a holder whose file cannot be parsed."""
 
 
 class LockFile:
-    """A file that this process holds, of this user alone; leaving it lets go and removes it.
-
-    Made by `take` only.
-    """
+    """A file locked by this process, private to this user; `let_go` removes it. Created by `take` only."""
 
     def __init__(self, path: Path, handle: int) -> None:
         self.path, self._handle = path, handle
 
     @classmethod
     def take(cls, path: Path) -> "LockFile | None":
-        """Hold a file, made if it was not there; None where another holds it.
+        """Create and lock a file; None if another process holds it.
 
         Raises
         ------
         FileError
-            If it cannot be made, or its file system has no locks.
+            If it cannot be created, or its file system has no locks.
         """
         while True:
             try:
@@ -62,31 +59,31 @@ class LockFile:
                 return None
             if _same(handle, path):
                 return cls(path, handle)
-            # Whoever had it before removed it between the opening and the lock.
+            # The previous holder removed it between our opening and locking it.
             os.close(handle)
 
     def write(self, entry: dict[str, object]) -> None:
-        """Make this its content, with who holds it since when."""
+        """Write an entry, with the process that holds the file and the time."""
         content = json.dumps(entry | holder()).encode()
         try:
             os.ftruncate(self._handle, 0)
             os.lseek(self._handle, 0, os.SEEK_SET)
             os.write(self._handle, content)
         except OSError as wrong:
-            raise FileError(f"{self.path}: {wrong.strerror}; set MIDAIR_STATE to a folder with room") from wrong
+            raise FileError(f"{self.path}: {wrong.strerror}; set MIDAIR_STATE to a folder with free space") from wrong
 
     def let_go(self) -> None:
-        """Remove it and release the lock."""
+        """Remove the file and release the lock."""
         handle, self._handle = self._handle, -1
         if handle >= 0:
-            # Removed while it is locked, so that nobody finds it free and half gone.
+            # Removed while locked, so that no other process can lock a deleted file.
             with contextlib.suppress(OSError):
                 self.path.unlink()
             os.close(handle)
 
 
 def holder() -> dict[str, object]:
-    """Who this process is: number, command, since when, and whose."""
+    """Number, command, start time and user of this process."""
     return {
         "process": os.getpid(),
         "command": command(),
@@ -96,7 +93,7 @@ def holder() -> dict[str, object]:
 
 
 def command() -> str:
-    """What was typed to start this process, in printable characters."""
+    """The command line of this process, in printable characters."""
     name = Path(sys.argv[0])
     shown = name.parent.name if name.name == "__main__.py" else name.name
     typed = shlex.join([shown or "python", *sys.argv[1:]])
@@ -104,7 +101,7 @@ def command() -> str:
 
 
 def user() -> str:
-    """Name of the user; empty where nobody knows."""
+    """Name of the user; empty if unknown."""
     try:
         return getpass.getuser()
     except (KeyError, OSError, ImportError):
@@ -112,7 +109,7 @@ def user() -> str:
 
 
 def held_entry(path: Path) -> dict[str, Any] | None:
-    """What the living holder of a file says in it, as far as it can be understood; None where nobody holds it.
+    """Entry of a file that a process holds; None if no process holds it.
 
     Raises
     ------
@@ -124,14 +121,14 @@ def held_entry(path: Path) -> dict[str, Any] | None:
 
 
 def read_lock(path: Path) -> tuple[Literal["held", "left", "ended"], dict[str, Any]]:
-    """Whether a file is held, was left behind by a process that died, or is no longer there; and what it says.
+    """State of a lock file (held, left by a process that died, or removed) and its entry.
 
-    One that was left behind is removed. A folder or a pipe of that name is no such file, and stays.
+    A file left behind is removed; a folder or pipe of that name is not.
 
     Raises
     ------
     FileError
-        If it cannot be opened, or its file system has no locks, so that nobody can tell.
+        If it cannot be opened, or its file system has no locks.
     """
     try:
         handle = os.open(path, os.O_RDWR | _AT_ONCE)
@@ -142,7 +139,7 @@ def read_lock(path: Path) -> tuple[Literal["held", "left", "ended"], dict[str, A
     try:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             return "ended", {}
-        # Where there are no locks, whoever answers is alive.
+        # Without locks the state is unknown; a process that answers is alive.
         if sys.platform != "win32" and _lock(handle):
             if not _same(handle, path):
                 return "ended", {}
@@ -156,7 +153,7 @@ def read_lock(path: Path) -> tuple[Literal["held", "left", "ended"], dict[str, A
 
 
 def token() -> str:
-    """A word that no other process has."""
+    """A random word, unique among processes."""
     return secrets.token_hex(4)
 
 
@@ -169,7 +166,7 @@ def _understood(content: bytes) -> dict[str, Any]:
 
 
 def _lock(handle: int) -> bool:
-    """Lock an open file unless another has it; always done where the system has no such locks."""
+    """Lock an open file; False if another process holds it, always True on a system without such locks."""
     if sys.platform == "win32":
         return True
     from fcntl import LOCK_EX, LOCK_NB, flock
@@ -182,7 +179,7 @@ def _lock(handle: int) -> bool:
 
 
 def _same(handle: int, path: Path) -> bool:
-    """Whether a path still leads to an open file."""
+    """True if the path still refers to the open file."""
     try:
         return os.path.samestat(os.fstat(handle), os.stat(path))
     except OSError:

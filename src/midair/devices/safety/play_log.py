@@ -1,4 +1,4 @@
-"""What was played, when, how loud, and who answered for it: one line of JSON a time, never rewritten."""
+"""The log of playback: time, drive, exposure and outcome, one line of JSON per event, append-only."""
 
 import errno
 import hashlib
@@ -26,7 +26,7 @@ LOG = "played.jsonl"
 """Name of the file in the state folder."""
 
 Ending = Literal["played", "stopped", "failed"]
-"""To its end; ended by somebody; ended by an error."""
+"""Played to the end; stopped by the user; ended by an error."""
 
 
 def log_order(
@@ -37,30 +37,11 @@ def log_order(
     simulated: bool = False,
     room: Medium | None = None,
 ) -> str:
-    """Write down what is about to be played, before any sound.
+    """Log a drive before it is played; return the number of the order, for `log_end`.
 
-    Parameters
-    ----------
-    source : str or Path
-        The drive's file, which is hashed; or a word for where it came from.
-    device : str
-        Name of the array.
-    admission : Admission
-        Of the drive, on this array.
-    simulated : bool
-        Whether the array is an emulator.
-    room : Medium, optional
-        The air in which it plays, if somebody stated it.
-
-    Returns
-    -------
-    str
-        Names this order in `log_end`.
-
-    Raises
-    ------
-    FileError
-        If the log, or the drive's file, cannot be used: nothing plays without a log.
+    A `source` that is a Path is hashed. Raises FileError if the log or the drive's file cannot be used, since nothing
+    plays
+    without a log.
     """
     found, drive, order = admission.exposure, admission.drive, token()
     _append(
@@ -108,21 +89,7 @@ def log_end(
     *,
     report: Mapping[str, object] | None = None,
 ) -> None:
-    """Write down how playing ended.
-
-    Parameters
-    ----------
-    order : str
-        From `log_order`.
-    source, device
-        As there.
-    outcome : {"played", "stopped", "failed"}
-        How it ended.
-    reason : str
-        The error, if there was one.
-    report : mapping, optional
-        What the array said, by name.
-    """
+    """Log how playback ended; `report` holds the fields of the `PlayReport`."""
     units = {"duration": "duration_s", "start": "start_ns", "gap": "gap_s"}
     said = {units.get(name, name): value for name, value in (report or {}).items()}
     entry = {"event": "end", "order": order, "drive": str(source), "device": device, "outcome": outcome}
@@ -130,7 +97,7 @@ def log_end(
 
 
 def hash_of_drive(drive: Drive) -> str:
-    """SHA-256, in hex, of all phases and then all levels, as the drive holds them in memory, row by row."""
+    """SHA-256, in hex, of all phases and then all levels, as in memory, row by row."""
     digest = hashlib.sha256()
     for part in (drive.phase, drive.level):
         for block in blocks(part):
@@ -139,7 +106,7 @@ def hash_of_drive(drive: Drive) -> str:
 
 
 def hash_of_profile(profile: ExposureProfile) -> str:
-    """SHA-256, in hex, of everything that a profile says, as JSON with sorted keys and no spaces."""
+    """SHA-256, in hex, of all fields of a profile, as JSON with sorted keys and without spaces."""
     plain = json.dumps(asdict(profile), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(plain.encode()).hexdigest()
 
@@ -149,11 +116,11 @@ def _hash_of_file(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as wrong:
-        raise FileError(f"{path}: expected a drive to note in the log, got {wrong.strerror}") from wrong
+        raise FileError(f"{path}: expected a readable drive for the log, got {wrong.strerror}") from wrong
 
 
 def _number(value: float) -> float | None:
-    """To two places; JSON has no infinity, the level of silence."""
+    """Round to two decimals; None for infinity (silence in dB), which JSON does not have."""
     return round(float(value), 2) if math.isfinite(value) else None
 
 
@@ -162,11 +129,11 @@ def _append(entry: dict[str, object]) -> None:
     text = json.dumps({"time": datetime.now(UTC).isoformat(timespec="milliseconds"), **entry}, default=str) + "\n"
     line = text.encode()
     try:
-        # In one piece, so that two programs that write at once do not mix their lines; for this user only.
+        # A single write, so that lines of two programs do not mix; readable for this user only.
         handle = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
         try:
             if (taken := os.write(handle, line)) < len(line):
-                # A disk that fills up takes a part and raises nothing.
+                # On a full disk, write() stores a part and raises no error.
                 os.ftruncate(handle, os.lseek(handle, 0, os.SEEK_CUR) - taken)
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(handle)

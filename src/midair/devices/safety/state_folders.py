@@ -1,4 +1,4 @@
-"""The folder in which midair keeps what outlives a program: its log, what plays now, the subject last told."""
+"""The folder for midair's persistent state: the log, active playback, and the last subject."""
 
 import os
 import sys
@@ -8,10 +8,7 @@ from midair.errors import FileError
 
 
 def state_folder() -> Path:
-    """Where midair keeps its log and tells other terminals what plays: ``MIDAIR_STATE``, or the user's state folder.
-
-    It need not be there yet.
-    """
+    """Folder of the log and of active playback: ``MIDAIR_STATE``, or the user's state folder; it may not exist yet."""
     if chosen := os.environ.get("MIDAIR_STATE"):
         return Path(chosen)
     if sys.platform == "win32":
@@ -20,12 +17,12 @@ def state_folder() -> Path:
 
 
 def make_state_folder() -> Path:
-    """The same folder, made if it was not there, for this user only.
+    """Create the state folder, private to this user, if it does not exist.
 
     Raises
     ------
     FileError
-        If it cannot be made.
+        If it cannot be created.
     """
     folder = state_folder()
     try:

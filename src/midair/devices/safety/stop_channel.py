@@ -1,4 +1,4 @@
-"""By which another terminal silences what plays, or is about to: a port on this computer, and a secret in a file."""
+"""The channel through which another terminal stops playback: a local port, and a secret in a lock file."""
 
 import contextlib
 import os
@@ -20,36 +20,28 @@ from midair.errors import FileError, MidairError, StoppedError
 
 ANSWER = b"silent\n"
 WAIT = 6.0
-"""How long an array may take to confirm that it is silent, in s: two orders over a link that stalls."""
+"""Maximum time for an array to confirm silence, in s: two commands over a slow connection."""
 
 FAILSAFE = 0.6
-"""How long after its program has died an array may still sound, in s: the firmware's half second, and its way."""
+"""Maximum time that an array sounds after its program died, in s: the firmware's timeout of 0.5 s, and transmission."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stopped:
-    """What became of one program that played, or was about to.
-
-    Attributes
-    ----------
-    process : int
-        Its number; 0 where its file does not tell.
-    device : str
-        Name of the array that it plays on.
-    outcome : {"silent", "gone", "no answer"}
-        "silent": the array confirmed it, and this program plays nothing more on it. "gone": the program had ended
-        without a word, and its array's failsafe has silenced it.
-    command : str
-        How it was started.
-    reason : str
-        Why there was no answer.
-    """
+    """Result of stopping one program that played, or was about to."""
 
     process: int
+    """Process number; 0 if unknown."""
     device: str
+    """Name of the array."""
     outcome: Literal["silent", "gone", "no answer"]
+    """"silent": the array confirmed silence, and the program plays nothing more on it. "gone": the program had died,
+    and the
+    failsafe of its array has silenced it."""
     command: str = ""
+    """Command line of the program."""
     reason: str = ""
+    """Reason for "no answer"."""
 
 
 @contextmanager
@@ -59,38 +51,40 @@ def open_stop_channel(
     *,
     afterwards: Callable[[], None] = lambda: None,
 ) -> Generator[Path]:
-    """While inside, `silence` is called when another terminal asks for it; gives the file that says so.
+    """While inside, `silence` is called if another terminal requests a stop; yields the path of the lock file.
 
     Parameters
     ----------
     device : str
         Name of the array.
     silence : callable
-        Returns when the array is silent and will stay so; raises MidairError if it is not. Called from other threads.
+        Returns once the array is silent and stays silent; raises MidairError if it is not. Called from other threads.
     afterwards : callable
-        Called when the answer is given, whatever it was.
+        Called after every answer.
 
     Raises
     ------
     StoppedError
-        If somebody asked for silence since this was ordered: now, or at the moment of `ordered_at`.
+        If a stop was requested since now, or since the time set by `ordered_at`.
     FileError
-        If the file cannot be made: what cannot be stopped does not play.
+        If the file cannot be created: playback that cannot be stopped is refused.
     """
     ordered = _ORDERED.get()
     since = uptime() if ordered is None else ordered
     secret = secrets.token_hex(16)
     held = LockFile.take(make_state_folder() / f"playing-{os.getpid()}-{token()}.json")
-    if held is None:  # nobody else makes a file of this name
+    if held is None:  # the name contains this process's number and a random token
         raise FileError(
-            f"{state_folder()}: expected a file of our own there, another program holds it; set MIDAIR_STATE"
+            f"{state_folder()}: expected a new lock file there, got one that another program holds; set MIDAIR_STATE"
         )
     try:
         with socket.create_server(("127.0.0.1", 0)) as server:
             held.write({"device": device, "port": server.getsockname()[1], "secret": secret})
-            # Written first, looked at afterwards: whoever asks for silence now finds the file, or is found here.
+            # Write first, check afterwards: a simultaneous stop either finds the file or is found here.
             if since <= last_stop() <= uptime():
-                raise StoppedError(f"{device}: midair stop came while this started, nothing is played; start it again")
+                raise StoppedError(
+                    f"{device}: midair stop was called during the start, nothing is played; start it again"
+                )
             listener = _Listener(server, secret, silence, afterwards)
             listener.start()
             try:
@@ -102,15 +96,15 @@ def open_stop_channel(
 
 
 def stop_playing(*, timeout: float = WAIT) -> list[Stopped]:
-    """Silence whatever plays on this computer for this user; what became of each program that said it plays.
+    """Silence everything that plays on this computer for this user; return the result for each program.
 
-    Programs that are starting and have not said so yet refuse to play when they come to it. All are asked at once, so
-    that one that hangs keeps no other from being silent.
+    Programs that are just starting will refuse to play. All programs are contacted at once, so that one that hangs does
+    not delay the others.
 
     Raises
     ------
     FileError
-        If it could not be noted that silence was asked for, after all that play were asked.
+        If the request could not be recorded for starting programs; the others were contacted before.
     """
     problem = _note_stop()
     paths = sorted(state_folder().glob("playing-*.json"))
@@ -123,7 +117,7 @@ def stop_playing(*, timeout: float = WAIT) -> list[Stopped]:
 
 
 def playing_now() -> list[dict[str, Any]]:
-    """What each living program says that plays or is about to, as its file has it."""
+    """Entries of all live programs that play or are about to play."""
     entries: list[dict[str, Any]] = []
     for path in sorted(state_folder().glob("playing-*.json")):
         with contextlib.suppress(FileError):
@@ -133,16 +127,18 @@ def playing_now() -> list[dict[str, Any]]:
 
 
 def uptime() -> float:
-    """Time since this computer was started, in s: the same clock in all its processes, which nobody sets."""
+    """Time since this computer started, in s: one clock for all processes, which is never adjusted."""
     boot = getattr(time, "CLOCK_BOOTTIME", None)
     return time.monotonic() if boot is None else time.clock_gettime(boot)
 
 
 def process_began() -> float:
-    """When this process was started, by `uptime`; where the system does not tell, when this was first asked."""
+    """Start time of this process on the clock of `uptime`; the import time of this module if the system does not
+    provide it.
+    """
     try:
         after_name = Path("/proc/self/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
-        # Field 22 of proc(5), the 20th after the name, in clock ticks; they are rounded down.
+        # Field 22 of proc(5), the 20th after the name, in clock ticks, rounded down.
         return int(after_name[19]) / os.sysconf("SC_CLK_TCK")
     except (OSError, ValueError, IndexError):
         return _FIRST_SEEN
@@ -155,7 +151,7 @@ _ORDERED: ContextVar[float | None] = ContextVar("ordered", default=None)
 
 @contextmanager
 def ordered_at(moment: float) -> Generator[None]:
-    """Whatever plays inside was ordered at a moment of `uptime`: whoever asks for silence after it means that too."""
+    """Date playback inside the block to a moment of `uptime`; a later stop request prevents it."""
     before = _ORDERED.set(moment)
     try:
         yield
@@ -164,7 +160,7 @@ def ordered_at(moment: float) -> Generator[None]:
 
 
 def last_stop() -> float:
-    """When silence was last asked for, by `uptime`; before all times if never since the computer was started."""
+    """Time of the last stop request, on the clock of `uptime`; -1 if there was none since the computer started."""
     try:
         return float(_stop_note().read_text(encoding="ascii"))
     except (OSError, ValueError):
@@ -176,7 +172,7 @@ def _stop_note() -> Path:
 
 
 def _note_stop() -> FileError | None:
-    """Leave word for programs that are starting; what was in the way, if anything."""
+    """Record the request for programs that are starting; return the error, if any."""
     try:
         aside = make_state_folder() / f"stopped-at-{token()}"
         aside.write_text(repr(uptime()), encoding="ascii")
@@ -184,12 +180,12 @@ def _note_stop() -> FileError | None:
     except FileError as wrong:
         return wrong
     except OSError as wrong:
-        return FileError(f"{_stop_note()}: {wrong.strerror}; a program that is just starting may not have heard of it")
+        return FileError(f"{_stop_note()}: {wrong.strerror}; a program that is just starting may not stop")
     return None
 
 
 class _Listener(threading.Thread):
-    """Waits for calls; answers each in a thread of its own, so that one who says nothing keeps no other waiting."""
+    """Accepts calls and answers each in its own thread, so that a silent caller does not block others."""
 
     def __init__(
         self, server: socket.socket, secret: str, silence: Callable[[], None], afterwards: Callable[[], None]
@@ -199,7 +195,7 @@ class _Listener(threading.Thread):
         self._ended, self._calls = threading.Event(), list[threading.Thread]()
 
     def run(self) -> None:
-        """Take calls until the end."""
+        """Accept calls until the end."""
         while not self._ended.is_set():
             try:
                 call, _ = self._server.accept()
@@ -210,9 +206,9 @@ class _Listener(threading.Thread):
             answering.start()
 
     def end(self) -> None:
-        """Take no more calls, and let those that came be answered."""
+        """Accept no more calls, and finish the open ones."""
         self._ended.set()
-        # A call of our own ends the wait; close alone does not on every system.
+        # A connection from here ends accept(); on some systems close() does not.
         with contextlib.suppress(OSError):
             socket.create_connection(self._server.getsockname(), 1).close()
         self.join(2)
@@ -237,10 +233,10 @@ class _Listener(threading.Thread):
 
 
 def _stop(path: Path, timeout: float) -> Stopped | None:
-    """Silence the program of a file; None if it had ended, and taken its file with it."""
+    """Silence the program of a lock file; None if it had ended and removed the file."""
     end = time.monotonic() + timeout
     try:
-        # A program that has just made its file needs a moment to write into it.
+        # A program that has just created its file needs a moment to write it.
         written = min(end, time.monotonic() + 1)
         while (found := read_lock(path))[0] == "held" and not _complete(found[1]) and time.monotonic() < written:
             time.sleep(0.01)
@@ -252,11 +248,11 @@ def _stop(path: Path, timeout: float) -> Stopped | None:
     who = {"process": _number(entry["process"]), "device": str(entry.get("device", path.name))}
     told: dict[str, Any] = {**who, "command": str(entry["command"])}
     if not _complete(entry):
-        return Stopped(**told, outcome="no answer", reason=f"{path.name} does not say how to reach it")
+        return Stopped(**told, outcome="no answer", reason=f"{path.name} holds no port and secret")
     answer, reason = _ask(entry, end)
     if answer == ANSWER:
         return Stopped(**told, outcome="silent")
-    # One that is just ending hangs up, and a moment later is no more.
+    # A program that is just ending closes the connection and soon removes its file.
     state = "held" if answer else _becomes(path, min(end, time.monotonic() + 1))
     if state == "ended":
         return None
@@ -264,7 +260,7 @@ def _stop(path: Path, timeout: float) -> Stopped | None:
 
 
 def _ask(entry: dict[str, Any], end: float) -> tuple[bytes, str]:
-    """The answer of a program to the wish for silence; and in words what was wrong with it."""
+    """Answer of a program to a stop request, and the reason if it failed."""
     left = max(0.01, end - time.monotonic())
     try:
         with socket.create_connection(("127.0.0.1", entry["port"]), left) as call:
@@ -273,17 +269,17 @@ def _ask(entry: dict[str, Any], end: float) -> tuple[bytes, str]:
             answer = call.recv(1024)
     except OSError as wrong:
         return b"", str(wrong)
-    return answer, answer.decode(errors="replace").strip() or "it hung up"
+    return answer, answer.decode(errors="replace").strip() or "the program closed the connection"
 
 
 def _gone(**told: Any) -> Stopped:
-    """A program that ended without a word, once the failsafe of its array has surely acted."""
+    """Result for a program that died; waits until the failsafe of its array has acted."""
     time.sleep(FAILSAFE)
     return Stopped(**told, outcome="gone")
 
 
 def _becomes(path: Path, end: float) -> str:
-    """What becomes of a file that is held: the state that it is in at an instant, or before if nobody holds it then."""
+    """State of a held file at the time `end`, or earlier if it is released."""
     with contextlib.suppress(FileError):
         while (state := read_lock(path)[0]) == "held" and time.monotonic() < end:
             time.sleep(0.01)

@@ -1,4 +1,4 @@
-"""From when something is ordered to play until its array is let go: the array is ours, and can be silenced for good."""
+"""Reservation of an array and its stop channel, from the order to play until the array is released."""
 
 import _thread
 import signal
@@ -13,13 +13,10 @@ from midair.errors import StoppedError
 
 
 class StopGuard:
-    """Of one array, which makes one for its whole life; may be entered again while it is held.
-
-    Once somebody has asked for silence nothing sounds until the outermost block was left.
-    """
+    """Guard of one array, reentrant; after a stop nothing sounds until the outermost block ends."""
 
     def __init__(self) -> None:
-        # Whatever makes sound takes it, and so does whoever silences.
+        # Held while sound starts, and while silencing.
         self._sound = threading.RLock()
         self._entering = threading.RLock()
         self._entered = 0
@@ -28,27 +25,20 @@ class StopGuard:
 
     @property
     def stopped(self) -> bool:
-        """Whether somebody asked for silence."""
+        """True after a stop request."""
         return self._stopped.is_set()
 
     @contextmanager
     def held(self, name: str, device: str | None, silence: Callable[[], None]) -> Generator[None]:
-        """While inside, `midair stop` reaches the array, and no other program gets it.
+        """While inside, `midair stop` reaches the array `name`, and no other program gets `device` (None: no lock).
 
-        Parameters
-        ----------
-        name : str
-            Of the array.
-        device : str or None
-            What no other program may have meanwhile, see `device_lock`; None where each gets its own.
-        silence : callable
-            Silences it, from any thread.
+        `silence` must be callable from any thread.
         """
         self._enter(name, device, silence)
         try:
             yield
         except KeyboardInterrupt:
-            # By which `_interrupt` ends what keeps the main thread busy.
+            # `_interrupt` raised it to interrupt the main thread.
             if self.stopped:
                 raise StoppedError(_stopped(name)) from None
             raise
@@ -57,19 +47,13 @@ class StopGuard:
 
     @contextmanager
     def sounding(self, name: str) -> Generator[None]:
-        """Inside, sound may begin: nobody silences meanwhile.
-
-        Raises
-        ------
-        StoppedError
-            If somebody asked for silence.
-        """
+        """Inside, sound may begin and a stop waits; raises StoppedError after a stop request."""
         with self._sound:
             self.check(name)
             yield
 
     def check(self, name: str) -> None:
-        """Raise StoppedError if somebody asked for silence."""
+        """Raise StoppedError after a stop request."""
         if self.stopped:
             raise StoppedError(_stopped(name))
 
@@ -97,24 +81,24 @@ class StopGuard:
 
     def _stop(self, silence: Callable[[], None]) -> None:
         with self._sound:
-            # First the refusal of more, then the silence: in the other order something could begin in between.
+            # Refuse new sound first, then silence: in the other order sound could begin in between.
             self._stopped.set()
             silence()
 
 
 def _interrupt() -> None:
-    """End what the main thread is busy with, such as opening; nothing happens where SIGINT is ignored."""
+    """Interrupt the main thread, for example during opening; no effect if SIGINT is ignored."""
     if not callable(signal.getsignal(signal.SIGINT)):
         return
     if sys.platform == "win32":
         _thread.interrupt_main()
     else:
-        # A signal of the system's ends a wait as well, where `interrupt_main` does not.
+        # A system signal also ends a blocking wait, `interrupt_main` does not.
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
 
 def _nothing() -> None:
-    """A thread cannot be interrupted: it finds out when it comes to play."""
+    """Do nothing: only the main thread can be interrupted; others check before they play."""
 
 
 def _stopped(name: str) -> str:

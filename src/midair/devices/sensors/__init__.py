@@ -1,4 +1,4 @@
-"""Sensors: live ones over a network, a sound card, a converter or a serial line, and replayed files."""
+"""Sensors: network streams, sound cards, converters, serial ports, and replayed files."""
 
 from midair.devices.sensors.decimated import Decimated
 from midair.devices.sensors.paced import PacedSensor

@@ -1,7 +1,7 @@
-"""Sound cards and audio interfaces through PortAudio. Imports the extra `audio`, which needs the library PortAudio.
+"""Sound cards and audio interfaces through PortAudio; needs the extra `audio` and the library PortAudio.
 
-The samples are shares of full scale, -1 to 1. PortAudio says that it lost samples, but not how many: that follows from
-the converter's clock.
+Samples are fractions of full scale, -1 to 1. PortAudio reports that it lost samples, but not how many; their number
+follows from the converter's clock.
 """
 
 import atexit
@@ -29,10 +29,7 @@ except OSError as _wrong:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Piece:
-    """What PortAudio handed over at once.
-
-    `taken` is when by its own clock, `arrived` when by this computer's, `age` how old its first frame was then, in s.
-    """
+    """Samples of one callback: `taken` on PortAudio's clock, `arrived` on this computer's, `age` of the first frame."""
 
     samples: Samples
     taken: float
@@ -42,18 +39,18 @@ class _Piece:
 
 
 class _PortAudio:
-    """The library's state, of which a process has one."""
+    """State of the PortAudio library, one per process."""
 
     def __init__(self) -> None:
         self._alone = False
 
     def leave_alone(self) -> None:
-        """A JACK server is gone: PortAudio would now hang or abort the process when it ends."""
+        """Never terminate PortAudio: after the loss of a JACK server that would hang or abort the process."""
         self._alone = True
         atexit.unregister(sounddevice._exit_handler)  # pyright: ignore[reportPrivateUsage]
 
     def look_again(self) -> None:
-        """PortAudio lists what was there when it began: begin anew."""
+        """Restart PortAudio, which lists only the devices present when it started."""
         if not self._alone:
             with contextlib.suppress(sounddevice.PortAudioError):
                 sounddevice._terminate()  # pyright: ignore[reportPrivateUsage]
@@ -64,18 +61,11 @@ _PORTAUDIO = _PortAudio()
 
 
 class AudioSource:
-    """The inputs of one device.
+    """Inputs of one audio device.
 
-    Parameters
-    ----------
-    device : str
-        A part of its name as `midair doctor` lists it, its number there, or nothing for the default input.
-    channels : int, optional
-        How many; all that it has if None.
-    rate : float, optional
-        Rate of its converter, in Hz; its default if None.
-    piece : float
-        How much PortAudio hands over at a time, in s.
+    `device` is part of its name or its number in `midair doctor`; empty for the default input. `channels` and `rate`
+    are
+    those of the device by default. `piece` is the length of a PortAudio block, in s.
     """
 
     def __init__(
@@ -112,7 +102,7 @@ class AudioSource:
         return Stream(channels=channels, rate=self._rate, full_scale=1.0, stored="f4")
 
     def start(self) -> None:
-        """Begin to listen; frame 0 is the first one after this."""
+        """Start recording; frame 0 is the first one after this call."""
         stream = self._opened()
         self._frames, self._pieces, self._last, self._overflows = 0, queue.SimpleQueue(), None, 0
         try:
@@ -123,7 +113,7 @@ class AudioSource:
             ) from wrong
 
     def pull(self, wait: float) -> Chunk | None:
-        """The next piece that PortAudio handed over."""
+        """Return the next block of PortAudio."""
         try:
             piece = self._pieces.get(timeout=wait)
         except queue.Empty:
@@ -142,18 +132,18 @@ class AudioSource:
         )
 
     def stop(self) -> None:
-        """End listening; harmless when it has not begun."""
+        """Stop recording; no effect if not started."""
         if self._stream is not None and self._stream.active:
             self._within_limit(self._stream.abort)
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Close the device."""
         stream, self._stream = self._stream, None
         if stream is not None:
             self._within_limit(stream.close)
 
     def describe(self) -> dict[str, str]:
-        """Which device, and through which driver."""
+        """Device, driver, and the number of reported losses."""
         return {**self._described, "losses told by the driver": str(self._overflows)}
 
     @property
@@ -161,11 +151,11 @@ class AudioSource:
         return self._described["driver"].startswith("JACK")
 
     def _take(self, data: Any, frames: int, times: Any, status: Any) -> None:
-        """Called by PortAudio in a thread of its own; nothing here may wait."""
-        # A copy, since PortAudio uses its memory again when this returns.
+        """Store a block; called in a thread of PortAudio, must not block."""
+        # A copy, since PortAudio reuses its memory after this returns.
         samples = np.frombuffer(data, np.float32).reshape(frames, -1).copy()
         taken, age = float(times.inputBufferAdcTime), float(times.currentTime) - float(times.inputBufferAdcTime)
-        if not 0 < age < 10:  # some drivers do not tell
+        if not 0 < age < 10:  # some drivers do not report it
             age = frames / self._rate
         self._pieces.put(
             _Piece(
@@ -174,9 +164,9 @@ class AudioSource:
         )
 
     def _missing(self, piece: "_Piece") -> int:
-        """Frames between the last piece and this one, by the converter's clock, if PortAudio says that some are lost.
+        """Number of frames between the last block and this one, by the converter's clock, if PortAudio reports a loss.
 
-        JACK says so of every time it was late, and its clock counts frames: there it may be none.
+        JACK reports a loss whenever it was late, and its clock counts frames: with JACK the number may be 0.
         """
         if self._last is None or not piece.overflow:
             return 0
@@ -190,7 +180,7 @@ class AudioSource:
         return self._stream
 
     def _within_limit(self, call: Callable[[], Any], limit: float = 2.0) -> None:
-        """PortAudio waits for ever for a JACK server that is gone."""
+        """Call with a time limit, since PortAudio waits forever for a JACK server that has ended."""
 
         def quietly() -> None:
             with contextlib.suppress(sounddevice.PortAudioError):
@@ -204,12 +194,12 @@ class AudioSource:
 
 
 def inputs() -> list[dict[str, Any]]:
-    """Devices that have inputs, as sounddevice describes them."""
+    """Devices with inputs, as sounddevice describes them."""
     return [dict(each) for each in sounddevice.query_devices() if each["max_input_channels"] > 0]
 
 
 def _find(wanted: str) -> dict[str, Any]:
-    """The one device that a part of a name, a number, or nothing means."""
+    """The one device that matches a part of a name, a number, or the default."""
     found = _matching(wanted)
     if not found:
         _PORTAUDIO.look_again()
@@ -219,7 +209,7 @@ def _find(wanted: str) -> dict[str, Any]:
     names = ", ".join(f"{each['index']} {each['name']} ({each['max_input_channels']} channels)" for each in inputs())
     raise UnknownDeviceError(
         f"audio: expected one device with inputs for {wanted or 'the default'!r}, found {len(found)}; name one of: "
-        f"{names or 'none here'}"
+        f"{names or 'none found'}"
     )
 
 

@@ -1,4 +1,4 @@
-"""Any source at a lower rate, filtered so that nothing above half of it folds down."""
+"""A source at a lower rate, behind an anti-aliasing filter."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -12,17 +12,18 @@ from midair.errors import DeviceStateError
 class Decimated:
     """A source behind an anti-aliasing filter of linear phase (`Polyphase`).
 
-    The filter's delay is taken out of both times of a chunk: they are those of the middle of the filter, when the frame
-    happened. A frame comes `delay` later than without the filter: 64 ms at 1 kHz. Frame 0 is the first one for which
-    the filter is full. Where the source lost frames the filter is filled anew, so a gap in it becomes one of at least
-    128 frames: no frame is made of anything but what was measured. A source that has the wanted rate is passed on.
+    Both times of a chunk are corrected for the filter's delay; a frame arrives `delay` later than without the filter:
+    64 ms
+    at 1 kHz. Frame 0 is the first one with a full filter. The filter is refilled after a gap, so that a gap becomes at
+    least
+    128 frames and every frame consists of measured data only. A source that already has the rate is passed on.
 
     Parameters
     ----------
     source : Source
         The source at the higher rate.
     rate : float
-        Wanted, in Hz.
+        Output rate, in Hz.
     """
 
     def __init__(self, source: Source, rate: float) -> None:
@@ -34,20 +35,20 @@ class Decimated:
         self._waiting: deque[Chunk] = deque()
 
     def open(self) -> Stream:
-        """Open the source and make the filter."""
+        """Open the source and design the filter."""
         self._stream = self._source.open()
         if self._stream.rate != self._rate:
             self._filter = Polyphase.between(self._stream.rate, self._rate)
         return replace(self._stream, rate=self._rate)
 
     def start(self) -> None:
-        """Begin with an empty filter."""
+        """Start with an empty filter."""
         self._decimator = None
         self._waiting.clear()
         self._source.start()
 
     def pull(self, wait: float) -> Chunk | None:
-        """What the filter gives for what came."""
+        """Return the next filtered chunk."""
         if not self._waiting:
             chunk = self._source.pull(wait)
             if chunk is not None:
@@ -59,11 +60,11 @@ class Decimated:
         self._source.stop()
 
     def close(self) -> None:
-        """Let go of the source."""
+        """Close the source."""
         self._source.close()
 
     def describe(self) -> dict[str, str]:
-        """The source, and the filter between."""
+        """Description of the source and the filter."""
         said = self._source.describe()
         if self._stream is not None and self._filter is not None:
             said |= {"native rate": f"{self._stream.rate:g} Hz", "filter delay": f"{1e3 * self._filter.delay:g} ms"}
@@ -78,10 +79,10 @@ class Decimated:
         rate = self._stream.rate
         for part in chunk.finite_parts(rate):
             decimator = self._continued(part, self._filter)
-            # After a gap the filter waits for the start of a run, so that frames out keep their places in time.
+            # After a gap the filter waits for the start of a run, so that output frames keep their time grid.
             out = decimator.push(part.samples[max(0, self._begin - part.first) :])
             if len(out):
-                # In frames of the source, from the part's first frame to the middle of the filter.
+                # Frames of the source from the part's first frame to the centre of the filter.
                 later = (self._given + CENTRE) * self._filter.length / self._filter.count - part.first
                 yield Chunk(
                     samples=out,
@@ -92,7 +93,7 @@ class Decimated:
                 self._given += len(out)
 
     def _continued(self, part: Chunk, polyphase: Polyphase) -> Decimator:
-        """The filter as it stands, or an empty one that begins with the next whole run, after a gap."""
+        """The current filter, or after a gap an empty one that begins with the next whole run."""
         if self._decimator is None or part.first != self._expected:
             self._decimator = Decimator(polyphase, part.samples.shape[1])
             runs = -(-part.first // polyphase.length)

@@ -1,4 +1,4 @@
-"""Which frame is which, of a stream whose sender may leave some out: by a channel that counts, or by stamps. Pure."""
+"""Frame numbers of a stream with gaps, from a counter channel or from time stamps."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,16 +15,8 @@ Numbers = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Run:
-    """Consecutive frames.
-
-    Attributes
-    ----------
-    first : int
-        Number of the first, from 0; those that never came count.
-    samples : ndarray, shape (frame, channel)
-        As they came.
-    stamp : float
-        Time of the first, by the sender's clock, in s.
+    """Consecutive frames: `first` is the number of the first one including lost frames, `stamp` its sender time in
+    s.
     """
 
     first: int
@@ -33,7 +25,7 @@ class Run:
 
 
 def runs(number: Numbers, samples: Samples, stamps: Array) -> Iterator[Run]:
-    """Frames with their numbers as runs in which none is missing."""
+    """Split numbered frames into runs without a gap."""
     starts = [0, *(np.flatnonzero(np.diff(number) > 1) + 1), len(number)]
     for begin, end in pairwise(starts):
         if end > begin:
@@ -41,13 +33,10 @@ def runs(number: Numbers, samples: Samples, stamps: Array) -> Iterator[Run]:
 
 
 class CountedFrames:
-    """Numbers by a counter of any number type, which may begin anywhere and begin again at 0 when it is full.
+    """Frame numbers from a counter of any number type, which may start anywhere and wraps to 0.
 
-    Parameters
-    ----------
-    dtype : dtype
-        Of the counter. A whole number of b bits is full at 2^b, a float32 at 2^24, from which it cannot count on. A
-        float that goes on above rounds: it is read to within its precision, so that a shorter gap is not seen.
+    A counter of b bits wraps at 2^b. A float32 stops at 2^24; above that a larger float type rounds, so that it is read
+    within its precision and shorter gaps are not detected.
     """
 
     def __init__(self, dtype: "np.dtype[np.generic]") -> None:
@@ -59,17 +48,11 @@ class CountedFrames:
 
     @property
     def frames(self) -> int:
-        """How many there were so far, with those that never came."""
+        """Number of frames so far, including lost ones."""
         return self._next
 
     def number(self, counter: Array) -> Numbers | None:
-        """Numbers of the next frames; None when the counter stands still, full: it says nothing from now on.
-
-        Raises
-        ------
-        ValueError
-            If it goes back.
-        """
+        """Numbers of the next frames; None once a float counter has stopped, ValueError if it decreases."""
         if self._offset is None:
             self._offset = round(float(counter[0]))
         expected = np.arange(self._next, self._next + len(counter), dtype=np.int64)
@@ -89,7 +72,7 @@ class CountedFrames:
         return expected
 
     def _ahead(self, counter: Array, expected: Numbers) -> Array:
-        """By how many frames the counter is ahead of what is expected; 0 where it may be what is expected."""
+        """Number of frames by which the counter is ahead of the expected value; 0 within its precision."""
         ahead = counter - (expected + (self._offset or 0))
         turns = np.floor(ahead / self._full) if self._whole and self._full <= 2**16 else np.rint(ahead / self._full)
         ahead = np.rint(ahead - turns * self._full)
@@ -99,49 +82,41 @@ class CountedFrames:
         return np.where(np.abs(ahead) <= np.where(precision > 1, precision / 2, 0), 0, ahead)
 
     def _stands(self, counter: Array) -> bool:
-        """Whether it is a float that cannot count on."""
+        """True for a float counter that has stopped at its limit."""
         return not self._whole and bool((counter == self._full).all())
 
 
 class StampedFrames:
-    """Numbers by the stamps of a sender that does not count: where they rise for good, frames never came.
+    """Frame numbers from time stamps without a counter: a lasting increase of the delay means lost frames.
 
-    A stamp may be late, never early, as a sender stamps what it has. So the earliest of the last second say where
-    stamps belong, and how far those of a twentieth of a second stray from it says what is a gap: three times that, and
-    one frame and a half. Whether it is for good is seen `confirm` seconds later; until then frames wait here.
-
-    Parameters
-    ----------
-    rate : float
-        Frames per second, in Hz.
-    first : int
-        Number of the first frame.
-    confirm : float
-        How long stamps must be late to be so for good, in s.
+    A stamp may be late but never early. The earliest stamps of the last second define the time grid; their spread over
+    blocks of 1/20 s, times three and at least 1.5 frames, is the threshold for a gap. A gap is confirmed `confirm`
+    seconds
+    later; until then frames are held back.
     """
 
     def __init__(self, rate: float, *, first: int = 0, confirm: float = 0.3) -> None:
         self._rate, self._next = rate, first
         self._confirm = max(8, round(confirm * rate))
         self._part, self._parts = max(1, round(0.05 * rate)), 20
-        self._earliest: list[float] = []  # of each twentieth of a second, newest last
+        self._earliest: list[float] = []  # per block of 1/20 s, newest last
         self._count = 0
         self._samples: list[Samples] = []
         self._stamps = np.zeros(0)
 
     @property
     def frames(self) -> int:
-        """How many there were so far, with those that never came, without those that wait."""
+        """Number of frames so far, including lost ones, without those that are held back."""
         return self._next
 
     def add(self, samples: Samples, stamps: Array) -> Iterator[Run]:
-        """Frames that came; those whose numbers are certain come out."""
+        """Add frames and yield those whose numbers are certain."""
         self._samples.append(samples)
         self._stamps = np.concatenate([self._stamps, stamps])
         yield from self._certain(ends=False)
 
     def rest(self) -> Iterator[Run]:
-        """What waits, by what is known."""
+        """Yield the frames that are held back, with their most likely numbers."""
         yield from self._certain(ends=True)
 
     def _certain(self, *, ends: bool) -> Iterator[Run]:
@@ -155,7 +130,7 @@ class StampedFrames:
             if not seen.all():
                 yield self._give(int(seen.argmin()))
             elif len(seen) == self._confirm:
-                # A push that has the last frames before the gap is late, too, but less.
+                # A packet with the last frames before the gap is late as well, but less.
                 behind = float(self._late()[self._confirm // 2 : self._confirm].min())
                 before = int((self._late() >= behind - self._limit()).argmax())
                 if before:
@@ -167,7 +142,7 @@ class StampedFrames:
                 return
 
     def _late(self) -> Array:
-        """How much later than where they belong the waiting stamps are, in s."""
+        """Delay of the held stamps relative to the time grid, in s."""
         belongs = min(self._earliest) if self._earliest else float(self._stamps[0] - self._next / self._rate)
         return self._stamps - (self._next + np.arange(len(self._stamps))) / self._rate - belongs
 
@@ -186,7 +161,7 @@ class StampedFrames:
         return run
 
     def _learn(self, places: Array) -> None:
-        """Remember the earliest of each twentieth of a second, one second long."""
+        """Store the earliest delay of each block of 1/20 s, over one second."""
         while len(places):
             taken, places = places[: self._part - self._count], places[self._part - self._count :]
             if self._count == 0:

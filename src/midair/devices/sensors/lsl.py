@@ -1,8 +1,8 @@
-"""Streams of the Lab Streaming Layer. Imports the extra `lsl`.
+"""Streams of the Lab Streaming Layer; needs the extra `lsl`.
 
-LSL sends over TCP: between sender and receiver nothing is lost without the link being lost, and that is an error here.
-What a sender itself left out is counted exactly when it sends a channel that counts frames (option `counter`); without
-one it is found from the stamps, to within how evenly the sender stamps.
+LSL uses TCP: frames are lost in transmission only if the connection is lost, which is an error here. Frames that the
+sender omits are counted exactly if it sends a counter channel (option `counter`); otherwise they are inferred from the
+time stamps, as accurately as the sender stamps.
 """
 
 import os
@@ -44,22 +44,15 @@ UNITS: dict[str, tuple[Unit, float]] = {
     "count": ("count", 1.0),
     "counts": ("count", 1.0),
 }
-"""What senders write into the field "unit" of a channel, in small letters."""
+"""Texts that senders write into the field "unit" of a channel, in lower case."""
 
 
 class LslSource:
-    """The stream of a name on this network.
+    """A stream on this network, selected by name.
 
-    Parameters
-    ----------
-    name : str
-        Name of the stream.
-    source_id : str, optional
-        Which one, where several have the name.
-    counter : int, optional
-        The channel that counts frames, from 0; it is taken out of the data.
-    search : float
-        Longest time to find the stream, and then to connect to its sender, in s.
+    `source_id` selects one of several streams of that name. `counter` is the channel that counts frames, from 0, which
+    is
+    removed from the data. `search` limits the time to find the stream, and then to connect to it, in s.
     """
 
     def __init__(
@@ -69,7 +62,7 @@ class LslSource:
         self._inlet: pylsl.StreamInlet | None = None
         self._rate, self._correction = 1.0, 0.0
         self._counted: CountedFrames | None = None
-        self._full = False  # the counter can count no further
+        self._full = False  # the counter has reached its limit
         self._stamped = StampedFrames(1.0)
         self._waiting: deque[Chunk] = deque()
         self._host_name = ""
@@ -78,14 +71,14 @@ class LslSource:
         """Find the stream and connect to its sender."""
         _keep_quiet()
         found = self._find()
-        # Recovery would go on with another run of the sender as if nothing had happened.
-        # Stamps as they were sent: smoothed ones hide where frames were left out.
+        # No recovery: it would silently continue with another run of the sender.
+        # Original stamps: smoothed ones hide missing frames.
         self._inlet = pylsl.StreamInlet(
             found, max_buflen=60, recover=False, processing_flags=pylsl.proc_threadsafe, as_numpy=True
         )
         try:
             info = self._inlet.info(timeout=self._search)
-            # Takes up to a second, which whoever starts it live does not have: an array waits by then.
+            # This takes up to a second; `start` must be fast, since an array may wait for it.
             self._inlet.open_stream(timeout=self._search)
             self._correction = self._inlet.time_correction(timeout=self._search)
         except (LostError, TimeoutError) as wrong:
@@ -93,7 +86,7 @@ class LslSource:
         return self._understood(info)
 
     def start(self) -> None:
-        """Subscribe, or throw away what has come since."""
+        """Subscribe to the stream, or discard the data received so far."""
         try:
             self._opened().open_stream(timeout=self._search)
             self._correction = self._opened().time_correction(timeout=self._search)
@@ -104,11 +97,11 @@ class LslSource:
         self._waiting.clear()
 
     def pull(self, wait: float) -> Chunk | None:
-        """What has come; host times are the sender's stamps, put on this computer's clock."""
+        """Return received frames; host times are the sender's stamps converted to this computer's clock."""
         if self._waiting:
             return self._waiting.popleft()
         try:
-            # Without `min_samples` a pull with a time limit would wait until 4096 had come.
+            # Without `min_samples` a pull with a time limit would wait for all 4096 samples.
             samples, stamps = self._opened().pull_chunk(timeout=wait, max_samples=4096, min_samples=1)
             with suppress(TimeoutError):  # no newer one yet
                 self._correction = self._opened().time_correction(timeout=1e-3)
@@ -122,16 +115,16 @@ class LslSource:
         return self._waiting.popleft() if self._waiting else None
 
     def stop(self) -> None:
-        """Unsubscribe from the stream; its sender goes on."""
+        """Unsubscribe from the stream; its sender continues."""
         if self._inlet is not None:
             self._inlet.close_stream()
 
     def close(self) -> None:
-        """Let go of the sender."""
+        """Disconnect from the sender."""
         self._inlet = None
 
     def describe(self) -> dict[str, str]:
-        """Who sends, through which library, and what tells of frames that were left out."""
+        """Sender, library version, and the method that detects gaps."""
         by = "its stamps" if self._counter is None else "its counter"
         by = "its counter, and since that stands still its stamps" if self._full else by
         return {"sender": self._host_name, "liblsl": str(pylsl.library_version()), "gaps found by": by}
@@ -139,23 +132,23 @@ class LslSource:
     def _find(self) -> pylsl.StreamInfo:
         found = self._streams_of_the_name()
         if not found:
-            others = sorted({each.name() for each in pylsl.resolve_streams(1.0)}) or ["none at all"]
+            others = sorted({each.name() for each in pylsl.resolve_streams(1.0)}) or ["none"]
             raise DeviceError(
                 f"lsl: expected a stream called {self._name!r}, found none in {self._search:g} s; start its sender "
-                f"in the same network. Streams here: {', '.join(others)}"
+                f"in the same network. Streams found: {', '.join(others)}"
             )
         if len(found) > 1:
             names = ", ".join(sorted(each.source_id() or "none" for each in found))
             raise DeviceError(
-                f"lsl: expected one stream called {self._name!r}, found {len(found)}; name one by ?source_id=: {names}"
+                f"lsl: expected one stream called {self._name!r}, found {len(found)}; select by ?source_id=: {names}"
             )
         return found[0]
 
     def _streams_of_the_name(self) -> list[pylsl.StreamInfo]:
-        """Streams with this name, and with this source id where one is given; waits until the wanted one answers."""
+        """Streams of this name, and of this source id if one is given; waits until one is found or the time is over."""
         until, seen = time.monotonic() + self._search, 0
         while (left := until - time.monotonic()) > 0:
-            # A search returns with the first so many streams that answer; another one of the name may be the first.
+            # A search returns the first streams that answer; another stream of the same name may answer first.
             found = pylsl.resolve_byprop("name", self._name, seen + 1, left)
             wanted = [each for each in found if self._source_id in (None, each.source_id())]
             if wanted:
@@ -165,10 +158,12 @@ class LslSource:
 
     def _understood(self, info: Any) -> Stream:
         if info.channel_format() == pylsl.cf_string:
-            raise DeviceError(f"lsl: expected numbers from {self._name!r}, it sends text; name the stream of samples")
+            raise DeviceError(f"lsl: expected numbers from {self._name!r}, got text; select another stream")
         self._rate, channels = float(info.nominal_srate()), int(info.channel_count())
         if self._rate <= 0:
-            raise RateError(f"lsl: expected a steady rate of {self._name!r}, it states none; a stream of events?")
+            raise RateError(
+                f"lsl: expected a regular rate of {self._name!r}, got none; select a stream of samples, not of events"
+            )
         if self._counter is not None:
             if not 0 <= self._counter < channels:
                 raise InputError(f"lsl: expected a counter among channels 0 to {channels - 1}, got {self._counter}")
@@ -179,7 +174,7 @@ class LslSource:
         return Stream(channels=channels, rate=self._rate, unit=unit, scale=scale, stored=stored)
 
     def _runs(self, samples: Samples, stamps: NDArray[np.float64]) -> Iterator[Run]:
-        """The frames whose numbers are known, in runs without a gap; the first one since start is 0."""
+        """Frames with known numbers, in runs without a gap; the first one since start is 0."""
         if self._counter is None:
             yield from self._stamped.add(samples, stamps)
             return
@@ -189,21 +184,21 @@ class LslSource:
         yield from self._stamped.add(samples, stamps) if number is None else runs(number, samples, stamps)
 
     def _count(self, counter: Samples) -> NDArray[np.int64] | None:
-        """Numbers of frames by their counter; None when it stands still, and stamps must do from then on."""
+        """Frame numbers from the counter; None once it has stopped, after which the stamps are used."""
         if self._counted is None:
             self._counted = CountedFrames(counter.dtype)
         try:
             number = self._counted.number(counter.astype(np.float64))
         except ValueError as wrong:
             raise DeviceError(
-                f"lsl: expected a counter that grows from {self._name!r}; it went back: sender restarted"
+                f"lsl: expected an increasing counter from {self._name!r}, it decreased; the sender restarted"
             ) from wrong
         if number is None:
             self._stamped = StampedFrames(self._rate, first=self._counted.frames)
         return number
 
     def _keep(self, found: Iterable[Run]) -> None:
-        # Both clocks are steady and run alike; they began at different times.
+        # Both clocks are monotonic with the same rate; only their origins differ.
         offset = time.monotonic() - pylsl.local_clock() + self._correction
         for run in found:
             self._waiting.append(
@@ -221,18 +216,18 @@ class LslSource:
         return self._inlet
 
     def _lost(self) -> DeviceError:
-        return DeviceError(f"lsl: lost the sender of {self._name!r}; see that it runs, then start again")
+        return DeviceError(f"lsl: lost the sender of {self._name!r}; make sure that it runs, then start again")
 
 
 def _keep_quiet() -> None:
-    """Let liblsl write errors only, unless somebody configured it: its notes would run through the meters."""
+    """Limit liblsl to error messages, unless the user configured it: its notes would disturb the level meters."""
     files = (Path("lsl_api.cfg"), Path.home() / "lsl_api" / "lsl_api.cfg", Path("/etc/lsl_api/lsl_api.cfg"))
     if "LSLAPICFG" not in os.environ and not any(file.exists() for file in files):
         pylsl.lib.lib.lsl_set_config_content(b"[log]\nlevel = -2\n")
 
 
 def _unit(stated: list[str | None] | None, counter: int | None) -> tuple[Unit | None, float]:
-    """The one unit of all channels, if they state one that is known."""
+    """The common unit of all channels, if they state a known one, and its scale."""
     names = {(name or "").lower() for at, name in enumerate(stated or []) if at != counter}
     return UNITS.get(names.pop(), (None, 1.0)) if len(names) == 1 else (None, 1.0)
 

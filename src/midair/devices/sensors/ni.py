@@ -1,6 +1,6 @@
-"""Converters of National Instruments. Imports the extra `ni`, which needs the vendor's driver NI-DAQmx.
+"""Converters of National Instruments; needs the extra `ni` and the vendor's driver NI-DAQmx.
 
-The driver runs on Windows and some Linux distributions; nobody has run this file against a real one yet.
+The driver runs on Windows and some Linux distributions; this module has not been tested with real hardware.
 """
 
 import time
@@ -29,60 +29,51 @@ _WIRES = {
 
 
 class NiTask(Protocol):
-    """What is used of `nidaqmx.Task`."""
+    """The part of `nidaqmx.Task` that midair uses."""
 
     @property
     def ai_channels(self) -> Any:
-        """The inputs of the task."""
+        """Inputs of the task."""
         ...
 
     @property
     def timing(self) -> Any:
-        """The sample clock of the task."""
+        """Sample clock of the task."""
         ...
 
     @property
     def in_stream(self) -> Any:
-        """The driver's buffer of samples."""
+        """Sample buffer of the driver."""
         ...
 
     @property
     def channel_names(self) -> Sequence[str]:
-        """Names of the inputs, one each."""
+        """Names of the inputs."""
         ...
 
     def start(self) -> None:
-        """Begin to sample."""
+        """Start sampling."""
         ...
 
     def stop(self) -> None:
-        """End sampling."""
+        """Stop sampling."""
         ...
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Release the device."""
         ...
 
     def read(self, number_of_samples_per_channel: int, timeout: float) -> Any:
-        """So many frames as a list of samples by channel, or a list of samples where there is one channel."""
+        """Return frames as one list of samples per channel, or a single list if there is one channel."""
         ...
 
 
 class NiSource:
-    """Voltage inputs, sampled together.
+    """Voltage inputs, sampled simultaneously.
 
-    Parameters
-    ----------
-    channels : str
-        In the driver's words, such as ``Dev1/ai0:15``.
-    rate : float
-        Rate of the frames, in Hz.
-    limit : float
-        Largest voltage of the range, either way, in V.
-    wires : {"default", "rse", "nrse", "differential"}
-        Against what the voltage is measured.
-    make_task : callable, optional
-        Makes the driver's task; for tests.
+    `channels` is in the driver's notation, such as ``Dev1/ai0:15``. `limit` is the range, plus and minus, in V. `wires`
+    is
+    the terminal configuration. `make_task` replaces the driver in tests.
     """
 
     def __init__(
@@ -100,14 +91,14 @@ class NiSource:
         self._frames = 0
 
     def open(self) -> Stream:
-        """Reserve the inputs and set range and clock."""
+        """Reserve the inputs and configure range and clock."""
         try:
             self._task = self._make()
             self._task.ai_channels.add_ai_voltage_chan(
                 self._name, terminal_config=_WIRES[self._wires], min_val=-self._limit, max_val=self._limit
             )
             self._task.timing.cfg_samp_clk_timing(
-                # The driver holds ten seconds, for when nobody takes them.
+                # The driver buffers ten seconds of unread frames.
                 self._rate,
                 sample_mode=AcquisitionType.CONTINUOUS,
                 samps_per_chan=max(1000, round(10 * self._rate)),
@@ -115,7 +106,7 @@ class NiSource:
             channels, rate = len(self._task.channel_names), float(self._task.timing.samp_clk_rate)
         except DaqNotFoundError as wrong:
             raise DeviceError(
-                "ni: expected the driver NI-DAQmx, it is not installed; get it from the vendor (Debian has no package)"
+                "ni: expected the driver NI-DAQmx, it is not installed; install it from the vendor (Debian has none)"
             ) from wrong
         except DaqmxError as wrong:
             raise self._failed(wrong) from wrong
@@ -123,7 +114,7 @@ class NiSource:
         return Stream(channels=channels, rate=rate, unit="V", full_scale=self._limit)
 
     def start(self) -> None:
-        """Begin to sample."""
+        """Start sampling."""
         self._frames = 0
         try:
             self._opened().start()
@@ -131,14 +122,14 @@ class NiSource:
             raise self._failed(wrong) from wrong
 
     def pull(self, wait: float) -> Chunk | None:
-        """All frames that the driver holds."""
+        """Return all frames in the driver's buffer."""
         task, end = self._opened(), time.monotonic() + wait
         try:
             while not (ready := int(task.in_stream.avail_samp_per_chan)):
                 if time.monotonic() > end:
                     return None
                 time.sleep(0.002)
-            # No more than is there already, so that the read itself need not wait.
+            # Read only what is available, so that the read does not wait.
             samples = np.atleast_2d(np.asarray(task.read(ready, wait), np.float64)).T
         except DaqmxError as wrong:
             raise self._failed(wrong) from wrong
@@ -151,22 +142,22 @@ class NiSource:
         )
 
     def stop(self) -> None:
-        """End sampling."""
+        """Stop sampling."""
         if self._task is not None:
             self._quietly(self._task.stop)
 
     def close(self) -> None:
-        """Let go of the inputs."""
+        """Release the inputs."""
         task, self._task = self._task, None
         if task is not None:
             self._quietly(task.close)
 
     def describe(self) -> dict[str, str]:
-        """Which inputs, and their range."""
+        """Inputs and their range."""
         return {"inputs": self._name, "range": f"{self._limit:g} V either way"}
 
     def _quietly(self, call: Callable[[], None]) -> None:
-        """A device that was pulled out complains about everything; the first complaint was told already."""
+        """Ignore errors: after the loss of a device every call fails, and the first error was already raised."""
         try:
             call()
         except DaqmxError:
@@ -188,7 +179,7 @@ def _real_task() -> NiTask:
 
 
 def devices() -> list[str]:
-    """Names of the devices that the driver sees."""
+    """Names of the devices that the driver finds."""
     try:
         return [str(device.name) for device in System.local().devices]
     except DaqNotFoundError as wrong:

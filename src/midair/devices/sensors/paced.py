@@ -1,4 +1,4 @@
-"""A sensor whose time is its own, such as a replayed file, at the pace of this computer's clock."""
+"""A sensor with its own time, such as a replayed file, at the pace of this computer's clock."""
 
 import time
 from dataclasses import replace
@@ -7,12 +7,12 @@ from midair.devices.interface import FrameBlock, SensorDevice
 
 
 class PacedSensor(SensorDevice):
-    """Gives the frames of another sensor when their time has come, no sooner.
+    """Returns the frames of another sensor in real time.
 
     Parameters
     ----------
     sensor : SensorDevice
-        The sensor whose clock runs when it is read.
+        A sensor whose time advances only when it is read (`on_demand`).
     """
 
     def __init__(self, sensor: SensorDevice) -> None:
@@ -23,16 +23,16 @@ class PacedSensor(SensorDevice):
         self._begin = 0.0
 
     def open(self) -> None:
-        """Take hold of the other sensor."""
+        """Open the other sensor."""
         self._sensor.open()
 
     def start(self) -> None:
-        """Start the other sensor; its first frame is taken now."""
+        """Start the other sensor; the time of its first frame is now."""
         self._sensor.start()
         self._begin = time.monotonic()
 
     def read(self, frames: int) -> FrameBlock:
-        """The next frames, when the last of them would have been taken."""
+        """Return the next frames, once the time of the last of them has come."""
         block = self._sensor.read(frames)
         end = self._begin + (block.first + len(block.samples)) / self.rate
         time.sleep(max(0.0, end - time.monotonic()))
@@ -44,5 +44,5 @@ class PacedSensor(SensorDevice):
         self._sensor.stop()
 
     def close(self) -> None:
-        """Let go of the other sensor."""
+        """Close the other sensor."""
         self._sensor.close()

@@ -1,4 +1,4 @@
-"""A thread that takes what a source gives at once, so that nothing is lost while a disk is slow."""
+"""A thread that reads a source continuously, so that no frames are lost during slow disk access."""
 
 import threading
 from collections import deque
@@ -8,16 +8,9 @@ from midair.errors import MidairError
 
 
 class Reader:
-    """Keeps chunks until somebody takes them, up to a limit; beyond it the newest are dropped.
+    """Buffers chunks of a started source up to `limit` bytes; beyond it the newest chunks are dropped and counted.
 
-    Parameters
-    ----------
-    source : Source
-        Started; `pull` is called from the reader's thread only.
-    rate : float
-        Rate of the source, in Hz.
-    limit : float
-        Limit of the samples that wait, in bytes.
+    `pull` is called from the reader's thread only.
     """
 
     def __init__(self, source: Source, rate: float, *, limit: float) -> None:
@@ -32,12 +25,8 @@ class Reader:
         self._thread.start()
 
     def take(self, wait: float) -> Chunk | None:
-        """The oldest chunk, or the first that comes within `wait` seconds, or None.
-
-        Raises
-        ------
-        MidairError
-            Of the source, once everything that came before it was taken.
+        """Return the oldest chunk, waiting up to `wait` seconds, or None; raises the source's error after its last
+        chunk.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._waiting or self._failure, wait)
@@ -50,28 +39,28 @@ class Reader:
             return None
 
     def ready(self, wait: float) -> bool:
-        """Whether `take` would give a chunk, or raise, at once; waited for so many seconds at most."""
+        """Wait up to `wait` seconds; True if `take` would return a chunk, or raise, at once."""
         if self._waiting:
             return True
         with self._changed:
             return bool(self._changed.wait_for(lambda: self._waiting or self._failure, wait))
 
     def stop(self) -> None:
-        """End the thread; what waits is forgotten."""
+        """End the thread; buffered chunks are discarded."""
         self._ends.set()
         self._thread.join(5.0)
 
     def _run(self) -> None:
         try:
             while not self._ends.is_set():
-                # A short wait, so that `stop` is noticed even when nothing comes.
+                # A short wait, so that `stop` is noticed even without data.
                 chunk = self._source.pull(0.1)
                 if chunk is not None:
                     for part in chunk.finite_parts(self._rate):
                         self._put(part)
         except MidairError as wrong:
             self._fail(wrong)
-        except Exception as wrong:  # noqa: BLE001  # a thread has nobody above it: whoever reads next is told
+        except Exception as wrong:  # noqa: BLE001  # the next call of `take` raises it
             self._fail(wrong)
 
     def _put(self, chunk: Chunk) -> None:

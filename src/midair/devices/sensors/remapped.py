@@ -1,4 +1,4 @@
-"""A sensor whose channels are taken in another order."""
+"""A sensor with its channels in another order."""
 
 from dataclasses import replace
 
@@ -9,14 +9,14 @@ from midair.model import SensorWiring
 
 
 class RemappedSensor(SensorDevice):
-    """Another sensor, cell k of which is channel k here: wires that were swapped, or that are put right again.
+    """A sensor with reordered channels: to simulate or to correct swapped wires.
 
     Parameters
     ----------
     sensor : SensorDevice
         Its cells, row by row, are the channels.
     wiring : SensorWiring
-        Which channel is which cell; its grid and name are this sensor's. Unit and scale stay the sensor's.
+        Assignment of channels to cells; its grid and name replace the sensor's, unit and scale do not.
     """
 
     def __init__(self, sensor: SensorDevice, wiring: SensorWiring) -> None:
@@ -34,7 +34,7 @@ class RemappedSensor(SensorDevice):
         self._sensor.start()
 
     def read(self, frames: int) -> FrameBlock:
-        """The sensor's next frames, channels in the other order."""
+        """Return the sensor's next frames with reordered channels."""
         block = self._sensor.read(frames)
         samples = np.asarray(block.samples, np.float64).reshape(len(block.samples), self._sensor.grid.count)
         return replace(block, samples=self._order.arrange(samples))
@@ -48,5 +48,5 @@ class RemappedSensor(SensorDevice):
         self._sensor.close()
 
     def describe(self) -> dict[str, str]:
-        """What the sensor says."""
+        """Description of the sensor."""
         return self._sensor.describe()

@@ -1,4 +1,4 @@
-"""A recording played back as if a sensor gave it."""
+"""A recording played back as a sensor."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from midair.model import Calibration, Recording
 
 
 class ReplaySensor(SensorDevice):
-    """Gives the frames of a recording, then none."""
+    """Returns the frames of a recording, then none."""
 
     on_demand = True
 
@@ -19,14 +19,14 @@ class ReplaySensor(SensorDevice):
         self._taken: int | None = None
 
     def open(self) -> None:
-        """Nothing to take hold of."""
+        """Do nothing: there is no device to open."""
 
     def start(self) -> None:
-        """Begin at the recording's first frame."""
+        """Start at the recording's first frame."""
         self._taken = 0
 
     def read(self, frames: int) -> FrameBlock:
-        """The next frames, until the recording ends."""
+        """Return the next frames, until the recording ends."""
         if self._taken is None:
             raise DeviceStateError("replay: expected start before read")
         first = self._taken
@@ -36,8 +36,8 @@ class ReplaySensor(SensorDevice):
         return FrameBlock(samples=samples, first=first, device_time=now, host_time=now)
 
     def stop(self) -> None:
-        """End the replay; the next start begins at the first frame."""
+        """Stop the replay; the next start begins at the first frame."""
         self._taken = None
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing: there is no device to close."""

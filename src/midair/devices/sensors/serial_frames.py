@@ -1,9 +1,9 @@
-"""The frames that a sensor sends over a serial line: one function that writes them, one decoder that finds them.
+"""Frame format of serial sensors: an encoder and a decoder.
 
-One frame of all channels, all numbers with the low byte first:
+One frame of all channels; all numbers are little-endian:
 
 ====== ======= ==========================================================
-offset bytes   what
+offset bytes   content
 ====== ======= ==========================================================
 0      2       sync word, A5 5A
 2      1       version of the protocol, 1
@@ -37,17 +37,7 @@ _CRC = struct.Struct("<I")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """What stays the same from frame to frame.
-
-    Attributes
-    ----------
-    channels : int
-        1 to 255.
-    width : int
-        Bytes of a sample, 2 or 3.
-    period : int
-        Period of a frame, in ns.
-    """
+    """Constant properties of the frames: 1 to 255 channels, 2 or 3 bytes per sample (`width`), `period` in ns."""
 
     channels: int
     width: int
@@ -65,28 +55,16 @@ class Layout:
 
     @property
     def valid(self) -> bool:
-        """Whether a frame can say so."""
+        """True if a frame with this layout can exist."""
         return self.channels > 0 and self.width in (2, 3) and self.period > 0
 
 
 def encode(samples: ArrayLike, *, counter: int, time_us: int, period_ns: int = 1_000_000, width: int = 2) -> bytes:
-    """The bytes of one frame, as a sensor's firmware would send them.
+    """Bytes of one frame, as a sensor's firmware sends them; `samples` in counts, shape (channel,).
 
-    Parameters
-    ----------
-    samples : array_like of int, shape (channel,)
-        In counts.
-    counter, time_us : int
-        Counter and time of the frame; only the low 32 bits are sent.
-    period_ns : int
-        Period of the frames.
-    width : int
-        Bytes of a sample, 2 or 3.
-
-    Raises
-    ------
-    InputError
-        If a sample does not fit into its bytes, or there is no such width or number of channels.
+    Only the low 32 bits of `counter` and `time_us` are sent. Raises InputError if a sample does not fit into `width`
+    bytes,
+    or width or number of channels is invalid.
     """
     values = np.asarray(samples, np.int64)
     layout = Layout(channels=values.size, width=width, period=period_ns)
@@ -104,17 +82,7 @@ def encode(samples: ArrayLike, *, counter: int, time_us: int, period_ns: int = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frames:
-    """Frames that followed each other without a gap.
-
-    Attributes
-    ----------
-    samples : ndarray of int32, shape (frame, channel)
-        In counts.
-    counter : int
-        Counter of the first frame, without wraps: it only grows.
-    time_us : int
-        Device time of the first frame, without wraps, in µs.
-    """
+    """Consecutive frames without a gap; `counter` and `time_us` (in µs) are those of the first, without wraps."""
 
     samples: NDArray[np.int32]
     counter: int
@@ -123,32 +91,22 @@ class Frames:
 
 @dataclass(slots=True)
 class Decoder:
-    """Finds frames in a stream of bytes, whatever lies between them.
-
-    Attributes
-    ----------
-    layout : Layout or None
-        Layout of the first whole frame; frames of another layout are not taken.
-    skipped : int
-        Bytes that belonged to no whole frame: noise, or a frame that was cut or damaged.
-    broken : int
-        Frames whose CRC was wrong.
-    """
+    """Finds frames in a stream of bytes with any content between them."""
 
     layout: Layout | None = None
+    """Layout of the first whole frame; frames of another layout are skipped."""
     skipped: int = 0
+    """Number of bytes outside of whole frames: noise, or an incomplete or damaged frame."""
     broken: int = 0
+    """Number of frames with a wrong CRC."""
     _held: bytearray = field(default_factory=bytearray)
     _counter: int = -1
     _time: int = 0
 
     def push(self, data: bytes) -> list[Frames]:
-        """The whole frames that `data` completes, in runs without a gap.
+        """Return the whole frames that `data` completes, in runs without a gap.
 
-        Raises
-        ------
-        DeviceError
-            If the counter goes back: the sensor started anew, and what lies between is unknown.
+        Raises DeviceError if the counter decreases: the sensor restarted, and the length of the gap is unknown.
         """
         self._held += data
         runs: list[list[tuple[int, int, bytes]]] = []
@@ -160,7 +118,7 @@ class Decoder:
         return [] if self.layout is None else [_frames(run, self.layout) for run in runs]
 
     def _next(self) -> tuple[int, int, bytes] | None:
-        """The next whole frame as (counter, time, bytes of the samples), or None while there is none."""
+        """The next whole frame as (counter, time, bytes of the samples), or None if there is none yet."""
         while self._to_sync() and len(self._held) >= _HEADER.size:
             _, version, width, channels, flags, period, counter, time_us = _HEADER.unpack_from(self._held)
             layout = Layout(channels=channels, width=width, period=period)
@@ -172,12 +130,12 @@ class Decoder:
                 del self._held[: layout.size]
                 self.layout = layout
                 return self._unwrapped(counter, time_us, samples)
-            # One byte only: a true frame may begin inside what looked like one.
+            # Skip one byte only: a valid frame may begin inside an apparent one.
             self._skip(1)
         return None
 
     def _to_sync(self) -> bool:
-        """Throw away what comes before the next sync word; a last byte that may be its first half stays."""
+        """Discard the bytes before the next sync word, except a last byte that may be its first half."""
         at = self._held.find(SYNC)
         if at < 0:
             self._skip(len(self._held) - self._held.endswith(SYNC[:1]))
@@ -192,7 +150,7 @@ class Decoder:
     def _crc_fits(self, layout: Layout) -> bool:
         body = memoryview(self._held)[len(SYNC) : layout.size - _CRC.size]
         right = zlib.crc32(body) == _CRC.unpack_from(self._held, layout.size - _CRC.size)[0]
-        # The bytes cannot be cut while a view of them is held.
+        # A bytearray cannot be resized while a view of it exists.
         body.release()
         self.broken += not right
         return right
@@ -202,10 +160,10 @@ class Decoder:
             self._counter, self._time = counter, time_us
             return counter, time_us, samples
         ahead = (counter - self._counter) % WRAP
-        # Up to half a turn ahead is a gap; more is a step back.
+        # Up to half the range ahead is a gap; more is a decrease.
         if not 0 < ahead < WRAP // 2:
             raise DeviceError(
-                f"serial: expected a frame after number {self._counter % WRAP}, got {counter}; the sensor started anew"
+                f"serial: expected a frame after number {self._counter % WRAP}, got {counter}; the sensor restarted"
             )
         self._counter += ahead
         self._time += (time_us - self._time) % WRAP
@@ -213,7 +171,7 @@ class Decoder:
 
 
 def _frames(run: list[tuple[int, int, bytes]], layout: Layout) -> Frames:
-    """Samples of 2 or 3 bytes as the upper bytes of 4, shifted down so that the sign spreads."""
+    """Decode samples of 2 or 3 bytes as the upper bytes of 4, shifted down to extend the sign."""
     data = np.frombuffer(b"".join(samples for _, _, samples in run), np.uint8)
     wide = np.zeros((len(run), layout.channels, 4), np.uint8)
     wide[:, :, 4 - layout.width :] = data.reshape(len(run), layout.channels, layout.width)

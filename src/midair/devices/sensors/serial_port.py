@@ -1,4 +1,4 @@
-"""A sensor on a serial line, USB or not, that sends the frames of `serial_frames`. Imports the extra `serial`."""
+"""A sensor on a serial port that sends the frames of `serial_frames`; needs the extra `serial`."""
 
 import errno
 import os
@@ -21,11 +21,11 @@ from midair.errors import DeviceError, DeviceStateError
 
 
 class Port(Protocol):
-    """What is used of `serial.Serial`."""
+    """The part of `serial.Serial` that midair uses."""
 
     @property
     def in_waiting(self) -> int:
-        """Bytes that have come."""
+        """Number of bytes received."""
         ...
 
     def read(self, size: int = 1) -> bytes:
@@ -33,28 +33,20 @@ class Port(Protocol):
         ...
 
     def reset_input_buffer(self) -> None:
-        """Throw away what has come."""
+        """Discard the received bytes."""
         ...
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         ...
 
 
 class SerialSource:
-    """The frames that come in at a port.
+    """Frames received at a serial port, such as ``/dev/ttyUSB0`` or ``COM3``.
 
-    Parameters
-    ----------
-    port : str
-        Such as ``/dev/ttyUSB0`` or ``COM3``.
-    baud : int
-        Bits per second; a USB device that is no real serial line ignores it. 16 channels of 16 bits at 1 kHz are
-        540 000 bits per second with start and stop bits.
-    search : float
-        How long to wait for the first whole frame, in s.
-    connect : callable, optional
-        Opens the port; for tests.
+    USB devices without a real serial line ignore `baud`; 16 channels of 16 bits at 1 kHz need 540 000 bits per second
+    with
+    start and stop bits. `search` limits the time to the first whole frame, in s. `connect` opens the port, for tests.
     """
 
     def __init__(
@@ -70,9 +62,9 @@ class SerialSource:
         self._arrived = 0.0
 
     def open(self) -> Stream:
-        """Open the port and listen until one whole frame has come, which says what the sensor sends."""
+        """Open the port and wait for one whole frame, which defines channels and rate."""
         with ExitStack() as hold:
-            # By its real path, since one port has several names.
+            # The real path, since one port has several names.
             hold.enter_context(device_lock(f"serial:{os.path.realpath(self._name)}"))
             try:
                 self._port = self._connect()
@@ -88,25 +80,25 @@ class SerialSource:
         return Stream(channels=layout.channels, rate=1e9 / layout.period, full_scale=float(layout.full_scale))
 
     def start(self) -> None:
-        """Throw away what has come; the next whole frame is frame 0."""
+        """Discard the received bytes; the next whole frame is frame 0."""
         self._guarded(self._opened().reset_input_buffer)
-        # The layout stays, since channels and rate were told when it was opened.
+        # The layout stays, since `open` returned its channels and rate.
         self._decoder = Decoder(layout=self._decoder.layout)
         self._waiting.clear()
         self._base = None
 
     def pull(self, wait: float) -> Chunk | None:
-        """The whole frames that came."""
+        """Return the whole frames that were received."""
         end = time.monotonic() + wait
         while not self._waiting and time.monotonic() < end:
             self._waiting.extend(self._decoder.push(self._read()))
         return self._chunk(self._waiting.popleft()) if self._waiting else None
 
     def stop(self) -> None:
-        """Nothing to tell: the sensor always sends."""
+        """Do nothing: the sensor always sends."""
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         port, self._port = self._port, None
         with self._hold:
             if port is not None:
@@ -114,7 +106,7 @@ class SerialSource:
                 port.close()
 
     def describe(self) -> dict[str, str]:
-        """What was wrong on the line since start."""
+        """Port, and transmission errors since start."""
         return {
             "port": self._name,
             "damaged frames": str(self._decoder.broken),
@@ -136,7 +128,7 @@ class SerialSource:
 
     def _read(self) -> bytes:
         port = self._opened()
-        # At least one byte, so that an empty port is waited for and not asked again and again.
+        # At least one byte, so that an empty port blocks instead of being polled.
         data: bytes = self._guarded(lambda: port.read(max(1, port.in_waiting)))
         self._arrived = time.monotonic()
         return data
@@ -150,12 +142,12 @@ class SerialSource:
             samples=frames.samples,
             first=frames.counter - self._base,
             device_time=frames.time_us * 1e-6,
-            # What came at once was taken one frame after another, the last one just now.
+            # Frames received together were sampled one after another, the last one just now.
             host_time=self._arrived - span,
         )
 
     def _guarded(self, call: Callable[[], Any]) -> Any:
-        """What the port answers; pyserial's errors are OSErrors, and TypeError when it was closed meanwhile."""
+        """Convert pyserial's errors: OSError, and TypeError if the port was closed meanwhile."""
         try:
             return call()
         except (OSError, TypeError) as wrong:
@@ -168,20 +160,20 @@ class SerialSource:
 
 
 def exclusive_port(port: str, baud: int) -> Any:
-    """An open port that nobody else opens meanwhile, as far as the system can see to that."""
+    """Open a port exclusively, as far as the system supports it."""
     opened = serial.Serial(port, baud, timeout=0.05, exclusive=True if os.name == "posix" else None)
     if sys.platform != "win32":
         import fcntl
         import termios
 
-        # pyserial's own lock is a word among programs that ask for one; this makes the system refuse the others too.
+        # pyserial's lock only affects programs that check it; this makes the system refuse all others.
         with suppress(OSError):
             fcntl.ioctl(opened.fileno(), termios.TIOCEXCL)
     return opened
 
 
 def _share(port: Any) -> None:
-    """Let others open a port again, which a system may not do by itself while somebody else has it open."""
+    """Let other programs open the port again, which a system may not do while another process has it open."""
     if sys.platform != "win32":
         import fcntl
         import termios
@@ -196,7 +188,7 @@ def ports() -> list[str]:
 
 
 def _advice(port: str, wrong: Exception) -> str:
-    """What to do about a port that cannot be opened."""
+    """Advice for a port that cannot be opened."""
     if getattr(wrong, "errno", None) in (errno.EACCES, errno.EPERM):
         return f"you may not open it: sudo usermod -aG {_group(port)} $USER, then log out and in again"
     if getattr(wrong, "errno", None) in (errno.EBUSY, errno.EAGAIN):
@@ -205,7 +197,7 @@ def _advice(port: str, wrong: Exception) -> str:
 
 
 def _group(port: str) -> str:
-    """The group that may open a port; dialout, as most systems call it, where the port does not tell."""
+    """Group that may open the port; dialout if unknown."""
     try:
         return Path(port).group()
     except (OSError, KeyError, NotImplementedError):

@@ -1,4 +1,4 @@
-"""What a stream of channels is, wherever it comes from: what `StreamedSensor` needs of a source, and no more."""
+"""The interface of a source of channels, which `StreamedSensor` uses."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -17,56 +17,38 @@ Samples = NDArray[Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stream:
-    """What a source turned out to be once it was opened.
-
-    Attributes
-    ----------
-    channels : int
-        In a frame.
-    rate : float
-        Frames per second, in Hz.
-    unit : {"V", "count", "Pa"} or None
-        Unit of sample * scale; None when the source knows only its own numbers.
-    scale : float
-        How much of `unit` one of the source's numbers is.
-    full_scale : float or None
-        Magnitude at which the source clips, in its own numbers.
-    stored : {"f4", "f8"}
-        Whether float32 holds every number of the source.
-    """
+    """Properties of a source, known once it is open."""
 
     channels: int
+    """Number of channels in a frame."""
     rate: float
+    """Frames per second, in Hz."""
     unit: Unit | None = None
+    """Unit of sample * scale; None if the source has only raw numbers."""
     scale: float = 1.0
     full_scale: float | None = None
+    """Magnitude at which the source clips, in raw numbers."""
     stored: Stored = "f8"
+    """"f4" if float32 represents every number of the source exactly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chunk:
-    """Consecutive frames of all channels.
-
-    Attributes
-    ----------
-    samples : ndarray, shape (frame, channel)
-        In the source's own numbers.
-    first : int
-        Index of the first frame since start, lost ones counted.
-    device_time, host_time : float
-        As in `Block`, in s.
-    """
+    """Consecutive frames of all channels."""
 
     samples: Samples
+    """Raw numbers of the source, shape (frame, channel)."""
     first: int
+    """Index of the first frame since start, including lost frames."""
     device_time: float
+    """Both times as in `FrameBlock`, in s."""
     host_time: float
 
     def __len__(self) -> int:
         return len(self.samples)
 
     def part(self, begin: int, end: int, rate: float) -> "Chunk":
-        """Frames `begin` to `end` of the chunk, by its own count."""
+        """Frames `begin` to `end` of the chunk, counted from its start."""
         return replace(
             self,
             samples=self.samples[begin:end],
@@ -76,45 +58,45 @@ class Chunk:
         )
 
     def finite_parts(self, rate: float) -> "Iterator[Chunk]":
-        """The runs of frames without NaN or infinity, with which some programs say that a frame is missing."""
+        """Runs of frames without NaN or infinity, with which some programs mark missing frames."""
         whole = np.isfinite(self.samples).all(axis=1)
         if whole.all():
             yield self
             return
-        # A frame that is missing on either side gives every run a beginning and an end.
+        # Padding with a missing frame on either side gives every run a beginning and an end.
         edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]])))
         for begin, end in zip(edges[::2], edges[1::2], strict=True):
             yield self.part(int(begin), int(end), rate)
 
 
 class Source(Protocol):
-    """Channels that are sampled somewhere; all errors are `MidairError`.
+    """Sampled channels; all errors are `MidairError`.
 
     `open`, `start`, `stop` and `close` are called from one thread, `pull` from another between `start` and `stop`.
     """
 
     def open(self) -> Stream:
-        """Take hold of it and say what it is."""
+        """Open the source and return its properties."""
         ...
 
     def start(self) -> None:
-        """Begin: frame 0 is the first one after this. What came before is thrown away."""
+        """Start sampling and discard earlier data: frame 0 is the first one after this call."""
         ...
 
     def pull(self, wait: float) -> Chunk | None:
-        """What came since the last call, or the first that comes within `wait` seconds; None if nothing does."""
+        """Return the frames since the last call, waiting up to `wait` seconds for the first; None if there are none."""
         ...
 
     def stop(self) -> None:
-        """End sampling. Harmless when not started."""
+        """Stop sampling; no effect if not started."""
         ...
 
     def close(self) -> None:
-        """Let go. Harmless when not open."""
+        """Close the source; no effect if not open."""
         ...
 
     def describe(self) -> dict[str, str]:
-        """What it says of itself, and what it counted since start, in words."""
+        """Information about the source and counters since start, by name."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""A sensor whose channels come as a stream: from the network, a sound card, a serial port, a converter."""
+"""A sensor whose channels are streamed: from the network, a sound card, a serial port or a converter."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,24 +14,26 @@ from midair.model import Calibration, SensorWiring
 
 
 class StreamedSensor(SensorDevice):
-    """Gives the frames of a source as blocks of cells, whatever the source's own pieces are.
+    """Returns the frames of a source as blocks of cells of the requested length.
 
-    A thread takes everything from the source at once, so a reader may be late by as much as `memory` holds: 64 MB are
-    20 s of 16 channels at 48 kHz in float32, and 17 minutes at 1 kHz.
+    A thread reads the source continuously, so that `read` may be late by as much as `memory` holds: 64 MB are 20 s of
+    16
+    channels at 48 kHz in float32, and 17 minutes at 1 kHz.
 
     Parameters
     ----------
     source : Source
-        Where the channels come from.
+        The source of the channels.
     name : str
-        What it was opened by.
+        The name that it was opened with.
     wire : callable, optional
-        Says of an opened stream which channel is which cell and what the numbers mean; if None, cells in the order of
-        the channels, and the unit that the source states, or counts.
+        Returns the wiring for an opened stream; by default cells in the order of the channels, in the unit of the
+        source
+        or counts.
     timeout : float
-        After how long without a frame the source counts as lost, in s.
+        Time without a frame after which the source counts as lost, in s.
     memory : float
-        Memory for frames that nobody has read yet, in bytes; what does not fit is lost, and counted.
+        Memory for unread frames, in bytes; frames that do not fit are lost, and counted.
     """
 
     def __init__(
@@ -53,13 +55,13 @@ class StreamedSensor(SensorDevice):
         self._lost = 0
 
     def __getattr__(self, attribute: str) -> Any:
-        """Only for what is not there: a source says what it is when it is opened."""
+        """Raise a clear error for attributes that are known only once the source is open."""
         if attribute in ("rate", "grid", "unit"):
-            raise DeviceStateError(f"{self.name}: expected open before asking for its {attribute}")
+            raise DeviceStateError(f"{self.name}: expected open before reading its {attribute}")
         raise AttributeError(attribute)
 
     def open(self) -> None:
-        """Take hold of the source, and learn its channels and rate."""
+        """Open the source and read its channels and rate."""
         if self._stream is not None:
             return
         try:
@@ -71,7 +73,7 @@ class StreamedSensor(SensorDevice):
         self._stream = stream
 
     def start(self) -> None:
-        """Begin to sample; a second start begins again at frame 0."""
+        """Start sampling; a second start begins again at frame 0."""
         stream = self._opened()
         self.stop()
         self._rest, self._next, self._lost = None, 0, 0
@@ -79,7 +81,7 @@ class StreamedSensor(SensorDevice):
         self._reader = Reader(self.source, stream.rate, limit=self._memory)
 
     def read(self, frames: int) -> FrameBlock:
-        """The next frames: `frames` of them, or those up to a gap or to the loss of the source."""
+        """Return the next `frames` frames, or fewer up to a gap or to the loss of the source."""
         if self._reader is None:
             raise DeviceStateError(f"{self.name}: expected start before read")
         if frames < 1:
@@ -98,27 +100,27 @@ class StreamedSensor(SensorDevice):
         )
 
     def ready(self, wait: float) -> bool:
-        """Whether a read would give a frame, or meet a failure, at once; waited for so many seconds at most."""
+        """Wait up to `wait` seconds; True if `read` would return a frame, or raise, at once."""
         if self._reader is None:
             raise DeviceStateError(f"{self.name}: expected start before read")
         return self._rest is not None or self._reader.ready(wait)
 
     def stop(self) -> None:
-        """End sampling; harmless when it has not begun."""
+        """Stop sampling; no effect if not started."""
         reader, self._reader = self._reader, None
         if reader is not None:
             reader.stop()
             self.source.stop()
 
     def close(self) -> None:
-        """Stop, and let go of the source."""
+        """Stop, and close the source."""
         self.stop()
         if self._stream is not None:
             self._stream = None
             self.source.close()
 
     def describe(self) -> dict[str, str]:
-        """What the source says of itself, and what was lost since start."""
+        """Information about the source, and the number of lost frames since start."""
         said = self.source.describe()
         if self._stream is not None:
             said |= {"channels": str(self._stream.channels), "rate": f"{self._stream.rate:g} Hz"}
@@ -136,21 +138,21 @@ class StreamedSensor(SensorDevice):
         return self.wiring
 
     def _parts(self, reader: Reader, frames: int) -> list[Chunk]:
-        """Chunks that follow each other, one at least."""
+        """Consecutive chunks, at least one."""
         parts: list[Chunk] = []
         while frames > 0:
             try:
                 chunk = reader.take(self.timeout) if self._rest is None else self._rest
             except Exception:
-                # What came before a failure is given first; the next read meets the failure.
+                # Return the frames before a failure first; the next read raises it.
                 if parts:
                     return parts
                 raise
             self._rest = None
             if chunk is None and not parts:
                 raise DeviceError(
-                    f"{self.name}: expected frames, got none for {self.timeout:g} s; is it connected, switched on and "
-                    "sending?"
+                    f"{self.name}: expected frames, got none for {self.timeout:g} s; check that it is connected, "
+                    "switched on and sending"
                 )
             if chunk is None or (parts and chunk.first != parts[-1].first + len(parts[-1])):
                 self._rest = chunk
@@ -166,7 +168,7 @@ class StreamedSensor(SensorDevice):
         return SensorWiring.for_channels(stream.channels, name=self.name, unit=stream.unit or "count")
 
     def _agree(self, stream: Stream) -> None:
-        """Settle wiring, unit and scale between what the source says and what was stated."""
+        """Combine wiring, unit and scale of the source with those that the user stated."""
         wiring = self._wire(stream)
         if wiring.channels > stream.channels:
             raise MismatchError(
@@ -175,29 +177,29 @@ class StreamedSensor(SensorDevice):
             )
         scale = _scale(self.name, stream, wiring)
         clips = None if stream.full_scale is None else stream.full_scale * scale
-        # What somebody stated goes before what the source says of itself.
+        # The user's statement takes precedence over the source's.
         self.wiring = replace(wiring, full_scale=wiring.full_scale or clips)
         self.grid, self.rate, self.unit, self._scale = wiring.grid, stream.rate, wiring.unit, scale
         self.full_scale = self.wiring.full_scale
-        # A power of two leaves every digit as it is.
+        # A power of two does not change the mantissa.
         self.stored = stream.stored if abs(np.frexp(scale)[0]) == 0.5 else "f8"
         if wiring.sensitivity is not None:
             self.calibration = Calibration.flat(wiring.grid, sensitivity=wiring.sensitivity, unit=wiring.unit)
 
 
 def _scale(name: str, stream: Stream, wiring: SensorWiring) -> float:
-    """How much of the sensor's unit one of the source's numbers is."""
+    """Factor from the source's numbers to the sensor's unit."""
     if stream.unit is not None:
         if stream.unit != wiring.unit:
             raise MismatchError(
-                f"{name}: expected samples in {wiring.unit}, the source says {stream.unit}; state unit={stream.unit}"
+                f"{name}: expected samples in {wiring.unit}, the source states {stream.unit}; set unit={stream.unit}"
             )
         return stream.scale
     if stream.full_scale is None or wiring.unit == "count":
         return 1.0
     if wiring.full_scale is None:
         raise InputError(
-            f"{name}: expected full_scale for a unit of {wiring.unit}, because the source only knows shares of it; "
-            f"state how many {wiring.unit} its full scale is, or unit=count"
+            f"{name}: expected full_scale for a unit of {wiring.unit}, the source reports only fractions of it; "
+            f"set full_scale in {wiring.unit}, or unit=count"
         )
     return wiring.full_scale / stream.full_scale

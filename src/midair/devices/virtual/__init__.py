@@ -1,4 +1,4 @@
-"""The virtual rig: an array, a sensor and the place where they meet, drivers like any other."""
+"""The virtual rig: a simulated array, a simulated sensor and the simulated skin between them."""
 
 from midair.devices.virtual.virtual_array import VirtualArray
 from midair.devices.virtual.virtual_sensor import VirtualSensor

@@ -1,4 +1,4 @@
-"""A phased array that exists only here: its sound presses on a `VirtualSkin`."""
+"""A simulated phased array, whose sound presses on a `VirtualSkin`."""
 
 from dataclasses import dataclass, replace
 
@@ -24,39 +24,36 @@ from midair.physics import (
 
 
 class VirtualArray(ArrayDevice):
-    """Plays frame after frame on transducers that need time, hold 8-bit phases, and are not as strong as assumed.
+    """Simulates playback with transducer dynamics, quantised phases, and deviations of the transducers from the model.
 
-    That its transducers differ from the model which the solver uses is meant: without it, there would be nothing to
-    measure and to correct.
+    The deviations are intended: they are what calibration and correction measure and compensate.
 
     Parameters
     ----------
-    array : TransducerArray
-        Where the transducers are.
     skin : VirtualSkin, optional
-        What the sound presses on; none by default.
+        The surface that the sound presses on.
     acoustics : Acoustics, optional
-        Of the sound: the air in which it plays, whatever a drive was solved for; each drive's own air if None.
+        Air in which the sound propagates, whatever a drive was solved for; each drive's own air if None.
     dynamics : TransducerDynamics
-        How a transducer follows a change of its drive, on average.
+        Mean response of a transducer to a change of its drive.
     phase_bits : int or None
-        That the phases are rounded to; not rounded if None.
+        Resolution of the phases; not quantised if None.
     strength : float
-        Mean strength of the transducers over the model's.
+        Mean strength of the transducers relative to the model.
     spread : float
-        Standard deviation of the strengths, as a part of the mean.
+        Relative standard deviation of the strengths.
     resonance_spread : float
         Standard deviation of the resonances, in Hz.
     quality_spread : float
-        Standard deviation of the quality factors, as a part of the mean.
+        Relative standard deviation of the quality factors.
     seed : int
-        Of the spreads.
+        Seed of the deviations.
     transducers : Transducers, optional
-        Those that it has, in place of strength, spreads and seed.
+        Replaces strength, spreads and seed.
     silencer : {"auto", "off", "quarter", "half", "default"}, optional
-        How steps are spread, see `choose_silencer`; if None, auto as on a real array, and off where a chain is given.
+        Setting of the silencer, see `choose_silencer`; default: auto as on a real array, or off if a chain is given.
     chain : PlaybackChain, optional
-        All of this instead of the settings above but for the silencer's, to make single parts ideal.
+        Replaces all settings above except the silencer's, to make single parts ideal.
     """
 
     simulated = True
@@ -104,16 +101,16 @@ class VirtualArray(ArrayDevice):
 
     @property
     def emitting(self) -> bool:
-        """Whether any sound comes out now."""
+        """True while any sound is emitted."""
         return bool(np.abs(self._now.q).max() > 0)
 
     def open(self) -> None:
-        """Be ready, and silent."""
+        """Open the array; it is silent."""
         self._open = True
         self.silence()
 
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
-        """Work out the pressure of every frame on the skin, some frames at a time."""
+        """Compute the pressure of every frame on the skin, block by block."""
         if not self._open:
             raise DeviceStateError("virtual array: expected open before play")
         path = self._path_in(self.acoustics or Acoustics(medium=drive.acoustics.medium))
@@ -129,21 +126,21 @@ class VirtualArray(ArrayDevice):
         return PlayReport(frames=total, duration=total / drive.rate, silencer=said)
 
     def silence(self) -> None:
-        """Stop all sound at once."""
+        """Stop all sound immediately."""
         self._now = Moment.silent(self.array.count)
 
     def close(self) -> None:
-        """Let go."""
+        """Close the array."""
         self._open = False
 
     def _silencer(self, drive: Drive) -> Silencer | None:
-        """What spreads the steps of this drive; None when none is on."""
+        """The silencer for this drive; None if it is off."""
         if self.silencer == "off":
             return None
         return choose_silencer(self.silencer, drive)
 
     def _path_in(self, acoustics: Acoustics) -> "_Path | None":
-        """The way from the array to the skin, kept until a drive comes that is played in other air."""
+        """Propagation from the array to the skin, cached until the air changes."""
         if self._skin is not None and (self._path is None or self._path.acoustics != acoustics):
             matrix = transfer_matrix(self._skin.points, self.array, acoustics=acoustics)
             spread = Spread.of(matrix, acoustics.medium, None, self.chain.precision)
@@ -175,7 +172,7 @@ class VirtualArray(ArrayDevice):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Path:
-    """From the array through the air to the skin."""
+    """Propagation from the array to the skin."""
 
     skin: VirtualSkin
     acoustics: Acoustics

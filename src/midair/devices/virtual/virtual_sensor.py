@@ -1,4 +1,4 @@
-"""A microphone sensor that exists only here: the forward model of physics/sensing behind the sensor interface."""
+"""A simulated microphone sensor: the forward model of physics/sensing behind the sensor interface."""
 
 from typing import Any, cast
 
@@ -14,20 +14,20 @@ from midair.physics import calibration_of, sense
 
 
 class VirtualSensor(SensorDevice):
-    """Senses what presses on a `VirtualSkin`. Its clock runs when it is read, as fast as the computer can.
+    """Measures the pressure on a `VirtualSkin`; its time advances only when it is read.
+
+    With `streamed`, blocks are lazy frames, stored in temporary files.
 
     Parameters
     ----------
     skin : VirtualSkin
-        Where the sensor lies; its model is the sensor's.
+        The skin at the sensor's position; its model is the sensor's.
     touch : PressureFrames, optional
-        An object that presses on the skin from start on, at the skin's rate.
+        Pressure of an object on the skin from start on, at the skin's rate.
     rate : float
-        Frames per second, in Hz; the skin's rate over it must be whole.
+        Frames per second, in Hz; the skin's rate must be a multiple of it.
     seed : int
-        Of the noise.
-
-    With `streamed`, blocks are reels: what it felt, and what it said, waits on the disk.
+        Seed of the noise.
     """
 
     unit = "V"
@@ -53,10 +53,10 @@ class VirtualSensor(SensorDevice):
         self._taken, self._sampling = 0, False
 
     def open(self) -> None:
-        """Nothing to take hold of."""
+        """Do nothing: there is no device to open."""
 
     def start(self) -> None:
-        """Clear the skin, let the object touch it if there is one, and begin."""
+        """Clear the skin, apply the object's pressure if there is one, and start sampling."""
         self._skin.clear()
         if self._touch is not None:
             self._skin.touch(self._touch)
@@ -64,24 +64,24 @@ class VirtualSensor(SensorDevice):
         self._taken, self._sampling = 0, True
 
     def read(self, frames: int) -> FrameBlock:
-        """The next frames. What presses on the skin must have done so before the first read."""
+        """Return the next frames; all pressure must be applied before the first read."""
         if not self._sampling:
             raise DeviceStateError("virtual sensor: expected start before read")
         first, self._taken = self._taken, self._taken + frames
         if len(self._samples) < self._taken:
             self._samples = self._sense(self._taken)
         now = first / self.rate
-        # To a type checker a reel is the array that it stands for.
+        # Lazy frames are typed as the array that they represent.
         return FrameBlock(
             samples=cast("Any", self._samples[first : self._taken]), first=first, device_time=now, host_time=now
         )
 
     def stop(self) -> None:
-        """End sampling."""
+        """Stop sampling."""
         self._sampling = False
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing: there is no device to close."""
 
     def _sense(self, frames: int) -> np.ndarray | LazyFrames:
         pressure, over = self._skin.pressure(frames * self._oversample), self._oversample

@@ -1,4 +1,4 @@
-"""The place in midair where a virtual object or a virtual array presses on a virtual sensor."""
+"""The simulated skin, where a virtual object or a virtual array presses on a virtual sensor."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,9 @@ class VirtualSkin:
     Parameters
     ----------
     model : SensorModel
-        The sensor that lies here: its cells, and how its gel spreads what presses on it.
+        The sensor: its cells, and the spatial response of its gel.
     height : float
-        Of the sensor above the array, in m.
+        Height of the sensor above the array, in m.
     rate : float
         Time steps per second, in Hz; well above the sensor's frame rate.
     """
@@ -39,29 +39,31 @@ class VirtualSkin:
         self.clear()
 
     def clear(self) -> None:
-        """Forget all pressure: time begins again at 0."""
+        """Delete all pressure; time begins again at 0."""
         self._pressed = TempFrames(*self.model.grid.shape)
 
     def touch(self, stroke: PressureFrames) -> None:
-        """An object presses on the cells, after all that pressed before.
+        """Append the pressure of an object on the cells.
 
         Raises
         ------
         RateError
-            If the stroke has another rate than the skin.
+            If the rate of the stroke differs from the skin's.
+        ShapeError
+            If its cells differ.
         """
         if stroke.rate != self.rate:
             raise RateError(
-                f"stroke: expected the skin's {self.rate:g} Hz, got {stroke.rate:g} Hz; make it at that rate"
+                f"stroke: expected the skin's {self.rate:g} Hz, got {stroke.rate:g} Hz; generate it at that rate"
             )
         if stroke.sensor.shape != self.model.grid.shape:
             raise ShapeError(f"stroke: expected {self.model.grid.shape} cells, got {stroke.sensor.shape}")
         self._pressed.append(stroke.pressure)
 
     def press(self, pressure: Array) -> None:
-        """Sound presses on the points of the skin, shape (step, point), in Pa, after all that pressed before."""
+        """Append radiation pressure on the points of the skin, shape (step, point), in Pa."""
         self._pressed.append((pressure @ self._weights.T).reshape(-1, *self.model.grid.shape))
 
     def pressure(self, steps: int) -> LazyFrames:
-        """What the cells felt since the last clear, shape (step, row, column), in Pa: at least `steps` of it."""
+        """Pressure on the cells since the last clear, at least `steps` long, shape (step, row, column), in Pa."""
         return self._pressed.reel().followed(steps)

@@ -1,4 +1,4 @@
-"""An array of single frames that exists only here: for live touch without units."""
+"""A simulated array for live touch, frame by frame."""
 
 import time
 from collections import deque
@@ -11,13 +11,7 @@ from midair.model import Placement
 
 
 class VirtualUnits:
-    """Takes frames and plays them to nobody; its clock is this computer's.
-
-    Parameters
-    ----------
-    kept : int
-        How many of the last frames it remembers, as (phases, intensity, instant).
-    """
+    """Accepts frames without sound; keeps the last `kept` of them as (phases, intensity, instant)."""
 
     emulated = True
     failsafe = 0.0
@@ -29,14 +23,14 @@ class VirtualUnits:
         self._number = 0
 
     def set_silencer(self, silencer: Silencer) -> None:
-        """Nothing to spread."""
+        """Do nothing: there is no silencer."""
 
     def now(self) -> int:
         """Device time, in ns."""
         return time.monotonic_ns()
 
     def put(self, phases: Bytes, intensity: int, instant: int) -> None:
-        """Take a frame, unless its instant has gone by."""
+        """Accept a frame, unless its instant has passed."""
         number, self._number = self._number, self._number + 1
         now = self._left[number % 64] = time.monotonic_ns()
         if now >= instant:
@@ -49,37 +43,37 @@ class VirtualUnits:
             self.frames.append((phases.copy(), intensity, instant))
 
     def sent(self, number: int) -> int:
-        """When a frame was taken, in ns of `time.monotonic_ns`."""
+        """Time at which a frame was accepted, in ns of `time.monotonic_ns`."""
         return int(self._left[number % 64])
 
     def told(self) -> dict[str, int]:
-        """What became of all frames."""
+        """Number of frames by outcome."""
         return dict(self._told)
 
     def state(self) -> None:
-        """NoArguments: there is nobody to ask."""
+        """None: there are no units to query."""
 
     def silence(self) -> None:
-        """A silent frame at once."""
+        """Add a silent frame."""
         if self.frames:
             phases, _, _ = self.frames[-1]
             self.frames.append((np.zeros_like(phases), 0, time.monotonic_ns()))
 
     def release(self) -> None:
-        """Nothing to release."""
+        """Do nothing: there is nothing to release."""
 
     def describe(self) -> dict[str, str]:
-        """What there is."""
-        return {"units": "virtual, heard by nobody"}
+        """Description of the units."""
+        return {"units": "virtual, without sound"}
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing: there is no connection to close."""
 
 
 def virtual_immediate(
     placement: Placement | None = None, *, hold: float = 0.006, units: VirtualUnits | None = None
 ) -> ImmediateArray:
-    """An immediate array that nobody can hear; its units may be one's own, to look at what they got."""
+    """An immediate array without sound; pass `units` to inspect the frames that they received."""
     own = units or VirtualUnits()
     return ImmediateArray(
         lambda _: own, placement or Placement.grid(), name="virtual", hold=hold, simulated=True, gated=False
