@@ -274,7 +274,7 @@ def test_units_that_are_too_hot_end_the_play_with_status_1_and_the_log_says_why(
     player.join(30)
     (line,) = said(capsys)
     words = r"after \d+ of 3000 frames \([\d.]+ s\)" if after else "before the first frame"
-    assert re.search(rf"units 0, 1, 2, 3 too hot {words}; let them cool; a lower --level or pauses help$", line)
+    assert re.search(rf"units 0, 1, 2, 3 too hot {words}; let them cool, then use a lower --level or pauses$", line)
     assert status == [1]
     assert (log()[-1]["event"], log()[-1]["outcome"]) == ("end", "failed")
     assert log()[-1]["reason"] == f"TooHotError: {line.removeprefix('midair: ')}"

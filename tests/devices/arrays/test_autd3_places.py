@@ -38,7 +38,7 @@ def test_a_place_by_its_name(where):
         ("[fe80::1%nowhere]:5000", "one of the interfaces .*lo.*, got 'nowhere'"),
         ("simulator:x", "a port from 1 to 65534, got 'x'"),
         ("simulator:65535", "a port from 1 to 65534"),
-        ("server:lab:5000", r"on this computer only, got 'lab:5000'; bring it here with ssh -L"),
+        ("server:lab:5000", r"on this computer only, got 'lab:5000'; forward its port with ssh -L"),
     ],
 )
 def test_what_is_no_place(where, words):

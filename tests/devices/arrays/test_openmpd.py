@@ -115,7 +115,7 @@ def test_silence_from_another_thread_is_true_when_it_returns(stand_ins):
     with array_at([port], boards) as device:
 
         def play():
-            with pytest.raises(DeviceError, match="silenced from elsewhere"):
+            with pytest.raises(DeviceError, match="silenced by another thread"):
                 device.play(overridden(drive, device), progress=lambda done, total: begun.set())
             ended.append(True)
 
@@ -161,7 +161,7 @@ def test_a_board_whose_cable_is_pulled_is_told_and_the_other_one_is_silenced(sta
         if done > 20 and ports[0]._master >= 0:
             ports[0].unplug()
 
-    with pytest.raises(LinkLostError, match="it holds the last frame that it got: switch off its power now"), device:
+    with pytest.raises(LinkLostError, match="it repeats its last frame: switch off its power now"), device:
         device.play(overridden(some_drive(boards, frames=2000), device), progress=pull)
     ports[1].settle()
     assert ports[0].sounds
@@ -239,5 +239,5 @@ def test_it_says_what_it_cannot_know(stand_ins):
     (port,) = stand_ins()
     with array_at([port], [measured_board()]) as device:
         said = device.describe()
-    assert "cannot say" in said["boards"]
-    assert said["failsafe"].startswith("none of its own")
+    assert "cannot be confirmed" in said["boards"]
+    assert said["failsafe"].startswith("none on the board")

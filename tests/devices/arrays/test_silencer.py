@@ -116,7 +116,7 @@ def test_choices_by_name():
     assert choose_silencer("off", jumping()).phase == 0
     chosen = choose_silencer("default", jumping())
     assert (chosen.phase, chosen.intensity) == (1e-3, 0.25e-3)
-    assert "as asked; simulated error of the pressure: off" in str(chosen)
+    assert "as requested; simulated error of the pressure: off" in str(chosen)
     with pytest.raises(InputError, match="auto, off"):
         choose_silencer("loud", jumping())
 

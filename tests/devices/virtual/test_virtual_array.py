@@ -175,7 +175,7 @@ def test_the_silencer_is_chosen_for_the_drive_and_told():
         assert array.play(overridden(wandering(), array)).silencer.startswith("off (least error")
     with VirtualArray(ARRAY, half, silencer="half") as array:
         report = array.play(overridden(wandering(), array))
-    assert report.silencer.startswith("phase 0.5 ms, intensity 0.25 ms (as asked")
+    assert report.silencer.startswith("phase 0.5 ms, intensity 0.25 ms (as requested")
     assert np.abs(felt(half) - felt(auto)).max() > 0.05 * felt(auto).max()
 
 

@@ -1,4 +1,4 @@
-"""AUTD3 arrays by SDK: what to install, and the device that plays. The SDKs are imported only when a device opens."""
+"""Constructors of AUTD3 arrays for each SDK; an SDK is imported only when a device opens."""
 
 import importlib
 from typing import Any
@@ -16,23 +16,23 @@ from midair.model import Placement
 def autd3_array(
     where: str = "auto", placement: Placement | None = None, *, silencer: SilencerChoice = "auto"
 ) -> BankedArray:
-    """Units with firmware series 0.12, over Ethernet.
+    """An array of units with firmware series 0.12, over Ethernet.
 
     Parameters
     ----------
     where : str
         A network interface, ``auto`` to search all of them, ``emulator`` for the SDK's emulator over loopback, the
-        address of one that runs elsewhere, such as ``[::1]:50000``, or one of the makers' programs on this computer:
+        address of a running one, such as ``[::1]:50000``, or one of the manufacturer's programs on this computer:
         ``simulator`` or ``simulator:PORT``, ``server`` or ``server:PORT``.
     placement : Placement, optional
-        Two by two units if None.
+        Default: two by two units.
     silencer : {"auto", "off", "quarter", "half", "default"}
         As in `choose_silencer`.
 
     Raises
     ------
     UnknownDeviceError
-        If an address or a port is none.
+        If an address or a port is invalid.
     """
     place = autd3_place(where)
 
@@ -50,19 +50,19 @@ def autd3_array(
 
 
 def autd3_standing(where: str = "auto", placement: Placement | None = None, *, failsafe: float = 0.05) -> StandingArray:
-    """Units as `autd3_array` has them, for a frame that stands: silent soon after the player says nothing any more.
+    """Units as in `autd3_array`, for a constant frame; they go silent soon after the player stops sending.
 
     Parameters
     ----------
     where, placement
-        As for `autd3_array`; not a server, whose own word would keep the units sounding.
+        As in `autd3_array`; not a server, whose own heartbeat would keep the units on.
     failsafe : float
-        After how long without a word of the player the units go silent, in s; the player says one every 10 ms.
+        Time without a message after which the units go silent, in s; the player sends one every 10 ms.
 
     Raises
     ------
     UnknownDeviceError
-        If an address or a port is none.
+        If an address or a port is invalid.
     """
     place = autd3_place(where)
 
@@ -82,27 +82,27 @@ def autd3_immediate(
     hold: float = 0.006,
     failsafe: float = 0.05,
 ) -> ImmediateArray:
-    """Units as `autd3_array` has them, for frames that are made while they play.
+    """Units as in `autd3_array`, for frames that are computed during playback.
 
     Parameters
     ----------
     where, placement
-        As for `autd3_array`; not a server, whose own word would keep the units sounding.
+        As in `autd3_array`; not a server, whose own heartbeat would keep the units on.
     silencer : {"off", "quarter", "half", "default"}
-        Over how long the firmware spreads steps; not "auto", which hangs on a drive.
+        As in `choose_silencer`; not "auto", which depends on a drive.
     rate : float
         Frames per second, in Hz.
     hold : float
-        How long before its instant a frame is sent at most, in s.
+        Maximum time by which a frame is sent ahead of its instant, in s.
     failsafe : float
-        After how long without a frame the units go silent, in s.
+        Time without a frame after which the units go silent, in s.
 
     Raises
     ------
     UnknownDeviceError
-        If an address or a port is none.
+        If an address or a port is invalid.
     InputError
-        If there is no such silencer.
+        If the silencer is unknown.
     """
     place = autd3_place(where)
 
@@ -122,7 +122,7 @@ def autd3_immediate(
 
 
 def autd3_firmware(placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
-    """The firmware's emulator in virtual time; ``.banks.put_out()`` reads back what the transducers put out."""
+    """The firmware's emulator in virtual time; ``.banks.put_out()`` returns the output of the transducers."""
 
     def connect(placement: Placement) -> Banks:
         return _module("midair.devices.arrays.autd3_emulator", "autd3-emulator").Autd3Firmware(placement)
@@ -131,15 +131,15 @@ def autd3_firmware(placement: Placement | None = None, *, silencer: SilencerChoi
 
 
 def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
-    """Units with older firmware, over EtherCAT.
+    """An array of units with older firmware, over EtherCAT.
 
     Parameters
     ----------
     link : str
-        ``ethercrab`` to search, ``ethercrab:INTERFACE``, ``twincat``, ``remote:ADDRESS:PORT``, or ``audit`` and
-        ``nop``, which have no hardware behind them. Version 38 of the SDK, for Python 3.12 and later, has no ethercrab.
+        ``ethercrab`` to search, ``ethercrab:INTERFACE``, ``twincat``, ``remote:ADDRESS:PORT``, or ``audit`` and ``nop``
+        without hardware. Version 38 of the SDK, for Python 3.12 and later, has no ethercrab.
     placement, silencer
-        As for `autd3_array`.
+        As in `autd3_array`.
     """
 
     def connect(placement: Placement) -> Banks:

@@ -1,4 +1,4 @@
-"""The commands of AUTD3's firmware series 0.12 that playing needs. Imports the extra `autd3`."""
+"""Commands of AUTD3's firmware series 0.12 for playback; needs the extra `autd3`."""
 
 from collections.abc import Iterator
 
@@ -28,13 +28,13 @@ Command = WritePatternPhase | WritePatternBuffer | ConfigPattern | ActivatePatte
 
 FRAMES_MAX, FRAMES_MIN = EMISSION_MAX_INDICES, BUFFER_SIZE_MIN
 TOGETHER = 5
-"""Patterns of 8-bit phases that fit into one datagram."""
+"""Patterns of 8-bit phases per datagram."""
 
 _BANKS = PatternBank.B0, PatternBank.B1
 
 
 def geometry(placement: Placement) -> Geometry:
-    """The units as the SDK describes them, in mm."""
+    """The units in the SDK's format, in mm."""
     places = zip(placement.origin * 1e3, placement.quaternion, strict=True)
     return Geometry(
         [Autd3(origin=origin.astype(np.float32), rotation=turn.astype(np.float32)) for origin, turn in places]
@@ -42,17 +42,17 @@ def geometry(placement: Placement) -> Geometry:
 
 
 def silencer(chosen: Silencer) -> SetSilencer:
-    """Steps spread as chosen. "Off" is a limit of a whole turn a tick, which the firmware never reaches."""
+    """Command for a silencer setting; "off" is a limit of a whole turn per tick, which the firmware never reaches."""
     if chosen.phase == 0:
-        # Not the SDK's own way to switch it off: with that, the emulator turns phases the long way round for a while.
+        # The SDK's own command for "off" makes the emulator turn phases the long way round for a while.
         return SetSilencer(FixedUpdateRate(65535, 65535))
-    # Strict, the firmware would refuse drives whose frames are shorter than the completion time.
+    # In strict mode the firmware would refuse drives whose frames are shorter than the completion time.
     spread = FixedCompletionTime(_duration(chosen.intensity), _duration(chosen.phase), strict_mode=False)
     return SetSilencer(spread)
 
 
 def load(bank: int, phases: Bytes, intensity: Bytes, divider: int) -> list[Command]:
-    """Patterns and a silent one after them, played once."""
+    """Commands that write patterns, followed by a silent one, to be played once."""
     units, count = phases.shape[1], len(phases)
     write = _alike(bank, phases, intensity) if intensity.ndim == 1 else _each(bank, phases, intensity)
     quiet = PhaseBuffer.from_array(np.zeros((units, UNIT), np.uint8))
@@ -62,22 +62,22 @@ def load(bank: int, phases: Bytes, intensity: Bytes, divider: int) -> list[Comma
 
 
 def switch(bank: int, instant: int) -> ActivatePatternBank:
-    """Play a bank from an instant of device time on."""
+    """Command that plays a bank from an instant of device time on."""
     return ActivatePatternBank(_BANKS[bank], TransitionMode.SysTime(SysTime.from_nanos(instant)))
 
 
 def stand(phases: Bytes, intensity: Bytes) -> Pattern:
-    """One pattern at once, which sounds until another comes."""
+    """Command that plays one pattern at once, until another one arrives."""
     return Pattern(PhaseBuffer.from_array(phases), IntensityBuffer.from_array(intensity))
 
 
 def silence(units: int) -> Pattern:
-    """One pattern of no sound at once. It also cancels every switch that is still to come."""
+    """Command that plays a silent pattern at once; it also cancels pending switches."""
     return Pattern(PhaseBuffer.from_array(np.zeros((units, UNIT), np.uint8)), 0)
 
 
 def _alike(bank: int, phases: Bytes, intensity: Bytes) -> Iterator[Command]:
-    """One intensity a frame: as many patterns to a datagram as share it."""
+    """Commands for frames with one intensity each; a datagram holds consecutive patterns of the same intensity."""
     edges = np.flatnonzero(np.diff(intensity)) + 1
     for run in np.split(np.arange(len(phases)), edges):
         for first in range(int(run[0]), int(run[-1]) + 1, TOGETHER):

@@ -1,6 +1,6 @@
-"""AUTD3's firmware emulator in virtual time: every phase and pulse that the transducers would put out is read back.
+"""AUTD3's firmware emulator in virtual time, with access to every emitted phase and pulse.
 
-Imports the extra `autd3-emulator`.
+Needs the extra `autd3-emulator`.
 """
 
 from dataclasses import dataclass
@@ -20,41 +20,28 @@ from midair.model import Placement
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EmittedFrames:
-    """What the emulated transducers put out, a row each 25 µs.
-
-    Attributes
-    ----------
-    phase : ndarray of uint8, shape (tick, transducer)
-        In steps of 2 pi / 256.
-    pulse_width : ndarray of uint16, shape (tick, transducer)
-        0 is silence and 256 full drive.
-    begin : int
-        Device time of the first row, in ns.
-    """
+    """Output of the emulated transducers, one row per 25 µs."""
 
     phase: Bytes
+    """Shape (tick, transducer), in steps of 2 pi / 256."""
     pulse_width: NDArray[np.uint16]
+    """Shape (tick, transducer); 0 is silence and 256 full drive."""
     begin: int
+    """Device time of the first row, in ns."""
 
     def row(self, instant: int) -> int:
-        """The row of an instant of device time."""
+        """Row of an instant of device time."""
         return (instant - self.begin) // TICK
 
 
 class Autd3Firmware:
-    """Both pattern banks of emulated units; its clock runs when it is waited for.
-
-    Parameters
-    ----------
-    placement : Placement
-        One entry a unit.
-    """
+    """Both pattern banks of emulated units; virtual time advances only in `wait_until`."""
 
     emulated = True
     frames_max = commands.FRAMES_MAX
-    # As over UDP, where the firmware refuses switches less than 10 ms ahead.
+    # As with UDP, where the firmware refuses switches less than 10 ms ahead.
     margin = patience = 15_000_000
-    # The host of an emulation in virtual time is never silent.
+    # There is no failsafe in virtual time.
     failsafe = 0.0
 
     def __init__(self, placement: Placement) -> None:
@@ -64,11 +51,11 @@ class Autd3Firmware:
         self._playing = False
 
     def set_silencer(self, silencer: Silencer) -> None:
-        """Set over how long the firmware spreads steps."""
+        """Set the firmware's silencer."""
         self._open.send(commands.silencer(silencer))
 
     def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
-        """Write patterns and then a silent one into a bank that does not play."""
+        """Write patterns, followed by a silent one, into the inactive bank."""
         for command in commands.load(bank, phases, intensity, divider):
             self._open.send(command)
 
@@ -85,31 +72,31 @@ class Autd3Firmware:
         return self._now
 
     def wait_until(self, instant: int) -> None:
-        """Let virtual time pass."""
+        """Advance virtual time."""
         if instant > self._now:
-            # The emulator knows whole ticks only.
+            # The emulator advances by whole ticks only.
             ticks = -(-(instant - self._now) // TICK)
             self._open.tick(Duration.from_nanos(ticks * TICK))
             self._now += ticks * TICK
 
     def silence(self) -> None:
-        """All transducers to intensity 0 at once."""
+        """Set all transducers to intensity 0 at once."""
         if self._recorder is not None:
             self._recorder.send(commands.silence(self._units))
         self._playing = False
 
     def emitting(self) -> bool:
-        """Whether a switch was ordered and no silence since."""
+        """True if a switch was sent and no silence since."""
         return self._playing
 
     def state(self) -> None:
-        """NoArguments: a recorder answers no questions."""
+        """None: the emulator has no units to query."""
 
     def release(self) -> None:
-        """Nothing to release."""
+        """Do nothing: there is no failsafe to release."""
 
     def describe(self) -> dict[str, str]:
-        """Say what is emulated, and what is not."""
+        """Description of the emulated units."""
         return {
             "units": f"{self._units} emulated",
             "buffers": f"2 x {self.frames_max} patterns",
@@ -117,11 +104,11 @@ class Autd3Firmware:
         }
 
     def close(self) -> None:
-        """Let go; what was put out is gone."""
+        """Close the emulator and discard its output."""
         self._recorder = None
 
     def put_out(self) -> EmittedFrames:
-        """Everything from the beginning until now. Ends the emulation."""
+        """Return the output from the beginning until now; ends the emulation."""
         recorder, self._recorder = self._open, None
         record = recorder.into_record()
         return EmittedFrames(
@@ -131,28 +118,18 @@ class Autd3Firmware:
         )
 
     def rms_field(self, x: tuple[float, float], y: tuple[float, float], z: float, step: float) -> NDArray[np.float64]:
-        """The emulator's own sound field over its last tick, rms. Ends the emulation.
+        """The emulator's own sound field over its last tick, shape (point, 4): x, y, z in m and Pa rms; ends the
+        emulation.
 
-        Parameters
-        ----------
-        x, y : tuple of float
-            First and last coordinate, in m, in the coordinates of the placement once centred.
-        z : float
-            In m.
-        step : float
-            Distance between points, in m.
-
-        Returns
-        -------
-        ndarray, shape (point, 4)
-            x, y, z in m, and Pa rms.
+        `x` and `y` are the first and last coordinate, in m, relative to the centre of the placement; `step` is the
+        pitch in m.
         """
         recorder, self._recorder = self._open, None
         record = recorder.into_record()
         grid = Grid((x[0] * 1e3, x[1] * 1e3), (y[0] * 1e3, y[1] * 1e3), z * 1e3, step * 1e3, "xyz")
         field = record.sound_field(grid, RmsRecordOption())
         places = field.observe_points().to_numpy().reshape(-1, 3) * 1e-3
-        # Only the last tick, when phases have arrived and no frame is mixed with the one before.
+        # Only the last tick, when all phases have changed to the last frame.
         field.skip(Duration.from_nanos((record.num_samples() - 1) * TICK))
         pressure = field.next(Duration.from_nanos(TICK)).to_numpy()
         return np.column_stack([places, pressure[:, -1]])
@@ -160,5 +137,5 @@ class Autd3Firmware:
     @property
     def _open(self) -> Recorder:
         if self._recorder is None:
-            raise DeviceStateError("autd3 firmware: expected an emulation that has not ended; make a new one")
+            raise DeviceStateError("autd3 firmware: expected a running emulation, it has ended; create a new one")
         return self._recorder

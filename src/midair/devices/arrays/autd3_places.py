@@ -1,4 +1,4 @@
-"""Where units of firmware series 0.12 are found, as typed: an interface, an address, a program of the makers."""
+"""Addresses of units with firmware series 0.12: an interface, an address, or a program of the manufacturer."""
 
 import ipaddress
 import re
@@ -9,38 +9,32 @@ from typing import Literal
 from midair.errors import UnknownDeviceError
 
 SIMULATOR_PORT, SERVER_PORT = 44336, 44338
-"""Where the makers' simulator and server listen if nothing else is said (`autd3._autd3`, version 0.12.0)."""
+"""Default ports of the manufacturer's simulator and server (`autd3._autd3`, version 0.12.0)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Autd3Place:
-    """Where to look for units.
-
-    Attributes
-    ----------
-    kind : {"auto", "interface", "address", "emulator", "simulator", "server"}
-        Any network interface; one of them; an address with a port; an emulator that is started for this; the makers'
-        simulator of sound fields; the makers' server, which holds the units for several programs.
-    name : str
-        Of an interface; or an address as ``[fe80::1%3]:44336``, its zone a number.
-    port : int
-        On this computer, of a simulator or a server.
-    """
+    """Address of units."""
 
     kind: Literal["auto", "interface", "address", "emulator", "simulator", "server"]
+    """Any interface; one interface; an address with a port; a new emulator; the manufacturer's simulator of sound
+    fields; the
+    manufacturer's server, which shares the units among programs."""
     name: str = ""
+    """Name of an interface, or an address such as ``[fe80::1%3]:44336`` with a numeric zone."""
     port: int = 0
+    """Port of a simulator or server on this computer."""
 
     @property
     def simulated(self) -> bool:
-        """Whether nothing real is there, as far as the name tells: the units themselves say it once they are open."""
+        """True if there are no real units, judged by the name; the units themselves report it once they are open."""
         if self.kind == "address":
             return _address(self.name)[0].is_loopback
         return self.kind in ("emulator", "simulator")
 
     @property
     def device(self) -> str:
-        """The name of a device there, as on the command line."""
+        """Name of the device, as on the command line."""
         match self.kind:
             case "auto":
                 return "autd3"
@@ -53,26 +47,16 @@ class Autd3Place:
 
     @property
     def exclusive(self) -> str | None:
-        """What only one program may hold at a time; None for an emulator of its own, which everybody gets who asks."""
+        """Name of the lock, see `device_lock`; None for an emulator that is started for this program."""
         if self.kind == "emulator":
             return None
-        # An emulator that runs elsewhere is nobody's units.
+        # A running emulator does not block real units.
         return f"emulator:{self.name}" if self.kind == "address" and self.simulated else self.device
 
 
 def autd3_place(where: str) -> Autd3Place:
-    """What a place means.
-
-    Parameters
-    ----------
-    where : str
-        ``auto``, ``emulator``, ``simulator`` or ``simulator:PORT``, ``server`` or ``server:PORT``, an address such as
-        ``[::1]:50000``, or the name of a network interface.
-
-    Raises
-    ------
-    UnknownDeviceError
-        If an address or a port is none, or a server is on another computer.
+    """Parse an address, see `autd3_array`; raises UnknownDeviceError if invalid, or for a server on another
+    computer.
     """
     kind, colon, rest = where.partition(":")
     if where in ("auto", "emulator"):
@@ -83,8 +67,8 @@ def autd3_place(where: str) -> Autd3Place:
         host, _, port = rest.rpartition(":")
         if host not in ("", "localhost", "[::1]"):
             raise UnknownDeviceError(
-                f"autd3-server: expected PORT, the SDK reaches a server on this computer only, got {rest!r}; bring it "
-                f"here with ssh -L [::1]:{SERVER_PORT}:[::1]:{SERVER_PORT} HOST"
+                f"autd3-server: expected PORT, the SDK reaches a server on this computer only, got {rest!r}; forward "
+                f"its port with ssh -L [::1]:{SERVER_PORT}:[::1]:{SERVER_PORT} HOST"
             )
         return Autd3Place(kind="server", port=_port(where, port, SERVER_PORT, colon))
     if where.startswith("["):
@@ -113,7 +97,7 @@ def _address(where: str) -> tuple[ipaddress.IPv6Address, int]:
 
 
 def _numbered(where: str, address: ipaddress.IPv6Address) -> str:
-    """An address whose zone is a number, as the SDK wants it; people know the interface's name."""
+    """An address with a numeric zone, which the SDK requires, instead of the interface's name."""
     zone = address.scope_id
     if zone is None or zone.isdecimal():
         return str(address)

@@ -1,11 +1,11 @@
-"""AUTD3 units of series 0.12 that take single frames, each with its instant. Imports the extra `autd3`.
+"""AUTD3 units of series 0.12 that play single frames, each at its instant; needs the extra `autd3`.
 
-A frame is one datagram a unit. The units keep time and queue up to seven; what is sent is not waited for, so that the
-one who makes frames goes on at once, and what became of it is counted when its answer comes.
+A frame is one datagram per unit; the units queue up to seven. `put` does not wait for the answer, which is counted when
+it arrives.
 
-The SDK speaks asyncio. A loop of asyncio in a thread of its own costs two context switches and two turns of the
-interpreter's lock a frame, which together take longer than computing the phases. So the caller runs its own loop,
-`ManualEventLoop`, between two frames: it waits for nothing, and no thread has to be woken.
+The SDK uses asyncio. An event loop in its own thread costs two context switches and two changes of the interpreter's
+lock per frame, which take longer than computing the phases. Therefore the caller runs its own loop, `ManualEventLoop`,
+between two frames; it never blocks.
 """
 
 import asyncio
@@ -30,18 +30,15 @@ from midair.errors import DeviceError, LinkLostError, SilentFramesError, TooHotE
 from midair.model import Placement
 
 _KEPT = 64
-"""Frames of which is known when they left."""
+"""Number of frames whose time of transmission is kept."""
 
 
 class ManualEventLoop(asyncio.AbstractEventLoop):
-    """An event loop that never waits: what there is to do is done when somebody turns it.
+    """An event loop that never blocks: pending callbacks run when `turn` is called.
 
-    Only what futures and tasks need of a loop; from another thread, `call_soon_threadsafe` alone.
-
-    Attributes
-    ----------
-    at : int
-        When what is being done now was asked for, in ns of `time.monotonic_ns`.
+    It has only what futures and tasks need; other threads may only call `call_soon_threadsafe`. `at` is the time at
+    which
+    the current callback was scheduled, in ns of `time.monotonic_ns`.
     """
 
     def __init__(self) -> None:
@@ -49,10 +46,10 @@ class ManualEventLoop(asyncio.AbstractEventLoop):
         self._waiting: deque[tuple[int, Callable[..., object], tuple[Any, ...]]] = deque()
 
     def turn(self) -> None:
-        """Do everything that was asked for, and what that asks for."""
+        """Run all pending callbacks, including those that they schedule."""
         if not self._waiting:
             return
-        before = events._get_running_loop()  # theirs, for those who write loops
+        before = events._get_running_loop()  # asyncio's interface for event loops
         events._set_running_loop(self)
         try:
             while self._waiting:
@@ -62,35 +59,28 @@ class ManualEventLoop(asyncio.AbstractEventLoop):
             events._set_running_loop(before)
 
     def call_soon(self, callback: Callable[..., object], *args: Any, **_: Any) -> Any:
-        """In this turn, as if asked for when that was which asks."""
+        """Schedule a callback in this turn, with the time of the current one."""
         self._waiting.append((self.at, callback, args))
 
     def call_soon_threadsafe(self, callback: Callable[..., object], *args: Any, **_: Any) -> Any:
-        """In the next turn."""
+        """Schedule a callback in the next turn."""
         self._waiting.append((time.monotonic_ns(), callback, args))
 
     def create_future(self) -> asyncio.Future[Any]:
-        """A future of this loop."""
+        """Create a future of this loop."""
         return asyncio.Future(loop=self)
 
     def get_debug(self) -> bool:
-        """Never."""
+        """Return False."""
         return False
 
 
 class Autd3Immediate(Autd3Udp):
-    """Units that play a frame from its instant on, and go silent soon after the last word.
+    """Units that play a frame from its instant on, and go silent soon after the last message.
 
-    Parameters
-    ----------
-    placement, place
-        As in `Autd3Udp`.
-    failsafe : float
-        After how long without a frame the units silence themselves, in s.
-    crowd : int
-        Frames that may be under way at once; one more is not sent. The units queue seven.
-    asked : float
-        How often the units are asked how they are, in s.
+    `crowd` limits the frames in transmission; further ones are not sent (the units queue seven). `asked` is the
+    interval of
+    state queries, in s. `failsafe` as in `Autd3Udp`.
     """
 
     def __init__(
@@ -108,7 +98,7 @@ class Autd3Immediate(Autd3Udp):
         super().__init__(placement, place, failsafe=failsafe, heartbeat=False)
 
     def put(self, phases: Bytes, intensity: int, instant: int) -> None:
-        """Send a frame that sounds from an instant on, and do not wait for it."""
+        """Send a frame that sounds from an instant on, without waiting."""
         self._turned.turn()
         if self._wrong is not None:
             raise self._wrong
@@ -128,31 +118,31 @@ class Autd3Immediate(Autd3Udp):
             self._start(self._ask())
 
     def release(self) -> None:
-        """Let units that their failsafe has silenced sound again; heat of an earlier order is forgotten."""
+        """Release the failsafe of the units, and clear an earlier overheating error."""
         super().release()
         if isinstance(self._wrong, TooHotError):
             self._wrong = None
 
     def sent(self, number: int) -> int:
-        """When a frame left, in ns of `time.monotonic_ns`; 0 if it did not, or has not yet."""
+        """Time at which a frame was sent, in ns of `time.monotonic_ns`; 0 if it was not sent yet."""
         self._turned.turn()
         return int(self._left[number % _KEPT])
 
     def told(self) -> dict[str, int]:
-        """What became of all frames."""
+        """Number of frames by outcome."""
         self._turned.turn()
         return dict(self._told)
 
     def close(self) -> None:
-        """Silence the units, as the SDK does on closing, and let go."""
+        """Silence the units, as the SDK does on closing, and close the link."""
         super().close()
-        # What has no answer by now gets none; and a task that is forgotten while it waits complains.
+        # Pending answers will not arrive any more; asyncio warns about tasks destroyed while pending.
         for task in list(self._tasks):
             task.cancel()
         self._turned.turn()
 
     def _start(self, work: Coroutine[Any, Any, None]) -> None:
-        """Begin on the spot: up to where the SDK has it."""
+        """Run a coroutine at once, up to where it waits for the SDK."""
         task = asyncio.Task(work, loop=self._turned)
         self._tasks.add(task)
         task.add_done_callback(self._end)
@@ -175,7 +165,7 @@ class Autd3Immediate(Autd3Udp):
         except Autd3Error as wrong:
             self._told["lost"] += 1
             self._unanswered += 1
-            # One datagram that is lost is a frame that was not felt; many in a row are a link that is.
+            # A single lost datagram is a lost frame; many in a row mean a lost link.
             if wrong.code != Autd3Error.TIMEOUT or self._unanswered >= self._crowd:
                 self._wrong = LinkLostError(
                     f"autd3: {wrong}; the units silence themselves within {self.failsafe:g} s; check cables and power"
@@ -186,11 +176,11 @@ class Autd3Immediate(Autd3Udp):
             self._flying -= 1
 
     async def _ask(self) -> None:
-        """Ask the units how they are: those that are too hot must be silent, and those in failsafe are."""
+        """Query the state of the units; overheating or an active failsafe is an error."""
         try:
             states = await self._open.read_fpga_state()
         except (Autd3Error, DeviceError):
-            return  # frames that get no answer say so
+            return  # a lost link is reported by the frames
         try:
             hot = tuple(unit for unit, state in enumerate(states) if state.is_thermal_asserted())
             UnitsState(hot=hot).check_heat(f"after {self._number} frames since they were opened")
@@ -201,5 +191,5 @@ class Autd3Immediate(Autd3Udp):
         if silenced:
             self._wrong = SilentFramesError(
                 f"autd3: expected every frame to sound, but the failsafe silenced units {silenced} after "
-                f"{self.failsafe:g} s without a frame; look for what held the computer up, then start again"
+                f"{self.failsafe:g} s without a frame; close other programs, then start again"
             )

@@ -1,7 +1,7 @@
-"""AUTD3 units of firmware series 0.12 over Ethernet, or their emulator over loopback. Imports the extra `autd3`.
+"""AUTD3 units of firmware series 0.12 over Ethernet, or their emulator over loopback; needs the extra `autd3`.
 
-The SDK sends a heartbeat every 10 ms for as long as the link is open, playing or not, from a thread of its own. When
-the process dies the heartbeats end, and the device's failsafe silences it after half a second.
+While the link is open, the SDK sends a heartbeat every 10 ms from its own thread. When the process dies the heartbeats
+end, and the device's failsafe silences it after half a second.
 """
 
 import asyncio
@@ -35,13 +35,13 @@ from midair.model import Placement
 T = TypeVar("T")
 
 FAILSAFE = 0.5
-"""After how long without traffic the device silences itself, in s."""
+"""Time without traffic after which the device silences itself, in s."""
 
 ANSWER = 0.05
-"""How long to wait for the units' answer to a datagram, in s; it is there within 1 ms as a rule."""
+"""Time limit for the units' answer to a datagram, in s; it normally arrives within 1 ms."""
 
 ATTEMPTS = 5
-"""How often an order is sent before the link counts as lost: for a quarter of a second, as long as a block lasts."""
+"""Number of attempts before the link counts as lost: a quarter of a second, as long as a block lasts."""
 
 TELLING = (
     "failsafe",
@@ -54,27 +54,15 @@ TELLING = (
     "exec_late",
     "sync_resync",
 )
-"""Counters of a unit that stay at 0 while all goes well; the others count traffic, or what the SDK mends by itself."""
+"""Counters of a unit that indicate errors; the others count traffic, or errors that the SDK corrects."""
 
 
 class Autd3Udp:
     """Both pattern banks of all units over UDP.
 
-    Parameters
-    ----------
-    placement : Placement
-        One entry a unit, in the order of the wiring.
-    place : Autd3Place
-        Where they are.
-    failsafe : float
-        After how long without a word from here they silence themselves, in s.
-    heartbeat : bool
-        Whether the SDK says a word every 10 ms by itself, also while Python hangs.
-
-    Raises
-    ------
-    DeviceError
-        If the units do not answer.
+    `placement` lists the units in the order of the wiring. `failsafe` is the time without a message after which the
+    units
+    silence themselves, in s. With `heartbeat` the SDK sends a message every 10 ms by itself, even while Python hangs.
     """
 
     frames_max = commands.FRAMES_MAX
@@ -102,17 +90,17 @@ class Autd3Udp:
             self.emulated = all(one.is_emulator() for one in versions)
             self._counted = self._sure(client.read_telemetry, 5)
         except BaseException:
-            # Ctrl-C as well: the thread of the loop must not outlive a device that was never opened.
+            # Also after Ctrl-C: the loop's thread must not outlive a device that failed to open.
             self._client = None
             self._end_loop()
             raise
 
     def set_silencer(self, silencer: Silencer) -> None:
-        """Set over how long the firmware spreads steps."""
+        """Set the firmware's silencer."""
         self._send([commands.silencer(silencer)])
 
     def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
-        """Write patterns and then a silent one into a bank that does not play."""
+        """Write patterns, followed by a silent one, into the inactive bank."""
         self._send(commands.load(bank, phases, intensity, divider))
 
     def switch(self, bank: int, instant: int) -> None:
@@ -121,7 +109,7 @@ class Autd3Udp:
         try:
             self._sure(lambda: self._open.send(commands.switch(bank, instant)), 2)
         except DeviceError as wrong:
-            # Unless units may have heard the first of two orders and play already: another instant would repeat frames.
+            # After a repeated command some units may already play; another instant would repeat frames.
             if "too close to now" in str(wrong) and self._again == before:
                 raise TooLateError(str(wrong)) from None
             raise
@@ -134,20 +122,20 @@ class Autd3Udp:
         """Return at an instant, or raise as soon as a unit is lost."""
         while (left := instant - self.now()) > 0:
             self._check()
-            # In short naps, so that a lost unit is noticed at once and not at the end.
+            # Short sleeps, so that a lost unit is noticed at once.
             time.sleep(min(left * 1e-9, 0.02))
         self._check()
 
     def stand(self, phases: Bytes, intensity: Bytes) -> None:
-        """Sound one pattern until another comes, shape (unit, transducer of the unit) each."""
+        """Play one pattern until another one arrives; shape (unit, transducer of the unit) each."""
         self._sure(lambda: self._open.send(commands.stand(phases, intensity)), 2)
 
     def silence(self) -> None:
-        """All transducers to intensity 0 at once."""
+        """Set all transducers to intensity 0 at once."""
         self._sure(lambda: self._open.send(commands.silence(self._units)), 2)
 
     def emitting(self) -> bool:
-        """Whether a unit says that patterns play."""
+        """True if a unit reports that patterns play."""
         states = self._sure(self._open.read_fpga_state, 2)
         return any(
             state.is_stm_mode() and not state.is_pattern_stopped() and not state.is_failsafe_active()
@@ -155,7 +143,7 @@ class Autd3Udp:
         )
 
     def state(self) -> UnitsState:
-        """What the units say of themselves now."""
+        """Current state of the units."""
         client = self._open
         states, counted = self._sure(client.read_fpga_state, 2), self._sure(client.read_telemetry, 2)
         again = [f"{self._again} orders sent again"] if self._again else []
@@ -166,11 +154,11 @@ class Autd3Udp:
         )
 
     def release(self) -> None:
-        """Let units that their failsafe has silenced sound again."""
+        """Release the failsafe of the units."""
         self._sure(lambda: self._open.send(ReleaseFailsafe()), 2)
 
     def describe(self) -> dict[str, str]:
-        """What the units say of themselves: firmware, link, failsafe."""
+        """Firmware, link and failsafe of the units."""
         client = self._open
         versions = self._do(client.read_firmware_version, 5)
         telemetry, bus = self._do(client.read_telemetry, 5), client.bus_stats()
@@ -190,12 +178,12 @@ class Autd3Udp:
         }
 
     def close(self) -> None:
-        """Silence the units, as the SDK does on closing, and let go."""
+        """Silence the units, as the SDK does on closing, and close the link."""
         client, self._client = self._client, None
         if client is None:
             return
         try:
-            with contextlib.suppress(DeviceError):  # a lost unit cannot be told: its own failsafe silences it
+            with contextlib.suppress(DeviceError):  # a lost unit cannot be reached: its own failsafe silences it
                 self._do(client.close, 5)
         finally:
             self._end_loop()
@@ -213,7 +201,7 @@ class Autd3Udp:
         match place.kind:
             case "server" if self._heartbeat is None:
                 raise UnknownDeviceError(
-                    "autd3-server: expected units that hear this computer; a server's word keeps them on"
+                    "autd3-server: expected a direct link to the units; a server's heartbeat keeps them on"
                 )
             case "server":
                 return ServerLink(place.port)
@@ -229,19 +217,19 @@ class Autd3Udp:
                 return UdpOption(heartbeat=self._heartbeat)
 
     def _loopback(self, interface: Interface) -> UdpOption:
-        """How to speak to units that are a program: there at once, but not within the 1 ms of real ones."""
+        """Options for emulated units, which appear at once, but do not answer within the 1 ms of real ones."""
         return UdpOption(
             iface=interface,
             heartbeat=self._heartbeat,
             enumeration_timeout=Duration.from_secs(1),
             sync_timeout=Duration.from_secs(5),
-            # A program waits for its turn on a busy computer; units do not.
+            # On a busy computer an emulator may be delayed; real units are not.
             lost_timeout=Duration.from_millis(400),
             reply_timeout=Duration.from_secs_f64(ANSWER),
         )
 
     async def _connect(self, placement: Placement, link: UdpOption | ServerLink) -> Client:
-        # A unit that was lost stays silent until someone opens it again: no recovery behind one's back.
+        # A lost unit stays silent until it is opened again: no automatic recovery.
         config = ClientConfig(
             ack_timeout=Duration.from_secs_f64(ANSWER),
             resynchronize_on_recovery=None,
@@ -262,9 +250,9 @@ class Autd3Udp:
             )
 
     def _sure(self, begin: Callable[[], Awaitable[T]], timeout: float) -> T:
-        """Do what harms nothing when it is done again, and again if no answer comes, as when a datagram is lost.
+        """Execute a repeatable command, and repeat it if no answer arrives, as after a lost datagram.
 
-        The SDK sends nothing again by itself, and makes units and computer agree on what comes next before it goes on.
+        The SDK repeats nothing by itself, and resynchronises units and computer before the next command.
         """
         for _ in range(ATTEMPTS - 1):
             try:
@@ -276,12 +264,12 @@ class Autd3Udp:
         return self._do(begin, timeout)
 
     def _do(self, begin: Callable[[], Awaitable[T]], timeout: float) -> T:
-        """Begin something of the SDK on its loop, from any thread, and wait for it."""
+        """Run an SDK call on its event loop, from any thread, and wait for the result."""
 
         async def wait() -> T:
             return await begin()
 
-        # Begun on the loop itself, where the SDK wants its calls to be made.
+        # Called on the loop itself, as the SDK requires.
         future = asyncio.run_coroutine_threadsafe(wait(), self._loop)
         try:
             return future.result(timeout)
@@ -290,7 +278,9 @@ class Autd3Udp:
             raise kind(f"autd3: {wrong}; {_advice(wrong)}") from wrong
         except TimeoutError:
             future.cancel()
-            raise LinkLostError(f"autd3: no answer within {timeout:g} s; midair doctor says what to look at") from None
+            raise LinkLostError(
+                f"autd3: expected an answer within {timeout:g} s, got none; run midair doctor"
+            ) from None
         except BaseException:
             future.cancel()
             raise
@@ -308,7 +298,7 @@ class Autd3Udp:
 
 
 def _grown(before: list[Telemetry], now: list[Telemetry]) -> Iterator[str]:
-    """What each unit counted in between, in words."""
+    """Increments of each unit's error counters, as text."""
     for unit, (old, new) in enumerate(zip(before, now, strict=True)):
         for name in TELLING:
             if more := getattr(new, name) - getattr(old, name):
@@ -316,11 +306,11 @@ def _grown(before: list[Telemetry], now: list[Telemetry]) -> Iterator[str]:
 
 
 def _advice(wrong: Autd3Error) -> str:
-    """What to do about an error of the SDK, by its code."""
+    """Advice for an error of the SDK, by its code."""
     match wrong.code:
         case Autd3Error.NETWORK | Autd3Error.TIMEOUT:
             return "check power, cables and the name of the interface, and that no other program holds the units"
         case Autd3Error.UNSUPPORTED_FIRMWARE:
-            return "firmware v10 to v12.1 plays with pyautd3; move the 0 series up to 0.12 with the makers' console"
+            return "use pyautd3 for firmware v10 to v12.1; update the 0 series to 0.12 with the manufacturer's console"
         case _:
-            return "midair doctor says what to look at"
+            return "run midair doctor"

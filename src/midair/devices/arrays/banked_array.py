@@ -1,4 +1,4 @@
-"""A real array, or its emulator, that plays from two memories."""
+"""An array, real or emulated, that plays from two pattern banks."""
 
 import threading
 from collections.abc import Callable
@@ -14,24 +14,24 @@ from midair.model import Drive, Placement, Progress
 
 
 class BankedArray(ArrayDevice):
-    """Streams drives through two memories, and is silent at all other times.
+    """Streams drives through two banks, and is silent at all other times.
 
     Parameters
     ----------
     connect : callable
-        Opens the device and gives its banks.
+        Opens the device and returns its banks.
     placement : Placement
         Placement of the units.
     name : str
-        What it was opened by.
+        The name that it was opened with.
     silencer : {"auto", "off", "quarter", "half", "default"}
         As in `choose_silencer`.
     block : float
-        Longest piece that is handed over at once, in s.
+        Maximum length of a block, in s.
     simulated : bool
         Whether it is an emulator.
     exclusive : str, optional
-        What no other program may have while this one is open.
+        Name of the lock, see `device_lock`.
     """
 
     streams = True
@@ -58,26 +58,26 @@ class BankedArray(ArrayDevice):
 
     @property
     def banks(self) -> Banks:
-        """The open device; DeviceStateError when it is not."""
+        """The open device; DeviceStateError if it is closed."""
         if self._banks is None:
             raise DeviceStateError(f"{self.name}: expected open before play")
         return self._banks
 
     @property
     def emitting(self) -> bool:
-        """Whether the device says that it plays."""
+        """True if the device reports that it plays."""
         return self._banks is not None and self._banks.emitting()
 
     def open(self) -> None:
-        """Take hold of the device; it is silent."""
+        """Open the device; it is silent."""
         if self._banks is None:
             self._banks = self._connect(self.placement)
-            # A name only promises: the SDK's own search takes a simulator that runs before it takes units.
+            # The name is not reliable: the SDK's search prefers a running simulator to real units.
             self.simulated = self._banks.emulated
 
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
-        """Stream every frame through the two memories, and report how it went."""
-        # First of all: whoever silences while this prepares means it.
+        """Stream every frame through the two banks, and return the result."""
+        # Read first, so that a silence during the preparation ends this playback.
         ordered = self._silenced
         banks, ticks = self.banks, divider(drive.rate)
         phases = phase_bytes(drive, self.placement.units)
@@ -90,9 +90,9 @@ class BankedArray(ArrayDevice):
 
         def switch(bank: int, instant: int) -> None:
             with self.sounding(), self._lock:
-                # Under the lock no silence from another thread can fall between this check and the switch.
+                # The lock prevents a silence from another thread between this check and the switch.
                 if self._silenced != ordered:
-                    raise DeviceError(f"{self.name}: silenced from elsewhere while it played")
+                    raise DeviceError(f"{self.name}: silenced by another thread during playback")
                 banks.switch(bank, instant)
 
         stream = DriveStream(
@@ -102,7 +102,7 @@ class BankedArray(ArrayDevice):
         return replace(report, silencer=str(silencer))
 
     def _make_ready(self, banks: Banks) -> None:
-        """Refuse units that are too hot, and release a failsafe that acted before this order; the units are silent."""
+        """Refuse units that are too hot, and release an active failsafe; the units are silent."""
         state = banks.state()
         if state is None:
             return
@@ -111,22 +111,22 @@ class BankedArray(ArrayDevice):
             banks.release()
 
     def silence(self) -> None:
-        """Stop all sound at once, from any thread; what plays then ends with an error."""
+        """Stop all sound immediately, from any thread; active playback ends with an error."""
         with self._lock:
             if self._banks is not None:
                 self._silenced += 1
                 self._banks.silence()
 
     def close(self) -> None:
-        """Let go of the device."""
-        # Under the lock a silence from another thread returns only when the closing has silenced it.
+        """Close the device."""
+        # With the lock a silence from another thread returns only after closing has silenced the device.
         with self._lock:
             banks, self._banks = self._banks, None
             if banks is not None:
                 banks.close()
 
     def describe(self) -> dict[str, str]:
-        """What the units say of themselves, and what can be said of all of them."""
+        """Information from the units, and properties of all arrays of this kind."""
         return {
             **self.banks.describe(),
             "rate": "any that is 40 kHz / N: 1000 Hz is N = 40; silencer chosen from steps",

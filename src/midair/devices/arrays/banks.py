@@ -1,4 +1,4 @@
-"""The two pattern memories of an array: what streaming needs of an SDK, and no more."""
+"""The interface of an array with two pattern banks, which streaming uses."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -9,33 +9,26 @@ from midair.errors import TooHotError
 
 
 class TooLateError(Exception):
-    """The device will not switch at an instant so near."""
+    """The instant of a switch is too near."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnitsState:
-    """What the units of an array say of themselves, as far as their SDK can ask; units are counted from 0.
-
-    Attributes
-    ----------
-    silenced : tuple of int
-        Units that their failsafe keeps silent, whatever is sent to them.
-    hot : tuple of int
-        Units whose heat sensor has tripped.
-    errors : tuple of str or None
-        What units counted since they were opened and ought not to have, in words; None where they do not count.
-    """
+    """State of the units of an array, as far as their SDK reports it; units are counted from 0."""
 
     silenced: tuple[int, ...] = ()
+    """Units that their failsafe keeps silent."""
     hot: tuple[int, ...] = ()
+    """Units whose temperature sensor has tripped."""
     errors: tuple[str, ...] | None = None
+    """Errors counted since opening, as text; None if the units do not count."""
 
     def check_heat(self, when: str = "before the first frame") -> None:
         """Raise TooHotError if a unit is too hot; `when` completes the message."""
         if self.hot:
             raise TooHotError(
                 f"array: expected units that are not too hot, got {name_units(self.hot)} too hot {when}; "
-                "let them cool; a lower --level or pauses help"
+                "let them cool, then use a lower --level or pauses"
             )
 
     def __str__(self) -> str:
@@ -45,61 +38,56 @@ class UnitsState:
 
 
 def name_units(units: tuple[int, ...]) -> str:
-    """Units by their numbers, such as "unit 1" or "units 0, 2"."""
+    """Units by number, such as "unit 1" or "units 0, 2"."""
     return f"unit {units[0]}" if len(units) == 1 else "units " + ", ".join(map(str, units))
 
 
 class Banks(Protocol):
-    """An open array with two memories, 0 and 1, of which one plays while the other is written.
+    """An open array with two banks, 0 and 1; one plays while the other is written.
 
-    Instants are device time in ns, and the same on all units.
+    Instants are device time in ns, the same on all units.
     """
 
     @property
     def emulated(self) -> bool:
-        """Whether what answers is an emulator, as far as it says so itself."""
+        """True if an emulator answers, as far as it reports it."""
         ...
 
     @property
     def frames_max(self) -> int:
-        """How many patterns a memory holds."""
+        """Number of patterns per bank."""
         ...
 
     @property
     def margin(self) -> int:
-        """How long before its instant a switch must arrive, in ns."""
+        """Minimum time between the arrival of a switch and its instant, in ns."""
         ...
 
     @property
     def patience(self) -> int:
-        """How long an order may take to arrive, also at a second attempt, in ns."""
+        """Maximum time for a command to arrive, including a second attempt, in ns."""
         ...
 
     @property
     def failsafe(self) -> float:
-        """After how long without a word units may silence themselves, in s; 0 if nobody knows."""
+        """Time without a message after which units may silence themselves, in s; 0 if unknown."""
         ...
 
     def set_silencer(self, silencer: Silencer) -> None:
-        """Set over how long the firmware spreads steps."""
+        """Set the firmware's silencer."""
         ...
 
     def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
-        """Write patterns and then a silent one into a memory that does not play; played once, it ends silent.
+        """Write patterns, followed by a silent one, into the inactive bank.
 
-        Parameters
-        ----------
-        bank : int
-            0 or 1.
-        phases : ndarray of uint8, shape (frame, unit, transducer of the unit)
-        intensity : ndarray of uint8, shape (frame,) or (frame, unit, transducer of the unit)
-        divider : int
-            Ultrasound periods in a frame.
+        `phases` has shape (frame, unit, transducer of the unit), `intensity` the same or (frame,); `divider` is the
+        number of
+        ultrasound periods per frame.
         """
         ...
 
     def switch(self, bank: int, instant: int) -> None:
-        """Play a memory from its first pattern on, once, from an instant on; `TooLateError` when it is too near."""
+        """Play a bank once from its first pattern, from an instant on; `TooLateError` if the instant is too near."""
         ...
 
     def now(self) -> int:
@@ -111,25 +99,25 @@ class Banks(Protocol):
         ...
 
     def silence(self) -> None:
-        """All transducers to intensity 0 at once, whatever was to come; callable from any thread."""
+        """Set all transducers to intensity 0 at once and cancel pending switches; callable from any thread."""
         ...
 
     def emitting(self) -> bool:
-        """Whether the device says that patterns play."""
+        """True if the device reports that patterns play."""
         ...
 
     def state(self) -> UnitsState | None:
-        """What the units say of themselves now; None where they cannot be asked."""
+        """Current state of the units; None if it cannot be queried."""
         ...
 
     def release(self) -> None:
-        """Let units that their failsafe has silenced sound again; whoever calls this has made them play silence."""
+        """Release the failsafe of the units; the caller must have silenced them before."""
         ...
 
     def describe(self) -> dict[str, str]:
-        """What the device says of itself: units, firmware, link, buffers, failsafe."""
+        """Units, firmware, link, buffers and failsafe of the device."""
         ...
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Close the device."""
         ...

@@ -1,8 +1,9 @@
-"""An array that takes single frames, each with its instant: for touch that is made while it is felt.
+"""An array that plays single frames, each at its instant, for live touch.
 
-Two memories that swap need their frames 10 ms before (`streaming`). Here every frame is a message of its own and sounds
-from its instant until the next one does. Nothing in the units knows an end: what silences them when nobody speaks any
-more is their own failsafe, which is therefore short, and no heartbeat speaks in the player's place.
+Two banks need their frames 10 ms ahead (`streaming`). Here every frame is a separate message and sounds from its
+instant
+until the next frame. There is no end in the units: if messages stop, only their failsafe silences them. Therefore the
+failsafe is short and there is no heartbeat.
 """
 
 import time
@@ -25,20 +26,20 @@ Put = Callable[[Bytes, int, int], None]
 
 
 class ImmediateUnits(Protocol):
-    """Open units that take single frames; as `Banks`, where they share a name."""
+    """Open units that accept single frames; members with the same name as in `Banks` have the same meaning."""
 
     @property
     def emulated(self) -> bool:
-        """Whether what answers is an emulator."""
+        """True if an emulator answers."""
         ...
 
     @property
     def failsafe(self) -> float:
-        """After how long without a word units silence themselves, in s."""
+        """Time without a message after which units silence themselves, in s."""
         ...
 
     def set_silencer(self, silencer: Silencer) -> None:
-        """Set over how long the firmware spreads steps."""
+        """Set the firmware's silencer."""
         ...
 
     def now(self) -> int:
@@ -46,46 +47,43 @@ class ImmediateUnits(Protocol):
         ...
 
     def put(self, phases: Bytes, intensity: int, instant: int) -> None:
-        """Send a frame that sounds from an instant on, and do not wait for it.
+        """Send a frame that sounds from an instant on, without waiting.
 
-        Raises
-        ------
-        DeviceError
-            If an earlier frame met a link that is lost, or units that are too hot or that their failsafe has silenced.
+        Raises DeviceError if an earlier frame failed: link lost, units too hot, or failsafe active.
         """
         ...
 
     def sent(self, number: int) -> int:
-        """When a frame left, in ns of `time.monotonic_ns`: counted from 0, one of the last 64; 0 if it did not."""
+        """Time at which one of the last 64 frames was sent, in ns of `time.monotonic_ns`; 0 if it was not sent."""
         ...
 
     def told(self) -> dict[str, int]:
-        """What became of all frames: sent, answered, lost (no answer came), late and crowded (never sent)."""
+        """Number of frames by outcome: sent, answered, lost (no answer), late and crowded (never sent)."""
         ...
 
     def state(self) -> UnitsState | None:
-        """What the units say of themselves now; None where they cannot be asked."""
+        """Current state of the units; None if it cannot be queried."""
         ...
 
     def silence(self) -> None:
-        """All transducers to intensity 0 at once; callable from any thread."""
+        """Set all transducers to intensity 0 at once; callable from any thread."""
         ...
 
     def release(self) -> None:
-        """Let units sound again that their failsafe has silenced."""
+        """Release the failsafe of the units."""
         ...
 
     def describe(self) -> dict[str, str]:
-        """What the device says of itself."""
+        """Information about the device, by name."""
         ...
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Close the device."""
         ...
 
 
 class ImmediateArray(ArrayDevice):
-    """Plays frames as they are made, and is silent at all other times.
+    """Plays frames while they are computed, and is silent at all other times.
 
     Parameters
     ----------
@@ -94,11 +92,11 @@ class ImmediateArray(ArrayDevice):
     placement : Placement
         Placement of the units.
     name : str
-        What it was opened by.
+        The name that it was opened with.
     silencer : Silencer
-        Over how long the firmware spreads steps.
+        Setting of the firmware's silencer; default: off.
     hold : float
-        How long before its instant a frame is sent at most, in s: what units may still hold when they are silenced.
+        Maximum time by which a frame is sent ahead of its instant, in s: units may still hold so much when silenced.
     simulated, gated, exclusive
         As in `ArrayDevice`.
     """
@@ -124,18 +122,18 @@ class ImmediateArray(ArrayDevice):
 
     @property
     def units(self) -> ImmediateUnits:
-        """The open units; DeviceStateError when they are not."""
+        """The open units; DeviceStateError if they are closed."""
         if self._units is None:
             raise DeviceStateError(f"{self.name}: expected open before play")
         return self._units
 
     @property
     def emitting(self) -> bool:
-        """Whether a frame that sounds was the last."""
+        """True if the last frame was not silent."""
         return self._units is not None and self._sounds
 
     def open(self) -> None:
-        """Take hold of the device; it is silent."""
+        """Open the device; it is silent."""
         if self._units is None:
             self._units = self._connect(self.placement)
             self.simulated = self._units.emulated
@@ -144,19 +142,18 @@ class ImmediateArray(ArrayDevice):
     def frames_to_come(
         self, admission: ExposureClearance, *, source: str | Path = "live", room: Medium | None = None
     ) -> Generator[Put]:
-        """While inside, frames no stronger than what `admit_level` was asked for sound when they are put.
+        """Yield a function that plays frames up to the level cleared by `check_exposure_level`; silences on exit.
 
-        The order is in the log before the first, its end after the last, and `midair stop` silences it. Leaving
-        silences, whatever the reason.
+        The order is logged before the first frame and its end after the last; `midair stop` silences the array.
 
         Raises
         ------
         MismatchError, DeviceStateError
-            If it was admitted elsewhere, or the device is not open.
+            If the clearance is for another array, or the device is not open.
         ExposureError
-            From a frame that is stronger than what was admitted.
+            From a frame that exceeds the cleared level.
         StoppedError
-            From the first frame after somebody asked for silence.
+            From the first frame after `midair stop`.
         TooHotError
             Before the first frame or from a later one, if a unit is too hot.
         """
@@ -197,7 +194,7 @@ class ImmediateArray(ArrayDevice):
         self.silence()
 
     def _make_ready(self, units: ImmediateUnits) -> None:
-        """Leave the units silent and ready to sound; raise TooHotError if one is too hot."""
+        """Silence the units and release their failsafe; raise TooHotError if one is too hot."""
         units.silence()
         state = units.state()
         if state is not None:
@@ -207,11 +204,11 @@ class ImmediateArray(ArrayDevice):
         units.set_silencer(self.silencer)
 
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
-        """Put every frame of a drive at its instant; for drives whose frames are there already, memories do better."""
+        """Play every frame of a drive at its instant; a `BankedArray` is better for drives that already exist."""
         units, period = self.units, divider(drive.rate) * TICK
         phases, intensity = phase_bytes(drive, self.placement.units), intensity_bytes(drive, self.placement.units)
         if intensity.ndim > 1:
-            raise InputError(f"{self.name}: expected transducers that are equally loud, got a level for each")
+            raise InputError(f"{self.name}: expected one level for all transducers, got one for each")
         self._make_ready(units)
         total, ahead, before = drive.frames * repeats, round(self.hold * 1e9), units.told()
         first = -(-(units.now() + round(delay * 1e9) + 2 * ahead) // period) * period
@@ -236,29 +233,29 @@ class ImmediateArray(ArrayDevice):
         )
 
     def silence(self) -> None:
-        """Stop all sound at once, from any thread; and again when what units may still have held has sounded."""
+        """Stop all sound immediately, from any thread; repeated once the frames that units may still hold are over."""
         sounded, self._sounds = self._sounds, False
         units = self._units
         if units is None:
             return
         units.silence()
         if sounded:
-            # Nobody has seen yet whether silence cancels frames that wait in real units: so it is said again.
+            # It is unknown whether silence cancels queued frames in real units; therefore repeat it.
             time.sleep(self.hold)
             units.silence()
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Close the device."""
         units, self._units = self._units, None
         self._sounds = False
         if units is not None:
             units.close()
 
     def describe(self) -> dict[str, str]:
-        """What the units say of themselves, and how frames reach them."""
+        """Information from the units, and the mode of transmission."""
         return {**self.units.describe(), "frames": "one by one, each with its instant; no heartbeat"}
 
 
 def _since(before: dict[str, int], now: dict[str, int]) -> dict[str, int]:
-    """Counts of one order: units count all frames since they were opened."""
+    """Counts of one order; units count all frames since they were opened."""
     return {name: count - before[name] for name, count in now.items()}

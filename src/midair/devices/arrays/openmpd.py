@@ -1,12 +1,12 @@
-"""OpenMPD boards over USB: one board, or two face to face. EXPERIMENTAL: no real board has ever played from here.
+"""OpenMPD boards over USB: one board, or two opposite boards. EXPERIMENTAL: not tested with a real board.
 
-A board never answers and holds its last frame for ever, so that everything here serves one end: whatever happens, the
-last thing that a board gets is silence, and it has got there before the port is closed. Should the program itself be
-killed or hang, its guard (`openmpd_guard`) silences.
+A board never answers and repeats its last frame forever. Therefore the last frame sent to a board is always silent, and
+it is transmitted before the port is closed. If the program is killed or hangs, its guard (`openmpd_guard`) silences the
+boards.
 
-The boards' USB chip (FT232H) hands bytes to the firmware as a FIFO (ParallelReceiver.vhd). Linux shows such a chip as
-a serial port; a program for these boards (levitate, hardware/_interactlab.py) writes to it as one with pyserial, as
-is done here. The makers' own driver uses FTDI's D2XX, with sync FIFO off (BoardWorkerThread.cpp).
+The USB chip of the boards (FT232H) passes bytes to the firmware as a FIFO (ParallelReceiver.vhd). Linux shows the chip
+as a serial port; like another program for these boards (levitate, hardware/_interactlab.py), this driver writes to it
+with pyserial. The manufacturer's driver uses FTDI's D2XX, with sync FIFO off (BoardWorkerThread.cpp).
 """
 
 import contextlib
@@ -33,43 +33,43 @@ from midair.devices.interface import ArrayDevice, PlayReport
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, MissingExtraError
 from midair.model import Board, Drive, Progress, array_of_boards
 
-# Not on Windows.
+# There is no termios on Windows.
 _TERMINAL = (importlib.import_module("termios").error,) if importlib.util.find_spec("termios") else ()
 
 FAILURES: tuple[type[Exception], ...] = (OSError, TypeError, *_TERMINAL)
-"""What pyserial raises when a port is lost; TypeError when it was closed meanwhile."""
+"""Exceptions of pyserial for a lost port; TypeError if it was closed meanwhile."""
 QUIETEST = math.sin(math.pi / STEPS)
 """Level of a pulse of one step."""
 LEAD = 0.025
-"""How far ahead of its time a frame is sent, in s: what a silence has to wait for, and how long Python may hesitate."""
+"""Time by which a frame is sent ahead, in s: the delay of a silence, and the tolerance for delays of Python."""
 LONGEST = 32 * 255 * PERIOD
-"""How long the frames that a board can hold last at most, in s."""
+"""Maximum duration of the frames that a board can buffer, in s."""
 FEW = 4 * 255 * PERIOD
-"""How long four frames last at most, whatever divider is in force, in s."""
+"""Maximum duration of four frames with any divider, in s."""
 
 
 class BoardPort(Protocol):
-    """What is used of `serial.Serial`."""
+    """The part of `serial.Serial` that midair uses."""
 
     @property
     def out_waiting(self) -> int:
-        """Bytes that this computer has yet to send."""
+        """Number of bytes still to be sent."""
         ...
 
     def write(self, data: bytes, /) -> int | None:
-        """Send bytes, or raise OSError when they do not leave in time."""
+        """Send bytes, or raise OSError after the time limit."""
         ...
 
     def reset_output_buffer(self) -> None:
-        """Throw away what this computer has yet to send."""
+        """Discard the bytes still to be sent."""
         ...
 
     def fileno(self) -> int:
-        """Its file descriptor."""
+        """File descriptor of the port."""
         ...
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         ...
 
 
@@ -79,13 +79,13 @@ class OpenMpdArray(ArrayDevice):
     Parameters
     ----------
     ports : sequence of str
-        Of one board, or of the lower and then the upper of two.
+        Port of one board, or of the lower and then the upper of two.
     boards : sequence of Board
-        What is known of each, in the same order; without it the boards can be silenced, but not played on.
+        Data of each board in the same order; without them the boards can be silenced, but not play.
     name : str
-        What it was opened by.
+        The name that it was opened with.
     silencer : {"auto", "off"}
-        Nothing to choose: the firmware steps at once.
+        No effect: the firmware has no silencer.
     """
 
     streams, steps_a_turn = True, STEPS
@@ -110,16 +110,16 @@ class OpenMpdArray(ArrayDevice):
         self._lock = threading.RLock()
         self._silenced = 0
         self._sounding = self._lost = False
-        # How long a board may go on with what it has; unknown until a divider was sent.
+        # Maximum duration of buffered frames, in s; unknown until a divider was sent.
         self._holds = LONGEST
 
     @property
     def emitting(self) -> bool:
-        """Whether the last that the boards surely got is no silence; they cannot be asked."""
+        """True unless the last frames sent were silent; the boards cannot be queried."""
         return self._sounding
 
     def open(self) -> None:
-        """Take hold of the boards, and silence what some other program may have left sounding."""
+        """Open the ports, and silence sound that another program may have left."""
         if self._ports:
             return
         self._lost, self._holds = False, LONGEST
@@ -127,28 +127,27 @@ class OpenMpdArray(ArrayDevice):
             for name in self._names:
                 self._ports.append(_serial_port(name))
             self.silence()
-            # Nothing but the silence of here can be waiting from now on.
+            # From now on only the silent frames sent here can be buffered.
             self._holds = FEW
         except BaseException:
             self.close()
             raise
 
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
-        """Send every frame a little before its time, and silence right behind the last.
+        """Send every frame slightly ahead of its time, and silence after the last.
 
-        A board cannot be asked when it plays: the report is what this computer's clock says. A frame that is sent too
-        late leaves the one before it standing for as long.
+        A board cannot be queried: the report relies on this computer's clock. A late frame prolongs the one before.
         """
         if not self._ports:
             raise DeviceStateError(f"{self.name}: expected open before play")
         if not self._boards:
             raise DeviceStateError(
                 f"{self.name}: expected the board's own file with its phase offsets, got none; "
-                "name it after the port, ?board=board_N.pat, or ?board=none if it has none"
+                "add it to the port, ?board=board_N.pat, or ?board=none if it has none"
             )
         if 0 < drive.level.max() < QUIETEST:
             raise InputError(
-                f"{self.name}: expected a level of at least {QUIETEST:.1%} of full drive, the shortest pulse there is, "
+                f"{self.name}: expected a level of at least {QUIETEST:.1%} of full drive, the shortest possible pulse, "
                 f"got {drive.level.max():.1%}; nothing would sound"
             )
         divider, ordered = rate_divider(drive.rate), self._silenced
@@ -157,7 +156,7 @@ class OpenMpdArray(ArrayDevice):
         if self._guard is None and sys.platform != "win32":
             self._guard = BoardGuard([port.fileno() for port in self._ports], off_frames())
         self._wait(delay, ordered)
-        # In its own frame: in one that sounds, its bits could be taken for the beginning of another.
+        # In a silent frame: with sound, the divider's bits could be mistaken for the start of a frame.
         self._send([off_frames() + off_frame(divider)] * len(self._ports), ordered)
         self._wait(FEW, ordered)
         self._holds = (ahead + 4) * period
@@ -181,7 +180,7 @@ class OpenMpdArray(ArrayDevice):
         return PlayReport(frames=total, duration=total * period, late=held, repeated=held)
 
     def silence(self) -> None:
-        """Silence all boards, from any thread, and wait until they are; what plays then ends with an error.
+        """Silence all boards, from any thread, and wait until they are silent; active playback ends with an error.
 
         Raises
         ------
@@ -201,7 +200,7 @@ class OpenMpdArray(ArrayDevice):
                 self._guard.rest()
 
     def close(self) -> None:
-        """Silence the boards, unless that has failed before, and let go of them."""
+        """Silence the boards, unless that failed before, and close the ports."""
         with self._lock:
             try:
                 if self._ports and not self._lost:
@@ -214,18 +213,18 @@ class OpenMpdArray(ArrayDevice):
                         port.close()
 
     def describe(self) -> dict[str, str]:
-        """What is known of the boards, which cannot be asked."""
+        """Properties of the boards, which cannot be queried."""
         known = ", ".join(board.serial or "no serial number" for board in self._boards)
         return {
-            "boards": f"{len(self._names)} at {', '.join(self._names)}; whether they are there, they cannot say",
-            "board files": known or "none: it can be silenced, but not played on",
-            "failsafe": "none of its own: a board holds its last frame for ever; a process beside midair silences it "
-            "when midair dies, none when the computer does or the cable is pulled",
+            "boards": f"{len(self._names)} at {', '.join(self._names)}; a connection cannot be confirmed",
+            "board files": known or "none: the boards can be silenced, but cannot play",
+            "failsafe": "none on the board, which repeats its last frame forever; a second process silences it "
+            "if midair dies, but not if the computer fails or the cable is unplugged",
             "rate": "any that is 40 kHz / N, N from 4 to 255: 1000 Hz is N = 40",
         }
 
     def _send(self, texts: Sequence[bytes], ordered: int, *, sounds: bool = False) -> None:
-        """Frames for each board, unless it has been silenced since."""
+        """Send frames to each board, unless it was silenced since."""
         with self.sounding(), self._lock:
             self._check(ordered)
             self._sounding = self._sounding or sounds
@@ -238,15 +237,15 @@ class OpenMpdArray(ArrayDevice):
                     raise self._gone(wrong) from wrong
 
     def _beat(self) -> None:
-        """Tell the guard that all is well; what it had to silence must not sound again by itself."""
+        """Send a heartbeat to the guard; once the guard has silenced the boards, playback ends."""
         try:
             if self._guard is not None:
                 self._guard.beat()
         except OSError:
             self._dismiss()
             raise DeviceError(
-                f"{self.name}: this program stood still for more than {LIMIT:g} s while it played, and its guard "
-                "silenced the boards, or the guard was ended; close other programs, then play again"
+                f"{self.name}: this program was delayed by more than {LIMIT:g} s during playback, and its guard "
+                "silenced the boards, or the guard was terminated; close other programs, then play again"
             ) from None
 
     def _dismiss(self) -> None:
@@ -264,33 +263,31 @@ class OpenMpdArray(ArrayDevice):
         self._check(ordered)
 
     def _check(self, ordered: int) -> None:
-        # A stop says so itself.
+        # After `midair stop`, `sounding` raises StoppedError.
         with self.sounding():
             if self._silenced != ordered:
-                raise DeviceError(f"{self.name}: silenced from elsewhere while it played")
+                raise DeviceError(f"{self.name}: silenced by another thread during playback")
 
     def _hush(self, port: BoardPort) -> LinkLostError | None:
-        """Silence behind nothing but what the board already has; what went wrong, if anything."""
+        """Send silence ahead of all bytes not yet sent; return the error, if any."""
         try:
             port.reset_output_buffer()
             port.write(off_frames())
             end = time.monotonic() + 1
             while port.out_waiting:
                 if time.monotonic() > end:
-                    raise OSError("it takes no more bytes")
+                    raise OSError("it accepts no more bytes")
                 time.sleep(0.001)
         except FAILURES as wrong:
             return self._gone(wrong)
         return None
 
     def _gone(self, wrong: Exception) -> LinkLostError:
-        return LinkLostError(
-            f"{self.name}: lost a board: {wrong}; it holds the last frame that it got: switch off its power now"
-        )
+        return LinkLostError(f"{self.name}: lost a board: {wrong}; it repeats its last frame: switch off its power now")
 
 
 def _serial_port(name: str) -> Any:
-    """A port as pyserial opens it. The rate in bits per second means nothing to a FIFO."""
+    """A port opened with pyserial; a FIFO ignores the baud rate."""
     try:
         serial = importlib.import_module("serial")
     except ModuleNotFoundError:

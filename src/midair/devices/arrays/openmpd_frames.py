@@ -1,12 +1,13 @@
-"""A drive as OpenMPD's boards take it: 512 bytes a frame and board, no header, no checksum, no answer.
+"""Frame format of OpenMPD boards: 512 bytes per frame and board, no header, no checksum, no answer.
 
 From the firmware (RMResearch/OpenMPD_Hardware, FPGA_3.4.2/src, with the file of each fact):
 
 - Bytes 0 to 255 are phases by pin, 256 to 511 amplitudes by pin, seven bits each (CommandReader.vhd).
-- The eighth bit of byte 0 begins a frame, and is looked for only where none is being read. Those of bytes 26 to 33 are
-  a rate divider, lowest bit first, which that of byte 34 puts in force (CommandReader.vhd). Elsewhere it means nothing
-  here: bytes 1 to 25 set a light.
-- Frames change at 40 kHz / divider. Where none waits, the last one is held for ever (FrameBufferController.vhd).
+- The eighth bit of byte 0 starts a frame, and is ignored while a frame is being read. The eighth bits of bytes 26 to 33
+  are a rate divider, lowest bit first, which that of byte 34 activates (CommandReader.vhd). The other eighth bits are
+  not
+  used here: those of bytes 1 to 25 set a light.
+- Frames change at 40 kHz / divider. If the buffer is empty, the last one repeats (FrameBufferController.vhd).
 - A pulse begins at step `phase` of 128 and lasts `amplitude` steps, of which 64 are full drive (MuxPhase.vhd). A larger
   phase is therefore later, as in midair: q = exp(+j phi), G = exp(+j k d), and a focus needs phi = -k d.
 """
@@ -26,25 +27,26 @@ Bytes = NDArray[np.uint8]
 FRAME = 512
 """Bytes of a frame."""
 STEPS = 128
-"""Steps of a turn."""
+"""Steps per turn."""
 FULL = 64
 """Length of a pulse at full drive, in steps."""
 PERIOD = 25e-6
-"""Of the ultrasound, in s: 50 MHz x 512 / 625 / 1024 (Masterclock.vhd, Counter.vhd) is 40 kHz."""
+"""Period of the ultrasound, in s: 50 MHz x 512 / 625 / 1024 (Masterclock.vhd, Counter.vhd) is 40 kHz."""
 START = 0x80
 """The eighth bit."""
 AHEAD = 512
-"""Frames that are made at once, before they are due."""
+"""Number of frames encoded at once, ahead of time."""
 
 
 def drive_frames(drive: Drive, first: int, count: int, boards: Sequence[Board]) -> list[bytes]:
-    """`count` frames of a drive from `first` on, as one text of bytes for each board; past its end it begins again.
+    """Encode `count` frames of a drive from `first` on for each board; after the end the drive repeats.
 
-    A phase is rounded once, after the offset was taken off and half of what the pulse is short was added: so the middle
-    of a pulse stays where it is, whatever its length.
+    Phases are rounded once, after the offset was subtracted and half of the pulse's shortening was added, so that the
+    centre
+    of a pulse does not depend on its length.
     """
     which = np.arange(first, first + count) % drive.frames
-    # Some frames first: of a reel that is all that is read.
+    # Select frames first, so that only these are read from lazy frames.
     phase, level = np.asarray(drive.phase[which]), np.asarray(drive.level[which])
     level = level if level.ndim == 2 else np.repeat(level[:, None], drive.array.count, 1)
     texts: list[bytes] = []
@@ -61,16 +63,8 @@ def drive_frames(drive: Drive, first: int, count: int, boards: Sequence[Board]) 
 
 
 class FramesAhead:
-    """The frames of a drive as bytes for each board, made a block before they are due: a file takes its time.
-
-    Parameters
-    ----------
-    drive : Drive
-        In memory or on the disk.
-    boards : sequence of Board
-        That are to play it.
-    total : int
-        How many frames are to come, repeats included.
+    """Encodes the frames of a drive one block ahead in a thread, since reading a file may be slow; `total` includes
+    repeats.
     """
 
     def __init__(self, drive: Drive, boards: Sequence[Board], total: int) -> None:
@@ -89,7 +83,7 @@ class FramesAhead:
         return drive_frames(self._drive, first, min(AHEAD, self._total - first), self._boards)
 
     def take(self, first: int, count: int) -> list[bytes]:
-        """`count` frames from `first` on, which is never before what was taken last."""
+        """Return `count` frames from `first` on; `first` must not decrease."""
         parts: list[list[bytes]] = [[] for _ in self._now]
         while count > 0:
             while first >= self._begin + AHEAD and self._next is not None:
@@ -105,18 +99,19 @@ class FramesAhead:
 
 
 def pulse_lengths(level: NDArray[np.float64]) -> Bytes:
-    """Longest pulses that are no louder than levels of 0 to 1, same shape, in steps: level = sin(pi length / 128).
+    """Longest pulses that do not exceed levels of 0 to 1, same shape, in steps: level = sin(pi length / 128).
 
-    A step is up to 2.5 % of full drive. Spreading what is lost over the transducers, some a step longer than others,
-    would get the mean right and make E worse: most of a solved field is what cancels, and that wants them alike.
+    A step is up to 2.5 % of full drive. Dithering the rest over the transducers would correct the mean but increase E:
+    most
+    of a solved field is interference, which requires equal amplitudes.
     """
     exact = np.arcsin(np.clip(level, 0, 1)) * (STEPS / np.pi)
-    # A hundredth of a step, so that a level that was written with three digits finds its own length.
+    # A tolerance of 0.01 step, so that a level rounded to three digits keeps its length.
     return np.floor(exact + 0.01).astype(np.uint8)
 
 
 def off_frame(divider: int | None = None) -> bytes:
-    """A frame of no sound, which puts a rate divider in force if one is given."""
+    """A silent frame, which activates a rate divider if one is given."""
     frame = np.zeros(FRAME, np.uint8)
     frame[0] = START
     if divider is not None:
@@ -126,23 +121,19 @@ def off_frame(divider: int | None = None) -> bytes:
 
 
 def off_frames() -> bytes:
-    """Frames that silence a board whatever it was in the middle of.
+    """Frames that silence a board in any state.
 
-    A frame that was cut swallows the beginning of the first, what is left of that has no eighth bit and is skipped, and
-    the last one pushes the second whole through a buffer that is read 512 bytes at a time.
+    An incomplete frame absorbs the beginning of the first, the rest of which has no eighth bit and is skipped; the
+    third
+    pushes the second through a buffer that is read 512 bytes at a time.
     """
     return 3 * off_frame()
 
 
 def rate_divider(rate: float) -> int:
-    """The whole number N of ultrasound periods in a frame: rate = 40 kHz / N, N from 4 to 255.
+    """Number N of ultrasound periods in a frame: rate = 40 kHz / N, N from 4 to 255; raises RateError if there is none.
 
-    The firmware takes 1 to 255; below 4 one board would need more than the 5.12 MB/s that its makers send it.
-
-    Raises
-    ------
-    RateError
-        If there is none.
+    The firmware accepts 1 to 255; below 4 a board would need more than the 5.12 MB/s of the manufacturer's driver.
     """
     exact = 1 / (PERIOD * rate)
     whole = round(exact)

@@ -1,8 +1,9 @@
-"""What silences OpenMPD's boards when the program that plays on them cannot any more: a process of its own.
+"""A guard process that silences OpenMPD boards if the playing program fails.
 
-A board holds its last frame for ever, so that a program that is killed, or hangs, would leave it sounding. This file is
-run as the guard, by its path and without midair, so that it is there in no time: it imports the standard library alone.
-It has the boards' ports open as well, reads a pipe, and silences when the pipe ends or falls silent while they sound.
+A board repeats its last frame forever, so that a program that is killed, or hangs, would leave it sounding. This file
+is
+run as the guard, by its path and without midair, so that it starts quickly; it imports the standard library only. It
+also holds the ports open, reads a pipe, and silences the boards if the pipe ends or stalls during playback.
 """
 
 import contextlib
@@ -14,24 +15,19 @@ import time
 from collections.abc import Sequence
 
 LIMIT = 1.0
-"""How long the boards may sound without a word from the program, in s."""
+"""Maximum time without a heartbeat during playback, in s."""
 SOUNDS, QUIET = b"+", b"."
 
 
 class BoardGuard:
-    """The guard's other end, in the program that plays. POSIX only.
+    """The guard, as seen by the playing program (POSIX only).
 
-    Parameters
-    ----------
-    ports : sequence of int
-        File descriptors of the open ports.
-    off : bytes
-        What silences a board.
+    `ports` are file descriptors of the open ports, `off` is the bytes that silence a board.
     """
 
     def __init__(self, ports: Sequence[int], off: bytes) -> None:
         words = [sys.executable, "-I", "-S", __file__, str(len(off)), *map(str, ports)]
-        # In a session of its own, so that no key at the terminal stops or ends it with the program.
+        # In its own session, so that no key at the terminal stops or ends it with the program.
         self._process = subprocess.Popen(
             words,
             stdin=subprocess.PIPE,
@@ -43,20 +39,20 @@ class BoardGuard:
         )
         self._say(off)
         if self._process.stdin is not None:
-            # A guard that does not read must not hold up the program either.
+            # A guard that does not read must not block the program.
             os.set_blocking(self._process.stdin.fileno(), False)
 
     def beat(self) -> None:
-        """Say that the boards sound and the program is well; OSError if the guard had to silence them, or is gone."""
+        """Send a heartbeat during playback; OSError if the guard has silenced the boards, or has ended."""
         self._say(SOUNDS)
 
     def rest(self) -> None:
-        """Say that the boards are silent."""
+        """Report that the boards are silent."""
         with contextlib.suppress(OSError):
             self._say(QUIET)
 
     def close(self) -> None:
-        """Let the guard go; it silences before if the last that it heard was that the boards sound."""
+        """End the guard; it silences the boards first if the last message was a heartbeat."""
         if self._process.stdin is not None:
             self._process.stdin.close()
         try:
@@ -71,7 +67,7 @@ class BoardGuard:
 
 
 def watch(pipe: int, ports: Sequence[int], off: bytes) -> None:
-    """Silence the ports when the pipe ends, or has nothing for too long, while the boards sound."""
+    """Silence the ports if the pipe ends, or stalls, during playback."""
     sounds = False
     while True:
         if not select.select([pipe], [], [], LIMIT if sounds else None)[0]:
@@ -81,7 +77,7 @@ def watch(pipe: int, ports: Sequence[int], off: bytes) -> None:
             break
         sounds = said[-1:] == SOUNDS
     if sounds:
-        # What this computer still has to send would come first.
+        # Bytes still to be sent would come first.
         for port in ports:
             _drop(port)
         for port in ports:
@@ -104,7 +100,7 @@ def _write(port: int, text: bytes) -> None:
 
 
 def main() -> None:
-    """Be the guard: arguments are the length of what silences, which the pipe brings first, and the ports."""
+    """Run the guard: arguments are the length of the silencing bytes, which the pipe delivers first, and the ports."""
     length, *ports = map(int, sys.argv[1:])
     off = b""
     while len(off) < length and (more := os.read(0, length - len(off))):

@@ -1,14 +1,14 @@
-"""AUTD3 units with firmware before series 0.12, over EtherCAT. Imports the extra `pyautd3`, version 36 or 38.
+"""AUTD3 units with firmware before series 0.12, over EtherCAT; needs the extra `pyautd3`, version 36 or 38.
 
-Version 36 is for firmware v10 and later and reaches the bus by itself (ethercrab); version 38 needs Python 3.12, is for
-firmware v12.1, and goes through TwinCAT or a server on another machine.
+Version 36 is for firmware v10 and later and accesses the bus directly (ethercrab); version 38 needs Python 3.12, is for
+firmware v12.1, and uses TwinCAT or a server on another machine.
 
-The SDK asks for each transducer's drive by a callback, and one in Python takes 200 ms a frame. A compiled one that
-reads a table takes .1 ms. It goes through `gain_custom` of the SDK's C interface, which the SDK does not promise to
-keep: hence the narrow versions in the extra.
+The SDK requests each transducer's drive by a callback. A Python callback takes 200 ms per frame, a compiled one that
+reads a table .1 ms. It uses `gain_custom` of the SDK's C interface, which may change: hence the narrow version range of
+the extra.
 """
 
-# The SDK hands out no types that a strict checker could follow.
+# The SDK has no types for strict checking.
 # pyright: basic
 
 import contextlib
@@ -58,19 +58,19 @@ from midair.model import UNIT, Placement
 SEGMENTS = Segment.S0, Segment.S1
 
 YEAR_2000 = 946_684_800_000_000_000
-"""Where the time of EtherCAT's distributed clocks begins, in ns of Unix time."""
+"""Origin of EtherCAT's distributed clocks, in ns of Unix time."""
 
 
 @cfunc(types.void(types.CPointer(types.uint8), types.voidptr, types.uint16, types.uint8, types.CPointer(types.uint8)))
 def _look_up(table, _, unit, transducer, drive):
-    """One transducer's phase and intensity out of a table, shape (unit, transducer, 2)."""
+    """Read one transducer's phase and intensity from a table, shape (unit, transducer, 2)."""
     at = (np.intp(unit) * 249 + np.intp(transducer)) * 2
     drive[0] = table[at]
     drive[1] = table[at + 1]
 
 
 class _TableGain(Gain):
-    """One frame, read by the SDK out of a table."""
+    """One frame that the SDK reads from a table."""
 
     def __init__(self, phases: Bytes, intensity: Bytes) -> None:
         super().__init__()
@@ -82,25 +82,11 @@ class _TableGain(Gain):
 
 
 class PyAutd3Banks:
-    """Both segments of all units.
+    """Both segments of all units; `placement` lists the units in the order of the wiring, `link` as in `pyautd3_array`.
 
-    Parameters
-    ----------
-    placement : Placement
-        One entry a unit, in the order of the wiring.
-    link : str
-        ``audit``, ``nop``, ``twincat``, ``remote:ADDRESS:PORT``, or, with version 36, ``ethercrab`` or
-        ``ethercrab:INTERFACE``.
-    interval : float, optional
-        Time between datagrams, in s; one carries one pattern. If None, the SDK's 1 ms on a real bus, at which 1000
-        patterns a second do not get through, and half of that where there is no bus.
-
-    Raises
-    ------
-    UnknownDeviceError
-        If there is no such link, or not in the version that is installed.
-    DeviceError
-        If the units do not answer.
+    `interval` is the time between datagrams, in s; each carries one pattern. Default: the SDK's 1 ms on a real bus,
+    which
+    is too slow for 1000 patterns per second, and 0.5 ms without a bus.
     """
 
     frames_max = 1024
@@ -114,29 +100,29 @@ class PyAutd3Banks:
         self.link = self._link(link)
         try:
             self._controller: Controller | None = Controller.open(units, self.link)
-            # The wall clock is read once: from here on the units' clocks run by themselves, and nobody sets them.
+            # The wall clock is read once; from then on the units' clocks run freely.
             self._begin = time.time_ns() - YEAR_2000 - time.monotonic_ns()  # noqa: TID251
             between = Duration.from_nanos(round(1e9 * (interval or (0.5e-3 if link in ("audit", "nop") else 1e-3))))
             self._controller.default_sender_option = SenderOption(send_interval=between, receive_interval=between)
-            # Units do not say whether they play unless they are asked to.
+            # Units report whether they play only on request.
             self._send(ReadsFPGAState(lambda _: True))
             self.silence()
         except AUTDError as wrong:
             raise DeviceError(f"pyautd3: {wrong}; {_ADVICE}") from wrong
 
     def set_silencer(self, silencer: Silencer) -> None:
-        """Set over how long the firmware spreads steps."""
+        """Set the firmware's silencer."""
         if silencer.phase == 0:
             return self._send(SetSilencer(FixedUpdateRate(intensity=65535, phase=65535)))
         intensity, phase = (Duration.from_nanos(round(each * 1e9)) for each in (silencer.intensity, silencer.phase))
         return self._send(SetSilencer(FixedCompletionTime(intensity=intensity, phase=phase, strict=False)))
 
     def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
-        """Write patterns and then a silent one into a segment that does not play."""
+        """Write patterns, followed by a silent one, into the inactive segment."""
         gains = [_TableGain(phase, strength) for phase, strength in zip(phases, intensity, strict=True)]
         gains.append(_TableGain(np.zeros((self._units, UNIT), np.uint8), np.zeros(1, np.uint8)))
         sequence = GainSTM(gains, SamplingConfig(divider), GainSTMOption())
-        # `Later` writes the segment without playing it; `switch` orders that.
+        # `Later` writes the segment without playing it; `switch` plays it.
         self._send(WithFiniteLoop(sequence, SEGMENTS[bank], transition_mode.Later(), 1))
 
     def switch(self, bank: int, instant: int) -> None:
@@ -161,15 +147,16 @@ class PyAutd3Banks:
         self._check()
 
     def silence(self) -> None:
-        """All transducers to intensity 0 at once."""
+        """Set all transducers to intensity 0 at once."""
         self._send(WithSegment(Null(), Segment.S0, transition_mode.Immediate()))
         self._ordered = False
 
     def emitting(self) -> bool:
-        """Whether a unit says that a sequence plays.
+        """True if a unit reports that a sequence plays.
 
-        The clock of version 38's own audit and nop stands still, so that their units never get to the instant of a
-        switch: there, whether a switch was ordered and no silence since.
+        The clock of version 38's audit and nop links does not advance, so that a switch never takes effect; for these,
+        True if
+        a switch was sent and no silence since.
         """
         if self._controller is None:
             return False
@@ -180,24 +167,24 @@ class PyAutd3Banks:
         return any(state is not None and state.is_stm_mode() for state in states)
 
     def state(self) -> UnitsState:
-        """Heat alone: the firmware before series 0.12 says nothing of a failsafe."""
+        """Temperature state; firmware before series 0.12 does not report a failsafe."""
         with self._lock:
             states = self._open.fpga_state()
         hot = (unit for unit, state in enumerate(states) if state is not None and state.is_thermal_assert())
         return UnitsState(hot=tuple(hot))
 
     def release(self) -> None:
-        """Nothing that this SDK could release."""
+        """Do nothing: this SDK has no failsafe to release."""
 
     def held(self, unit: int, bank: int, frame: int) -> tuple[Bytes, Bytes]:
-        """Phases and intensities that a segment holds, shape (transducer,) each; only ``audit`` can read them back."""
+        """Phases and intensities in a segment, shape (transducer,) each; only ``audit`` can read them."""
         if not isinstance(self.link, Audit):
             raise DeviceStateError("pyautd3: expected the link audit, whose memory can be read")
         intensity, phase = self.link.drives_at(unit, SEGMENTS[bank], frame)
         return phase.astype(np.uint8), intensity.astype(np.uint8)
 
     def describe(self) -> dict[str, str]:
-        """What the units say of themselves."""
+        """Information from the units."""
         with self._lock:
             versions = self._open.firmware_version()
         return {
@@ -208,10 +195,10 @@ class PyAutd3Banks:
         }
 
     def close(self) -> None:
-        """Silence the units, as the SDK does on closing, and let go."""
+        """Silence the units, as the SDK does on closing, and close the link."""
         controller, self._controller = self._controller, None
         if controller is not None:
-            with contextlib.suppress(AUTDError):  # a lost unit cannot be told
+            with contextlib.suppress(AUTDError):  # a lost unit cannot be reached
                 controller.close()
 
     @property
@@ -265,15 +252,15 @@ class PyAutd3Banks:
 
 
 def _later_option(module, name: str) -> list:
-    """The default of an option that version 38 wants and version 36 does not know."""
+    """The default of an option that version 38 requires and version 36 does not have."""
     return [getattr(module, name)()] if hasattr(module, name) else []
 
 
 def _device_time(instant: int) -> DcSysTime:
-    """An instant, in ns of device time, as the SDK wants it; version 36 makes one only by addition."""
+    """Convert an instant in ns of device time; version 36 supports only addition."""
     if not hasattr(DcSysTime, "now"):
         return DcSysTime(instant)  # pyright: ignore[reportCallIssue]
     return DcSysTime.ZERO + Duration.from_nanos(instant)
 
 
-_ADVICE = "check cables and power (up to 50 W a unit), the interface's name, and the right to open raw sockets"
+_ADVICE = "check cables and power (up to 50 W a unit), the interface's name, and the permission for raw sockets"

@@ -1,4 +1,4 @@
-"""How gently the firmware moves phases and intensities, chosen by what a simulation says of the pressure."""
+"""Setting of the firmware's silencer, which smooths phases and intensities, chosen by simulation of the pressure."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -19,19 +19,14 @@ SilencerChoice = Literal["auto", "off", "quarter", "half", "default"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Silencer:
-    """The time over which the firmware spreads a step.
-
-    Attributes
-    ----------
-    phase, intensity : float
-        Time in which a step is complete, in s; 0 is at once.
-    reason : str
-        Why this was chosen.
-    """
+    """Time constants of the firmware's silencer."""
 
     phase: float
+    """Time in which a step of the phase is complete, in s; 0 is off."""
     intensity: float
+    """Time in which a step of the intensity is complete, in s; 0 is off."""
     reason: str = ""
+    """Reason for this choice."""
 
     def __str__(self) -> str:
         spread = "off" if self.phase == 0 else f"phase {1e3 * self.phase:g} ms, intensity {1e3 * self.intensity:g} ms"
@@ -40,56 +35,47 @@ class Silencer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sampling:
-    """Which part of a drive is simulated, and where it is looked at.
-
-    Attributes
-    ----------
-    windows, frames, before : int
-        How many pieces of how many frames at most, and how many frames before each that are simulated and not judged.
-    step : float
-        Longest time between two moments, in s; a phase that turns all the way round takes the firmware 250 µs or more.
-    moments : int
-        About how many moments a piece has at most: slow frames have many.
-    heights : tuple of float
-        Heights over the array's centre among which the sharpest is looked for, if a drive does not tell its own, in m.
-    side, pitch : int, float
-        Points on a side of the square that is looked at there, and their distance in m.
-    """
+    """Part of a drive that is simulated, and the points at which it is evaluated."""
 
     windows: int = 4
+    """Maximum number of pieces."""
     frames: int = 6
+    """Maximum number of frames per piece."""
     before: int = 2
+    """Frames simulated before each piece but not evaluated."""
     step: float = 50e-6
+    """Maximum time step, in s; a phase takes the firmware 250 µs or more for a whole turn."""
     moments: int = 160
+    """Approximate maximum number of time steps per piece; slow frames have many."""
     heights: tuple[float, ...] = field(default_factory=lambda: tuple(np.arange(0.1, 0.41, 0.025)))
+    """Candidate heights above the array's centre, in m, if the drive does not state its own."""
     side: int = 12
+    """Number of points along a side of the evaluated square."""
     pitch: float = 8e-3
+    """Distance between these points, in m."""
 
     def steps(self, rate: float) -> int:
-        """Moments a frame: each is a whole number of the firmware's ticks."""
+        """Time steps per frame, each a whole number of the firmware's ticks."""
         ticks = max(1, round(1e9 / rate / TICK))
         longest = max(1, round(self.step * 1e9 / TICK))
         return ticks // max(each for each in range(1, longest + 1) if ticks % each == 0)
 
     def shorter(self, rate: float) -> "Sampling":
-        """The same with pieces that are not too long to simulate."""
+        """The same sampling with pieces that are short enough to simulate."""
         frames = min(self.frames, max(1, self.moments // self.steps(rate)))
         return replace(self, frames=frames, before=min(self.before, frames))
 
     def plane(self, drive: Drive, height: float) -> Array:
-        """Points of the square over the array's centre, shape (point, 3), in m."""
+        """Points of the square above the array's centre, shape (point, 3), in m."""
         along = (np.arange(self.side) - (self.side - 1) / 2) * self.pitch
         x, y = (part.ravel() for part in np.meshgrid(along, along))
         return np.asarray(drive.array.position.mean(axis=0) + np.column_stack([x, y, np.full(x.shape, height)]))
 
 
 def named_silencer(choice: str, rate: float) -> Silencer:
-    """The silencer of a name, for frames of a rate in Hz; "default" is the firmware's own, 1 ms.
+    """The silencer of a name other than "auto", for a frame rate in Hz; "default" is the firmware's own, 1 ms.
 
-    Raises
-    ------
-    InputError
-        If there is none of that name, or it is "auto", which hangs on the drive.
+    Raises InputError if the name is unknown.
     """
     known = [name for name in get_args(SilencerChoice) if name != "auto"]
     if choice not in known:
@@ -105,34 +91,34 @@ def named_silencer(choice: str, rate: float) -> Silencer:
 
 
 def choose_silencer(choice: SilencerChoice, drive: Drive, sampling: Sampling | None = None) -> Silencer:
-    """What to set for a drive: the one that was asked for, or the one with the least error of the felt pressure.
+    """Return the requested silencer, or the one with the least simulated error of the pressure.
 
-    "auto" simulates a sample of the drive with each silencer (`silencer_errors`) and takes the least error, to a tenth
-    of a percent; where none has less than no silencer, none. That transducers dip when phases jump, and are heard
-    (Suzuki et al., IEEE Trans. Haptics 13(1), 2020), counts as far as it is felt, and no further: whoever wants less
-    noise at the cost of some error asks for it by name.
+    "auto" simulates a sample of the drive with each silencer (`silencer_errors`) and selects the least error, rounded
+    to
+    0.1 %; "off" wins a tie. Audible noise from dips of the output when phases jump (Suzuki et al., IEEE Trans. Haptics
+    13(1), 2020) is not minimised: select a silencer by name for less noise at the cost of a larger error.
 
     Raises
     ------
     InputError
-        If there is no such choice.
+        If the choice is unknown.
     """
     if choice != "auto":
         chosen = named_silencer(choice, drive.rate)
         errors = silencer_errors(drive, sampling)
-        return replace(chosen, reason=f"as asked; {_said(errors)}")
+        return replace(chosen, reason=f"as requested; {_said(errors)}")
     errors = silencer_errors(drive, sampling)
-    # The first of equals: off.
+    # `min` returns the first of equal values: off.
     best = min(errors, key=lambda name: round(errors[name], 3))
     return replace(named_silencer(best, drive.rate), reason=f"least error; {_said(errors)}")
 
 
 def silencer_errors(drive: Drive, sampling: Sampling | None = None) -> dict[str, float]:
-    """Error of the felt pressure with each silencer, simulated; no error for a drive that is silent.
+    """Simulated error of the pressure with each silencer; 0 for a silent drive.
 
-    Root of the summed squares of the difference between the mean pressure over each frame, while transducers follow
-    their drive at their resonance, and the pressure of that frame if it stood for ever, over that pressure's; on a
-    square at the height for which the drive was solved. Delays count: a frame is to be felt when it is its turn.
+    Relative root sum of squares of the difference between the mean pressure over each frame, with transducer dynamics,
+    and
+    the steady pressure of that frame, on a square at the height of the drive's target. Delays count as errors.
     """
     sampling = (sampling or Sampling()).shorter(drive.rate)
     pieces = _pieces(drive, sampling)
@@ -163,7 +149,7 @@ def _said(errors: Mapping[str, float]) -> str:
 
 
 def _pieces(drive: Drive, sampling: Sampling) -> list[tuple[Drive, int]]:
-    """Parts of a drive that sound, evenly spread over it, each with the number of its first frame that is judged."""
+    """Parts of a drive that are not silent, evenly spread over it, each with the index of its first evaluated frame."""
     loud = [block.reshape(len(block), -1).max(axis=1) > 0 for block in blocks(drive.level)]
     sounds = np.flatnonzero(np.concatenate(loud))
     if not sounds.size:
@@ -179,7 +165,7 @@ def _pieces(drive: Drive, sampling: Sampling) -> list[tuple[Drive, int]]:
 
 
 def _felt_plane(drive: Drive, pieces: list[tuple[Drive, int]], sampling: Sampling) -> Array:
-    """The points at the height that a drive was solved for; if it does not tell, where it presses most sharply."""
+    """Points at the height that the drive was solved for, or at the height of the sharpest pressure if unknown."""
     if isinstance(height := drive.provenance.last("settings").get("target.grid.height"), int | float):
         return sampling.plane(drive, height)
     coarse = replace(sampling, side=sampling.side // 2, pitch=2 * sampling.pitch)

@@ -1,8 +1,8 @@
-"""One frame that stands, for aiming and measuring, on units whose failsafe watches the player itself.
+"""A constant frame, for aiming and measuring, on units whose failsafe supervises the player.
 
-Two memories that end in silence cannot hold a frame that stands without being written again and again. So it is written
-as a single pattern, which sounds until another comes. The SDK's heartbeat would keep it so while Python hangs, since
-it goes out from a thread of its own: here it is off, the failsafe waits less, and the player says a word every 10 ms.
+Two banks that end in silence would have to be rewritten continuously for a constant frame. Instead, a single pattern is
+sent, which sounds until the next one. The SDK's heartbeat, which comes from its own thread, would keep it on while
+Python hangs: here it is off, the failsafe is shorter, and the player sends a message every 10 ms.
 """
 
 import time
@@ -19,49 +19,39 @@ from midair.model import Drive, Placement, Progress
 
 
 class StandingUnits(Protocol):
-    """Open units that hold a single pattern; as `Banks`, where they share a name."""
+    """Open units that hold a single pattern; members with the same name as in `Banks` have the same meaning."""
 
     @property
     def emulated(self) -> bool:
-        """Whether what answers is an emulator."""
+        """True if an emulator answers."""
         ...
 
     def stand(self, phases: Bytes, intensity: Bytes) -> None:
-        """Sound a pattern until another comes, shape (unit, transducer of the unit) each."""
+        """Play a pattern until another one arrives; shape (unit, transducer of the unit) each."""
         ...
 
     def state(self) -> UnitsState:
-        """What the units say of themselves now; asking is a word of the player, too."""
+        """Current state of the units; the query also resets the failsafe timer."""
         ...
 
     def silence(self) -> None:
-        """All transducers to intensity 0 at once."""
+        """Set all transducers to intensity 0 at once."""
         ...
 
     def release(self) -> None:
-        """Let units sound again that their failsafe has silenced."""
+        """Release the failsafe of the units."""
         ...
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Close the device."""
         ...
 
 
 class StandingArray(ArrayDevice):
-    """Plays drives whose frames are all alike, as one pattern that stands.
+    """Plays drives with identical frames as one constant pattern.
 
-    Parameters
-    ----------
-    connect : callable
-        Opens the units, without a heartbeat and with a short failsafe.
-    placement : Placement
-        Placement of the units.
-    name : str
-        What it was opened by.
-    exclusive : str or None
-        As in `ArrayDevice`.
-    word : float
-        Time between two words to the units, in s; far below their failsafe.
+    `connect` opens the units, without a heartbeat and with a short failsafe. `word` is the interval of messages to the
+    units, in s, far below their failsafe. The other parameters are those of `ImmediateArray`.
     """
 
     def __init__(
@@ -80,35 +70,23 @@ class StandingArray(ArrayDevice):
 
     @property
     def emitting(self) -> bool:
-        """Whether a pattern stands."""
+        """True while a pattern plays."""
         return self._units is not None and self._stands
 
     def open(self) -> None:
-        """Take hold of the device; it is silent."""
+        """Open the device; it is silent."""
         if self._units is None:
             self._units = self._connect(self.placement)
             self.simulated = self._units.emulated
 
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
-        """Let the frame stand for as long as the drive takes.
-
-        Raises
-        ------
-        InputError
-            If the frames differ.
-        TooHotError
-            If a unit is too hot.
-        SilentFramesError
-            If the failsafe of a unit has silenced it before the end.
-        """
+        """Play the frame for the duration of the drive; raises InputError if the frames differ."""
         if self._units is None:
             raise DeviceStateError(f"{self.name}: expected open before play")
         divider(drive.rate)
         phases, intensity = phase_bytes(drive, self.placement.units), intensity_bytes(drive, self.placement.units)
         if (phases != phases[0]).any() or (intensity != intensity[0]).any():
-            raise InputError(
-                f"{self.name}: expected frames that are all alike, got a drive that moves; play it on autd3"
-            )
+            raise InputError(f"{self.name}: expected identical frames, got a drive that changes; play it on autd3")
         units, total = self._units, drive.frames * repeats
         units.silence()
         units.state().check_heat()
@@ -123,13 +101,13 @@ class StandingArray(ArrayDevice):
         return PlayReport(frames=total, duration=total / drive.rate, units=str(state))
 
     def silence(self) -> None:
-        """Stop all sound at once, from any thread."""
+        """Stop all sound immediately, from any thread."""
         self._stands = False
         if self._units is not None:
             self._units.silence()
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Close the device."""
         units, self._units = self._units, None
         self._stands = False
         if units is not None:
@@ -154,7 +132,7 @@ class StandingArray(ArrayDevice):
             if state.silenced:
                 first = min(total, int((well - begun) * rate))
                 raise SilentFramesError(
-                    f"{self.name}: expected a frame that stands, but the failsafe silenced "
+                    f"{self.name}: expected a constant frame, but the failsafe silenced "
                     f"{name_units(state.silenced)}: frames {first} to {total - 1} of {total} "
                     f"({first / rate:.3f} to {total / rate:.3f} s) may not have sounded"
                 )

@@ -1,7 +1,8 @@
-"""A drive of any length through two memories: one plays while the other is written, and they swap on exact instants.
+"""Playback of a drive of any length through two banks: one plays while the other is written; they swap at exact
+instants.
 
-Every block ends with a silent pattern that is never reached as long as the next block comes in time. A computer that
-hangs, or a network that stalls, therefore leaves silence and no sound that stands still.
+Every block ends with a silent pattern, which is not reached if the next block arrives in time. If the computer or the
+network stalls, the array therefore becomes silent instead of repeating a frame.
 """
 
 from collections.abc import Callable
@@ -19,7 +20,7 @@ from midair.model import Progress
 
 MS = 1_000_000
 ASKED = 250 * MS
-"""Longest time between two questions to the units whether they are too hot, in ns."""
+"""Maximum time between two temperature queries, in ns."""
 
 Switch = Callable[[int, int], None]
 """Called with (bank, instant)."""
@@ -27,32 +28,22 @@ Switch = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DriveStream:
-    """What is to be played.
-
-    Attributes
-    ----------
-    phases : ndarray or Reel of uint8, shape (frame, unit, transducer of the unit)
-    intensity : ndarray or Reel of uint8, shape (frame,) or (frame, unit, transducer of the unit)
-    divider : int
-        Ultrasound periods in a frame.
-    repeats : int
-        How often all frames are played, one time after the other without a gap.
-    delay : float
-        Time from the order to the first frame, in s.
-    block : float
-        Longest piece that is handed over at once, in s; what a hanging computer can leave behind is at most two.
-    """
+    """Encoded frames with their timing; `phases` and `intensity` as in `Banks.load`, also as lazy frames."""
 
     phases: Bytes
     intensity: Bytes
     divider: int
+    """Ultrasound periods per frame."""
     repeats: int = 1
+    """Number of consecutive repeats without a gap."""
     delay: float = 0.0
+    """Time from the order to the first frame, in s."""
     block: float = 0.25
+    """Maximum length of a block, in s; after a stall at most two blocks still sound."""
 
     @property
     def total(self) -> int:
-        """Frames with all repeats."""
+        """Number of frames including repeats."""
         return len(self.phases) * self.repeats
 
     @property
@@ -61,11 +52,11 @@ class DriveStream:
         return self.divider * TICK
 
     def frames_in_block(self, frames_max: int) -> int:
-        """How many frames are handed over at once; one place stays for the silent pattern."""
+        """Frames per block; one place of the bank is reserved for the silent pattern."""
         return max(1, min(frames_max - 1, int(self.block * 1e9 / self.period)))
 
     def part(self, first: int, count: int) -> tuple[Bytes, Bytes]:
-        """Phases and intensities of `count` frames from `first` on, repeats counted through."""
+        """Phases and intensities of `count` frames from `first` on, counted across repeats."""
         frames, end = len(self.phases), min(first + count, self.total)
         parts: list[tuple[Bytes, Bytes]] = []
         while first < end:
@@ -79,33 +70,14 @@ class DriveStream:
 def play_stream(
     stream: DriveStream, banks: Banks, *, progress: Progress | None = None, switch: Switch | None = None
 ) -> PlayReport:
-    """Play a stream to its end on banks of which 0 is active and silent.
+    """Play a stream to its end on open banks of which 0 is active and silent.
 
-    Parameters
-    ----------
-    stream : DriveStream
-        What to play.
-    banks : Banks
-        Open.
-    progress : callable, optional
-        Called with (frames begun, frames in all) at the start of each block, and at the end.
-    switch : callable, optional
-        Orders a switch as `Banks.switch` does, which is taken if None; raises when there must be no more sound.
-
-    Returns
-    -------
-    PlayReport
-        ``start`` is the device time of the first frame; ``late`` the frames of blocks that came too late, after
-        ``gap`` s of silence in all.
-
-    Raises
-    ------
-    TooHotError
-        If a unit is too hot.
-    SilentFramesError
-        If the failsafe of a unit has silenced it. Units are asked once a block, and at the end.
-    DeviceError
-        If the link is lost, or the device refuses a switch three times.
+    `progress` is called with (frames begun, total frames) at the start of each block, and at the end. `switch` replaces
+    `Banks.switch` and raises if sound is no longer permitted. In the report, ``late`` counts the frames of late blocks
+    and
+    ``gap`` is the silence before them, in s. Raises TooHotError; SilentFramesError if a failsafe acted (queried once
+    per
+    block, and at the end); DeviceError if the link is lost, or the device refuses a switch three times.
     """
     heard = FrameCapture(banks, stream.period, stream.total)
     try:
@@ -120,7 +92,7 @@ def _play(
     stream: DriveStream, banks: Banks, heard: FrameCapture, progress: Progress | None, switch: Switch
 ) -> PlayReport:
     size, bank, done = stream.frames_in_block(banks.frames_max), 1, 0
-    # Before the first block is written, so that a delay counts from the order.
+    # Read before the first block is written, so that a delay counts from the order.
     begin = banks.now()
     planned = first = 0
     late = gap = 0
@@ -133,7 +105,7 @@ def _play(
         heard.order(start, len(phases))
         if start > planned:
             late, gap = late + len(phases), gap + start - planned
-        # Half a frame into the new bank: only then is the other one surely free to be written.
+        # Half a frame into the new bank: only then is the other bank certainly inactive.
         _wait(banks, heard, start + stream.period // 2)
         heard.ask()
         if progress:
@@ -150,7 +122,7 @@ def _play(
 
 
 def _wait(banks: Banks, heard: FrameCapture, instant: int) -> None:
-    """Return at an instant; during a delay or a slow frame, keep asking whether a unit is too hot."""
+    """Return at an instant; meanwhile query the temperature."""
     while instant - banks.now() > ASKED:
         banks.wait_until(banks.now() + ASKED)
         heard.check_heat()
@@ -158,7 +130,7 @@ def _wait(banks: Banks, heard: FrameCapture, instant: int) -> None:
 
 
 def _order(banks: Banks, switch: Switch, bank: int, planned: int, period: int) -> int:
-    """Order a switch at its planned instant, or as soon as the device can when that has gone by; the instant."""
+    """Send a switch for its planned instant, or the earliest possible one if that has passed; return the instant."""
     for _ in range(3):
         start = planned if planned >= banks.now() + banks.margin else _aligned(_soon(banks), period)
         try:
@@ -167,7 +139,7 @@ def _order(banks: Banks, switch: Switch, bank: int, planned: int, period: int) -
             continue
         return start
     raise DeviceError(
-        f"array: expected a switch {banks.margin / MS:g} ms ahead to be in time, it was not, three times; "
+        f"array: expected a switch {banks.margin / MS:g} ms ahead to arrive in time, it was late three times; "
         "close other programs, or use a wired network without other traffic"
     )
 
@@ -177,5 +149,5 @@ def _soon(banks: Banks) -> int:
 
 
 def _aligned(instant: int, period: int) -> int:
-    """The first whole multiple of the frame's period from an instant on."""
+    """The first multiple of the frame's period at or after an instant."""
     return -(-instant // period) * period
