@@ -226,7 +226,7 @@ def test_silence_from_another_thread_ends_playing(tap):
             if done == 0:
                 timer.start()
 
-        with pytest.raises(DeviceError, match="from elsewhere"):
+        with pytest.raises(DeviceError, match="by another thread"):
             device.play(overridden(noise(5000), device), progress=begin)
         assert tap.states() == [PATTERN]
         assert_last_word_is_silence(tap)
