@@ -18,7 +18,7 @@ from midair.devices import (
     intensity_bytes,
     measure,
 )
-from midair.devices.exposure_check import ExposureClearance, sealed
+from midair.devices.exposure_check import ExposureClearance, with_checked_reading
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.files import profile_named
 from midair.lazy_frames import LazyFrames
@@ -312,7 +312,7 @@ def test_measuring_in_parts_and_at_once_agree_on_what_is_felt():
 def test_what_is_read_again_is_what_was_measured():
     frames = np.random.default_rng(0).uniform(0, 6, (2600, ARRAY.count))
     reel = LazyFrames(lambda first, last: frames[first:last].copy(), frames.shape)
-    drive = sealed(Drive(phase=reel, level=np.full(2600, 0.02), rate=1000.0, array=ARRAY))
+    drive = with_checked_reading(Drive(phase=reel, level=np.full(2600, 0.02), rate=1000.0, array=ARRAY))
     np.testing.assert_array_equal(drive.phase, frames)
     np.testing.assert_array_equal(drive.phase.read(100, 700), frames[100:700])
     drive.phase.read(1100, 2600)  # the last three stretches are still in memory

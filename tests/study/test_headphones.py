@@ -43,7 +43,7 @@ def ears(folder):
     _needs("jackd", "jackd2")
     _imported("jack", "libjack-jackd2-0")
     quiet = _environment(JACK_NO_START_SERVER="1", JACK_NO_AUDIO_RESERVATION="1")
-    with quiet, _portaudio() as let_go, _started_jack(RATE) as (name, server), _environment(JACK_DEFAULT_SERVER=name):
+    with quiet, _portaudio() as release, _started_jack(RATE) as (name, server), _environment(JACK_DEFAULT_SERVER=name):
         command = [sys.executable, str(Path(__file__).parent / "ears.py"), str(folder / "heard.npy")]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as listener:
             assert listener.stdout.readline().strip() == "ready"
@@ -60,7 +60,7 @@ def ears(folder):
             try:
                 yield heard
             finally:
-                let_go()
+                release()
                 server.terminate()
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     server.wait(5)

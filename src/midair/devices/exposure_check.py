@@ -12,7 +12,7 @@ from typing import Any, Literal, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices.frame_bytes import PHASE_STEPS, amplitude_of, loudest_of
+from midair.devices.frame_bytes import PHASE_STEPS, actual_level, amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.evaluate import SkinModel
 from midair.lazy_frames import LazyFrames, cached_blocks, each_frame
@@ -25,7 +25,7 @@ Outcome = Literal["kept", "attenuated", "overridden", "exceeded"]
 """Within the limits; attenuated to meet them; above them under the responsibility of a named person; above them on a
 device without sound."""
 
-_ONLY_HERE = object()  # Key to the constructor of ExposureClearance, private to this module.
+_KEY = object()  # Key to the constructor of ExposureClearance, private to this module.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +90,7 @@ class ExposureClearance:
     _key: InitVar[object] = None
 
     def __post_init__(self, _key: object) -> None:
-        if _key is not _ONLY_HERE:
+        if _key is not _KEY:
             raise DeviceStateError("clearance: expected the result of check_exposure(); it cannot be made up")
 
     def check_array(self, device: ArrayInfo) -> None:
@@ -164,7 +164,7 @@ class ExposureClearance:
             )
         own = replace(drive, array=self.array)
         weaker = own if self.factor == 1 else _weakened(own, self.factor, self.exposure.profile.name)
-        return replace(self, drive=weaker, _key=_ONLY_HERE)
+        return replace(self, drive=weaker, _key=_KEY)
 
     def verdict(self) -> str:
         """Outcome and reason in one line; for an attenuated drive also whether it can be felt."""
@@ -181,8 +181,7 @@ def felt_pressure_text(found: Exposure) -> str:
     """One line if a drive cannot be felt on the palm; empty if it may be felt.
 
     A modulated pressure has an amplitude of at most half its peak. It cannot be felt below the detection threshold at
-    the
-    most sensitive frequency of the skin (`SkinModel`; nominal, people differ by 10 dB).
+    the most sensitive frequency of the skin (`SkinModel`; nominal, people differ by 10 dB).
     """
     just = 2 * SkinModel().pressure_just_felt
     if found.pressure >= just:
@@ -226,7 +225,7 @@ def measure(
             f"drive: expected one for {array.name} ({array.count} transducers), got one for "
             f"{drive.array.name} ({drive.array.count} transducers); solve the target again for this array"
         )
-    own = replace(drive, array=array, level=each_frame(drive.level, loudest_of))
+    own = replace(drive, array=array, level=each_frame(drive.level, actual_level))
     airs = airs_of_room(room, profile.places, array)
     return exposure(own, profile, repeats=repeats, acoustics=airs, steps=steps)
 
@@ -253,14 +252,14 @@ def check_exposure(drive: Drive, device: ArrayInfo, choices: ExposureChoices, *,
         If `repeats` is below 1.
     """
     _check_repeats(repeats)
-    drive = sealed(drive)
+    drive = with_checked_reading(drive)
     found = _measured(drive, device, choices, repeats)
     own = replace(drive, array=device.array)
     outcome, factor = _decide(found, device, choices)
     if outcome == "attenuated":
         own = _weakened(own, factor, choices.profile.name)
         found = _measured(own, device, choices, repeats)
-    return _admission(device, choices, found, outcome, drive=own, repeats=repeats)
+    return _clearance(device, choices, found, outcome, drive=own, repeats=repeats)
 
 
 def check_exposure_parts(
@@ -304,7 +303,7 @@ def check_exposure_parts(
         pressure=max(each.pressure for each in measured),
     )
     outcome, factor = _decide(found, device, choices)
-    return _admission(device, choices, found, outcome, repeats=repeats, factor=factor, _known=frozenset(known))
+    return _clearance(device, choices, found, outcome, repeats=repeats, factor=factor, _known=frozenset(known))
 
 
 def check_exposure_level(
@@ -313,8 +312,7 @@ def check_exposure_level(
     """Check the worst case of a level, for frames that are computed during playback.
 
     In the worst case all transducers are in phase at a place. This is far above the needs of a target, so that a
-    cleared
-    level is safe for any frames.
+    cleared level is safe for any frames.
 
     Parameters
     ----------
@@ -340,7 +338,7 @@ def check_exposure_level(
     if outcome == "attenuated":
         level *= factor
         found = greatest_exposure(device.array, level, choices.profile, rate=rate, airs=airs)
-    return _admission(device, choices, found, outcome, level=level)
+    return _clearance(device, choices, found, outcome, level=level)
 
 
 def _measured(drive: Drive, device: ArrayInfo, choices: ExposureChoices, repeats: int) -> Exposure:
@@ -353,7 +351,7 @@ def _check_repeats(repeats: int) -> None:
         raise InputError(f"expected 1 repeat or more, got {repeats}")
 
 
-def _admission(
+def _clearance(
     device: ArrayInfo,
     choices: ExposureChoices,
     found: Exposure,
@@ -367,9 +365,9 @@ def _admission(
         array=device.array,
         exposure=found,
         outcome=outcome,
-        by=_who(outcome, choices),
+        by=_responsible_person(outcome, choices),
         gated=device.gated,
-        _key=_ONLY_HERE,
+        _key=_KEY,
         **rest,
     )
 
@@ -385,19 +383,19 @@ def _decide(found: Exposure, device: ArrayInfo, choices: ExposureChoices) -> tup
     if not device.gated:
         return "exceeded", 1.0
     raise ExposureError(
-        f"exposure: {found.verdict()}; weaken it with --attenuate ({-found.excess:.1f} dB{_and_then(found)}), "
+        f"exposure: {found.verdict()}; weaken it with --attenuate ({-found.excess:.1f} dB{_not_felt_note(found)}), "
         "take another --profile, or take responsibility with --override-exposure NAME and ear protection for everyone "
         "in the room"
     )
 
 
-def _and_then(found: Exposure) -> str:
+def _not_felt_note(found: Exposure) -> str:
     """A note if nothing can be felt after attenuation: radiation pressure is proportional to sound pressure squared."""
     weakened = replace(found, pressure=found.pressure * 10 ** (-found.excess / 10))
     return ", and nothing will be felt" if felt_pressure_text(weakened) else ""
 
 
-def _who(outcome: Outcome, choices: ExposureChoices) -> str:
+def _responsible_person(outcome: Outcome, choices: ExposureChoices) -> str:
     return choices.override.strip() if outcome == "overridden" and choices.override else ""
 
 
@@ -418,18 +416,18 @@ def _fingerprint(drive: Drive) -> bytes:
     return hashlib.sha256(drive.phase.tobytes() + drive.level.tobytes()).digest()
 
 
-def sealed(drive: Drive) -> Drive:
+def with_checked_reading(drive: Drive) -> Drive:
     """A drive whose lazy frames raise ExposureError if a second reading differs, as when the file was changed."""
     held = (drive.phase, drive.level)
-    phase, level = (_sealed(each) if isinstance(each, LazyFrames) else each for each in held)
+    phase, level = (_checked_reading(each) if isinstance(each, LazyFrames) else each for each in held)
     return replace(drive, phase=phase, level=level) if any(isinstance(each, LazyFrames) for each in held) else drive
 
 
-def _sealed(reel: LazyFrames) -> Array:
+def _checked_reading(lazy: LazyFrames) -> Array:
     prints: dict[int, bytes] = {}
 
     def make(first: int, last: int) -> Array:
-        frames = reel.read(first, last)
+        frames = lazy.read(first, last)
         if prints.setdefault(first, digest := hashlib.sha256(frames.tobytes()).digest()) != digest:
             raise ExposureError(
                 f"frames: expected {first} to {last - 1} as they were checked, got others; the file was changed, "
@@ -438,4 +436,4 @@ def _sealed(reel: LazyFrames) -> Array:
         return frames
 
     # Lazy frames are typed as the array that they represent.
-    return cast("Array", cached_blocks(make, reel.shape, size=512))
+    return cast("Array", cached_blocks(make, lazy.shape, size=512))

@@ -1,8 +1,8 @@
 """Conversion of a drive to the firmware format of AUTD3: one byte of phase and one of intensity per transducer.
 
-The firmware uses the same signs as midair, q = exp(+j phi) and G = exp(+j k d) / d, so that the byte is
-round(phi / 2 pi * 256) mod 256. An intensity byte I becomes a pulse of w = round(512 asin(I / 255) / pi) of 512 steps,
-with an amplitude of sin(pi w / 512): I = round(255 level), accurate to .005 of full drive.
+The firmware uses the same signs as midair, q = exp(+j phi) and G = exp(+j k d) / d, so that the byte is round(phi / 2
+pi * 256) mod 256. An intensity byte I becomes a pulse of w = round(512 asin(I / 255) / pi) of 512 steps, with an
+amplitude of sin(pi w / 512): I = round(255 level), accurate to .005 of full drive.
 """
 
 import numpy as np
@@ -48,7 +48,7 @@ def amplitude_of(intensity: Bytes) -> NDArray[np.float64]:
     return np.sin(np.pi * width / 512)
 
 
-def loudest_of(level: Array) -> Array:
+def actual_level(level: Array) -> Array:
     """Actual level after rounding to bytes and pulses, or the level itself if that is higher.
 
     Half a step, .002 of full drive, is rounded to a whole step and then to a pulse of .006: 10 dB louder.

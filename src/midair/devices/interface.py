@@ -201,8 +201,7 @@ class ArrayDevice(ABC):
         """Play a checked drive from its first frame to its last, then silence the array, also after an error.
 
         On a gated array the order is logged before the first sound and its end after the last, and `midair stop` in
-        another
-        terminal silences the array.
+        another terminal silences the array.
 
         Parameters
         ----------
@@ -266,7 +265,7 @@ class ArrayDevice(ABC):
                 # A stop during the last block is not noticed inside `emit`.
                 self._order.check(self.name)
             except BaseException as end:
-                log_end(number, source, self.name, *self._ended(end))
+                log_end(number, source, self.name, *self._log_outcome(end))
                 raise
             log_end(number, source, self.name, "played", report=asdict(report))
         return report
@@ -276,8 +275,7 @@ class ArrayDevice(ABC):
         """While inside, no other program gets the device, open or not, and `midair stop` reaches this one.
 
         After a stop nothing sounds until the outermost block ends. Entering the device reserves it; reserve it earlier
-        if
-        preparation, such as reading and checking a long drive, takes time.
+        if preparation, such as reading and checking a long drive, takes time.
 
         Raises
         ------
@@ -296,8 +294,8 @@ class ArrayDevice(ABC):
 
     @contextmanager
     def sounding(self) -> Generator[None]:
-        """Inside, a driver may start or continue sound; a stop waits until the block ends and then prevents any
-        further sound.
+        """Inside, a driver may start or continue sound; a stop waits until the block ends and then prevents any further
+        sound.
 
         Raises
         ------
@@ -325,7 +323,7 @@ class ArrayDevice(ABC):
         with contextlib.ExitStack() as stack:
             stack.enter_context(self.reserved())
             self.open()
-            stack.push(self._shut)
+            stack.push(self._on_exit)
             self._entered = stack.pop_all()
         return self
 
@@ -334,7 +332,7 @@ class ArrayDevice(ABC):
     ) -> None:
         self._entered.__exit__(kind, error, trace)
 
-    def _shut(self, _: type[BaseException] | None, error: BaseException | None, __: TracebackType | None) -> None:
+    def _on_exit(self, _: type[BaseException] | None, error: BaseException | None, __: TracebackType | None) -> None:
         try:
             if error is None:
                 self.silence()
@@ -343,7 +341,7 @@ class ArrayDevice(ABC):
         finally:
             self.close()
 
-    def _ended(self, end: BaseException) -> tuple[Ending, str]:
+    def _log_outcome(self, end: BaseException) -> tuple[Ending, str]:
         """Outcome and reason of an exception that ended playback, for the log."""
         if self._order.stopped:
             return "stopped", "midair stop"

@@ -8,8 +8,7 @@ from midair.model.medium import Medium
 
 Directivity = Literal["point", "piston", "t4010a1"]
 """Directivity D(theta) in eq. (3) of the paper: omnidirectional, a circular piston in a baffle, or the measured T4010A1
-of
-AUTD3."""
+of AUTD3."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

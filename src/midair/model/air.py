@@ -71,8 +71,7 @@ def attenuation(frequency: float, temperature: float, humidity: float, pressure:
     """Amplitude attenuation of a pure tone, in Np/m: ISO 9613-1:1993, eqs. 3 to 5 and B.2, B.3.
 
     Stated accuracy: 10 % for a frequency over pressure of 4e-4 to 10 Hz/Pa, which includes 40 kHz at one atmosphere.
-    The
-    formulas hold from -20 degrees Celsius on.
+    The formulas hold from -20 degrees Celsius on.
     """
     kelvin, ratio = temperature + _KELVIN, pressure / STANDARD_PRESSURE
     warm = kelvin / 293.15

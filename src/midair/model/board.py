@@ -1,6 +1,4 @@
-"""OpenMPD boards of 256 transducers with measured pins and phase offsets; an array is one board or two opposite
-boards.
-"""
+"""OpenMPD boards: 256 transducers with measured pins and phase offsets; one board, or two opposite boards."""
 
 from dataclasses import dataclass
 
@@ -73,11 +71,9 @@ def array_of_boards(*boards: Board) -> TransducerArray:
     """One board that radiates upwards, or two opposite boards 238.8 mm apart.
 
     The second board is turned about the y axis, as in the manufacturer's driver (AsierInhoImpl_V2.cpp). The model of
-    the
-    transducers is not published; programs for these boards assume a pressure of 3.4, 6.0 or 8.02 Pa m (AcousTools,
+    the transducers is not published; programs for these boards assume a pressure of 3.4, 6.0 or 8.02 Pa m (AcousTools,
     Constants.py). midair assumes the highest value, so that exposure is never underestimated; the felt pressure may
-    then
-    be weaker than requested.
+    then be weaker than requested.
 
     Raises
     ------

@@ -20,8 +20,7 @@ Array = NDArray[np.float64]
 
 Status = Literal["converged", "iterations", "stalled", "silent"]
 """How the solver ended a frame: step or gradient below its tolerance; maximum of iterations reached; no step of any
-length
-reduces the error; nothing to play."""
+length reduces the error; nothing to play."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

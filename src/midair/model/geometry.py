@@ -83,8 +83,8 @@ class TransducerArray:
     def autd3(cls, *, columns: int = 2, rows: int = 2) -> "TransducerArray":
         """`columns` by `rows` AUTD3 units side by side: 249 transducers each, in the order of the firmware.
 
-        A unit is an 18 x 14 grid of 10.16 mm pitch without (1, 1), (2, 1) and (16, 1), row by row; units are
-        192.0 x 151.4 mm apart. The array is centred on the mean of its positions.
+        A unit is an 18 x 14 grid of 10.16 mm pitch without (1, 1), (2, 1) and (16, 1), row by row; units are 192.0 x
+        151.4 mm apart. The array is centred on the mean of its positions.
         """
         if columns < 1 or rows < 1:
             raise InputError(f"units: expected at least 1 x 1, got {columns} x {rows}")

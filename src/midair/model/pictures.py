@@ -125,8 +125,7 @@ def dots(
     """Transducers from above, as dots of the cyclic colours.
 
     `position` is in m, shape (transducer, 2 or 3); beyond `style.points`, one dot stands for a cluster. `colour` is 0
-    to 15,
-    or -1 for a faint dot in the text colour. `bar` labels the last and the first colour.
+    to 15, or -1 for a faint dot in the text colour. `bar` labels the last and the first colour.
     """
     style = style or PictureStyle()
     place = position[:, :2]

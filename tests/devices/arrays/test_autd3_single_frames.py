@@ -77,7 +77,7 @@ def test_an_error_that_nobody_knows_reaches_the_next_frame(tap, monkeypatch):
         async def breaks():
             raise ValueError("out of the blue")
 
-        monkeypatch.setattr(units, "_ask", breaks)
+        monkeypatch.setattr(units, "_query_state", breaks)
         with pytest.raises(DeviceError, match="out of the blue"), device.frames_to_come(answered(device)) as put:
             put_some(put, units, 20)
         assert not device.emitting

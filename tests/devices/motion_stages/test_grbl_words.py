@@ -2,19 +2,19 @@
 
 import pytest
 
-from midair.devices.motion_stages.grbl_words import Outbox, in_words, status_of
+from midair.devices.motion_stages.grbl_words import Outbox, parse_status, with_meaning
 from midair.errors import DeviceError
 
 
 def test_a_report_with_everything():
-    report = status_of("<Hold:0|MPos:-2.500,0.000,11.000|FS:500,8000|Pn:PZ|WCO:0.000,1.551,5.664|Ov:100,100,100>")
+    report = parse_status("<Hold:0|MPos:-2.500,0.000,11.000|FS:500,8000|Pn:PZ|WCO:0.000,1.551,5.664|Ov:100,100,100>")
     assert report is not None
     assert (report.state, report.position, report.work) == ("Hold:0", (-2.5, 0.0, 11.0), False)
     assert (report.feed, report.pins, report.offset) == (500.0, "PZ", (0.0, 1.551, 5.664))
 
 
 def test_a_report_of_the_work_without_a_spindle():
-    report = status_of("<Run|WPos:1.0,2.0,3.0,4.0|F:120>")
+    report = parse_status("<Run|WPos:1.0,2.0,3.0,4.0|F:120>")
     assert report is not None
     assert (report.work, report.position, report.feed) == (True, (1.0, 2.0, 3.0), 120.0)
 
@@ -23,13 +23,13 @@ def test_a_report_of_the_work_without_a_spindle():
     "line", ["ok", "<Idle>", "<Idle|MPos:1,2>", "<Idle|MPos:a,b,c|FS:0,0>", "<Idle|MPos:0,0,0", ""]
 )
 def test_what_is_no_report_is_none(line):
-    assert status_of(line) is None
+    assert parse_status(line) is None
 
 
 def test_alarms_and_refusals_say_what_they_mean():
-    assert in_words("ALARM:1") == "ALARM:1, a limit switch was hit, the position is probably lost"
-    assert in_words("error:15") == "error:15, the target is beyond the machine's travel"
-    assert in_words("ALARM:77") == "ALARM:77"
+    assert with_meaning("ALARM:1") == "ALARM:1, a limit switch was hit, the position is probably lost"
+    assert with_meaning("error:15") == "error:15, the target is beyond the machine's travel"
+    assert with_meaning("ALARM:77") == "ALARM:77"
 
 
 def test_never_more_is_on_its_way_than_the_buffer_holds():
@@ -48,5 +48,5 @@ def test_an_answer_to_nothing_is_an_error():
         outbox.answered()
     outbox.add("G4P0")
     outbox.due()
-    outbox.forget()
+    outbox.clear()
     assert outbox.empty

@@ -192,13 +192,13 @@ def _jack_server(rate, what="ramp"):
     _needs("jackd", "jackd2")
     _imported("jack", "libjack-jackd2-0")
     quiet = _environment(JACK_NO_START_SERVER="1", JACK_NO_AUDIO_RESERVATION="1")
-    with quiet, _portaudio() as let_go, _started_jack(rate) as (name, server), _environment(JACK_DEFAULT_SERVER=name):  # noqa: SIM117
+    with quiet, _portaudio() as release, _started_jack(rate) as (name, server), _environment(JACK_DEFAULT_SERVER=name):  # noqa: SIM117
         # The server ends before its client: otherwise it waits for it.
         with _program(sys.executable, HERE / "tone_sender.py", "jack", rate, what):
             try:
                 yield server
             finally:
-                let_go()
+                release()
                 server.terminate()
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     server.wait(5)

@@ -139,7 +139,7 @@ def test_the_failsafe_of_real_units_spoils_a_presentation_and_the_next_one_sound
     def wait(milliseconds):
         banks = device.banks
         order = SetCpuConfig(CpuConfig(failsafe_timeout=Duration.from_millis(milliseconds)))
-        banks._sure(lambda: banks._open.send(order), 2)
+        banks._repeatable(lambda: banks._open.send(order), 2)
 
     def trip():
         while not device.emitting:

@@ -54,7 +54,9 @@ def silencer(chosen: Silencer) -> SetSilencer:
 def load(bank: int, phases: Bytes, intensity: Bytes, divider: int) -> list[Command]:
     """Commands that write patterns, followed by a silent one, to be played once."""
     units, count = phases.shape[1], len(phases)
-    write = _alike(bank, phases, intensity) if intensity.ndim == 1 else _each(bank, phases, intensity)
+    write = (
+        _shared_intensity(bank, phases, intensity) if intensity.ndim == 1 else _own_intensity(bank, phases, intensity)
+    )
     quiet = PhaseBuffer.from_array(np.zeros((units, UNIT), np.uint8))
     end = WritePatternPhase(_BANKS[bank], count, PhaseDepth.Bits8, 0, [quiet])
     config = ConfigPattern(_BANKS[bank], SamplingConfig(divider), count + 1, LoopBehavior.Once)
@@ -76,7 +78,7 @@ def silence(units: int) -> Pattern:
     return Pattern(PhaseBuffer.from_array(np.zeros((units, UNIT), np.uint8)), 0)
 
 
-def _alike(bank: int, phases: Bytes, intensity: Bytes) -> Iterator[Command]:
+def _shared_intensity(bank: int, phases: Bytes, intensity: Bytes) -> Iterator[Command]:
     """Commands for frames with one intensity each; a datagram holds consecutive patterns of the same intensity."""
     edges = np.flatnonzero(np.diff(intensity)) + 1
     for run in np.split(np.arange(len(phases)), edges):
@@ -86,7 +88,7 @@ def _alike(bank: int, phases: Bytes, intensity: Bytes) -> Iterator[Command]:
             yield WritePatternPhase(_BANKS[bank], first, PhaseDepth.Bits8, int(intensity[first]), patterns)
 
 
-def _each(bank: int, phases: Bytes, intensity: Bytes) -> Iterator[Command]:
+def _own_intensity(bank: int, phases: Bytes, intensity: Bytes) -> Iterator[Command]:
     for index, (phase, strength) in enumerate(zip(phases, intensity, strict=True)):
         yield WritePatternBuffer(
             _BANKS[bank], index, PhaseBuffer.from_array(phase), IntensityBuffer.from_array(strength)

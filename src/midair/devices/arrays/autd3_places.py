@@ -18,8 +18,7 @@ class Autd3Place:
 
     kind: Literal["auto", "interface", "address", "emulator", "simulator", "server"]
     """Any interface; one interface; an address with a port; a new emulator; the manufacturer's simulator of sound
-    fields; the
-    manufacturer's server, which shares the units among programs."""
+    fields; the manufacturer's server, which shares the units among programs."""
     name: str = ""
     """Name of an interface, or an address such as ``[fe80::1%3]:44336`` with a numeric zone."""
     port: int = 0
@@ -55,9 +54,7 @@ class Autd3Place:
 
 
 def autd3_place(where: str) -> Autd3Place:
-    """Parse an address, see `autd3_array`; raises UnknownDeviceError if invalid, or for a server on another
-    computer.
-    """
+    """Parse an address, see `autd3_array`; raises UnknownDeviceError if it is invalid or a server is not local."""
     kind, colon, rest = where.partition(":")
     if where in ("auto", "emulator"):
         return Autd3Place(kind="auto" if where == "auto" else "emulator")

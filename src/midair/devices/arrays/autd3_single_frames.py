@@ -37,8 +37,7 @@ class ManualEventLoop(asyncio.AbstractEventLoop):
     """An event loop that never blocks: pending callbacks run when `turn` is called.
 
     It has only what futures and tasks need; other threads may only call `call_soon_threadsafe`. `at` is the time at
-    which
-    the current callback was scheduled, in ns of `time.monotonic_ns`.
+    which the current callback was scheduled, in ns of `time.monotonic_ns`.
     """
 
     def __init__(self) -> None:
@@ -79,43 +78,42 @@ class Autd3Immediate(Autd3Udp):
     """Units that play a frame from its instant on, and go silent soon after the last message.
 
     `crowd` limits the frames in transmission; further ones are not sent (the units queue seven). `asked` is the
-    interval of
-    state queries, in s. `failsafe` as in `Autd3Udp`.
+    interval of state queries, in s. `failsafe` as in `Autd3Udp`.
     """
 
     def __init__(
         self, placement: Placement, place: Autd3Place, *, failsafe: float = 0.05, crowd: int = 7, asked: float = 0.25
     ) -> None:
         self._crowd, self._asked = crowd, asked
-        self._told: dict[str, int] = dict.fromkeys(("sent", "answered", "lost", "late", "crowded"), 0)
-        self._left = np.zeros(_KEPT, np.int64)
-        self._number = self._flying = self._unanswered = 0
+        self._counts: dict[str, int] = dict.fromkeys(("sent", "answered", "lost", "late", "crowded"), 0)
+        self._sent_at = np.zeros(_KEPT, np.int64)
+        self._number = self._in_transmission = self._unanswered = 0
         self._wrong: DeviceError | None = None
-        self._asks = 0.0
+        self._last_query = 0.0
         self._geometry = commands.geometry(placement)
-        self._turned = ManualEventLoop()
+        self._manual_loop = ManualEventLoop()
         self._tasks: set[asyncio.Task[None]] = set()
         super().__init__(placement, place, failsafe=failsafe, heartbeat=False)
 
     def put(self, phases: Bytes, intensity: int, instant: int) -> None:
         """Send a frame that sounds from an instant on, without waiting."""
-        self._turned.turn()
+        self._manual_loop.turn()
         if self._wrong is not None:
             raise self._wrong
         number, self._number = self._number, self._number + 1
-        self._left[number % _KEPT] = 0
-        if self._flying >= self._crowd:
-            self._told["crowded"] += 1
+        self._sent_at[number % _KEPT] = 0
+        if self._in_transmission >= self._crowd:
+            self._counts["crowded"] += 1
             return
         frame = Frames.encode(self._geometry, Pattern(PhaseBuffer.from_array(phases), intensity))[0]
         if self.now() >= instant:
-            self._told["late"] += 1
+            self._counts["late"] += 1
             return
-        self._flying += 1
-        self._start(self._send_frame(frame, instant, number))
-        if (now := time.monotonic()) - self._asks > self._asked:
-            self._asks = now
-            self._start(self._ask())
+        self._in_transmission += 1
+        self._run_task(self._send_frame(frame, instant, number))
+        if (now := time.monotonic()) - self._last_query > self._asked:
+            self._last_query = now
+            self._run_task(self._query_state())
 
     def release(self) -> None:
         """Release the failsafe of the units, and clear an earlier overheating error."""
@@ -125,13 +123,13 @@ class Autd3Immediate(Autd3Udp):
 
     def sent(self, number: int) -> int:
         """Time at which a frame was sent, in ns of `time.monotonic_ns`; 0 if it was not sent yet."""
-        self._turned.turn()
-        return int(self._left[number % _KEPT])
+        self._manual_loop.turn()
+        return int(self._sent_at[number % _KEPT])
 
     def told(self) -> dict[str, int]:
         """Number of frames by outcome."""
-        self._turned.turn()
-        return dict(self._told)
+        self._manual_loop.turn()
+        return dict(self._counts)
 
     def close(self) -> None:
         """Silence the units, as the SDK does on closing, and close the link."""
@@ -139,16 +137,16 @@ class Autd3Immediate(Autd3Udp):
         # Pending answers will not arrive any more; asyncio warns about tasks destroyed while pending.
         for task in list(self._tasks):
             task.cancel()
-        self._turned.turn()
+        self._manual_loop.turn()
 
-    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+    def _run_task(self, work: Coroutine[Any, Any, None]) -> None:
         """Run a coroutine at once, up to where it waits for the SDK."""
-        task = asyncio.Task(work, loop=self._turned)
+        task = asyncio.Task(work, loop=self._manual_loop)
         self._tasks.add(task)
-        task.add_done_callback(self._end)
-        self._turned.turn()
+        task.add_done_callback(self._task_ended)
+        self._manual_loop.turn()
 
-    def _end(self, task: asyncio.Task[None]) -> None:
+    def _task_ended(self, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)
         if not task.cancelled() and (wrong := task.exception()) is not None:
             self._wrong = DeviceError(f"autd3: this is an error in midair, please report it: {wrong!r}")
@@ -157,13 +155,13 @@ class Autd3Immediate(Autd3Udp):
         try:
             at = ExecAt.At(SysTime.from_nanos(instant))
             answer = await self._open.send_frame_at(frame, at)
-            self._left[number % _KEPT] = self._turned.at
-            self._told["sent"] += 1
+            self._sent_at[number % _KEPT] = self._manual_loop.at
+            self._counts["sent"] += 1
             await answer
-            self._told["answered"] += 1
+            self._counts["answered"] += 1
             self._unanswered = 0
         except Autd3Error as wrong:
-            self._told["lost"] += 1
+            self._counts["lost"] += 1
             self._unanswered += 1
             # A single lost datagram is a lost frame; many in a row mean a lost link.
             if wrong.code != Autd3Error.TIMEOUT or self._unanswered >= self._crowd:
@@ -173,9 +171,9 @@ class Autd3Immediate(Autd3Udp):
         except DeviceError:
             pass  # closed meanwhile
         finally:
-            self._flying -= 1
+            self._in_transmission -= 1
 
-    async def _ask(self) -> None:
+    async def _query_state(self) -> None:
         """Query the state of the units; overheating or an active failsafe is an error."""
         try:
             states = await self._open.read_fpga_state()

@@ -43,7 +43,7 @@ ANSWER = 0.05
 ATTEMPTS = 5
 """Number of attempts before the link counts as lost: a quarter of a second, as long as a block lasts."""
 
-TELLING = (
+ERROR_COUNTERS = (
     "failsafe",
     "ptp_unlock_failsafe",
     "cpu_watchdog",
@@ -61,8 +61,8 @@ class Autd3Udp:
     """Both pattern banks of all units over UDP.
 
     `placement` lists the units in the order of the wiring. `failsafe` is the time without a message after which the
-    units
-    silence themselves, in s. With `heartbeat` the SDK sends a message every 10 ms by itself, even while Python hangs.
+    units silence themselves, in s. With `heartbeat` the SDK sends a message every 10 ms by itself, even while Python
+    hangs.
     """
 
     frames_max = commands.FRAMES_MAX
@@ -73,22 +73,22 @@ class Autd3Udp:
     def __init__(
         self, placement: Placement, place: Autd3Place, *, failsafe: float = FAILSAFE, heartbeat: bool = True
     ) -> None:
-        self._units, self._again = placement.units, 0
+        self._units, self._repetitions = placement.units, 0
         self.failsafe, self._heartbeat = failsafe, Duration.from_millis(10) if heartbeat else None
         self._emulator = UdpEmulator(placement.units) if place.kind == "emulator" else None
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="autd3", daemon=True)
         self._thread.start()
         try:
-            client: Client = self._do(lambda: self._connect(placement, self._link(place)), 60)
+            client: Client = self._call(lambda: self._connect(placement, self._link(place)), 60)
             self._client: Client | None = client
             self._state = client.state_checker()
             config = CpuConfig(failsafe_timeout=Duration.from_secs_f64(failsafe))
-            self._sure(lambda: client.send(SetCpuConfig(config)), 5)
+            self._repeatable(lambda: client.send(SetCpuConfig(config)), 5)
             self.silence()
-            versions = self._sure(client.read_firmware_version, 5)
+            versions = self._repeatable(client.read_firmware_version, 5)
             self.emulated = all(one.is_emulator() for one in versions)
-            self._counted = self._sure(client.read_telemetry, 5)
+            self._counted = self._repeatable(client.read_telemetry, 5)
         except BaseException:
             # Also after Ctrl-C: the loop's thread must not outlive a device that failed to open.
             self._client = None
@@ -105,12 +105,12 @@ class Autd3Udp:
 
     def switch(self, bank: int, instant: int) -> None:
         """Play a bank once, from an instant on."""
-        before = self._again
+        before = self._repetitions
         try:
-            self._sure(lambda: self._open.send(commands.switch(bank, instant)), 2)
+            self._repeatable(lambda: self._open.send(commands.switch(bank, instant)), 2)
         except DeviceError as wrong:
             # After a repeated command some units may already play; another instant would repeat frames.
-            if "too close to now" in str(wrong) and self._again == before:
+            if "too close to now" in str(wrong) and self._repetitions == before:
                 raise TooLateError(str(wrong)) from None
             raise
 
@@ -128,15 +128,15 @@ class Autd3Udp:
 
     def stand(self, phases: Bytes, intensity: Bytes) -> None:
         """Play one pattern until another one arrives; shape (unit, transducer of the unit) each."""
-        self._sure(lambda: self._open.send(commands.stand(phases, intensity)), 2)
+        self._repeatable(lambda: self._open.send(commands.stand(phases, intensity)), 2)
 
     def silence(self) -> None:
         """Set all transducers to intensity 0 at once."""
-        self._sure(lambda: self._open.send(commands.silence(self._units)), 2)
+        self._repeatable(lambda: self._open.send(commands.silence(self._units)), 2)
 
     def emitting(self) -> bool:
         """True if a unit reports that patterns play."""
-        states = self._sure(self._open.read_fpga_state, 2)
+        states = self._repeatable(self._open.read_fpga_state, 2)
         return any(
             state.is_stm_mode() and not state.is_pattern_stopped() and not state.is_failsafe_active()
             for state in states
@@ -145,24 +145,24 @@ class Autd3Udp:
     def state(self) -> UnitsState:
         """Current state of the units."""
         client = self._open
-        states, counted = self._sure(client.read_fpga_state, 2), self._sure(client.read_telemetry, 2)
-        again = [f"{self._again} orders sent again"] if self._again else []
+        states, counted = self._repeatable(client.read_fpga_state, 2), self._repeatable(client.read_telemetry, 2)
+        again = [f"{self._repetitions} orders sent again"] if self._repetitions else []
         return UnitsState(
             silenced=tuple(unit for unit, state in enumerate(states) if state.is_failsafe_active()),
             hot=tuple(unit for unit, state in enumerate(states) if state.is_thermal_asserted()),
-            errors=(*_grown(self._counted, counted), *again),
+            errors=(*_error_increments(self._counted, counted), *again),
         )
 
     def release(self) -> None:
         """Release the failsafe of the units."""
-        self._sure(lambda: self._open.send(ReleaseFailsafe()), 2)
+        self._repeatable(lambda: self._open.send(ReleaseFailsafe()), 2)
 
     def describe(self) -> dict[str, str]:
         """Firmware, link and failsafe of the units."""
         client = self._open
-        versions = self._do(client.read_firmware_version, 5)
-        telemetry, bus = self._do(client.read_telemetry, 5), client.bus_stats()
-        worst, heat = bus.worst_ack_latency_ns(), self._do(client.read_fpga_state, 5)
+        versions = self._call(client.read_firmware_version, 5)
+        telemetry, bus = self._call(client.read_telemetry, 5), client.bus_stats()
+        worst, heat = bus.worst_ack_latency_ns(), self._call(client.read_fpga_state, 5)
         series = ".".join(str(part) for part in versions[0].SUPPORTED_SERIES)
         return {
             "units": f"{len(versions)} answer",
@@ -184,7 +184,7 @@ class Autd3Udp:
             return
         try:
             with contextlib.suppress(DeviceError):  # a lost unit cannot be reached: its own failsafe silences it
-                self._do(client.close, 5)
+                self._call(client.close, 5)
         finally:
             self._end_loop()
             self._emulator = None
@@ -238,7 +238,7 @@ class Autd3Udp:
         return await Client.open(commands.geometry(placement), link, config)
 
     def _send(self, many: Sequence[commands.Command]) -> None:
-        self._sure(lambda: self._open.send(many), 10)
+        self._repeatable(lambda: self._open.send(many), 10)
 
     def _check(self) -> None:
         status = self._state.check()
@@ -249,21 +249,21 @@ class Autd3Udp:
                 f"{self.failsafe:g} s; check cables and power (up to 50 W a unit), then play again"
             )
 
-    def _sure(self, begin: Callable[[], Awaitable[T]], timeout: float) -> T:
+    def _repeatable(self, begin: Callable[[], Awaitable[T]], timeout: float) -> T:
         """Execute a repeatable command, and repeat it if no answer arrives, as after a lost datagram.
 
         The SDK repeats nothing by itself, and resynchronises units and computer before the next command.
         """
         for _ in range(ATTEMPTS - 1):
             try:
-                return self._do(begin, timeout)
+                return self._call(begin, timeout)
             except LinkLostError as wrong:
                 if not (isinstance(wrong.__cause__, Autd3Error) and wrong.__cause__.code == Autd3Error.TIMEOUT):
                     raise
-            self._again += 1
-        return self._do(begin, timeout)
+            self._repetitions += 1
+        return self._call(begin, timeout)
 
-    def _do(self, begin: Callable[[], Awaitable[T]], timeout: float) -> T:
+    def _call(self, begin: Callable[[], Awaitable[T]], timeout: float) -> T:
         """Run an SDK call on its event loop, from any thread, and wait for the result."""
 
         async def wait() -> T:
@@ -297,10 +297,10 @@ class Autd3Udp:
             self._loop.close()
 
 
-def _grown(before: list[Telemetry], now: list[Telemetry]) -> Iterator[str]:
+def _error_increments(before: list[Telemetry], now: list[Telemetry]) -> Iterator[str]:
     """Increments of each unit's error counters, as text."""
     for unit, (old, new) in enumerate(zip(before, now, strict=True)):
-        for name in TELLING:
+        for name in ERROR_COUNTERS:
             if more := getattr(new, name) - getattr(old, name):
                 yield f"unit {unit} counted {name} {more} times"
 

@@ -81,8 +81,7 @@ class Banks(Protocol):
         """Write patterns, followed by a silent one, into the inactive bank.
 
         `phases` has shape (frame, unit, transducer of the unit), `intensity` the same or (frame,); `divider` is the
-        number of
-        ultrasound periods per frame.
+        number of ultrasound periods per frame.
         """
         ...
 

@@ -1,9 +1,8 @@
 """An array that plays single frames, each at its instant, for live touch.
 
 Two banks need their frames 10 ms ahead (`streaming`). Here every frame is a separate message and sounds from its
-instant
-until the next frame. There is no end in the units: if messages stop, only their failsafe silences them. Therefore the
-failsafe is short and there is no heartbeat.
+instant until the next frame. There is no end in the units: if messages stop, only their failsafe silences them.
+Therefore the failsafe is short and there is no heartbeat.
 """
 
 import time
@@ -176,7 +175,7 @@ class ImmediateArray(ArrayDevice):
                     yield put
                 self._order.check(self.name)
             except BaseException as end:
-                log_end(number, source, self.name, *self._ended(end))
+                log_end(number, source, self.name, *self._log_outcome(end))
                 raise
             log_end(number, source, self.name, "played", report=_since(before, units.told()))
 

@@ -42,9 +42,9 @@ QUIETEST = math.sin(math.pi / STEPS)
 """Level of a pulse of one step."""
 LEAD = 0.025
 """Time by which a frame is sent ahead, in s: the delay of a silence, and the tolerance for delays of Python."""
-LONGEST = 32 * 255 * PERIOD
+BUFFERED_MAX = 32 * 255 * PERIOD
 """Maximum duration of the frames that a board can buffer, in s."""
-FEW = 4 * 255 * PERIOD
+FOUR_FRAMES = 4 * 255 * PERIOD
 """Maximum duration of four frames with any divider, in s."""
 
 
@@ -111,7 +111,7 @@ class OpenMpdArray(ArrayDevice):
         self._silenced = 0
         self._sounding = self._lost = False
         # Maximum duration of buffered frames, in s; unknown until a divider was sent.
-        self._holds = LONGEST
+        self._buffered = BUFFERED_MAX
 
     @property
     def emitting(self) -> bool:
@@ -122,13 +122,13 @@ class OpenMpdArray(ArrayDevice):
         """Open the ports, and silence sound that another program may have left."""
         if self._ports:
             return
-        self._lost, self._holds = False, LONGEST
+        self._lost, self._buffered = False, BUFFERED_MAX
         try:
             for name in self._names:
                 self._ports.append(_serial_port(name))
             self.silence()
             # From now on only the silent frames sent here can be buffered.
-            self._holds = FEW
+            self._buffered = FOUR_FRAMES
         except BaseException:
             self.close()
             raise
@@ -158,8 +158,8 @@ class OpenMpdArray(ArrayDevice):
         self._wait(delay, ordered)
         # In a silent frame: with sound, the divider's bits could be mistaken for the start of a frame.
         self._send([off_frames() + off_frame(divider)] * len(self._ports), ordered)
-        self._wait(FEW, ordered)
-        self._holds = (ahead + 4) * period
+        self._wait(FOUR_FRAMES, ordered)
+        self._buffered = (ahead + 4) * period
         with FramesAhead(drive, self._boards, total) as frames:
             begin, sent, held = time.monotonic(), 0, 0
             while sent < total:
@@ -182,19 +182,16 @@ class OpenMpdArray(ArrayDevice):
     def silence(self) -> None:
         """Silence all boards, from any thread, and wait until they are silent; active playback ends with an error.
 
-        Raises
-        ------
-        LinkLostError
-            If a board could not be reached; the others are silent.
+        Raises LinkLostError if a board could not be reached; the others are silent.
         """
         with self._lock:
             self._silenced += 1
-            failures = [wrong for port in self._ports if (wrong := self._hush(port)) is not None]
+            failures = [wrong for port in self._ports if (wrong := self._silence_port(port)) is not None]
             if failures:
                 self._lost = True
                 raise failures[0]
             if self._ports:
-                time.sleep(self._holds)
+                time.sleep(self._buffered)
             self._sounding = False
             if self._guard is not None:
                 self._guard.rest()
@@ -206,7 +203,7 @@ class OpenMpdArray(ArrayDevice):
                 if self._ports and not self._lost:
                     self.silence()
             finally:
-                self._dismiss()
+                self._close_guard()
                 ports, self._ports = self._ports, []
                 for port in ports:
                     with contextlib.suppress(*FAILURES):
@@ -229,26 +226,26 @@ class OpenMpdArray(ArrayDevice):
             self._check(ordered)
             self._sounding = self._sounding or sounds
             if sounds:
-                self._beat()
+                self._send_heartbeat()
             for port, text in zip(self._ports, texts, strict=True):
                 try:
                     port.write(text)
                 except FAILURES as wrong:
-                    raise self._gone(wrong) from wrong
+                    raise self._board_lost(wrong) from wrong
 
-    def _beat(self) -> None:
+    def _send_heartbeat(self) -> None:
         """Send a heartbeat to the guard; once the guard has silenced the boards, playback ends."""
         try:
             if self._guard is not None:
                 self._guard.beat()
         except OSError:
-            self._dismiss()
+            self._close_guard()
             raise DeviceError(
                 f"{self.name}: this program was delayed by more than {LIMIT:g} s during playback, and its guard "
                 "silenced the boards, or the guard was terminated; close other programs, then play again"
             ) from None
 
-    def _dismiss(self) -> None:
+    def _close_guard(self) -> None:
         guard, self._guard = self._guard, None
         if guard is not None:
             guard.close()
@@ -258,7 +255,7 @@ class OpenMpdArray(ArrayDevice):
         while (left := end - time.monotonic()) > 0:
             self._check(ordered)
             if self._sounding:
-                self._beat()
+                self._send_heartbeat()
             time.sleep(min(left, LEAD))
         self._check(ordered)
 
@@ -268,7 +265,7 @@ class OpenMpdArray(ArrayDevice):
             if self._silenced != ordered:
                 raise DeviceError(f"{self.name}: silenced by another thread during playback")
 
-    def _hush(self, port: BoardPort) -> LinkLostError | None:
+    def _silence_port(self, port: BoardPort) -> LinkLostError | None:
         """Send silence ahead of all bytes not yet sent; return the error, if any."""
         try:
             port.reset_output_buffer()
@@ -279,10 +276,10 @@ class OpenMpdArray(ArrayDevice):
                     raise OSError("it accepts no more bytes")
                 time.sleep(0.001)
         except FAILURES as wrong:
-            return self._gone(wrong)
+            return self._board_lost(wrong)
         return None
 
-    def _gone(self, wrong: Exception) -> LinkLostError:
+    def _board_lost(self, wrong: Exception) -> LinkLostError:
         return LinkLostError(f"{self.name}: lost a board: {wrong}; it repeats its last frame: switch off its power now")
 
 

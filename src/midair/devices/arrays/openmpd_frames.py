@@ -5,8 +5,7 @@ From the firmware (RMResearch/OpenMPD_Hardware, FPGA_3.4.2/src, with the file of
 - Bytes 0 to 255 are phases by pin, 256 to 511 amplitudes by pin, seven bits each (CommandReader.vhd).
 - The eighth bit of byte 0 starts a frame, and is ignored while a frame is being read. The eighth bits of bytes 26 to 33
   are a rate divider, lowest bit first, which that of byte 34 activates (CommandReader.vhd). The other eighth bits are
-  not
-  used here: those of bytes 1 to 25 set a light.
+  not used here: those of bytes 1 to 25 set a light.
 - Frames change at 40 kHz / divider. If the buffer is empty, the last one repeats (FrameBufferController.vhd).
 - A pulse begins at step `phase` of 128 and lasts `amplitude` steps, of which 64 are full drive (MuxPhase.vhd). A larger
   phase is therefore later, as in midair: q = exp(+j phi), G = exp(+j k d), and a focus needs phi = -k d.
@@ -42,8 +41,7 @@ def drive_frames(drive: Drive, first: int, count: int, boards: Sequence[Board]) 
     """Encode `count` frames of a drive from `first` on for each board; after the end the drive repeats.
 
     Phases are rounded once, after the offset was subtracted and half of the pulse's shortening was added, so that the
-    centre
-    of a pulse does not depend on its length.
+    centre of a pulse does not depend on its length.
     """
     which = np.arange(first, first + count) % drive.frames
     # Select frames first, so that only these are read from lazy frames.
@@ -102,8 +100,7 @@ def pulse_lengths(level: NDArray[np.float64]) -> Bytes:
     """Longest pulses that do not exceed levels of 0 to 1, same shape, in steps: level = sin(pi length / 128).
 
     A step is up to 2.5 % of full drive. Dithering the rest over the transducers would correct the mean but increase E:
-    most
-    of a solved field is interference, which requires equal amplitudes.
+    most of a solved field is interference, which requires equal amplitudes.
     """
     exact = np.arcsin(np.clip(level, 0, 1)) * (STEPS / np.pi)
     # A tolerance of 0.01 step, so that a level rounded to three digits keeps its length.
@@ -124,8 +121,7 @@ def off_frames() -> bytes:
     """Frames that silence a board in any state.
 
     An incomplete frame absorbs the beginning of the first, the rest of which has no eighth bit and is skipped; the
-    third
-    pushes the second through a buffer that is read 512 bytes at a time.
+    third pushes the second through a buffer that is read 512 bytes at a time.
     """
     return 3 * off_frame()
 

@@ -1,8 +1,7 @@
 """A guard process that silences OpenMPD boards if the playing program fails.
 
 A board repeats its last frame forever, so that a program that is killed, or hangs, would leave it sounding. This file
-is
-run as the guard, by its path and without midair, so that it starts quickly; it imports the standard library only. It
+is run as the guard, by its path and without midair, so that it starts quickly; it imports the standard library only. It
 also holds the ports open, reads a pipe, and silences the boards if the pipe ends or stalls during playback.
 """
 
@@ -37,19 +36,19 @@ class BoardGuard:
             start_new_session=True,
             bufsize=0,
         )
-        self._say(off)
+        self._send(off)
         if self._process.stdin is not None:
             # A guard that does not read must not block the program.
             os.set_blocking(self._process.stdin.fileno(), False)
 
     def beat(self) -> None:
         """Send a heartbeat during playback; OSError if the guard has silenced the boards, or has ended."""
-        self._say(SOUNDS)
+        self._send(SOUNDS)
 
     def rest(self) -> None:
         """Report that the boards are silent."""
         with contextlib.suppress(OSError):
-            self._say(QUIET)
+            self._send(QUIET)
 
     def close(self) -> None:
         """End the guard; it silences the boards first if the last message was a heartbeat."""
@@ -61,7 +60,7 @@ class BoardGuard:
             self._process.kill()
             self._process.wait()
 
-    def _say(self, word: bytes) -> None:
+    def _send(self, word: bytes) -> None:
         if self._process.stdin is not None:
             os.write(self._process.stdin.fileno(), word)
 

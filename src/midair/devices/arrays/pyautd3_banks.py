@@ -85,8 +85,7 @@ class PyAutd3Banks:
     """Both segments of all units; `placement` lists the units in the order of the wiring, `link` as in `pyautd3_array`.
 
     `interval` is the time between datagrams, in s; each carries one pattern. Default: the SDK's 1 ms on a real bus,
-    which
-    is too slow for 1000 patterns per second, and 0.5 ms without a bus.
+    which is too slow for 1000 patterns per second, and 0.5 ms without a bus.
     """
 
     frames_max = 1024
@@ -155,8 +154,7 @@ class PyAutd3Banks:
         """True if a unit reports that a sequence plays.
 
         The clock of version 38's audit and nop links does not advance, so that a switch never takes effect; for these,
-        True if
-        a switch was sent and no silence since.
+        True if a switch was sent and no silence since.
         """
         if self._controller is None:
             return False
@@ -234,9 +232,9 @@ class PyAutd3Banks:
                 "pyautd3: expected version 36 for the link ethercrab, got a later one without it; "
                 "use twincat or remote:ADDRESS:PORT, or Python 3.11 and pip install 'pyautd3==36.0.2'"
             ) from None
-        return ethercrab.EtherCrab(self._lose, ethercrab.EtherCrabOption(ifname=interface or None))
+        return ethercrab.EtherCrab(self._on_lost, ethercrab.EtherCrabOption(ifname=interface or None))
 
-    def _lose(self, unit: int, status: object) -> None:
+    def _on_lost(self, unit: int, status: object) -> None:
         self._lost = f"unit {unit}: {status}"
 
     def _check(self) -> None:

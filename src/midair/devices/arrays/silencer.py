@@ -94,9 +94,8 @@ def choose_silencer(choice: SilencerChoice, drive: Drive, sampling: Sampling | N
     """Return the requested silencer, or the one with the least simulated error of the pressure.
 
     "auto" simulates a sample of the drive with each silencer (`silencer_errors`) and selects the least error, rounded
-    to
-    0.1 %; "off" wins a tie. Audible noise from dips of the output when phases jump (Suzuki et al., IEEE Trans. Haptics
-    13(1), 2020) is not minimised: select a silencer by name for less noise at the cost of a larger error.
+    to 0.1 %; "off" wins a tie. Audible noise from dips of the output when phases jump (Suzuki et al., IEEE Trans.
+    Haptics 13(1), 2020) is not minimised: select a silencer by name for less noise at the cost of a larger error.
 
     Raises
     ------
@@ -106,26 +105,25 @@ def choose_silencer(choice: SilencerChoice, drive: Drive, sampling: Sampling | N
     if choice != "auto":
         chosen = named_silencer(choice, drive.rate)
         errors = silencer_errors(drive, sampling)
-        return replace(chosen, reason=f"as requested; {_said(errors)}")
+        return replace(chosen, reason=f"as requested; {_errors_text(errors)}")
     errors = silencer_errors(drive, sampling)
     # `min` returns the first of equal values: off.
     best = min(errors, key=lambda name: round(errors[name], 3))
-    return replace(named_silencer(best, drive.rate), reason=f"least error; {_said(errors)}")
+    return replace(named_silencer(best, drive.rate), reason=f"least error; {_errors_text(errors)}")
 
 
 def silencer_errors(drive: Drive, sampling: Sampling | None = None) -> dict[str, float]:
     """Simulated error of the pressure with each silencer; 0 for a silent drive.
 
     Relative root sum of squares of the difference between the mean pressure over each frame, with transducer dynamics,
-    and
-    the steady pressure of that frame, on a square at the height of the drive's target. Delays count as errors.
+    and the steady pressure of that frame, on a square at the height of the drive's target. Delays count as errors.
     """
     sampling = (sampling or Sampling()).shorter(drive.rate)
     pieces = _pieces(drive, sampling)
     names = [name for name in get_args(SilencerChoice) if name != "auto"]
     if not pieces:
         return dict.fromkeys(names, 0.0)
-    G = transfer_matrix(_felt_plane(drive, pieces, sampling), drive.array, acoustics=drive.acoustics)
+    G = transfer_matrix(_target_plane(drive, pieces, sampling), drive.array, acoustics=drive.acoustics)
     moves = Transducers.varied(
         drive.array.count, TransducerDynamics(), gain_spread=0.0, resonance_spread=0.0, quality_spread=0.0, seed=0
     )
@@ -144,7 +142,7 @@ def silencer_errors(drive: Drive, sampling: Sampling | None = None) -> dict[str,
     return errors
 
 
-def _said(errors: Mapping[str, float]) -> str:
+def _errors_text(errors: Mapping[str, float]) -> str:
     return "simulated error of the pressure: " + ", ".join(f"{name} {100 * one:.0f} %" for name, one in errors.items())
 
 
@@ -164,7 +162,7 @@ def _pieces(drive: Drive, sampling: Sampling) -> list[tuple[Drive, int]]:
     return pieces
 
 
-def _felt_plane(drive: Drive, pieces: list[tuple[Drive, int]], sampling: Sampling) -> Array:
+def _target_plane(drive: Drive, pieces: list[tuple[Drive, int]], sampling: Sampling) -> Array:
     """Points at the height that the drive was solved for, or at the height of the sharpest pressure if unknown."""
     if isinstance(height := drive.provenance.last("settings").get("target.grid.height"), int | float):
         return sampling.plane(drive, height)

@@ -66,12 +66,12 @@ class StandingArray(ArrayDevice):
         self.name, self.placement, self.array, self.exclusive = name, placement, placement.array(), exclusive
         self._connect, self._word = connect, word
         self._units: StandingUnits | None = None
-        self._stands = False
+        self._plays_pattern = False
 
     @property
     def emitting(self) -> bool:
         """True while a pattern plays."""
-        return self._units is not None and self._stands
+        return self._units is not None and self._plays_pattern
 
     def open(self) -> None:
         """Open the device; it is silent."""
@@ -95,21 +95,21 @@ class StandingArray(ArrayDevice):
         self._wait(units, delay)
         with self.sounding():
             units.stand(phases[0], np.broadcast_to(intensity[0], phases[0].shape))
-            self._stands = True
+            self._plays_pattern = True
         begun = time.monotonic()
         state = self._hold(units, begun, total, drive.rate, progress)
         return PlayReport(frames=total, duration=total / drive.rate, units=str(state))
 
     def silence(self) -> None:
         """Stop all sound immediately, from any thread."""
-        self._stands = False
+        self._plays_pattern = False
         if self._units is not None:
             self._units.silence()
 
     def close(self) -> None:
         """Close the device."""
         units, self._units = self._units, None
-        self._stands = False
+        self._plays_pattern = False
         if units is not None:
             units.close()
 

@@ -19,7 +19,7 @@ from midair.lazy_frames import read_frames
 from midair.model import Progress
 
 MS = 1_000_000
-ASKED = 250 * MS
+QUERY_INTERVAL = 250 * MS
 """Maximum time between two temperature queries, in ns."""
 
 Switch = Callable[[int, int], None]
@@ -74,22 +74,20 @@ def play_stream(
 
     `progress` is called with (frames begun, total frames) at the start of each block, and at the end. `switch` replaces
     `Banks.switch` and raises if sound is no longer permitted. In the report, ``late`` counts the frames of late blocks
-    and
-    ``gap`` is the silence before them, in s. Raises TooHotError; SilentFramesError if a failsafe acted (queried once
-    per
-    block, and at the end); DeviceError if the link is lost, or the device refuses a switch three times.
+    and ``gap`` is the silence before them, in s. Raises TooHotError; SilentFramesError if a failsafe acted (queried
+    once per block, and at the end); DeviceError if the link is lost, or the device refuses a switch three times.
     """
-    heard = FrameCapture(banks, stream.period, stream.total)
+    capture = FrameCapture(banks, stream.period, stream.total)
     try:
-        return _play(stream, banks, heard, progress, switch or banks.switch)
+        return _play(stream, banks, capture, progress, switch or banks.switch)
     except (SilentFramesError, StoppedError, TooHotError):
         raise
     except DeviceError as wrong:
-        raise heard.told(wrong) from wrong
+        raise capture.with_frames(wrong) from wrong
 
 
 def _play(
-    stream: DriveStream, banks: Banks, heard: FrameCapture, progress: Progress | None, switch: Switch
+    stream: DriveStream, banks: Banks, capture: FrameCapture, progress: Progress | None, switch: Switch
 ) -> PlayReport:
     size, bank, done = stream.frames_in_block(banks.frames_max), 1, 0
     # Read before the first block is written, so that a delay counts from the order.
@@ -100,39 +98,39 @@ def _play(
         phases, intensity = stream.part(done, size)
         banks.load(bank, phases, intensity, stream.divider)
         if done == 0:
-            planned = first = _aligned(max(begin + round(stream.delay * 1e9), _soon(banks)), stream.period)
-        start = _order(banks, switch, bank, planned, stream.period)
-        heard.order(start, len(phases))
+            planned = first = _aligned(max(begin + round(stream.delay * 1e9), _earliest(banks)), stream.period)
+        start = _send_switch(banks, switch, bank, planned, stream.period)
+        capture.add_block(start, len(phases))
         if start > planned:
             late, gap = late + len(phases), gap + start - planned
         # Half a frame into the new bank: only then is the other bank certainly inactive.
-        _wait(banks, heard, start + stream.period // 2)
-        heard.ask()
+        _wait(banks, capture, start + stream.period // 2)
+        capture.query()
         if progress:
             progress(done, stream.total)
         bank, done, planned = 1 - bank, done + len(phases), start + len(phases) * stream.period
-    _wait(banks, heard, planned)
-    heard.ask()
+    _wait(banks, capture, planned)
+    capture.query()
     if progress:
         progress(stream.total, stream.total)
     duration = (planned - first - gap) / 1e9
     return PlayReport(
-        frames=stream.total, duration=duration, late=late, start=first, gap=gap / 1e9, units=heard.units()
+        frames=stream.total, duration=duration, late=late, start=first, gap=gap / 1e9, units=capture.units()
     )
 
 
-def _wait(banks: Banks, heard: FrameCapture, instant: int) -> None:
+def _wait(banks: Banks, capture: FrameCapture, instant: int) -> None:
     """Return at an instant; meanwhile query the temperature."""
-    while instant - banks.now() > ASKED:
-        banks.wait_until(banks.now() + ASKED)
-        heard.check_heat()
+    while instant - banks.now() > QUERY_INTERVAL:
+        banks.wait_until(banks.now() + QUERY_INTERVAL)
+        capture.check_heat()
     banks.wait_until(instant)
 
 
-def _order(banks: Banks, switch: Switch, bank: int, planned: int, period: int) -> int:
+def _send_switch(banks: Banks, switch: Switch, bank: int, planned: int, period: int) -> int:
     """Send a switch for its planned instant, or the earliest possible one if that has passed; return the instant."""
     for _ in range(3):
-        start = planned if planned >= banks.now() + banks.margin else _aligned(_soon(banks), period)
+        start = planned if planned >= banks.now() + banks.margin else _aligned(_earliest(banks), period)
         try:
             switch(bank, start)
         except TooLateError:
@@ -144,7 +142,7 @@ def _order(banks: Banks, switch: Switch, bank: int, planned: int, period: int) -
     )
 
 
-def _soon(banks: Banks) -> int:
+def _earliest(banks: Banks) -> int:
     return banks.now() + banks.margin + banks.patience
 
 

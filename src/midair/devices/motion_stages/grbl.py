@@ -12,22 +12,22 @@ from typing import Any
 
 import serial
 
-from midair.devices.motion_stages.grbl_words import STATES, Outbox, StatusReport, in_words, status_of
+from midair.devices.motion_stages.grbl_words import STATES, Outbox, StatusReport, parse_status, with_meaning
 from midair.devices.motion_stages.stage_device import StageDevice
 from midair.devices.safety import device_lock
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError
 from midair.model import Place, StageStamp, check_reached
 
-EVERY = 0.1
+QUERY_INTERVAL = 0.1
 """Seconds between two status queries; Grbl's makers advise against more than ten per second."""
 
-SILENT = 2.0
+ANSWER_LIMIT = 2.0
 """Seconds without an answer to a query after which the connection counts as lost."""
 
 HOMING = 120.0
 """Time limit for homing in s, during which Grbl does not answer."""
 
-HOLD, RESET, ASK = b"!", b"\x18", b"?"
+HOLD, RESET, QUERY = b"!", b"\x18", b"?"
 
 
 class GrblStage(StageDevice):
@@ -39,12 +39,12 @@ class GrblStage(StageDevice):
     def __init__(self, port: str, *, baud: int = 115_200, search: float = 5.0) -> None:
         self.name = f"grbl:{port}"
         self._port_name, self._baud, self._search = port, baud, search
-        self._hold_on = ExitStack()
+        self._resources = ExitStack()
         self._port: Any = None
         self._outbox = Outbox()
         self._partial = b""
         self._asked: float | None = None
-        self._told = self._when = -1e9
+        self._reported_at = self._when = -1e9
         self._restarting, self._greeted, self._flushing, self._locked = True, False, False, False
         self._report: StatusReport | None = None
         self._offset: Place = (0.0, 0.0, 0.0)
@@ -64,24 +64,24 @@ class GrblStage(StageDevice):
             except (OSError, ValueError) as wrong:
                 raise DeviceError(f"{self.name}: expected a port, got: {wrong}; see midair doctor") from wrong
             hold.callback(self._release)
-            self._greet()
-            self._hold_on = hold.pop_all()
+            self._wait_for_greeting()
+            self._resources = hold.pop_all()
 
     def close(self) -> None:
         """Close the port."""
-        self._hold_on.close()
+        self._resources.close()
 
     def describe(self) -> dict[str, str]:
         """Firmware, state and position."""
         if self._report is None:
             return {}
-        return {"firmware": f"Grbl {self._version}", "state": self._report.state, "stands": self._stands()}
+        return {"firmware": f"Grbl {self._version}", "state": self._report.state, "stands": self._position_text()}
 
     def ready(self, *, homing: bool) -> StageStamp:
         """Return the position if the machine is ready to move."""
-        report = self._ask()
+        report = self._query_status()
         self._check_rest(report)
-        self._query()
+        self._read_settings()
         if pressed := sorted(set(report.pins) & set("XYZ")):
             raise DeviceError(f"{self.name}: a limit switch is pressed ({', '.join(pressed)}); move it off by hand")
         if homing and not self._setting(22):
@@ -89,11 +89,11 @@ class GrblStage(StageDevice):
                 f"{self.name}: it has no limit switches ($22=0), so that 0 is the position at power-on; if you set "
                 'that position by hand each time, write homing = "by hand" into the stage\'s file'
             )
-        return self._stamp(self._ask())
+        return self._stamp(self._query_status())
 
     def home(self, stopped: Callable[[], bool]) -> None:
         """Run the homing cycle ($H), during which Grbl does not answer."""
-        if (state := self._ask().state) not in ("Idle", "Alarm"):
+        if (state := self._query_status().state) not in ("Idle", "Alarm"):
             raise DeviceError(f"{self.name}: expected a machine at rest, got {state}")
         try:
             self._send("$H")
@@ -102,11 +102,11 @@ class GrblStage(StageDevice):
             # During homing Grbl ignores a hold, but not a reset.
             with suppress(DeviceError):
                 self._write(RESET)
-                self._outbox.forget()
+                self._outbox.clear()
             raise
         if not self._outbox.empty:
             self._write(RESET)
-            self._outbox.forget()
+            self._outbox.clear()
             raise DeviceError(f"{self.name}: stopped during homing; its position is unknown, home it again")
 
     def check_speed(self, speed: float, way: float, axis: int) -> None:
@@ -121,13 +121,13 @@ class GrblStage(StageDevice):
         x, y, z = (1e3 * part for part in target)
         try:
             self._send(f"G21G90G94G53G1X{x:.3f}Y{y:.3f}Z{z:.3f}F{60e3 * speed:.1f}")
-            self._until(lambda: self._outbox.empty, SILENT, stopped, stamp)
+            self._until(lambda: self._outbox.empty, ANSWER_LIMIT, stopped, stamp)
             begin = time.monotonic()
             self._send("G4P0.01")
             arrived = self._until(lambda: self._outbox.empty, None, stopped, stamp)
             end = time.monotonic()
             if arrived:
-                stamp(self._stamp(self._ask()))
+                stamp(self._stamp(self._query_status()))
                 return begin, end
         except DeviceError as wrong:
             raise type(wrong)(f"{wrong}; {self._hold()}") from wrong
@@ -137,7 +137,7 @@ class GrblStage(StageDevice):
         self._hold()
         return None
 
-    def _greet(self) -> None:
+    def _wait_for_greeting(self) -> None:
         """Wait for the first report; a restarting board sends its greeting first."""
         end = time.monotonic() + self._search
         while self._report is None:
@@ -146,7 +146,7 @@ class GrblStage(StageDevice):
                     f"{self.name}: expected a status report of Grbl 1.1, got none in {self._search:g} s; check the "
                     "port, and after an alarm reset the machine by its button"
                 )
-            self._write(ASK)
+            self._write(QUERY)
             self._asked = time.monotonic()
             self._wait_for_report(0.5)
         self._restarting = False
@@ -162,11 +162,11 @@ class GrblStage(StageDevice):
             means = STATES.get(state, "it is not at rest")
             raise DeviceError(f"{self.name}: expected a machine at rest (Idle), got {report.state}: {means}")
 
-    def _query(self) -> None:
+    def _read_settings(self) -> None:
         """Read settings and version."""
         for line in ("$$", "$I"):
             self._send(line)
-        self._until(lambda: self._outbox.empty, SILENT)
+        self._until(lambda: self._outbox.empty, ANSWER_LIMIT)
         if not self._version.startswith("1.1"):
             raise DeviceError(f"{self.name}: expected Grbl 1.1, got {self._version or 'no version'}")
 
@@ -194,7 +194,7 @@ class GrblStage(StageDevice):
                 raise LinkLostError(f"{self.name}: expected an answer within {limit:g} s, got none")
             self._write(self._outbox.due())
             if stamp is not None:
-                self._ask_in_time()
+                self._query_when_due()
             if (report := self._listen()) is not None and stamp is not None:
                 self._check_moving(report)
                 stamp(self._stamp(report))
@@ -207,23 +207,23 @@ class GrblStage(StageDevice):
         if state not in ("Idle", "Run"):
             raise DeviceError(f"{self.name}: expected it to move (Run), got {report.state}: {STATES.get(state, '')}")
 
-    def _ask_in_time(self) -> None:
+    def _query_when_due(self) -> None:
         now = time.monotonic()
         if self._asked is not None:
-            if now - self._asked > SILENT:
-                raise LinkLostError(f"{self.name}: expected a status report, got no answer for {SILENT:g} s")
-        elif now - self._told >= EVERY:
-            self._write(ASK)
+            if now - self._asked > ANSWER_LIMIT:
+                raise LinkLostError(f"{self.name}: expected a status report, got no answer for {ANSWER_LIMIT:g} s")
+        elif now - self._reported_at >= QUERY_INTERVAL:
+            self._write(QUERY)
             # Taken after writing, so that delays of this computer do not count as transmission time.
             self._asked = time.monotonic()
 
-    def _ask(self) -> StatusReport:
+    def _query_status(self) -> StatusReport:
         """Request a new status report."""
         if self._asked is None:
-            self._write(ASK)
+            self._write(QUERY)
             self._asked = time.monotonic()
-        if (report := self._wait_for_report(SILENT)) is None:
-            raise LinkLostError(f"{self.name}: expected a status report, got none in {SILENT:g} s")
+        if (report := self._wait_for_report(ANSWER_LIMIT)) is None:
+            raise LinkLostError(f"{self.name}: expected a status report, got none in {ANSWER_LIMIT:g} s")
         return report
 
     def _wait_for_report(self, limit: float) -> StatusReport | None:
@@ -238,22 +238,22 @@ class GrblStage(StageDevice):
         self._partial += self._guarded(lambda: self._opened().read(max(1, self._opened().in_waiting)))
         while b"\n" in self._partial:
             line, _, self._partial = self._partial.partition(b"\n")
-            if (report := self._hear(line.decode("ascii", "replace").strip())) is not None:
+            if (report := self._handle_line(line.decode("ascii", "replace").strip())) is not None:
                 return report
         return None
 
-    def _hear(self, line: str) -> StatusReport | None:
+    def _handle_line(self, line: str) -> StatusReport | None:
         if line == "ok":
             # During a hold, answers to cancelled lines may still arrive.
             _ = None if self._flushing else self._outbox.answered()
         elif line.startswith("error:"):
-            raise DeviceError(f"{self.name}: Grbl rejected {self._outbox.answered()}: {in_words(line)}")
+            raise DeviceError(f"{self.name}: Grbl rejected {self._outbox.answered()}: {with_meaning(line)}")
         elif line.startswith("ALARM:"):
             self._locked = True
-            raise DeviceError(f"{self.name}: {in_words(line)}; reset the machine, inspect it, and home it again")
+            raise DeviceError(f"{self.name}: {with_meaning(line)}; reset the machine, inspect it, and home it again")
         elif line.startswith("Grbl "):
             self._greeted = True
-            self._outbox.forget()
+            self._outbox.clear()
             if self._restarting:
                 return None
             raise DeviceError(f"{self.name}: the machine was reset or restarted; home it again")
@@ -263,14 +263,14 @@ class GrblStage(StageDevice):
                 self._settings[int(number)] = float(value)
         elif line.startswith("[VER:"):
             self._version = line[5:].split(":")[0].rstrip("]")
-        elif (report := status_of(line)) is not None:
-            return self._reported(report)
+        elif (report := parse_status(line)) is not None:
+            return self._store_report(report)
         return None
 
-    def _reported(self, report: StatusReport) -> StatusReport:
-        self._report, self._told = report, time.monotonic()
+    def _store_report(self, report: StatusReport) -> StatusReport:
+        self._report, self._reported_at = report, time.monotonic()
         # The position is that at about the middle between query and answer.
-        self._when = self._told if self._asked is None else (self._told + self._asked) / 2
+        self._when = self._reported_at if self._asked is None else (self._reported_at + self._asked) / 2
         self._asked = None
         self._offset = report.offset or self._offset
         return report
@@ -282,7 +282,7 @@ class GrblStage(StageDevice):
             x, y, z = (part + more for part, more in zip((x, y, z), self._offset, strict=True))
         return StageStamp(time=self._when, position=(x * scale, y * scale, z * scale), feed=report.feed * scale / 60)
 
-    def _stands(self) -> str:
+    def _position_text(self) -> str:
         if self._report is None:
             return "an unknown position"
         x, y, z = (1e3 * part for part in self._stamp(self._report).position)
@@ -293,10 +293,10 @@ class GrblStage(StageDevice):
         self._flushing = True
         try:
             self._write(HOLD)
-            self._outbox.forget()
+            self._outbox.clear()
             if not self._locked:
-                self._come_to_rest()
-                return f"the stage was stopped at {self._stands()}"
+                self._wait_for_standstill()
+                return f"the stage was stopped at {self._position_text()}"
         except LinkLostError as wrong:
             return (
                 "the feed hold may not have reached the stage, which may finish its current move; switch it off "
@@ -306,21 +306,21 @@ class GrblStage(StageDevice):
             return f"the stage was stopped, but: {wrong}"
         finally:
             self._flushing = False
-        return f"the stage is locked; its last position was {self._stands()}"
+        return f"the stage is locked; its last position was {self._position_text()}"
 
-    def _come_to_rest(self) -> None:
+    def _wait_for_standstill(self) -> None:
         """Wait for standstill, then reset to cancel the rest of the move; a reset in motion would lose the position."""
-        end = time.monotonic() + 2 * SILENT
-        while (state := self._ask().state) not in ("Hold:0", "Idle"):
+        end = time.monotonic() + 2 * ANSWER_LIMIT
+        while (state := self._query_status().state) not in ("Hold:0", "Idle"):
             if state == "Alarm" or time.monotonic() > end:
                 raise DeviceError(f"{self.name}: expected standstill (Hold:0), got {state}")
         self._restarting, self._greeted = True, False
         self._write(RESET)
-        end = time.monotonic() + SILENT
+        end = time.monotonic() + ANSWER_LIMIT
         while not self._greeted and time.monotonic() < end:
             self._listen()
         self._report = self._asked = None
-        self._greet()
+        self._wait_for_greeting()
 
     def _send(self, line: str) -> None:
         self._outbox.add(line)

@@ -58,7 +58,7 @@ class StatusReport:
     """Active inputs, one letter each."""
 
 
-def status_of(line: str) -> StatusReport | None:
+def parse_status(line: str) -> StatusReport | None:
     """Parse a status report; None for any other or an incomplete line."""
     if not (line.startswith("<") and line.endswith(">")):
         return None
@@ -68,9 +68,9 @@ def status_of(line: str) -> StatusReport | None:
         work = "WPos" in fields
         return StatusReport(
             state=state,
-            position=_three(fields["WPos" if work else "MPos"]),
+            position=_parse_position(fields["WPos" if work else "MPos"]),
             work=work,
-            offset=_three(fields["WCO"]) if "WCO" in fields else None,
+            offset=_parse_position(fields["WCO"]) if "WCO" in fields else None,
             feed=float((fields.get("FS") or fields.get("F") or "0").split(",")[0]),
             pins=fields.get("Pn", ""),
         )
@@ -78,7 +78,7 @@ def status_of(line: str) -> StatusReport | None:
         return None
 
 
-def in_words(line: str) -> str:
+def with_meaning(line: str) -> str:
     """An alarm or error with its meaning, such as "ALARM:1, a limit switch was hit"."""
     return f"{line}, {MEANINGS[line]}" if line in MEANINGS else line
 
@@ -102,7 +102,7 @@ class Outbox:
     def due(self) -> bytes:
         """Lines that can be sent now."""
         data = b""
-        while self._waiting and self._taken() + len(self._waiting[0]) + 1 < RECEIVES:
+        while self._waiting and self._bytes_sent() + len(self._waiting[0]) + 1 < RECEIVES:
             self._sent.append(self._waiting.popleft())
             data += f"{self._sent[-1]}\n".encode()
         return data
@@ -113,15 +113,15 @@ class Outbox:
             raise DeviceError("received an answer to a line that was not sent; close other programs that use the port")
         return self._sent.popleft()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Drop all lines, after a reset of Grbl."""
         self._waiting.clear()
         self._sent.clear()
 
-    def _taken(self) -> int:
+    def _bytes_sent(self) -> int:
         return sum(len(line) + 1 for line in self._sent)
 
 
-def _three(text: str) -> Place:
+def _parse_position(text: str) -> Place:
     x, y, z = (float(part) for part in text.split(",")[:3])
     return x, y, z

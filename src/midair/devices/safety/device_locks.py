@@ -15,8 +15,7 @@ def device_lock(device: str) -> Generator[None]:
     """While inside, no other program of this user, and no other part of this one, can lock the device.
 
     The lock is a system lock on a file in the state folder: it ends with the process, and a leftover file does not
-    block.
-    Windows has no such lock; there every program gets the device.
+    block. Windows has no such lock; there every program gets the device.
 
     Parameters
     ----------
@@ -42,7 +41,7 @@ def device_lock(device: str) -> Generator[None]:
                 raise HeldError(_refusal(device, other))
         yield
     finally:
-        held.let_go()
+        held.release()
 
 
 def _path(folder: Path, device: str) -> Path:

@@ -14,34 +14,28 @@ from typing import Any, Literal
 
 from midair.errors import FileError
 
-_AT_ONCE = getattr(os, "O_NONBLOCK", 0)
+_NO_WAIT = getattr(os, "O_NONBLOCK", 0)
 """Open without waiting, so that a pipe in place of a file does not block."""
 
-LONGEST = 65536
+ENTRY_MAX = 65536
 """Maximum number of bytes read from a lock file; an entry has some hundred."""
 
-NAMELESS = {"process": 0, "command": "an unknown command", "since": "an unknown time"}
+UNKNOWN_HOLDER = {"process": 0, "command": "an unknown command", "since": "an unknown time"}
 """Entry for a holder whose file cannot be parsed."""
 
 
 class LockFile:
-    """A file locked by this process, private to this user; `let_go` removes it. Created by `take` only."""
+    """A file locked by this process, private to this user; `release` removes it. Created by `take` only."""
 
     def __init__(self, path: Path, handle: int) -> None:
         self.path, self._handle = path, handle
 
     @classmethod
     def take(cls, path: Path) -> "LockFile | None":
-        """Create and lock a file; None if another process holds it.
-
-        Raises
-        ------
-        FileError
-            If it cannot be created, or its file system has no locks.
-        """
+        """Create and lock a file; None if another process holds it, FileError if that cannot be determined."""
         while True:
             try:
-                handle = os.open(path, os.O_RDWR | os.O_CREAT | _AT_ONCE, 0o600)
+                handle = os.open(path, os.O_RDWR | os.O_CREAT | _NO_WAIT, 0o600)
                 try:
                     if not stat.S_ISREG(os.fstat(handle).st_mode):
                         raise FileError(f"{path}: expected a file, got something else; remove it, or set MIDAIR_STATE")
@@ -57,7 +51,7 @@ class LockFile:
             if not locked:
                 os.close(handle)
                 return None
-            if _same(handle, path):
+            if _is_same_file(handle, path):
                 return cls(path, handle)
             # The previous holder removed it between our opening and locking it.
             os.close(handle)
@@ -72,7 +66,7 @@ class LockFile:
         except OSError as wrong:
             raise FileError(f"{self.path}: {wrong.strerror}; set MIDAIR_STATE to a folder with free space") from wrong
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Remove the file and release the lock."""
         handle, self._handle = self._handle, -1
         if handle >= 0:
@@ -109,13 +103,7 @@ def user() -> str:
 
 
 def held_entry(path: Path) -> dict[str, Any] | None:
-    """Entry of a file that a process holds; None if no process holds it.
-
-    Raises
-    ------
-    FileError
-        As `read_lock`.
-    """
+    """Entry of a file that a process holds; None if no process holds it."""
     state, entry = read_lock(path)
     return entry if state == "held" else None
 
@@ -123,15 +111,11 @@ def held_entry(path: Path) -> dict[str, Any] | None:
 def read_lock(path: Path) -> tuple[Literal["held", "left", "ended"], dict[str, Any]]:
     """State of a lock file (held, left by a process that died, or removed) and its entry.
 
-    A file left behind is removed; a folder or pipe of that name is not.
-
-    Raises
-    ------
-    FileError
-        If it cannot be opened, or its file system has no locks.
+    A file left behind is removed; a folder or pipe of that name is not. Raises FileError if the file cannot be opened
+    or locked.
     """
     try:
-        handle = os.open(path, os.O_RDWR | _AT_ONCE)
+        handle = os.open(path, os.O_RDWR | _NO_WAIT)
     except (FileNotFoundError, IsADirectoryError):
         return "ended", {}
     except OSError as wrong:
@@ -141,11 +125,11 @@ def read_lock(path: Path) -> tuple[Literal["held", "left", "ended"], dict[str, A
             return "ended", {}
         # Without locks the state is unknown; a process that answers is alive.
         if sys.platform != "win32" and _lock(handle):
-            if not _same(handle, path):
+            if not _is_same_file(handle, path):
                 return "ended", {}
             path.unlink()
             return "left", {}
-        return "held", NAMELESS | _understood(os.read(handle, LONGEST))
+        return "held", UNKNOWN_HOLDER | _parse(os.read(handle, ENTRY_MAX))
     except OSError as wrong:
         raise FileError(f"{path}: {wrong.strerror}") from wrong
     finally:
@@ -157,7 +141,7 @@ def token() -> str:
     return secrets.token_hex(4)
 
 
-def _understood(content: bytes) -> dict[str, Any]:
+def _parse(content: bytes) -> dict[str, Any]:
     try:
         entry = json.loads(content)
     except (ValueError, RecursionError):
@@ -178,7 +162,7 @@ def _lock(handle: int) -> bool:
     return True
 
 
-def _same(handle: int, path: Path) -> bool:
+def _is_same_file(handle: int, path: Path) -> bool:
     """True if the path still refers to the open file."""
     try:
         return os.path.samestat(os.fstat(handle), os.stat(path))

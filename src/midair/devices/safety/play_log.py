@@ -40,8 +40,7 @@ def log_order(
     """Log a drive before it is played; return the number of the order, for `log_end`.
 
     A `source` that is a Path is hashed. Raises FileError if the log or the drive's file cannot be used, since nothing
-    plays
-    without a log.
+    plays without a log.
     """
     found, drive, order = admission.exposure, admission.drive, token()
     _append(

@@ -36,8 +36,7 @@ class Stopped:
     """Name of the array."""
     outcome: Literal["silent", "gone", "no answer"]
     """"silent": the array confirmed silence, and the program plays nothing more on it. "gone": the program had died,
-    and the
-    failsafe of its array has silenced it."""
+    and the failsafe of its array has silenced it."""
     command: str = ""
     """Command line of the program."""
     reason: str = ""
@@ -51,23 +50,11 @@ def open_stop_channel(
     *,
     afterwards: Callable[[], None] = lambda: None,
 ) -> Generator[Path]:
-    """While inside, `silence` is called if another terminal requests a stop; yields the path of the lock file.
+    """While inside, a stop request of another terminal calls `silence`; yields the path of the lock file.
 
-    Parameters
-    ----------
-    device : str
-        Name of the array.
-    silence : callable
-        Returns once the array is silent and stays silent; raises MidairError if it is not. Called from other threads.
-    afterwards : callable
-        Called after every answer.
-
-    Raises
-    ------
-    StoppedError
-        If a stop was requested since now, or since the time set by `ordered_at`.
-    FileError
-        If the file cannot be created: playback that cannot be stopped is refused.
+    `silence` runs in other threads, returns once the array stays silent and raises MidairError if it does not;
+    `afterwards` is called after every answer. Raises StoppedError if a stop was requested since now, or since the time
+    of `ordered_at`; FileError if the file cannot be created, since playback must be stoppable.
     """
     ordered = _ORDERED.get()
     since = uptime() if ordered is None else ordered
@@ -92,7 +79,7 @@ def open_stop_channel(
             finally:
                 listener.end()
     finally:
-        held.let_go()
+        held.release()
 
 
 def stop_playing(*, timeout: float = WAIT) -> list[Stopped]:
@@ -201,9 +188,9 @@ class _Listener(threading.Thread):
                 call, _ = self._server.accept()
             except OSError:
                 return
-            answering = threading.Thread(target=self._answer, args=(call,), name="stop call", daemon=True)
-            self._calls = [*(each for each in self._calls if each.is_alive()), answering]
-            answering.start()
+            thread = threading.Thread(target=self._answer, args=(call,), name="stop call", daemon=True)
+            self._calls = [*(each for each in self._calls if each.is_alive()), thread]
+            thread.start()
 
     def end(self) -> None:
         """Accept no more calls, and finish the open ones."""
@@ -244,22 +231,22 @@ def _stop(path: Path, timeout: float) -> Stopped | None:
         return Stopped(process=0, device=path.name, outcome="no answer", reason=str(wrong))
     state, entry = found
     if state != "held":
-        return None if state == "ended" else _gone(process=0, device="unknown")
+        return None if state == "ended" else _dead_program(process=0, device="unknown")
     who = {"process": _number(entry["process"]), "device": str(entry.get("device", path.name))}
-    told: dict[str, Any] = {**who, "command": str(entry["command"])}
+    fields: dict[str, Any] = {**who, "command": str(entry["command"])}
     if not _complete(entry):
-        return Stopped(**told, outcome="no answer", reason=f"{path.name} holds no port and secret")
-    answer, reason = _ask(entry, end)
+        return Stopped(**fields, outcome="no answer", reason=f"{path.name} holds no port and secret")
+    answer, reason = _request_silence(entry, end)
     if answer == ANSWER:
-        return Stopped(**told, outcome="silent")
+        return Stopped(**fields, outcome="silent")
     # A program that is just ending closes the connection and soon removes its file.
-    state = "held" if answer else _becomes(path, min(end, time.monotonic() + 1))
+    state = "held" if answer else _state_by(path, min(end, time.monotonic() + 1))
     if state == "ended":
         return None
-    return _gone(**told) if state == "left" else Stopped(**told, outcome="no answer", reason=reason)
+    return _dead_program(**fields) if state == "left" else Stopped(**fields, outcome="no answer", reason=reason)
 
 
-def _ask(entry: dict[str, Any], end: float) -> tuple[bytes, str]:
+def _request_silence(entry: dict[str, Any], end: float) -> tuple[bytes, str]:
     """Answer of a program to a stop request, and the reason if it failed."""
     left = max(0.01, end - time.monotonic())
     try:
@@ -272,13 +259,13 @@ def _ask(entry: dict[str, Any], end: float) -> tuple[bytes, str]:
     return answer, answer.decode(errors="replace").strip() or "the program closed the connection"
 
 
-def _gone(**told: Any) -> Stopped:
+def _dead_program(**fields: Any) -> Stopped:
     """Result for a program that died; waits until the failsafe of its array has acted."""
     time.sleep(FAILSAFE)
-    return Stopped(**told, outcome="gone")
+    return Stopped(**fields, outcome="gone")
 
 
-def _becomes(path: Path, end: float) -> str:
+def _state_by(path: Path, end: float) -> str:
     """State of a held file at the time `end`, or earlier if it is released."""
     with contextlib.suppress(FileError):
         while (state := read_lock(path)[0]) == "held" and time.monotonic() < end:

@@ -42,16 +42,16 @@ class _PortAudio:
     """State of the PortAudio library, one per process."""
 
     def __init__(self) -> None:
-        self._alone = False
+        self._keep_running = False
 
-    def leave_alone(self) -> None:
+    def never_terminate(self) -> None:
         """Never terminate PortAudio: after the loss of a JACK server that would hang or abort the process."""
-        self._alone = True
+        self._keep_running = True
         atexit.unregister(sounddevice._exit_handler)  # pyright: ignore[reportPrivateUsage]
 
-    def look_again(self) -> None:
+    def restart(self) -> None:
         """Restart PortAudio, which lists only the devices present when it started."""
-        if not self._alone:
+        if not self._keep_running:
             with contextlib.suppress(sounddevice.PortAudioError):
                 sounddevice._terminate()  # pyright: ignore[reportPrivateUsage]
             sounddevice._initialize()  # pyright: ignore[reportPrivateUsage]
@@ -64,8 +64,7 @@ class AudioSource:
     """Inputs of one audio device.
 
     `device` is part of its name or its number in `midair doctor`; empty for the default input. `channels` and `rate`
-    are
-    those of the device by default. `piece` is the length of a PortAudio block, in s.
+    are those of the device by default. `piece` is the length of a PortAudio block, in s.
     """
 
     def __init__(
@@ -90,7 +89,7 @@ class AudioSource:
                 device=int(found["index"]),
                 channels=channels,
                 dtype="float32",
-                callback=self._take,
+                callback=self._store_block,
             )
         except (sounddevice.PortAudioError, ValueError) as wrong:
             raise DeviceError(
@@ -122,7 +121,7 @@ class AudioSource:
             if self._opened().active:
                 return None
             if self._on_jack:
-                _PORTAUDIO.leave_alone()
+                _PORTAUDIO.never_terminate()
             raise DeviceError(f"audio: lost {self._described['device']!r}; plug it in and start again")
         self._frames += self._missing(piece)
         first, self._frames = self._frames, self._frames + len(piece.samples)
@@ -150,7 +149,7 @@ class AudioSource:
     def _on_jack(self) -> bool:
         return self._described["driver"].startswith("JACK")
 
-    def _take(self, data: Any, frames: int, times: Any, status: Any) -> None:
+    def _store_block(self, data: Any, frames: int, times: Any, status: Any) -> None:
         """Store a block; called in a thread of PortAudio, must not block."""
         # A copy, since PortAudio reuses its memory after this returns.
         samples = np.frombuffer(data, np.float32).reshape(frames, -1).copy()
@@ -190,7 +189,7 @@ class AudioSource:
         thread.start()
         thread.join(limit)
         if thread.is_alive():
-            _PORTAUDIO.leave_alone()
+            _PORTAUDIO.never_terminate()
 
 
 def inputs() -> list[dict[str, Any]]:
@@ -202,7 +201,7 @@ def _find(wanted: str) -> dict[str, Any]:
     """The one device that matches a part of a name, a number, or the default."""
     found = _matching(wanted)
     if not found:
-        _PORTAUDIO.look_again()
+        _PORTAUDIO.restart()
         found = _matching(wanted)
     if len(found) == 1:
         return found[0]

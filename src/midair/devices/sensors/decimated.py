@@ -13,10 +13,9 @@ class Decimated:
     """A source behind an anti-aliasing filter of linear phase (`Polyphase`).
 
     Both times of a chunk are corrected for the filter's delay; a frame arrives `delay` later than without the filter:
-    64 ms
-    at 1 kHz. Frame 0 is the first one with a full filter. The filter is refilled after a gap, so that a gap becomes at
-    least
-    128 frames and every frame consists of measured data only. A source that already has the rate is passed on.
+    64 ms at 1 kHz. Frame 0 is the first one with a full filter. The filter is refilled after a gap, so that a gap
+    becomes at least 128 frames and every frame consists of measured data only. A source that already has the rate is
+    passed on.
 
     Parameters
     ----------

@@ -23,8 +23,7 @@ class Polyphase:
     """A linear-phase low-pass filter in polyphase form: `length` input frames become `count` output frames.
 
     `pieces`, shape (piece, count, length), holds the coefficients of consecutive runs of `length` input frames. `delay`
-    is
-    the time from an output frame to the last input frame that it needs, in s.
+    is the time from an output frame to the last input frame that it needs, in s.
     """
 
     pieces: Array
@@ -46,10 +45,8 @@ class Polyphase:
         fraction below 1.
 
         Windowed sinc with a Kaiser window, beta = 8 (Oppenheim and Schafer, Discrete-Time Signal Processing, 7.6), as
-        in
-        `midair.dsp.resample`: flat to 0.1 % up to 94 % of half the new rate (470 of 500 Hz), 0.5 at half the new rate,
-        -80 dB
-        from 106 % of it on. The delay is 64 frames of the new rate.
+        in `midair.dsp.resample`: flat to 0.1 % up to 94 % of half the new rate (470 of 500 Hz), 0.5 at half the new
+        rate, -80 dB from 106 % of it on. The delay is 64 frames of the new rate.
         """
         from scipy.signal import firwin
 

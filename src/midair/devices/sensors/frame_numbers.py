@@ -15,9 +15,7 @@ Numbers = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Run:
-    """Consecutive frames: `first` is the number of the first one including lost frames, `stamp` its sender time in
-    s.
-    """
+    """Consecutive frames: number of the first one, including lost frames, and its sender time in s."""
 
     first: int
     samples: Samples
@@ -64,7 +62,7 @@ class CountedFrames:
                 break
             at += int(off[0])
             if ahead[off[0]] < 0:
-                if self._stands(counter[at:]):
+                if self._stopped(counter[at:]):
                     return None
                 raise ValueError("went back")
             expected[at:] += int(ahead[off[0]])
@@ -81,7 +79,7 @@ class CountedFrames:
         precision = np.spacing(counter.astype(self._dtype)).astype(np.float64)
         return np.where(np.abs(ahead) <= np.where(precision > 1, precision / 2, 0), 0, ahead)
 
-    def _stands(self, counter: Array) -> bool:
+    def _stopped(self, counter: Array) -> bool:
         """True for a float counter that has stopped at its limit."""
         return not self._whole and bool((counter == self._full).all())
 
@@ -91,8 +89,7 @@ class StampedFrames:
 
     A stamp may be late but never early. The earliest stamps of the last second define the time grid; their spread over
     blocks of 1/20 s, times three and at least 1.5 frames, is the threshold for a gap. A gap is confirmed `confirm`
-    seconds
-    later; until then frames are held back.
+    seconds later; until then frames are held back.
     """
 
     def __init__(self, rate: float, *, first: int = 0, confirm: float = 0.3) -> None:
@@ -124,20 +121,20 @@ class StampedFrames:
             late = self._late() > self._limit()
             begin = int(late.argmax()) if late.any() else len(late)
             if begin:
-                yield self._give(begin)
+                yield self._release_run(begin)
                 continue
             seen = late[: self._confirm]
             if not seen.all():
-                yield self._give(int(seen.argmin()))
+                yield self._release_run(int(seen.argmin()))
             elif len(seen) == self._confirm:
                 # A packet with the last frames before the gap is late as well, but less.
                 behind = float(self._late()[self._confirm // 2 : self._confirm].min())
                 before = int((self._late() >= behind - self._limit()).argmax())
                 if before:
-                    yield self._give(before)
+                    yield self._release_run(before)
                 self._next += round(behind * self._rate)
             elif ends:
-                yield self._give(len(seen))
+                yield self._release_run(len(seen))
             else:
                 return
 
@@ -152,15 +149,15 @@ class StampedFrames:
             return max(least, 0.02)
         return max(least, 3 * (max(self._earliest) - min(self._earliest)))
 
-    def _give(self, count: int) -> Run:
+    def _release_run(self, count: int) -> Run:
         samples = np.concatenate(self._samples)
         run = Run(first=self._next, samples=samples[:count], stamp=float(self._stamps[0]))
-        self._learn(self._stamps[:count] - (self._next + np.arange(count)) / self._rate)
+        self._update_grid(self._stamps[:count] - (self._next + np.arange(count)) / self._rate)
         self._samples, self._stamps = [samples[count:]], self._stamps[count:]
         self._next += count
         return run
 
-    def _learn(self, places: Array) -> None:
+    def _update_grid(self, places: Array) -> None:
         """Store the earliest delay of each block of 1/20 s, over one second."""
         while len(places):
             taken, places = places[: self._part - self._count], places[self._part - self._count :]

@@ -51,8 +51,7 @@ class LslSource:
     """A stream on this network, selected by name.
 
     `source_id` selects one of several streams of that name. `counter` is the channel that counts frames, from 0, which
-    is
-    removed from the data. `search` limits the time to find the stream, and then to connect to it, in s.
+    is removed from the data. `search` limits the time to find the stream, and then to connect to it, in s.
     """
 
     def __init__(
@@ -69,7 +68,7 @@ class LslSource:
 
     def open(self) -> Stream:
         """Find the stream and connect to its sender."""
-        _keep_quiet()
+        _quiet_liblsl()
         found = self._find()
         # No recovery: it would silently continue with another run of the sender.
         # Original stamps: smoothed ones hide missing frames.
@@ -83,7 +82,7 @@ class LslSource:
             self._correction = self._inlet.time_correction(timeout=self._search)
         except (LostError, TimeoutError) as wrong:
             raise self._lost() from wrong
-        return self._understood(info)
+        return self._stream_of(info)
 
     def start(self) -> None:
         """Subscribe to the stream, or discard the data received so far."""
@@ -106,12 +105,12 @@ class LslSource:
             with suppress(TimeoutError):  # no newer one yet
                 self._correction = self._opened().time_correction(timeout=1e-3)
         except LostError as wrong:
-            self._keep(self._stamped.rest())
+            self._enqueue(self._stamped.rest())
             if not self._waiting:
                 raise self._lost() from wrong
         else:
             if len(stamps):
-                self._keep(self._runs(np.array(samples), np.asarray(stamps, np.float64)))
+                self._enqueue(self._runs(np.array(samples), np.asarray(stamps, np.float64)))
         return self._waiting.popleft() if self._waiting else None
 
     def stop(self) -> None:
@@ -130,7 +129,7 @@ class LslSource:
         return {"sender": self._host_name, "liblsl": str(pylsl.library_version()), "gaps found by": by}
 
     def _find(self) -> pylsl.StreamInfo:
-        found = self._streams_of_the_name()
+        found = self._matching_streams()
         if not found:
             others = sorted({each.name() for each in pylsl.resolve_streams(1.0)}) or ["none"]
             raise DeviceError(
@@ -144,7 +143,7 @@ class LslSource:
             )
         return found[0]
 
-    def _streams_of_the_name(self) -> list[pylsl.StreamInfo]:
+    def _matching_streams(self) -> list[pylsl.StreamInfo]:
         """Streams of this name, and of this source id if one is given; waits until one is found or the time is over."""
         until, seen = time.monotonic() + self._search, 0
         while (left := until - time.monotonic()) > 0:
@@ -156,7 +155,7 @@ class LslSource:
             seen = len(found)
         return []
 
-    def _understood(self, info: Any) -> Stream:
+    def _stream_of(self, info: Any) -> Stream:
         if info.channel_format() == pylsl.cf_string:
             raise DeviceError(f"lsl: expected numbers from {self._name!r}, got text; select another stream")
         self._rate, channels = float(info.nominal_srate()), int(info.channel_count())
@@ -197,7 +196,7 @@ class LslSource:
             self._stamped = StampedFrames(self._rate, first=self._counted.frames)
         return number
 
-    def _keep(self, found: Iterable[Run]) -> None:
+    def _enqueue(self, found: Iterable[Run]) -> None:
         # Both clocks are monotonic with the same rate; only their origins differ.
         offset = time.monotonic() - pylsl.local_clock() + self._correction
         for run in found:
@@ -219,7 +218,7 @@ class LslSource:
         return DeviceError(f"lsl: lost the sender of {self._name!r}; make sure that it runs, then start again")
 
 
-def _keep_quiet() -> None:
+def _quiet_liblsl() -> None:
     """Limit liblsl to error messages, unless the user configured it: its notes would disturb the level meters."""
     files = (Path("lsl_api.cfg"), Path.home() / "lsl_api" / "lsl_api.cfg", Path("/etc/lsl_api/lsl_api.cfg"))
     if "LSLAPICFG" not in os.environ and not any(file.exists() for file in files):

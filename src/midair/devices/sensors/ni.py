@@ -72,8 +72,7 @@ class NiSource:
     """Voltage inputs, sampled simultaneously.
 
     `channels` is in the driver's notation, such as ``Dev1/ai0:15``. `limit` is the range, plus and minus, in V. `wires`
-    is
-    the terminal configuration. `make_task` replaces the driver in tests.
+    is the terminal configuration. `make_task` replaces the driver in tests.
     """
 
     def __init__(

@@ -63,8 +63,7 @@ def encode(samples: ArrayLike, *, counter: int, time_us: int, period_ns: int = 1
     """Bytes of one frame, as a sensor's firmware sends them; `samples` in counts, shape (channel,).
 
     Only the low 32 bits of `counter` and `time_us` are sent. Raises InputError if a sample does not fit into `width`
-    bytes,
-    or width or number of channels is invalid.
+    bytes, or width or number of channels is invalid.
     """
     values = np.asarray(samples, np.int64)
     layout = Layout(channels=values.size, width=width, period=period_ns)

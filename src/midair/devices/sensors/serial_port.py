@@ -45,8 +45,8 @@ class SerialSource:
     """Frames received at a serial port, such as ``/dev/ttyUSB0`` or ``COM3``.
 
     USB devices without a real serial line ignore `baud`; 16 channels of 16 bits at 1 kHz need 540 000 bits per second
-    with
-    start and stop bits. `search` limits the time to the first whole frame, in s. `connect` opens the port, for tests.
+    with start and stop bits. `search` limits the time to the first whole frame, in s. `connect` opens the port, for
+    tests.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class SerialSource:
 
     def start(self) -> None:
         """Discard the received bytes; the next whole frame is frame 0."""
-        self._guarded(self._opened().reset_input_buffer)
+        self._convert_errors(self._opened().reset_input_buffer)
         # The layout stays, since `open` returned its channels and rate.
         self._decoder = Decoder(layout=self._decoder.layout)
         self._waiting.clear()
@@ -102,7 +102,7 @@ class SerialSource:
         port, self._port = self._port, None
         with self._hold:
             if port is not None:
-                _share(port)
+                _end_exclusive(port)
                 port.close()
 
     def describe(self) -> dict[str, str]:
@@ -114,22 +114,22 @@ class SerialSource:
         }
 
     def _listen(self) -> Layout:
-        decoder, heard, end = Decoder(), 0, time.monotonic() + self._search
+        decoder, received, end = Decoder(), 0, time.monotonic() + self._search
         while time.monotonic() < end:
             data = self._read()
-            heard += len(data)
+            received += len(data)
             if decoder.push(data) and decoder.layout is not None:
                 self._decoder = decoder
                 return decoder.layout
         raise DeviceError(
-            f"serial: expected frames at {self._name}, got {heard} bytes in {self._search:g} s and no whole frame; "
+            f"serial: expected frames at {self._name}, got {received} bytes in {self._search:g} s and no whole frame; "
             "check the port, ?baud= and the protocol (docs, build a sensor)"
         )
 
     def _read(self) -> bytes:
         port = self._opened()
         # At least one byte, so that an empty port blocks instead of being polled.
-        data: bytes = self._guarded(lambda: port.read(max(1, port.in_waiting)))
+        data: bytes = self._convert_errors(lambda: port.read(max(1, port.in_waiting)))
         self._arrived = time.monotonic()
         return data
 
@@ -146,7 +146,7 @@ class SerialSource:
             host_time=self._arrived - span,
         )
 
-    def _guarded(self, call: Callable[[], Any]) -> Any:
+    def _convert_errors(self, call: Callable[[], Any]) -> Any:
         """Convert pyserial's errors: OSError, and TypeError if the port was closed meanwhile."""
         try:
             return call()
@@ -172,7 +172,7 @@ def exclusive_port(port: str, baud: int) -> Any:
     return opened
 
 
-def _share(port: Any) -> None:
+def _end_exclusive(port: Any) -> None:
     """Let other programs open the port again, which a system may not do while another process has it open."""
     if sys.platform != "win32":
         import fcntl

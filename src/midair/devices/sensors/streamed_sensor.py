@@ -17,8 +17,7 @@ class StreamedSensor(SensorDevice):
     """Returns the frames of a source as blocks of cells of the requested length.
 
     A thread reads the source continuously, so that `read` may be late by as much as `memory` holds: 64 MB are 20 s of
-    16
-    channels at 48 kHz in float32, and 17 minutes at 1 kHz.
+    16 channels at 48 kHz in float32, and 17 minutes at 1 kHz.
 
     Parameters
     ----------
@@ -28,8 +27,7 @@ class StreamedSensor(SensorDevice):
         The name that it was opened with.
     wire : callable, optional
         Returns the wiring for an opened stream; by default cells in the order of the channels, in the unit of the
-        source
-        or counts.
+        source or counts.
     timeout : float
         Time without a frame after which the source counts as lost, in s.
     memory : float
@@ -66,7 +64,7 @@ class StreamedSensor(SensorDevice):
             return
         try:
             stream = self.source.open()
-            self._agree(stream)
+            self._configure(stream)
         except BaseException:
             self.source.close()
             raise
@@ -167,7 +165,7 @@ class StreamedSensor(SensorDevice):
     def _in_order(self, stream: Stream) -> SensorWiring:
         return SensorWiring.for_channels(stream.channels, name=self.name, unit=stream.unit or "count")
 
-    def _agree(self, stream: Stream) -> None:
+    def _configure(self, stream: Stream) -> None:
         """Combine wiring, unit and scale of the source with those that the user stated."""
         wiring = self._wire(stream)
         if wiring.channels > stream.channels:

@@ -18,8 +18,8 @@ class VirtualUnits:
 
     def __init__(self, kept: int = 0) -> None:
         self.frames: deque[tuple[Bytes, int, int]] = deque(maxlen=kept)
-        self._told: dict[str, int] = dict.fromkeys(("sent", "answered", "lost", "late", "crowded"), 0)
-        self._left = np.zeros(64, np.int64)
+        self._counts: dict[str, int] = dict.fromkeys(("sent", "answered", "lost", "late", "crowded"), 0)
+        self._sent_at = np.zeros(64, np.int64)
         self._number = 0
 
     def set_silencer(self, silencer: Silencer) -> None:
@@ -32,23 +32,23 @@ class VirtualUnits:
     def put(self, phases: Bytes, intensity: int, instant: int) -> None:
         """Accept a frame, unless its instant has passed."""
         number, self._number = self._number, self._number + 1
-        now = self._left[number % 64] = time.monotonic_ns()
+        now = self._sent_at[number % 64] = time.monotonic_ns()
         if now >= instant:
-            self._left[number % 64] = 0
-            self._told["late"] += 1
+            self._sent_at[number % 64] = 0
+            self._counts["late"] += 1
             return
-        self._told["sent"] += 1
-        self._told["answered"] += 1
+        self._counts["sent"] += 1
+        self._counts["answered"] += 1
         if self.frames.maxlen:
             self.frames.append((phases.copy(), intensity, instant))
 
     def sent(self, number: int) -> int:
         """Time at which a frame was accepted, in ns of `time.monotonic_ns`."""
-        return int(self._left[number % 64])
+        return int(self._sent_at[number % 64])
 
     def told(self) -> dict[str, int]:
         """Number of frames by outcome."""
-        return dict(self._told)
+        return dict(self._counts)
 
     def state(self) -> None:
         """None: there are no units to query."""
