@@ -7,7 +7,7 @@ from midair.testing import UdpTap
 
 @pytest.fixture
 def attempts():
-    """Attempts for a minute: a computer that others keep busy sends a frame late, and says so, but not for ever."""
+    """Attempts within a minute: on a busy computer a frame may be late, which is reported, but not forever."""
     until = time.monotonic() + 60.0
     return iter(lambda: time.monotonic() < until, False)
 

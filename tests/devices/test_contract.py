@@ -1,4 +1,4 @@
-"""What every array keeps to, whoever made it. A new one is one more entry in a table. Sensors: live/."""
+"""The contract of every array; to test a new one, add an entry to a table. Sensors: `sensors/test_sensor_contract.py`."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def drive(device, frames=5, rate=1000.0):
 
 
 SLOWER = {"autd3, a frame that stands", "openmpd twin"}
-"""Those that wait longest, or differ little from another: they are in the long suite."""
+"""Arrays that wait longest, or differ little from another: they are in the long suite."""
 
 
 @pytest.fixture(
@@ -146,7 +146,7 @@ def test_a_drive_that_nobody_admitted_does_not_play(array):
 
 
 def test_there_is_no_way_round_play(array):
-    """What a driver does with a drive, `emit`, sounds for `play` alone."""
+    """A driver's `emit` sounds only within `play`."""
     if not array.gated:
         return
     with array:

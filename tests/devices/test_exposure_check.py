@@ -1,4 +1,4 @@
-"""Only what was checked plays: what `check_exposure` lets through, and what its admissions are good for."""
+"""Only checked drives play: the decisions of `check_exposure`, and the use of its clearances."""
 
 import re
 import tracemalloc
@@ -33,7 +33,7 @@ LONG = pytest.mark.long
 
 
 class Loud(VirtualArray):
-    """A virtual array that passes for one that can be heard."""
+    """A virtual array that is treated as one with sound."""
 
     gated = True
 
@@ -68,7 +68,7 @@ def test_attenuation_keeps_the_profile_as_the_firmware_rounds_it():
 
 @pytest.mark.parametrize("own", [False, True], ids=["a level a frame", "a level each"])
 def test_what_the_firmware_rounds_up_is_measured_as_it_sounds(own):
-    """Half a step of 255 plays as a pulse of one step of 512: 9.9 dB louder than the level says."""
+    """Half a step of 255 plays as a pulse of one step of 512: 9.9 dB louder than the level."""
     level = np.concatenate([[0.51 / 255, 3.51 / 255], np.linspace(0.001, 0.1, 40), [1.0]])
     phase = np.tile(focus_phase(ARRAY, np.array([0, 0, 0.2])), (len(level), 1))
     told = np.tile(level[:, None], (1, ARRAY.count)) if own else level
@@ -87,7 +87,7 @@ def test_what_the_firmware_rounds_up_is_measured_as_it_sounds(own):
 
 @pytest.mark.parametrize("steps", [256, 128])
 def test_phases_are_measured_as_the_firmware_rounds_them(steps):
-    """Errors of up to half a step, lined up against a place, take 2 dB from what is said to be there."""
+    """Errors of up to half a step, aligned for one place, reduce the stated level by 2 dB."""
 
     class Rounds(VirtualArray):
         steps_a_turn = steps
@@ -121,7 +121,7 @@ def test_what_makes_no_sound_is_told_and_not_refused():
 
 
 def test_what_a_file_says_of_the_strength_counts_for_nothing():
-    """A drive whose file claims a transducer of a thousandth is measured, and refused, with the device's own."""
+    """A drive whose file states a transducer of a thousandth is measured, and refused, with the device's own."""
     claims = focus(array=replace(ARRAY, pressure=ARRAY.pressure / 1000))
     assert exposure(claims, PROFILE).excess < 0
     with pytest.raises(ExposureError):
@@ -132,7 +132,7 @@ def test_what_a_file_says_of_the_strength_counts_for_nothing():
 
 @pytest.mark.parametrize("medium", [Medium(attenuation=100.0), Medium(speed=301.0)])
 def test_the_air_of_a_file_changes_no_level(medium):
-    """A drive whose file claims an air that swallows the sound, or scatters the focus, is refused all the same."""
+    """A drive whose file states an air that absorbs the sound, or scatters the focus, is refused as well."""
     claims = replace(focus(), acoustics=Acoustics(medium=medium))
     for check in (
         lambda: check_exposure(claims, Loud(ARRAY), CHOICES),
@@ -169,7 +169,7 @@ def hiding(airs, air, point):
     "degrees", [20.0, pytest.param(25.0, marks=pytest.mark.long), pytest.param(29.0, marks=pytest.mark.long)]
 )
 def test_what_is_hidden_in_other_airs_is_measured_in_that_of_the_room(degrees, known):
-    """In the paper's air alone, levels of up to 9.8 dB too low came out."""
+    """In the paper's air alone, levels were up to 9.8 dB too low."""
     here, ear = Acoustics(medium=Medium.at(temperature=degrees)), PROFILE.places[0]
     room = Medium.at(temperature=degrees + 1.5)
     point = np.array(ear.position) + ear.reach * np.array([1, 1, 1])
@@ -323,7 +323,7 @@ def test_what_is_read_again_is_what_was_measured():
 
 
 def test_what_is_kept_of_a_long_drive_is_its_levels_alone():
-    """Four places a frame, twice while they are copied: 64 bytes a frame, in whatever air the drive was solved for."""
+    """Four places per frame, twice while they are copied: 64 bytes per frame, in any air."""
     array = TransducerArray(position=np.array([[0, 0, 0], [0.01, 0, 0]]), normal=np.array([[0, 0, 1.0]] * 2))
     points = tuple(replace(place, reach=0.0, limit=170.0) for place in PROFILE.places)
     choices, frames = ExposureChoices(profile=replace(PROFILE, places=points)), 80_000

@@ -24,7 +24,7 @@ def test_a_gap_is_held_at_the_last_frame():
 
 @given(st.lists(st.tuples(st.integers(0, 50), st.integers(1, 40)), min_size=1, max_size=20))
 def test_frame_i_stays_frame_i(pieces):
-    """Each piece: so many lost frames, then so many that came."""
+    """Each block: a number of lost frames, then a number of received ones."""
     seam, parts, lost, at = GapFiller("bench", 1000), [], 0, 0
     for gap, count in pieces:
         at += gap

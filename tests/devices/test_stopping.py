@@ -1,4 +1,4 @@
-"""Stop at any moment, from start-up to end: nothing sounds after the answer, whoever plays and however."""
+"""Stop at any moment, from start-up to end: nothing sounds after the answer."""
 
 import os
 import signal
@@ -38,7 +38,7 @@ def noise(frames=100, level=1.0):
 
 
 class ClockedBanks:
-    """Banks of units that know when they sound, by the clock of this computer; orders take their time to get there."""
+    """Banks of units that record when they sound, on this computer's clock; commands arrive with a delay."""
 
     emulated, frames_max, margin, patience, failsafe = True, 1024, 2 * MS, 2 * MS, 0.0
 
@@ -90,8 +90,10 @@ class ClockedBanks:
 
 
 def stopped_at(seed):
-    """Play in a thread, stop at a random moment; what sounded after the answer, the answers, how it ended, if it ever
-    sounded. One in four stops comes while it starts, one while it sounds, one after its end, and one at any time.
+    """Play in a thread and stop at a random moment; return the sound after the answer, the answers, the end, and if it
+    sounded.
+
+    One in four stops comes during the start, one during sound, one after the end, and one at any time.
     """
     rng = np.random.default_rng(seed)
     banks = ClockedBanks(np.random.default_rng(seed + 1))
@@ -198,7 +200,7 @@ def test_nothing_sounds_after_a_stop_of_a_command_at_two_hundred_moments(tap, tm
 
 
 class Loud(VirtualArray):
-    """A virtual array that passes for one that can be heard."""
+    """A virtual array that is treated as one with sound."""
 
     simulated, gated = False, True
 
@@ -221,7 +223,7 @@ def test_what_plays_from_python_is_logged_and_can_be_stopped():
             admission = quiet(array)
             with pytest.raises(StoppedError, match="midair stop"):
                 array.play(admission, source="a script", progress=stop)
-            # For as long as the array is open, whoever asks.
+            # For as long as the array is open, in every thread.
             with pytest.raises(StoppedError, match="midair stop"):
                 array.play(admission)
             assert not array.emitting
@@ -243,7 +245,7 @@ def test_the_main_thread_is_interrupted_where_it_waits():
     with pytest.raises(StoppedError, match="midair stop"), array:
         stopper.start()
         time.sleep(60)
-        pytest.fail("nobody interrupted the wait")
+        pytest.fail("the wait was not interrupted")
     stopper.join()
 
 

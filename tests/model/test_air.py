@@ -1,4 +1,4 @@
-"""Air against the figures that its sources print."""
+"""Properties of air compared with the figures in their sources."""
 
 import math
 

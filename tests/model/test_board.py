@@ -6,7 +6,7 @@ from midair.model import Board, array_of_boards
 
 
 def test_places_and_pins_are_those_of_the_makers_files():
-    """Single figures of OpenMPD_Client/board_1.pat, read off by eye."""
+    """Single figures of OpenMPD_Client/board_1.pat, read by eye."""
     board = Board.nominal()
     assert board.position[0] == pytest.approx([-0.07875, 0.07875, 0])
     assert board.position[1] == pytest.approx([-0.07875, 0.06825, 0])

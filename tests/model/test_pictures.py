@@ -1,4 +1,4 @@
-"""Coordinates of small pictures, worked out by hand."""
+"""Coordinates of small pictures, computed by hand."""
 
 import re
 from xml.etree import ElementTree

@@ -1,4 +1,4 @@
-"""What every noun says of itself: short, with units, never the numbers of an array; and its picture."""
+"""Summaries of every data class: short, with units, without array values; and its picture."""
 
 import re
 from dataclasses import is_dataclass, replace
@@ -133,7 +133,7 @@ ORDINARY = {
     "TransducerArray": FOUR,
 }
 ORDINARY["Solution"] = solution(ORDINARY["Drive"])
-"""One of each noun as it comes."""
+"""One ordinary object of each data class."""
 
 SAYS = {
     "Acoustics": ["t4010a1", "340"],
@@ -246,7 +246,7 @@ EXTREME = {
     "acoustics": Acoustics(medium=Medium.at(temperature=21.123456789, humidity=0.123456789)),
     "control grid": ControlGrid(rows=1000, columns=1000, pitch=1 / 3e3, height=1 / 3, centre=(-1 / 3, 1 / 3)),
 }
-"""What is longest, emptiest or flattest."""
+"""Objects with the longest, emptiest or most constant data."""
 
 NOUNS = ORDINARY | EXTREME
 PICTURED = {name: noun for name, noun in NOUNS.items() if hasattr(noun, "_repr_html_")}

@@ -1,4 +1,4 @@
-"""A stage's places: what lies beyond its travel is refused, and its speed is that of the middle of its way."""
+"""Positions of a stage: those beyond its travel are refused; its speed is that of the middle of its path."""
 
 import dataclasses
 

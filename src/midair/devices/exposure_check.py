@@ -47,7 +47,7 @@ class ExposureChoices:
     room: Medium | None = None
     """Air in the room, stated by the user or measured; 2 degrees and 20 % of humidity around it are checked.
 
-    None checks 14 to 30 degrees. Never pass a default, or the air stored in a file.
+    If None, 14 to 30 degrees are checked. Never pass a default, or the air stored in a file.
     """
 
     def __post_init__(self) -> None:
@@ -75,7 +75,7 @@ class ExposureClearance:
     exposure: Exposure
     """Exposure to what will be played."""
     outcome: Outcome
-    """"exceeded" only on a device without sound."""
+    """Outcome of the check; "exceeded" only on a device without sound."""
     by: str = ""
     """Name of the person responsible for an override."""
     repeats: int = 1

@@ -67,7 +67,7 @@ class SensorDevice(ABC):
     on_demand: bool = False
     """True if its time advances only when it is read, as for a replayed file."""
     stored: Stored = "f8"
-    """"f4" if float32 represents every sample exactly."""
+    """Type for storage: "f4" if float32 represents every sample exactly."""
 
     @abstractmethod
     def open(self) -> None:

@@ -1,4 +1,4 @@
-"""OpenMPD boards: 256 transducers with measured pins and phase offsets; one board, or two opposite boards."""
+"""OpenMPD boards: 256 transducers with measured pins and phase offsets; one board, or two opposing boards."""
 
 from dataclasses import dataclass
 
@@ -68,7 +68,7 @@ class Board:
 
 
 def array_of_boards(*boards: Board) -> TransducerArray:
-    """One board that radiates upwards, or two opposite boards 238.8 mm apart.
+    """One board that radiates upwards, or two opposing boards 238.8 mm apart.
 
     The second board is turned about the y axis, as in the manufacturer's driver (AsierInhoImpl_V2.cpp). The model of
     the transducers is not published; programs for these boards assume a pressure of 3.4, 6.0 or 8.02 Pa m (AcousTools,

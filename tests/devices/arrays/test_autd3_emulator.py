@@ -1,4 +1,4 @@
-"""What AUTD3's firmware emulator puts out, tick by tick, against the drive that was played."""
+"""Output of AUTD3's firmware emulator, tick by tick, compared with the drive that was played."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def noise(frames, placement=ONE, level=1.0, rate=1000.0, seed=0):
 
 
 def played(drive, placement=ONE, *, silencer="off", repeats=1, **options):
-    """The report, and what was put out from 5 ms before the end on."""
+    """The report, and the output from 5 ms before the end on."""
     device = autd3_firmware(placement, silencer=silencer)
     with device:
         report = device.play(overridden(drive, device, repeats=repeats), **options)
@@ -41,7 +41,7 @@ def of_frames(values, out, report, frames, ticks=40):
 
 
 def assert_exact(drive, report, out, units, repeats=1):
-    """Every tick of every frame is what the drive says, and all is silent before and after."""
+    """Every tick of every frame equals the drive, and all is silent before and after."""
     frames = drive.frames * repeats
     wanted = np.tile(phase_bytes(drive, units).reshape(drive.frames, 1, -1), (repeats, 1, 1))
     np.testing.assert_array_equal(
@@ -56,7 +56,7 @@ def assert_exact(drive, report, out, units, repeats=1):
 
 @pytest.mark.long
 def test_frames_that_are_read_while_they_play_are_the_drive_s():
-    """No more than one of the pieces that are admitted, 512 frames, is asked for at once."""
+    """At most one block of 512 frames is read at once."""
     drive, asked = noise(600), []
 
     def read(first, last):
@@ -139,7 +139,7 @@ def test_intensity_bytes_are_the_amplitudes_that_the_emulator_makes():
 @pytest.mark.parametrize("moment", [0.5, 3.0, 17.2, 39.9, 40.1, 62.0])
 @pytest.mark.parametrize("active", [0, 1])
 def test_silence_also_cancels_the_switch_that_is_to_come(moment, active):
-    """The most dangerous thing that could go wrong: a block that starts after everyone believes in silence."""
+    """The most dangerous failure: a block that starts after silence was confirmed."""
     device = autd3_firmware(ONE, silencer="off")
     drive = noise(80)
     phases = phase_bytes(drive, 1)
@@ -163,7 +163,7 @@ def test_silence_also_cancels_the_switch_that_is_to_come(moment, active):
 
 @pytest.mark.long
 def test_a_computer_that_hangs_leaves_silence_and_is_told_so():
-    """When the next block does not come in time, the silent pattern at the end of the last one is reached and held."""
+    """If the next block is missing, the silent pattern at the end of the last one is reached and repeats."""
     drive = noise(600)
 
     def hang(done, _):
@@ -208,7 +208,7 @@ def test_the_emulator_s_own_field_is_ours():
 
 
 def test_a_spread_step_arrives_within_half_a_frame():
-    """180 degrees: at the end of each frame, and from its middle on, the phase is the solved one."""
+    """A step of 180 degrees: from the middle of each frame on, the phase equals the solved one."""
     phase = np.zeros((10, 249))
     phase[1::2] = np.pi * 0.9
     drive = Drive(phase=phase, level=np.ones(10), rate=1000.0, array=ONE.array())

@@ -1,4 +1,4 @@
-"""Names of places: what each means, and what is refused in one line."""
+"""Addresses of units: the meaning of each form, and errors for invalid ones."""
 
 import socket
 

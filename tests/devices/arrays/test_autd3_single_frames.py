@@ -1,4 +1,6 @@
-"""Single frames on the wire to AUTD3's emulator: their instants, what is not sent, and every way in which it ends."""
+"""Single frames sent to AUTD3's emulator: their instants, frames that are not sent, and every way in which playback
+ends.
+"""
 
 import asyncio
 import threading
@@ -89,12 +91,12 @@ def answered(device, level=1.0):
 
 
 def instant_of(datagram):
-    """Of a frame, in ns of device time, which the wire carries in whole microseconds."""
+    """Instant of a frame, in ns of device time; the datagram holds whole microseconds."""
     return 1000 * int.from_bytes(datagram[6:10], "little")
 
 
 def frames_on(tap):
-    """(instant, phase of the first transducer, intensity of the first) of every frame that has an instant."""
+    """(instant, phase of the first transducer, intensity of the first) of every frame with an instant."""
     return [(instant_of(d), d[20], d[-249]) for _, _, command, d in tap.frames() if command == PATTERN and any(d[6:10])]
 
 

@@ -1,4 +1,4 @@
-"""Playing to AUTD3's emulator over loopback, in real time, with every datagram seen: what is sent, and how it ends."""
+"""Playback on AUTD3's emulator over loopback, in real time, with a record of every datagram."""
 
 import re
 import signal
@@ -22,7 +22,7 @@ pytest.importorskip("autd3")
 ONE = Placement.grid(columns=1, rows=1)
 WRITE, SWITCH, SILENCE, CONFIG = 0x13, 0x12, 0x16, 0x11
 PATTERN, FAILSAFE = 0x08, 0x80
-"""Bits of the FPGA's state: a single pattern, which midair sends only to be silent; silenced by the failsafe."""
+"""Bits of the FPGA's state: a single pattern, which midair uses only for silence; and an active failsafe."""
 
 PLAYER = """
 import sys
@@ -48,7 +48,7 @@ def noise(frames, rate=1000.0):
 
 
 def phases_sent(tap):
-    """Of all frames in their order, the silent ones left out: (frame, transducer)."""
+    """Phases of all frames in their order, without the silent ones: (frame, transducer)."""
     parts = []
     for _, _, command, datagram in tap.frames():
         if command == WRITE and datagram[13] > 0:
@@ -57,7 +57,7 @@ def phases_sent(tap):
 
 
 def assert_last_word_is_silence(tap):
-    """The last pattern that was switched to has intensity 0 everywhere."""
+    """The last active pattern has intensity 0 everywhere."""
     commands = [command for _, _, command, _ in tap.frames() if command in (SWITCH, SILENCE)]
     last = [datagram for _, _, command, datagram in tap.frames() if command == SILENCE][-1]
     assert commands[-1] == SILENCE
@@ -70,7 +70,7 @@ def patterns(tap):
 
 
 def playing(tap):
-    """A process that plays on the tap's emulator, once it has begun. Asking the units now would disturb it."""
+    """A process that has begun to play on the tap's emulator; a query of the units would disturb it now."""
     process = subprocess.Popen([sys.executable, "-c", PLAYER, tap.address], stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "plays\n"
     return process
@@ -106,7 +106,7 @@ def test_five_seconds_in_real_time_without_a_break(tap):
 
 
 def switched_to(tap, port):
-    """(instants, frames) that one unit was switched to, from its two memories as the wire filled them."""
+    """(instants, frames) that one unit played, from its two banks as received."""
     memory, size, instants, frames = np.zeros((2, 1024, 249), np.uint8), [0, 0], [], []
     for _, to, command, datagram in tap.frames():
         if to != port or command not in (WRITE, CONFIG, SWITCH):
@@ -246,7 +246,7 @@ def test_units_that_are_too_hot_from_the_start_never_sound_and_play_once_they_ha
     ("tap", "rate"), [(2, 1000.0), pytest.param(1, 0.625, marks=pytest.mark.long)], indirect=["tap"]
 )
 def test_a_unit_that_gets_too_hot_silences_all_units_at_once(tap, rate):
-    """Units are asked each quarter of a second, also within a frame that lasts longer."""
+    """Units are queried every quarter of a second, also within a longer frame."""
     placement, began = Placement.grid(columns=tap.units, rows=1), []
     array = placement.array()
     drive = Drive(phase=np.zeros((2000, array.count)), level=np.ones(2000), rate=rate, array=array)
@@ -293,7 +293,7 @@ def test_the_failsafe_silences_after_a_kill(tap):
 
 @pytest.mark.long
 def test_the_failsafe_silences_when_the_process_stands_still(tap):
-    """SIGSTOP: as a computer that sleeps, or a machine that is paused."""
+    """SIGSTOP, as for a computer in sleep mode or a paused machine."""
     with playing(tap) as process:
         process.send_signal(signal.SIGSTOP)
         time.sleep(0.55)
@@ -364,7 +364,7 @@ def test_a_simulator_that_does_not_run_is_told():
 
 
 def test_a_simulator_is_searched_for_at_its_port_and_asked_to_take_the_geometry(tap):
-    """The emulator takes no geometry, for which a simulator has the next port: so far the SDK gets here, no further."""
+    """The emulator accepts no geometry, which a simulator receives at the next port: the SDK fails there."""
     port = int(tap.address.rsplit(":", 1)[1])
     with pytest.raises(LinkLostError, match=rf"did not answer the geometry at \[::1\]:{port + 1}"):
         autd3_array(f"simulator:{port}", ONE).open()

@@ -1,4 +1,4 @@
-"""What units say of themselves, in words."""
+"""State of the units as text."""
 
 import pytest
 

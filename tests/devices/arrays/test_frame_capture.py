@@ -1,4 +1,4 @@
-"""Which frames are said to have been silent, by instants that can be counted by hand."""
+"""Frames reported as silent, with instants that can be counted by hand."""
 
 import pytest
 
@@ -10,7 +10,7 @@ MS = 1_000_000
 
 
 class Answers:
-    """Banks that answer at instants as told, and do nothing else."""
+    """Banks that only report an instant and a state."""
 
     failsafe = 0.5
 
@@ -25,7 +25,7 @@ class Answers:
 
 
 def heard(blocks, total=1000):
-    """After blocks of 250 frames at 1 kHz, each begun in time and answered well half a frame later."""
+    """Units and record after blocks of 250 frames at 1 kHz, each on time and confirmed half a frame later."""
     units = Answers()
     one = FrameCapture(units, MS, total)
     for block in range(blocks):

@@ -1,4 +1,4 @@
-"""The driver against stand-ins that read its bytes as the firmware does."""
+"""The driver against stand-ins that parse its bytes as the firmware does."""
 
 import threading
 import time
@@ -38,7 +38,7 @@ def array_at(stand_ins, boards):
 
 
 def phases(stand_in, board):
-    """Of every transducer in every frame that sounded."""
+    """Phases of every transducer in every frame with sound."""
     return np.array([one.sound()[board.pin] for one in stand_in.heard]) * np.exp(1j * board.offset)
 
 
@@ -77,9 +77,9 @@ def test_another_rate_sets_another_divider(stand_ins):
 
 
 def test_the_last_frame_stands_for_its_time_by_the_board_s_own_clock(stand_ins):
-    """Silence waits right behind it, so that a program that hesitates at the end does no harm.
+    """Silence is queued right after it, so that a delay of the program at the end has no effect.
 
-    A busy computer may spoil one play by hesitating before; not ten.
+    A busy computer may delay one playback, but not ten.
     """
     (port,) = stand_ins()
     boards = [Board.nominal()]
@@ -134,7 +134,7 @@ def test_silence_from_another_thread_is_true_when_it_returns(stand_ins):
 
 
 def test_few_frames_are_under_way_when_silence_comes(stand_ins):
-    """What was sent when an error came is at most what the lead allows, however far the board has got."""
+    """After an error, at most the lead's number of frames has been sent, whatever the state of the board."""
     (port,) = stand_ins()
     boards = [measured_board()]
     device = array_at([port], boards)

@@ -1,4 +1,4 @@
-"""The bytes of a frame, against the stand-in's reading of them and the pulses that come of it."""
+"""Bytes of a frame, compared with the stand-in's parser and the resulting pulses."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def some_drive(boards, level=1.0, frames=6, seed=1):
 
 
 def put_out(text, board):
-    """What each transducer does with the bytes, frame by frame: its pulses, later by its own offset."""
+    """Pulses of each transducer for the bytes, frame by frame, delayed by its own offset."""
     seen = []
     CommandReader(seen.append).read(text)
     return np.array([one.sound()[board.pin] for one in seen]) * np.exp(1j * board.offset)
@@ -97,7 +97,7 @@ def test_an_off_frame_is_silent_and_may_set_a_divider(divider):
 
 @pytest.mark.parametrize("cut", [0, 1, 27, 34, 35, 255, 256, 300, 511])
 def test_off_frames_silence_a_board_that_has_a_part_of_a_frame(cut):
-    """Read 512 bytes at a time, as the firmware reads its buffer; what is left of less waits."""
+    """The buffer is read 512 bytes at a time, as in the firmware; an incomplete rest waits."""
     board, seen = measured_board(), []
     text = drive_frames(some_drive([board]), 0, 1, [board])[0]
     stream = text + text[:cut] + off_frames()

@@ -1,4 +1,4 @@
-"""Boards fall silent when the program that plays on them is killed or stands still."""
+"""The guard silences boards if the playing program is killed or stopped."""
 
 import os
 import random
@@ -99,7 +99,7 @@ def test_a_program_that_stands_still_leaves_silence_and_says_so_when_it_goes_on(
 
 
 def test_keys_at_the_terminal_do_not_reach_the_guard(board, player):
-    """Its session is its own: a stop or an end of the whole group would leave nobody to silence."""
+    """The guard has its own session: a signal to the whole process group must not end it."""
     one = player()
     (guard,) = psutil.Process(one.pid).children()
     assert os.getsid(guard.pid) != os.getsid(one.pid)

@@ -1,4 +1,4 @@
-"""The driver for older firmware against the SDK's own audit link, whose memory can be read back."""
+"""The driver for older firmware with the SDK's audit link, whose memory can be read."""
 
 import threading
 import time
@@ -24,7 +24,7 @@ def noise(frames, level=None, rate=1000.0, placement=PAIR):
 
 
 def check_memory(banks, drive, units, block=250):
-    """Load block after block into the two segments in turn; every byte is the drive's, and the end is silent."""
+    """Load block after block into the two segments alternately; every byte equals the drive's, and the end is silent."""
     phases, intensity = phase_bytes(drive, units), intensity_bytes(drive, units)
     wanted = np.broadcast_to(intensity if intensity.ndim == 3 else intensity[:, None, None], phases.shape)
     for bank, first in enumerate(range(0, drive.frames, block)):

@@ -1,4 +1,4 @@
-"""Which silencer is set: the one with the least error of the felt pressure, by drives for which one can tell."""
+"""Choice of the silencer with the least error of the pressure, for drives with a known answer."""
 
 from dataclasses import replace
 
@@ -23,12 +23,12 @@ def drive(phase, rate=1000.0, **others):
 
 
 def turning(degrees, frames=24, rate=1000.0):
-    """A focus that stays where it is, while all phases together turn back and forth."""
+    """A constant focus whose phases all turn back and forth together."""
     return drive(FOCUS + np.radians(degrees) * (np.arange(frames) % 2)[:, None], rate)
 
 
 def jumping(frames=24):
-    """A focus that is somewhere else in each frame."""
+    """A focus at a different position in each frame."""
     places = np.random.default_rng(0).uniform(-0.03, 0.03, (frames, 2))
     return drive([focus_phase(ARRAY, np.array([x, y, 0.2])) for x, y in places])
 
@@ -40,7 +40,7 @@ def test_a_focus_that_stands_has_no_error_and_needs_no_silencer():
 
 
 def test_phases_that_turn_together_are_spread():
-    """Turned at once, sound dips on the way; the more slowly they turn, the better the transducers follow."""
+    """A sudden turn causes a dip of the sound; transducers follow a slower turn better."""
     errors = silencer_errors(turning(120))
     assert errors["off"] > errors["quarter"] > errors["half"] > errors["default"]
     assert choose_silencer("auto", turning(120)).phase == pytest.approx(1e-3)
@@ -53,7 +53,7 @@ def test_a_dip_is_worth_two_time_constants_of_silence():
 
 
 def test_a_focus_that_jumps_is_not_spread():
-    """What is between two places is neither of them."""
+    """An intermediate pattern resembles neither of the two positions."""
     errors = silencer_errors(jumping())
     assert errors["off"] < errors["quarter"] < errors["half"] < errors["default"]
     chosen = choose_silencer("auto", jumping())
@@ -98,7 +98,7 @@ def test_the_sample_tells_the_whole():
 
 
 def test_it_is_looked_at_where_the_drive_was_solved_for():
-    """Solved for 120 mm: there it hardly moves; at 200 mm, where nobody feels it, it would."""
+    """Solved for 120 mm, where the pressure hardly changes; at 200 mm it would change."""
     said = drive(jumping().phase, provenance=Provenance().then("settings", {"target.grid.height": 0.12}))
     assert silencer_errors(said) != silencer_errors(jumping())
 

@@ -1,4 +1,4 @@
-"""A frame that stands, on the emulator over loopback: what it sounds, and what silences it when Python hangs."""
+"""A constant frame on the emulator over loopback: its output, and silence when Python hangs."""
 
 import time
 
@@ -26,7 +26,7 @@ def stands(frames, rate=1000.0):
 
 
 def hangs_after(seconds, hang, tap):
-    """A progress that stands still once, as a Python that hangs, and then asks the units."""
+    """A progress callback that blocks once, as when Python hangs, and then queries the units."""
     begun, states = time.monotonic(), []
 
     def progress(done, total):
@@ -63,7 +63,7 @@ def test_a_python_that_hangs_is_silent_though_its_process_lives(tap):
 
 @pytest.mark.long
 def test_with_the_sdk_s_heartbeat_it_would_sound_on(tap):
-    """Why it is off: the same hang, longer than the failsafe, and nobody silences."""
+    """The reason why it is off: with it, a hang longer than the failsafe does not silence the units."""
     from midair.devices.arrays.autd3_udp import Autd3Udp
 
     place = autd3_place(tap.address)

@@ -1,4 +1,4 @@
-"""A stage behind Grbl, against a stand-in that was written from the makers' page and not from the driver."""
+"""A stage with Grbl, against a stand-in written from Grbl's documentation and not from the driver."""
 
 import threading
 import time

@@ -1,4 +1,4 @@
-"""What Grbl says, by the examples of its makers (gnea/grbl, doc/markdown/interface.md)."""
+"""Messages of Grbl, with the examples of its documentation (gnea/grbl, doc/markdown/interface.md)."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""One program a device, and nothing left behind by one that died."""
+"""One program per device, and no lock left after a process died."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""What the log holds of an order and of its end, so that both can be audited, and that nothing goes on without one."""
+"""Log entries of an order and of its end, for an audit; nothing plays without a log."""
 
 import hashlib
 import json
@@ -54,7 +54,7 @@ def test_a_log_that_cannot_be_written_is_told(tmp_path, monkeypatch):
 
 
 def test_a_disk_that_takes_half_a_line_takes_none():
-    """It played, and half of what was to be audited stood in the log, with the next line behind it."""
+    """Otherwise half of an entry would stay in the log, followed by the next line."""
     resource = pytest.importorskip("resource")
     log_end("one", "x.drive.h5", "autd3", "played")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)

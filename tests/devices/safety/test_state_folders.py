@@ -1,4 +1,4 @@
-"""Where logs go, and to whom they belong."""
+"""Location and access rights of the logs."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Another terminal silences what plays; nobody else does, and nothing keeps it from doing so."""
+"""Another terminal can always stop playback, and other programs cannot."""
 
 import json
 import os
@@ -116,7 +116,7 @@ def test_a_living_program_that_cannot_be_asked_is_told_and_holds_up_nobody(conte
 
 
 def test_a_program_that_hangs_is_told_and_the_others_are_silent_at_once():
-    """The listening program is stopped by SIGSTOP, so that its port takes the call and nobody answers."""
+    """The listening program is stopped by SIGSTOP, so that its port accepts the call but there is no answer."""
     player = (
         "import time\nfrom midair.devices.safety.stop_channel import open_stop_channel\n"
         "with open_stop_channel('hanging', lambda: None):\n    print('plays', flush=True)\n    time.sleep(60)"
@@ -177,7 +177,7 @@ def test_noise_on_the_port_is_not_an_order():
         for noise in (b"", b"\xff\xfe\n", b"silence\n", b"end\n", b"silence " + b"0" * 32 + b" more\n"):
             with socket.create_connection(("127.0.0.1", port), 1) as call:
                 call.sendall(noise)
-        # Somebody who calls and says nothing holds up nobody.
+        # A connection without a message does not block other callers.
         with socket.create_connection(("127.0.0.1", port), 1):
             assert silenced == []
             (stopped,) = stop_playing()
@@ -213,7 +213,7 @@ def test_a_stop_before_the_line_is_open_counts():
 
 
 def test_a_stop_that_is_to_come_says_nothing():
-    """The computer was started anew, and its clock with it."""
+    """The computer was restarted, and its clock with it."""
     make_state_folder()
     (state_folder() / "stopped-at").write_text(repr(uptime() + 1e6), encoding="ascii")
     with ordered_at(0.0), open_stop_channel("a device", lambda: None):

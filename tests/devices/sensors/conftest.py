@@ -1,6 +1,7 @@
-"""Senders that the sources of live sensors are tested against, each over its real transport.
+"""Senders for tests of live sensors, each over its real transport.
 
-All send the ramp: channel c of frame i is (i mod 2048) * 16 + c, so that a lost, double or permuted frame shows.
+All send the ramp: channel c of frame i is (i mod 2048) * 16 + c, so that lost, repeated or permuted frames are
+detected.
 """
 
 import contextlib
@@ -30,7 +31,7 @@ PULSE_MAP = ",".join(
 
 @contextlib.contextmanager
 def _program(*command, env=None):
-    """A helper program, once it has said that it is ready; killed at the end."""
+    """A helper program that has reported that it is ready; killed at the end."""
     with subprocess.Popen([str(part) for part in command], env=env, stdout=subprocess.PIPE, text=True) as running:
         try:
             assert running.stdout.readline().strip() == "ready"
@@ -54,20 +55,20 @@ def _lsl_senders():
 
 @pytest.fixture
 def lsl_sender():
-    """Starts a sender; gives its name and process. It ends with its test: a sender takes a share of the processor."""
+    """Starts a sender; returns its name and process. It ends with its test, since a sender needs processor time."""
     with _lsl_senders() as start:
         yield start
 
 
 @pytest.fixture(scope="module")
 def lsl_sender_of_a_module():
-    """The same, for senders that several tests hear."""
+    """The same, for senders that several tests share."""
     with _lsl_senders() as start:
         yield start
 
 
 class SerialLine:
-    """A sensor on a pty: sends the ramp at its rate from a thread, with noise and holes if asked."""
+    """A sensor on a pty: sends the ramp at its rate from a thread, optionally with noise and gaps."""
 
     def __init__(self, *, rate=1000.0, channels=16, width=2, noise=False, hole=0):
         from midair.devices.sensors.serial_frames import encode
@@ -118,14 +119,14 @@ class SerialLine:
         while data and not self._ends.is_set():
             try:
                 data = data[os.write(self._master, data) :]
-            except BlockingIOError:  # nobody listens: a real line would lose it too
+            except BlockingIOError:  # no reader: a real line would lose it too
                 if not self._ends.wait(0.001):
                     continue
 
 
 @pytest.fixture
 def serial_line():
-    """Starts a sensor on a pty; gives it."""
+    """Starts a sensor on a pty and returns it."""
     pytest.importorskip("serial")
     with contextlib.ExitStack() as stack:
 
@@ -139,11 +140,11 @@ def serial_line():
 
 @contextlib.contextmanager
 def _portaudio():
-    """PortAudio, and a way to let it go before the server that it speaks to ends: it aborts the process otherwise."""
+    """PortAudio, and a function that releases it before its server ends: otherwise it aborts the process."""
     sounddevice = _imported("sounddevice", "libportaudio2")
     sounddevice._terminate()
     try:
-        # What is opened next looks for servers itself.
+        # The next device that is opened searches for servers itself.
         sounddevice._initialize()
         yield sounddevice._terminate
     finally:
@@ -151,7 +152,7 @@ def _portaudio():
 
 
 def _imported(name, package):
-    """A module that needs a C library, which it looks for when it is imported."""
+    """A module that needs a C library, which it loads on import."""
     try:
         return importlib.import_module(name)
     except (ImportError, OSError) as wrong:
@@ -176,19 +177,19 @@ def _environment(**values):
 
 @pytest.fixture(scope="session")
 def jack_server():
-    """Starts JACK; a context manager that gives its process."""
+    """Starts JACK; a context manager that yields its process."""
     return _jack_server
 
 
 @pytest.fixture(scope="session")
 def pulse_server():
-    """Starts PulseAudio; a context manager that gives its process."""
+    """Starts PulseAudio; a context manager that yields its process."""
     return _pulse_server
 
 
 @contextlib.contextmanager
 def _jack_server(rate, what="ramp"):
-    """JACK with its dummy driver and a client "skin" that plays; gives the server's process."""
+    """JACK with its dummy driver and a client "skin" that plays; yields the server's process."""
     _needs("jackd", "jackd2")
     _imported("jack", "libjack-jackd2-0")
     quiet = _environment(JACK_NO_START_SERVER="1", JACK_NO_AUDIO_RESERVATION="1")
@@ -206,7 +207,7 @@ def _jack_server(rate, what="ramp"):
 
 @contextlib.contextmanager
 def _started_jack(rate):
-    """A server under the first of a few names that is free: JACK has 8 places, and keeps those of killed servers."""
+    """A server under the first free name of a list: JACK has 8 places, and keeps those of killed servers."""
     period = 16 if rate <= 8000 else 1024
     for name in (f"midair{number}" for number in range(4)):
         # Synchronous: the server waits for its clients, so that a busy computer makes it late but loses nothing.
@@ -225,7 +226,7 @@ def _started_jack(rate):
 
 @contextlib.contextmanager
 def _pulse_server(folder, *, rate, what, channel_map=PULSE_MAP):
-    """PulseAudio with a source of 16 channels that a pipe feeds; gives the server's process."""
+    """PulseAudio with a source of 16 channels from a pipe; yields the server's process."""
     _needs("pulseaudio", "pulseaudio libasound2-plugins")
     _imported("sounddevice", "libportaudio2")
     folder = Path(folder)

@@ -1,4 +1,4 @@
-"""Sound inputs through PortAudio: JACK's dummy driver, and a PulseAudio source that a pipe feeds."""
+"""Sound inputs through PortAudio: JACK's dummy driver, and a PulseAudio source from a pipe."""
 
 import os
 import subprocess
@@ -22,10 +22,10 @@ def record(sensor, seconds):
 
 
 def check_ramp(sensor, seconds):
-    """Read for so long, and see by their numbers that every frame is there and every channel in its place.
+    """Read for a while, and check that every frame is present and every channel in its place; returns the lost frames.
 
-    Nothing is kept here, so that the memory that is in use at the end tells what the sensor keeps. Gives the lost
-    frames that it told: a busy JACK says that it was late even where nothing is lost.
+    Nothing is stored, so that the memory in use at the end is that of the sensor. A busy JACK reports delays even
+    without losses.
     """
     last, got, begin = None, 0, None
     while got < seconds * sensor.rate:
@@ -45,7 +45,7 @@ def resident():
 
 
 def tones(samples, rate):
-    """The loudest frequency of each channel, in Hz, and the amplitude at any."""
+    """The strongest frequency of each channel, in Hz, and the amplitude at any."""
     spectrum = 4 * np.abs(np.fft.rfft(samples * np.hanning(len(samples))[:, None], axis=0)) / len(samples)
     frequency = np.fft.rfftfreq(len(samples), 1 / rate)
 

@@ -1,4 +1,4 @@
-"""A source behind a filter: numbers, times and gaps of its frames, against the filter by itself."""
+"""A source behind a filter: indices, times and gaps of its frames, compared with the filter alone."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -15,7 +15,7 @@ RATE = 3000.0
 
 
 class ArraySource:
-    """Gives the rows of an array in pieces; frames of `lost` never come."""
+    """Returns the rows of an array in blocks; frames in `lost` are missing."""
 
     def __init__(self, samples, *, piece=100, lost=range(0)):
         kept = [(at, samples[at : at + piece]) for at in range(0, len(samples), piece) if at not in lost]

@@ -1,4 +1,4 @@
-"""Rates, delays and aliases of the streaming filter, against sines whose answer is known and `dsp.resample`."""
+"""Rates, delays and aliases of the streaming filter, compared with sines in closed form and `dsp.resample`."""
 
 from functools import cache
 

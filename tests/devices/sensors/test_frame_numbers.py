@@ -24,7 +24,7 @@ def test_a_counter_of_any_type_counts_on_when_it_is_full(dtype, start):
 
 
 def test_a_float32_that_goes_on_is_read_to_within_its_precision():
-    """A sender that casts its count: from 2^24 on only each second number is there, from 2^26 on each eighth."""
+    """A sender that casts its counter: from 2^24 on only every second number exists, from 2^26 on every eighth."""
     sent = np.concatenate([np.arange(3000), np.arange(3100, 6000)]) + 2**26 - 1500
     frames = CountedFrames(np.dtype("float32"))
     found = np.concatenate([frames.number(part) for part in blocks(sent.astype(np.float32).astype(float), 100)])
@@ -51,9 +51,9 @@ def test_a_counter_that_goes_back_is_refused(dtype):
 
 
 def stream(*, seconds, rate, push, jitter, ppm=0.0, lost=(), seed=0):
-    """What a receiver gets of a sender that pushes every `push` s, as liblsl stamps it: then, and back from there.
+    """Blocks of true frame numbers and the stamps that liblsl assigns if the sender pushes every `push` s.
 
-    Blocks of the true numbers and their stamps; `lost` are (number, count).
+    `lost` holds (number, count).
     """
     rng = np.random.default_rng(seed)
     true = np.arange(round(seconds * rate))
@@ -73,7 +73,7 @@ def stream(*, seconds, rate, push, jitter, ppm=0.0, lost=(), seed=0):
 
 
 def numbered(rate, made, **how):
-    """Numbers that were found, and the true ones."""
+    """Detected and true frame numbers."""
     frames = StampedFrames(rate, **how)
     true, found = [], []
     for numbers, stamps in made:

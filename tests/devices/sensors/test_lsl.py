@@ -104,7 +104,7 @@ def test_one_of_two_streams_of_a_name_is_chosen_by_its_source_id():
 
 
 def numbered(sensor, seconds, *, cells=16):
-    """Numbers that midair gives the frames of so many seconds, and the sender's own (mod 2048)."""
+    """Frame numbers from midair over `seconds`, and the sender's own (mod 2048)."""
     sensor.start()
     found, sent = [], []
     while not found or found[-1][-1] < seconds * sensor.rate:
@@ -119,7 +119,7 @@ def numbered(sensor, seconds, *, cells=16):
     [("stamped", 1200), *(pytest.param(how, 2500, marks=pytest.mark.slow) for how in ("stamped", "cast"))],
 )
 def test_frames_that_were_left_out_are_found_from_stamps_where_nobody_counts(how, once, lsl_sender):
-    """100 frames that never came were 14,700 ppm of drift."""
+    """Before, 100 missing frames appeared as a drift of 14,700 ppm."""
     name, _ = lsl_sender(once=once, how=how)
     with source_sensor(f"lsl:{name}?search=60&timeout=20") as sensor:
         found, sent = numbered(sensor, 1.6 * once / 1000)
@@ -137,7 +137,7 @@ def test_frames_that_were_left_out_are_found_from_stamps_where_nobody_counts(how
 @pytest.mark.long
 @pytest.mark.parametrize("how", ["cast", "sum"])
 def test_a_float32_counter_goes_on_above_its_limit(how, lsl_sender):
-    """At 48 kHz it comes there after 5.8 minutes."""
+    """At 48 kHz the limit is reached after 5.8 minutes."""
     name, _ = lsl_sender(base=2**24 - 700, how=how)
     with source_sensor(f"lsl:{name}?search=60&counter=16&timeout=20") as sensor:
         found, sent = numbered(sensor, 1.6)

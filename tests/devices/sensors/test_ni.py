@@ -1,4 +1,4 @@
-"""The driver of NI-DAQmx against a task that pretends; no vendor's driver exists where these tests run."""
+"""The driver of NI-DAQmx with a simulated task; the vendor's driver is not available where these tests run."""
 
 import numpy as np
 import pytest

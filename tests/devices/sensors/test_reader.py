@@ -1,4 +1,4 @@
-"""The thread that takes what a source gives: in order, up to a limit, with the source's failure at the end."""
+"""The thread that reads a source: in order, up to a limit, with the source's error at the end."""
 
 import queue
 import threading
@@ -12,7 +12,7 @@ from midair.errors import LinkLostError
 
 
 class ListSource:
-    """Gives what is put into it; an exception is raised in its turn."""
+    """Returns queued chunks; a queued exception is raised in its turn."""
 
     def __init__(self, *given):
         self.given = queue.Queue()

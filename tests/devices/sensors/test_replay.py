@@ -1,4 +1,4 @@
-"""A recording as a sensor: all of it, once, as it is."""
+"""A recording as a sensor: all frames, once, unchanged."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What every sensor keeps to, whoever made it. A new one is one more entry in a table; its tests are written already.
+"""The contract of every sensor; to test a new one, add an entry to a table.
 
 Live sensors send the ramp (conftest): frame i, channel c is (i mod 2048) * 16 + c after `SCALE`.
 """
@@ -52,7 +52,7 @@ def one_lsl_sender(lsl_sender_of_a_module):
 
 @pytest.fixture
 def live(request, serial_line):
-    """Makes a live sensor; gives it and a way to unplug its source."""
+    """Creates a live sensor; returns it and a function that unplugs its source."""
 
     def lsl():
         name, sender = request.getfixturevalue("one_lsl_sender")

@@ -1,4 +1,4 @@
-"""The serial protocol byte by byte, and its decoder among noise, cuts and holes."""
+"""The serial protocol byte by byte, and its decoder with noise, incomplete frames and gaps."""
 
 import zlib
 

@@ -1,4 +1,4 @@
-"""Serial frames over a pty: a kernel's serial line without the wire."""
+"""Serial frames over a pty: a kernel's serial line without hardware."""
 
 import fcntl
 import os

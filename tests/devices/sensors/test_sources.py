@@ -1,4 +1,4 @@
-"""Chunks: their parts keep their place and time, and frames that are missing are left out."""
+"""Chunks: their parts keep index and time, and missing frames are left out."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Gaps, silence, full memory, units and wiring of a sensor whose source is a script."""
+"""Gaps, timeouts, full memory, units and wiring of a sensor with a scripted source."""
 
 import threading
 import time
@@ -15,7 +15,7 @@ from midair.model import SensorGrid, SensorWiring
 
 
 class Script:
-    """A source that gives the chunks it was told to, then waits."""
+    """A source that returns given chunks, then waits."""
 
     def __init__(self, chunks=(), *, channels=4, rate=1000.0, then=None, **stream):
         self.stream = Stream(channels=channels, rate=rate, **stream)
@@ -220,7 +220,7 @@ class TestDecimated:
 
 
 class Endless(Script):
-    """As many frames of 16 channels at 48 kHz as are read, at once."""
+    """As many frames of 16 channels at 48 kHz as are read, without delay."""
 
     def start(self):
         self.asked = threading.Semaphore(4)

@@ -1,8 +1,8 @@
 """A program that plays 16 channels into JACK's dummy driver, or into the pipe of a PulseAudio source. Run by tests.
 
-Arguments: jack or the pipe's path, rate in Hz, and what to play: ramp (channel c of frame i is
-((i mod 2048) * 16 + c) / 32768) or tones (channel c is a sine of 60 + 25 c Hz, and one that aliases to 30 + 25 c Hz
-where somebody takes one frame of 48 without a filter).
+Arguments: jack or the pipe's path, rate in Hz, and what to play: ramp (channel c of frame i is ((i mod 2048) * 16 + c)
+/ 32768) or tones (channel c is a sine of 60 + 25 c Hz, and one that aliases to 30 + 25 c Hz if every 48th frame is
+taken without a filter).
 """
 
 import os
@@ -26,7 +26,7 @@ def frames(begin, end):
 
 
 def connected(connect, error):
-    """What `connect` gives once the server is there."""
+    """Result of `connect` once the server is available."""
     limit = time.monotonic() + 60
     while True:
         try:
@@ -63,7 +63,7 @@ def to_pipe():
     begin, sent = time.monotonic(), 0
     while time.monotonic() - begin < 600:
         due = int((time.monotonic() - begin) * rate)
-        if due - sent > rate / 2:  # nobody listened: go on from here, without a burst
+        if due - sent > rate / 2:  # no listener: continue from here, without a burst
             begin, due = begin + (due - sent) / rate, sent
         block = np.rint(frames(sent, due) * 32768).astype("<i2").tobytes()
         while block:

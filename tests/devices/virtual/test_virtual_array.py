@@ -55,7 +55,7 @@ def test_a_steady_focus_presses_as_the_field_says():
 
 
 class Points(VirtualSkin):
-    """Feels the control points themselves, without gel and cells."""
+    """Measures the control points themselves, without gel and cells."""
 
     def __init__(self, points):
         super().__init__(SensorModel())
@@ -66,7 +66,7 @@ class Points(VirtualSkin):
 
 
 def error_at_play(solution, target, room):
-    """E of each frame from the pressure that a perfect array makes in the room's air: at the frame's first moment."""
+    """E of each frame from the pressure of an ideal array in the room's air, at the frame's first moment."""
     points, chain = Points(target.grid), PlaybackChain(phase_bits=None, hold="ideal", precision="double")
     with VirtualArray(ARRAY, points, acoustics=room, chain=chain) as array:
         array.play(overridden(solution.drive, array))
@@ -101,7 +101,7 @@ def test_the_error_at_play_in_another_air_is_what_error_in_air_says(warm):
 
 
 def test_an_array_of_no_stated_air_takes_that_of_each_drive(warm):
-    """A focus for 26 degrees and one for 14, on one array: each presses as its own field says."""
+    """A focus for 26 degrees and one for 14, on one array: each pressure equals that of its own field."""
     skin = VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, skin, **EXACT) as array:
         for air in (warm[0].drive.acoustics, Acoustics()):
@@ -123,7 +123,7 @@ def test_weaker_transducers_press_less():
 
 
 def test_transducers_take_their_time():
-    """After one time constant the envelope has 1 - 1/e of a step at zero detuning: the pressure its square."""
+    """After one time constant the envelope is 1 - 1/e of a step at zero detuning; the pressure is its square."""
     skin = VirtualSkin(SensorModel(), rate=8000.0)
     with VirtualArray(ARRAY, skin, **PERFECT) as array:
         array.play(overridden(focus(), array))
@@ -158,7 +158,7 @@ def wandering(frames=60):
 
 
 def test_plays_what_the_simulation_says():
-    """Blocks of a device against one call of the law, with transducers that differ."""
+    """Blocks of a device compared with one call of the simulation, with transducers that differ."""
     skin = VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, skin, seed=4) as array:
         array.play(overridden(wandering(200), array))
@@ -169,7 +169,7 @@ def test_plays_what_the_simulation_says():
 
 
 def test_the_silencer_is_chosen_for_the_drive_and_told():
-    """Of a focus that wanders by jumps, half a frame of silencer would leave less."""
+    """For a focus that moves in jumps, half a frame of silencer would weaken the pressure."""
     auto, half = VirtualSkin(SensorModel()), VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, auto) as array:
         assert array.play(overridden(wandering(), array)).silencer.startswith("off (least error")

@@ -1,4 +1,4 @@
-"""OpenMPD boards over USB: one board, or two opposite boards. EXPERIMENTAL: not tested with a real board.
+"""OpenMPD boards over USB: one board, or two opposing boards. EXPERIMENTAL: not tested with a real board.
 
 A board never answers and repeats its last frame forever. Therefore the last frame sent to a board is always silent, and
 it is transmitted before the port is closed. If the program is killed or hangs, its guard (`openmpd_guard`) silences the
@@ -266,7 +266,7 @@ class OpenMpdArray(ArrayDevice):
                 raise DeviceError(f"{self.name}: silenced by another thread during playback")
 
     def _silence_port(self, port: BoardPort) -> LinkLostError | None:
-        """Send silence ahead of all bytes not yet sent; return the error, if any."""
+        """Discard unsent bytes and send silence; return the error, if any."""
         try:
             port.reset_output_buffer()
             port.write(off_frames())

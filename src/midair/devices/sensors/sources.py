@@ -29,7 +29,7 @@ class Stream:
     full_scale: float | None = None
     """Magnitude at which the source clips, in raw numbers."""
     stored: Stored = "f8"
-    """"f4" if float32 represents every number of the source exactly."""
+    """Type for storage: "f4" if float32 represents every number of the source exactly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
