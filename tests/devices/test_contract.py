@@ -1,4 +1,4 @@
-"""The contract of every array; to test a new one, add an entry to a table. Sensors: `sensors/test_sensor_contract.py`."""
+"""The contract of every array; to test a new one, add an entry to a table. Sensors: sensors/test_sensor_contract.py."""
 
 import numpy as np
 import pytest
@@ -139,7 +139,7 @@ def test_delays_that_make_no_sense_are_refused(array):
                 array.play(admission, delay=delay)
 
 
-def test_a_drive_that_nobody_admitted_does_not_play(array):
+def test_an_unchecked_drive_does_not_play(array):
     with array, pytest.raises(DeviceStateError, match=r"expected the result of check_exposure\(\), got a Drive"):
         array.play(drive(array))
     assert not array.emitting
@@ -156,7 +156,7 @@ def test_there_is_no_way_round_play(array):
         assert array.play(overridden(drive(array), array)).frames == 5
 
 
-def test_an_array_asks_whoever_may_refuse_before_it_lets_anything_sound(array):
+def test_an_array_calls_the_permission_check_before_any_sound(array):
     def refused():
         raise StoppedError("not armed")
 
@@ -169,7 +169,7 @@ def test_an_array_asks_whoever_may_refuse_before_it_lets_anything_sound(array):
         assert array.play(overridden(drive(array), array)).frames == 5
 
 
-def test_what_was_admitted_where_nothing_sounds_does_not_play_where_it_does(array):
+def test_a_clearance_for_a_silent_device_is_invalid_on_a_gated_one(array):
     if not array.gated:
         return
     silent = VirtualArray(array.array)

@@ -115,12 +115,12 @@ def test_an_override_needs_a_name():
         ExposureChoices(profile=PROFILE, override="  ")
 
 
-def test_what_makes_no_sound_is_told_and_not_refused():
+def test_an_excess_on_a_silent_device_is_reported_and_not_refused():
     admission = check_exposure(focus(), VirtualArray(ARRAY), CHOICES)
     assert admission.outcome == "exceeded"
 
 
-def test_what_a_file_says_of_the_strength_counts_for_nothing():
+def test_the_source_strength_in_a_file_is_ignored():
     """A drive whose file states a transducer of a thousandth is measured, and refused, with the device's own."""
     claims = focus(array=replace(ARRAY, pressure=ARRAY.pressure / 1000))
     assert exposure(claims, PROFILE).excess < 0
@@ -209,19 +209,19 @@ def test_an_admission_is_for_the_device_that_was_measured():
         louder.play(check_exposure(focus(), VirtualArray(louder.array), CHOICES))
 
 
-def test_nobody_makes_an_admission_up():
+def test_a_clearance_cannot_be_made_up():
     honest = check_exposure(focus(level=0.01), Loud(ARRAY), CHOICES)
     with pytest.raises(DeviceStateError, match="cannot be made up"):
         ExposureClearance(drive=focus(), array=ARRAY, exposure=honest.exposure, outcome="kept")
 
 
-def test_another_drive_cannot_take_the_place_of_the_admitted_one():
+def test_another_drive_cannot_replace_the_cleared_one():
     honest = check_exposure(focus(level=0.01), Loud(ARRAY), CHOICES)
     with pytest.raises(DeviceStateError, match="cannot be made up"):
         replace(honest, drive=focus())
 
 
-def test_parts_that_are_read_twice_are_admitted_and_no_others():
+def test_only_the_checked_parts_are_cleared():
     parts = [focus(level=level) for level in (0.01, 0.005)]
     device = Loud(ARRAY)
     admission = check_exposure_parts(iter(parts), device, CHOICES)
@@ -265,7 +265,7 @@ def test_parts_that_do_not_do_are_refused(parts, error, says):
         check_exposure_parts(parts, Loud(ARRAY), CHOICES)
 
 
-def test_a_level_is_admitted_by_the_worst_that_phases_can_do():
+def test_a_level_is_cleared_by_the_worst_case_of_phases():
     device = Loud(ARRAY)
     with pytest.raises(ExposureError, match="limit 110 dB"):
         check_exposure_level(0.1, device, CHOICES, rate=1000.0)
@@ -288,7 +288,7 @@ def test_levels_that_make_no_sense_are_refused(level):
 
 
 @pytest.mark.long
-def test_what_an_attenuation_leaves_to_feel_is_said():
+def test_the_pressure_left_after_attenuation_is_reported():
     """.6 Pa around a mean of .6 are just felt at 250 Hz: .1 um * 50 kPa / (2 * .84 * 5 mm)."""
     admission = check_exposure(focus(), Loud(ARRAY), WEAKER)
     assert admission.exposure.pressure < 1
@@ -300,7 +300,7 @@ def test_what_an_attenuation_leaves_to_feel_is_said():
         check_exposure(focus(), Loud(ARRAY), CHOICES)
 
 
-def test_measuring_in_parts_and_at_once_agree_on_what_is_felt():
+def test_measuring_in_parts_and_at_once_agree_on_felt_pressure():
     whole = focus(frames=600)
     parts = [
         replace(whole, phase=whole.phase[part], level=whole.level[part]) for part in (slice(0, 300), slice(300, 600))
@@ -347,7 +347,7 @@ def test_what_is_kept_of_a_long_drive_is_its_levels_alone():
 
 
 @pytest.mark.parametrize("choices", [CHOICES, WEAKER], ids=["as it is", "weaker"])
-def test_a_drive_on_disk_is_admitted_as_one_in_memory(choices):
+def test_a_drive_on_disk_is_cleared_as_one_in_memory(choices):
     whole = focus(level=0.01 if choices is CHOICES else 1.0, frames=300)
     reel = LazyFrames(lambda first, last: whole.phase[first:last], whole.phase.shape)
     one, other = (check_exposure(each, Loud(ARRAY), choices) for each in (whole, replace(whole, phase=reel)))

@@ -262,7 +262,7 @@ def test_a_second_program_does_not_get_an_array():
         pass
 
 
-def test_a_device_that_fails_to_open_is_held_by_nobody():
+def test_a_device_that_fails_to_open_is_not_locked():
     class Broken(Loud):
         def open(self):
             raise DeviceError("no answer")

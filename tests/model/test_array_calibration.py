@@ -33,7 +33,7 @@ def test_an_array_that_was_measured_is_solved_for_as_it_is():
     assert np.abs(focus[0]) == pytest.approx(np.abs(transfer_matrix(np.array([[0, 0, 0.2]]), array)).sum())
 
 
-def test_an_array_that_was_measured_knows_its_poles_and_can_forget_them():
+def test_a_measured_array_has_poles_and_its_nominal_one_has_none():
     known = calibration()
     applied = known.applied(known.array)
     np.testing.assert_array_equal(applied.pole, known.pole)

@@ -46,7 +46,7 @@ def test_a_stretch_of_nan_stays_a_gap():
     assert np.isfinite(values[at]).any()
 
 
-def test_traces_stand_where_their_cells_are_on_one_scale():
+def test_traces_lie_at_their_cells_on_one_scale():
     values = np.zeros((2, 1, 2))
     values[:, 0, 0], values[:, 0, 1] = [-1.0, 1], [0.0, 0]
     picture = sparklines(values, duration=0.5, unit="V", style=ROUND)
@@ -61,7 +61,7 @@ def test_one_frame_is_a_line_in_the_middle():
     assert words(picture) == ["each: 0 to 0.1 s, 7 Pa"]
 
 
-def test_of_many_channels_some_are_drawn_and_the_picture_says_so():
+def test_only_some_of_many_channels_are_drawn_and_the_picture_states_it():
     picture = sparklines(np.zeros((5, 12, 20)), duration=1.0, unit="V")
     assert paths(picture)[0].get("d").count("M") == 6 * 7
     assert words(picture)[0].endswith("42 of 240 channels")
@@ -137,7 +137,7 @@ def test_a_curve_of_nothing_is_an_empty_axis():
     assert words(picture)[0] == "0 %"
 
 
-def test_a_frame_escapes_what_it_is_told():
+def test_a_frame_escapes_its_caption():
     class Noun:
         def __repr__(self):
             return "<Noun '<b>'>"
@@ -148,7 +148,7 @@ def test_a_frame_escapes_what_it_is_told():
     assert caption.find("span").text == "<Noun '<b>'>"
 
 
-def test_lines_and_words_take_the_colour_of_the_page():
+def test_lines_and_labels_have_the_text_colour_of_the_page():
     picture = curve(np.arange(3.0), np.arange(3.0), x_label="s", y_unit="Pa")
     assert not re.search(r"#[0-9a-f]{6}|black|white", picture)
     assert "currentColor" in picture

@@ -252,7 +252,7 @@ NOUNS = ORDINARY | EXTREME
 PICTURED = {name: noun for name, noun in NOUNS.items() if hasattr(noun, "_repr_html_")}
 
 
-def test_the_table_has_every_noun():
+def test_the_table_has_every_data_class():
     nouns = {name for name in model.__all__ if is_dataclass(getattr(model, name))}
     assert nouns == set(ORDINARY) == set(SAYS)
     assert all(type(noun).__name__ == name for name, noun in ORDINARY.items())
@@ -268,7 +268,7 @@ def test_a_repr_is_one_short_line_without_the_numbers_of_an_array(name):
 
 
 @pytest.mark.parametrize("name", SAYS)
-def test_a_repr_says_what_one_wants_to_know_with_units(name):
+def test_a_repr_has_the_main_figures_with_units(name):
     said = repr(ORDINARY[name])
     assert [words for words in SAYS[name] if words not in said] == []
     assert said.startswith(("<" + name, name + "("))
@@ -276,11 +276,11 @@ def test_a_repr_says_what_one_wants_to_know_with_units(name):
 
 
 @pytest.mark.parametrize("name", ORDINARY)
-def test_what_is_simulated_says_so(name):
+def test_simulated_data_are_marked(name):
     assert ("SIMULATED" in repr(ORDINARY[name])) == (name in SIMULATED)
 
 
-def test_what_is_not_simulated_does_not_say_so():
+def test_data_that_are_not_simulated_are_not_marked():
     one = replace(ORDINARY["Recording"], provenance=Provenance(source="lsl:Skin"))
     assert "SIMULATED" not in repr(one) + one._repr_html_()
 
@@ -294,7 +294,7 @@ def test_a_solution_counts_its_silent_frames_and_leaves_them_out_of_e():
     assert "no frame sounds" in EXTREME["solution that is silent"]._repr_html_()
 
 
-def test_a_picture_is_there_where_it_says_more():
+def test_a_picture_exists_for_data_with_frames():
     wanted = {"Recording", "PressureFrames", "AmplitudeFrames", "Drive", "Solution", "Calibration", "TransducerArray"}
     assert {type(noun).__name__ for noun in PICTURED.values()} == wanted
 
@@ -335,7 +335,7 @@ def test_long_names_keep_both_ends():
     assert clipped("two\nlines") == "two lines"
 
 
-def test_long_lists_say_how_many_more_there_are():
+def test_long_lists_end_with_the_number_of_further_entries():
     assert clipped_list("abcdef", most=4) == "a, b, c, d and 2 more"
     assert clipped_list("ab") == "a, b"
     assert clipped_list([]) == ""

@@ -64,5 +64,5 @@ def test_one_late_stamp_does_not_change_the_speed():
 
 
 @pytest.mark.parametrize("places", [[], [0.0], [0.0, 0.1], [0.0, 0.0, 0.0, 0.0]])
-def test_of_too_few_places_nobody_knows_the_speed(places):
+def test_too_few_positions_give_no_speed(places):
     assert speed_of(stamps(places)) is None

@@ -164,7 +164,7 @@ def test_stop_in_another_terminal_is_true_when_it_answers(board, capsys):
 def test_doctor_says_what_nobody_can_know(board, capsys):
     run(["doctor", "--device", f"openmpd:{board.port}"])
     said = " ".join(capsys.readouterr().out.split())
-    assert "its last frame for ever" in said
+    assert "its last frame forever" in said
     assert board.heard == []
 
 

@@ -13,7 +13,7 @@ WITHOUT = {
 
 
 @pytest.mark.parametrize("extra", WITHOUT)
-def test_an_extra_that_is_not_installed_is_told_when_the_device_opens(extra, monkeypatch):
+def test_a_missing_extra_is_an_error_when_the_device_opens(extra, monkeypatch):
     make, module, package = WITHOUT[extra]
     monkeypatch.setitem(sys.modules, package, None)
     monkeypatch.delitem(sys.modules, module, raising=False)
@@ -21,7 +21,7 @@ def test_an_extra_that_is_not_installed_is_told_when_the_device_opens(extra, mon
         make().open()
 
 
-def test_names_say_what_is_spoken_to():
+def test_names_state_the_kind_of_device():
     assert (autd3_array().name, autd3_array().simulated) == ("autd3", False)
     assert (autd3_array("eth0").name, autd3_array("eth0").simulated) == ("autd3:eth0", False)
     assert (autd3_array("emulator").name, autd3_array("emulator").simulated) == ("autd3:emulator", True)

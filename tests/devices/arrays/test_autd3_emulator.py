@@ -162,7 +162,7 @@ def test_silence_also_cancels_the_switch_that_is_to_come(moment, active):
 
 
 @pytest.mark.long
-def test_a_computer_that_hangs_leaves_silence_and_is_told_so():
+def test_a_computer_that_hangs_leaves_silence_and_the_gap_is_reported():
     """If the next block is missing, the silent pattern at the end of the last one is reached and repeats."""
     drive = noise(600)
 

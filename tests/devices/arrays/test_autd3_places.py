@@ -46,7 +46,7 @@ def test_what_is_no_place(where, words):
         autd3_place(where)
 
 
-def test_an_interface_in_an_address_becomes_the_number_that_the_sdk_wants():
+def test_an_interface_in_an_address_becomes_its_number():
     number, name = socket.if_nameindex()[0]
     assert autd3_place(f"[fe80::1%{name}]:5000").name == f"[fe80::1%{number}]:5000"
 

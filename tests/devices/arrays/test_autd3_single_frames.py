@@ -71,7 +71,7 @@ def test_turning_leaves_the_loop_of_its_thread_as_it_was(turned):
         asyncio.get_running_loop()
 
 
-def test_an_error_that_nobody_knows_reaches_the_next_frame(tap, monkeypatch):
+def test_an_unknown_error_reaches_the_next_frame(tap, monkeypatch):
     device = autd3_immediate(tap.address, ONE)
     with device:
         units = device.units
@@ -148,7 +148,7 @@ def test_a_frame_whose_instant_has_gone_by_is_not_sent(tap):
         assert frames_on(tap) == []
 
 
-def test_each_order_counts_its_own_late_frames(tap):
+def test_each_order_counts_its_late_frames(tap):
     device = autd3_immediate(tap.address, ONE)
     with device:
         with device.frames_to_come(answered(device)) as put:
@@ -158,7 +158,7 @@ def test_each_order_counts_its_own_late_frames(tap):
         assert device.play(overridden(drive, device)).late <= 5
 
 
-def test_a_frame_stronger_than_what_was_admitted_ends_in_silence(tap):
+def test_a_frame_above_the_cleared_level_ends_in_silence(tap):
     device = autd3_immediate(tap.address, ONE)
     with device:
         admission = answered(device, 0.5)
@@ -203,7 +203,7 @@ def test_midair_stop_silences_and_nothing_sounds_after_it(tap):
     assert tap.frames()[-1][3] in silences(tap)
 
 
-def test_units_go_silent_by_themselves_when_nobody_speaks_and_it_is_said(tap):
+def test_units_go_silent_without_messages_and_it_is_reported(tap):
     device = autd3_immediate(tap.address, ONE)
     with device, pytest.raises(SilentFramesError, match="failsafe silenced"):  # noqa: SIM117
         with device.frames_to_come(answered(device)) as put:

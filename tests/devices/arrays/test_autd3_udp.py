@@ -144,7 +144,7 @@ def test_a_minute_of_60000_frames_on_four_units_bit_by_bit(tap):
             assert instants[0] == report.start
 
 
-def test_heartbeats_while_nothing_plays_and_while_it_plays(tap):
+def test_heartbeats_with_and_without_playback(tap):
     """The failsafe acts after 500 ms: the longest pause is far below it."""
     with autd3_array(tap.address, ONE) as device:
         begin = time.monotonic()
@@ -292,7 +292,7 @@ def test_the_failsafe_silences_after_a_kill(tap):
 
 
 @pytest.mark.long
-def test_the_failsafe_silences_when_the_process_stands_still(tap):
+def test_the_failsafe_silences_when_the_process_is_stopped(tap):
     """SIGSTOP, as for a computer in sleep mode or a paused machine."""
     with playing(tap) as process:
         process.send_signal(signal.SIGSTOP)
@@ -351,19 +351,19 @@ def test_fifty_kills_at_random_moments(tap):
         kill_and_look(tap, after)
 
 
-def test_units_say_themselves_that_they_are_emulated(tap):
+def test_units_report_that_they_are_emulated(tap):
     device = autd3_array(tap.address, ONE)
     device.simulated = False
     with device:
         assert device.simulated
 
 
-def test_a_simulator_that_does_not_run_is_told():
+def test_a_simulator_that_does_not_run_is_an_error():
     with pytest.raises(LinkLostError, match=r"no simulator answers at \[::1\]:50123"):
         autd3_array("simulator:50123", ONE).open()
 
 
-def test_a_simulator_is_searched_for_at_its_port_and_asked_to_take_the_geometry(tap):
+def test_a_simulator_at_its_port_receives_the_geometry(tap):
     """The emulator accepts no geometry, which a simulator receives at the next port: the SDK fails there."""
     port = int(tap.address.rsplit(":", 1)[1])
     with pytest.raises(LinkLostError, match=rf"did not answer the geometry at \[::1\]:{port + 1}"):
@@ -371,12 +371,12 @@ def test_a_simulator_is_searched_for_at_its_port_and_asked_to_take_the_geometry(
     assert tap.sent
 
 
-def test_a_server_that_does_not_run_is_told():
+def test_a_server_that_does_not_run_is_an_error():
     with pytest.raises(LinkLostError, match=r"no server accepts a connection at \[::1\]:50124"):
         autd3_array("server:50124", ONE).open()
 
 
-def test_a_server_is_called_at_its_port_and_one_that_says_nothing_is_told():
+def test_a_server_at_its_port_that_does_not_answer_is_an_error():
     with socket.create_server(("::1", 0), family=socket.AF_INET6) as server:
         port = server.getsockname()[1]
         with pytest.raises(LinkLostError, match=r"the server did not answer within 1s"):
@@ -386,6 +386,6 @@ def test_a_server_is_called_at_its_port_and_one_that_says_nothing_is_told():
             assert len(call.recv(4096)) > 0  # the SDK speaks first
 
 
-def test_units_that_do_not_answer_are_told_with_advice():
+def test_units_that_do_not_answer_are_an_error_with_advice():
     with pytest.raises(DeviceError, match=r"check power, cables"):
         autd3_array("[::1]:9", ONE).open()

@@ -13,5 +13,5 @@ from midair.devices.arrays.banks import UnitsState
         (UnitsState(hot=(0, 3), errors=("unit 1 counted failsafe 2 times",)), "unit 0 too hot, unit 3 too hot, unit 1"),
     ],
 )
-def test_a_state_tells_heat_and_errors_as_far_as_they_were_asked(state, words):
+def test_a_state_lists_heat_and_errors_if_they_were_queried(state, words):
     assert str(state).startswith(words)

@@ -60,7 +60,7 @@ def test_a_failsafe_after_the_last_frame_harms_nothing():
     assert one.units() == "not too hot, unit 0 counted failsafe 1 times"
 
 
-def test_what_ends_a_stream_says_which_frames_are_in_doubt():
+def test_an_error_that_ends_a_stream_lists_the_uncertain_frames():
     _, one = heard(2)  # nothing is known of what came after 250.5 ms
     wrong = one.with_frames(LinkLostError("a cable"))
     assert type(wrong) is LinkLostError
@@ -85,7 +85,7 @@ def test_a_hot_unit_ends_the_stream_and_the_error_names_unit_and_frame(method):
         getattr(one, method)()
 
 
-def test_units_that_cannot_be_asked_say_nothing():
+def test_units_without_a_state_report_nothing():
     units, one = heard(1)
     units.answer = None
     one.query()

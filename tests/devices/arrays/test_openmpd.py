@@ -76,7 +76,7 @@ def test_another_rate_sets_another_divider(stand_ins):
     assert len(port.heard) == 8
 
 
-def test_the_last_frame_stands_for_its_time_by_the_board_s_own_clock(stand_ins):
+def test_the_last_frame_lasts_for_its_time_on_the_board_s_clock(stand_ins):
     """Silence is queued right after it, so that a delay of the program at the end has no effect.
 
     A busy computer may delay one playback, but not ten.
@@ -133,7 +133,7 @@ def test_silence_from_another_thread_is_true_when_it_returns(stand_ins):
     assert 0 < count < 3000
 
 
-def test_few_frames_are_under_way_when_silence_comes(stand_ins):
+def test_few_frames_are_buffered_when_silence_is_sent(stand_ins):
     """After an error, at most the lead's number of frames has been sent, whatever the state of the board."""
     (port,) = stand_ins()
     boards = [measured_board()]
@@ -152,7 +152,7 @@ def test_few_frames_are_under_way_when_silence_comes(stand_ins):
     assert told[-1] < len(port.heard) <= told[-1] + LEAD * 1000
 
 
-def test_a_board_whose_cable_is_pulled_is_told_and_the_other_one_is_silenced(stand_ins):
+def test_a_board_without_a_cable_is_an_error_and_the_other_is_silenced(stand_ins):
     ports = stand_ins(2)
     boards = [measured_board(0), measured_board(1)]
     device = array_at(ports, boards)
@@ -169,7 +169,7 @@ def test_a_board_whose_cable_is_pulled_is_told_and_the_other_one_is_silenced(sta
     assert device.emitting
 
 
-def test_a_board_that_takes_no_more_bytes_is_told(stand_ins):
+def test_a_board_that_accepts_no_more_bytes_is_an_error(stand_ins):
     (port,) = stand_ins()
     boards = [measured_board()]
     device = array_at([port], boards)
@@ -219,7 +219,7 @@ def test_without_pyserial_the_extra_is_named(monkeypatch):
 
 
 @pytest.mark.long  # The board's stand-in has to keep its time beside other work.
-def test_a_computer_that_hesitates_leaves_a_frame_standing_and_says_so(stand_ins):
+def test_a_delay_prolongs_a_frame_and_is_reported(stand_ins):
     (port,) = stand_ins()
     boards = [measured_board()]
     slow = iter([False] * 5 + [True] + [False] * 10_000)
@@ -235,7 +235,7 @@ def test_a_computer_that_hesitates_leaves_a_frame_standing_and_says_so(stand_ins
     assert len(port.heard) == 150
 
 
-def test_it_says_what_it_cannot_know(stand_ins):
+def test_it_describes_the_limits_of_its_knowledge(stand_ins):
     (port,) = stand_ins()
     with array_at([port], [measured_board()]) as device:
         said = device.describe()

@@ -62,7 +62,7 @@ def test_frames_begin_again_after_the_last():
     assert twice == once[1024:] + once + once[:512]
 
 
-def test_every_length_that_a_firmware_has_comes_back_exactly():
+def test_every_pulse_length_of_the_firmware_is_reproduced_exactly():
     lengths = np.repeat(np.arange(65)[:, None], 256, axis=1)
     np.testing.assert_array_equal(pulse_lengths(np.sin(np.pi * lengths / 128)), lengths)
 

@@ -87,7 +87,7 @@ def test_a_program_that_is_killed_at_any_moment_leaves_silence(board, player, ki
 
 # In real time: on a busy machine a write runs into its own limit before the guard is heard.
 @pytest.mark.slow
-def test_a_program_that_stands_still_leaves_silence_and_says_so_when_it_goes_on(board, player):
+def test_a_stopped_program_leaves_silence_and_reports_it_afterwards(board, player):
     one = player()
     os.kill(one.pid, signal.SIGSTOP)
     assert_stays_silent(board)

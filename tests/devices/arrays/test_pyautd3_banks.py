@@ -24,7 +24,7 @@ def noise(frames, level=None, rate=1000.0, placement=PAIR):
 
 
 def check_memory(banks, drive, units, block=250):
-    """Load block after block into the two segments alternately; every byte equals the drive's, and the end is silent."""
+    """Load block after block into the two segments alternately; all bytes equal the drive, and the end is silent."""
     phases, intensity = phase_bytes(drive, units), intensity_bytes(drive, units)
     wanted = np.broadcast_to(intensity if intensity.ndim == 3 else intensity[:, None, None], phases.shape)
     for bank, first in enumerate(range(0, drive.frames, block)):
@@ -130,6 +130,6 @@ def test_a_link_that_the_sdk_has_not():
 
 
 @pytest.mark.skipif(pyautd3.__version__.startswith("36."), reason="version 36 has EtherCrab")
-def test_the_later_sdk_says_what_to_use_instead_of_ethercrab():
+def test_the_error_of_the_later_sdk_names_an_alternative_to_ethercrab():
     with pytest.raises(UnknownDeviceError, match="twincat"):
         pyautd3_array("ethercrab", PAIR).open()

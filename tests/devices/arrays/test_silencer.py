@@ -33,7 +33,7 @@ def jumping(frames=24):
     return drive([focus_phase(ARRAY, np.array([x, y, 0.2])) for x, y in places])
 
 
-def test_a_focus_that_stands_has_no_error_and_needs_no_silencer():
+def test_a_constant_focus_has_no_error_and_needs_no_silencer():
     still = turning(0)
     assert max(silencer_errors(still).values()) < 1e-3
     assert choose_silencer("auto", still).phase == 0

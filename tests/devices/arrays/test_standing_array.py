@@ -37,7 +37,7 @@ def hangs_after(seconds, hang, tap):
     return progress, states
 
 
-def test_a_frame_stands_with_its_phases_until_it_is_silenced(tap):
+def test_a_frame_sounds_with_its_phases_until_it_is_silenced(tap):
     drive = stands(300)
     with autd3_standing(tap.address, ONE, failsafe=0.5) as device:
         report = device.play(overridden(drive, device, repeats=2))
@@ -85,13 +85,13 @@ def test_a_unit_that_is_too_hot_ends_it(tap):
             device.play(overridden(stands(2000), device))
 
 
-def test_what_moves_does_not_stand():
+def test_a_drive_that_changes_is_refused():
     array = ONE.array()
     moving = Drive(phase=np.arange(2)[:, None] * np.ones(array.count), level=np.ones(2), rate=1000.0, array=array)
     with autd3_standing("emulator", ONE) as device, pytest.raises(InputError, match="expected identical frames"):
         device.play(overridden(moving, device))
 
 
-def test_a_server_is_refused_since_its_word_keeps_units_sounding():
+def test_a_server_is_refused_since_its_heartbeat_keeps_units_on():
     with pytest.raises(UnknownDeviceError, match="a server's heartbeat keeps them on"):
         autd3_standing("server", ONE).open()

@@ -32,7 +32,7 @@ def go(stage, target, speed=0.1, stopped=lambda: False):
     return times, stamps
 
 
-def test_opening_moves_nothing_and_says_where_it_is(machine):
+def test_opening_moves_nothing_and_reports_the_position(machine):
     with GrblStage(machine.port) as stage:
         stamp = stage.ready(homing=True)
         assert stamp.position == pytest.approx((-0.001, -0.001, -0.001))
@@ -70,7 +70,7 @@ def test_inches_and_work_coordinates_are_the_machines_millimetres_all_the_same()
         machine.close()
 
 
-def test_when_stopped_it_is_held_stands_and_forgets_the_rest(machine):
+def test_a_stop_holds_the_machine_and_cancels_the_rest(machine):
     end = time.monotonic() + 0.4
     with GrblStage(machine.port) as stage:
         stage.ready(homing=True)
@@ -97,7 +97,7 @@ def test_a_limit_switch_in_the_middle_is_one_clear_error(machine):
     assert machine.place[0] == pytest.approx(-60, abs=10)
 
 
-def test_its_own_soft_limits_are_told_too():
+def test_soft_limits_of_grbl_are_reported():
     machine = GrblStandIn(settings={20: 1})
     try:
         with GrblStage(machine.port) as stage:
@@ -119,7 +119,7 @@ def test_a_machine_that_falls_silent_is_held_and_given_up(machine):
     assert machine.state == "Hold:0"
 
 
-def test_a_lost_port_says_what_the_machine_may_still_do(machine):
+def test_the_error_of_a_lost_port_names_the_remaining_motion(machine):
     with GrblStage(machine.port) as stage:
         stage.ready(homing=True)
         threading.Timer(0.4, machine.unplug).start()
@@ -149,7 +149,7 @@ def test_homing_can_be_stopped_and_is_then_not_done():
         machine.close()
 
 
-def test_a_machine_without_switches_needs_somebody_who_sees_to_its_place():
+def test_a_machine_without_switches_needs_homing_by_hand():
     machine = GrblStandIn(settings={22: 0})
     try:
         with GrblStage(machine.port) as stage:
@@ -162,7 +162,7 @@ def test_a_machine_without_switches_needs_somebody_who_sees_to_its_place():
         machine.close()
 
 
-def test_a_machine_that_somebody_holds_is_refused(machine):
+def test_a_machine_in_feed_hold_is_refused(machine):
     machine._hold(time.monotonic())
     with GrblStage(machine.port) as stage, pytest.raises(DeviceError, match=r"got Hold:0: it is in a feed hold"):
         stage.ready(homing=True)
@@ -187,7 +187,7 @@ def test_one_program_a_port(machine):
         pass
 
 
-def test_a_port_that_is_not_there_or_says_nothing_is_named(machine):
+def test_a_port_that_is_missing_or_silent_is_named(machine):
     with pytest.raises(DeviceError, match="expected a port"), GrblStage("/dev/no-such-port"):
         pass
     machine.mute = True

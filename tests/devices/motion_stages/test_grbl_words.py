@@ -26,7 +26,7 @@ def test_what_is_no_report_is_none(line):
     assert parse_status(line) is None
 
 
-def test_alarms_and_refusals_say_what_they_mean():
+def test_alarms_and_errors_have_explanations():
     assert with_meaning("ALARM:1") == "ALARM:1, a limit switch was hit, the position is probably lost"
     assert with_meaning("error:15") == "error:15, the target is beyond the machine's travel"
     assert with_meaning("ALARM:77") == "ALARM:77"

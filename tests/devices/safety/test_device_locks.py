@@ -34,7 +34,7 @@ def holding(device):
         ("serial:/dev/ttyUSB0", "serial:/dev/ttyUSB0"),
     ],
 )
-def test_who_comes_second_is_told_who_came_first(held, asked):
+def test_the_second_program_is_refused_and_the_first_one_named(held, asked):
     with holding(held) as process:
         with pytest.raises(HeldError) as refused, device_lock(asked):
             pass

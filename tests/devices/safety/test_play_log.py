@@ -32,7 +32,7 @@ def admitted(level, **choices):
 
 
 @pytest.mark.parametrize("report", [REPORT, None], ids=["played", "broken off"])
-def test_each_end_is_a_line_of_its_own(report):
+def test_each_end_is_a_separate_line(report):
     log_end("one", "x.drive.h5", "autd3", "stopped", "KeyboardInterrupt", report=report)
     log_end("two", "y.drive.h5", "autd3", "played")
     first, second = entries()
@@ -46,7 +46,7 @@ def test_each_end_is_a_line_of_its_own(report):
     assert first["time"] <= second["time"]
 
 
-def test_a_log_that_cannot_be_written_is_told(tmp_path, monkeypatch):
+def test_a_log_that_cannot_be_written_is_an_error(tmp_path, monkeypatch):
     (tmp_path / "played.jsonl").mkdir()
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
     with pytest.raises(FileError, match="nothing plays without a log"):
@@ -68,7 +68,7 @@ def test_a_disk_that_takes_half_a_line_takes_none():
     assert [entry["order"] for entry in entries()] == ["one", "three"]
 
 
-def test_an_order_says_how_loud_and_who_answers_for_it():
+def test_an_order_has_the_level_and_the_responsible_person():
     one = log_order("x.drive.h5", "autd3", admitted(1.0, override=" A Person "))
     two = log_order("y.drive.h5", "autd3", admitted(0.01))
     first, second = entries()
@@ -79,7 +79,7 @@ def test_an_order_says_how_loud_and_who_answers_for_it():
     assert (second["override_by"], second["exposure"]) == ("", "kept")
 
 
-def test_an_order_has_the_air_of_the_room_where_somebody_stated_it():
+def test_an_order_has_the_stated_air_of_the_room():
     admission = admitted(0.01)
     log_order("x.drive.h5", "autd3", admission)
     log_order("x.drive.h5", "autd3", admission, room=Medium.at(temperature=18.5, humidity=0.3))
@@ -87,13 +87,13 @@ def test_an_order_has_the_air_of_the_room_where_somebody_stated_it():
 
 
 def test_an_order_can_be_audited(tmp_path, monkeypatch):
-    monkeypatch.setenv("LOGNAME", "somebody")
+    monkeypatch.setenv("LOGNAME", "a-user")
     monkeypatch.setattr("sys.argv", ["/usr/bin/midair", "play", "x.drive.h5"])
     path, admission = tmp_path / "x.drive.h5", admitted(0.01)
     path.write_bytes(b"what the file holds")
     log_order(path, "autd3:eth0", admission, simulated=True)
     (entry,) = entries()
-    assert (entry["version"], entry["user"], entry["process"]) == (__version__, "somebody", os.getpid())
+    assert (entry["version"], entry["user"], entry["process"]) == (__version__, "a-user", os.getpid())
     assert entry["command"] == "midair play x.drive.h5"
     assert (entry["device"], entry["simulated"], entry["frames"], entry["rate_hz"]) == ("autd3:eth0", True, 3, 1000.0)
     assert entry["file_sha256"] == hashlib.sha256(b"what the file holds").hexdigest()
@@ -116,7 +116,7 @@ def test_a_profile_that_was_edited_has_another_hash():
     assert len(first) == 64
 
 
-def test_what_no_limit_holds_is_null_and_no_word_that_json_lacks():
+def test_an_infinite_level_is_null_in_json():
     from dataclasses import replace
 
     advice = replace(PROFILE, places=tuple(replace(place, enforced=False) for place in PROFILE.places))
@@ -124,7 +124,7 @@ def test_what_no_limit_holds_is_null_and_no_word_that_json_lacks():
     assert entries()[0]["excess_db"] is None
 
 
-def test_nobody_else_reads_the_log():
+def test_other_users_cannot_read_the_log():
     log_end("one", "x", "autd3", "played")
     assert (state_folder() / "played.jsonl").stat().st_mode & 0o077 == 0
 

@@ -17,7 +17,7 @@ def test_a_chosen_folder_is_taken_and_made_only_when_needed(tmp_path, monkeypatc
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="rights of POSIX")
-def test_nobody_else_reads_it(tmp_path, monkeypatch):
+def test_other_users_cannot_read_it(tmp_path, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "mine"))
     assert make_state_folder().stat().st_mode & 0o077 == 0
 
@@ -32,7 +32,7 @@ def test_without_a_choice_it_is_the_user_s(tmp_path, monkeypatch):
     assert state_folder() == tmp_path / "home" / ".local" / "state" / "midair"
 
 
-def test_a_folder_that_cannot_be_is_told_with_the_remedy(tmp_path, monkeypatch):
+def test_an_impossible_folder_is_an_error_with_advice(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "file" / "state"))
     with pytest.raises(FileError, match="set MIDAIR_STATE"):

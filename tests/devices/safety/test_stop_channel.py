@@ -46,7 +46,7 @@ def test_another_terminal_silences_what_plays(monkeypatch):
     assert stop_playing() == playing_now() == []
 
 
-def test_without_the_secret_nobody_silences():
+def test_a_stop_without_the_secret_has_no_effect():
     silenced = []
     with open_stop_channel("a device", lambda: silenced.append(True)) as path:
         entry = json.loads(path.read_text(encoding="utf-8"))
@@ -56,7 +56,7 @@ def test_without_the_secret_nobody_silences():
     assert stopped.outcome == "no answer"
 
 
-def test_a_player_that_died_is_told_and_forgotten():
+def test_a_player_that_died_is_reported_once():
     folder = make_state_folder()
     (folder / "playing-1.json").write_text('{"process": 1, "device": "d", "port": 9, "secret": "s"}', encoding="utf-8")
     (folder / "playing-2.json").write_text("{", encoding="utf-8")
@@ -82,7 +82,7 @@ MALFORMED = {
 
 
 @pytest.mark.parametrize("content", MALFORMED.values(), ids=MALFORMED)
-def test_a_malformed_file_keeps_nobody_from_being_silenced(content):
+def test_a_malformed_file_does_not_block_other_stops(content):
     silenced, folder = [], make_state_folder()
     for name in ("playing-0.json", "playing-z.json"):
         (folder / name).write_bytes(content)
@@ -92,7 +92,7 @@ def test_a_malformed_file_keeps_nobody_from_being_silenced(content):
     assert sorted(outcomes) == ["gone", "gone", "silent"]
 
 
-def test_what_is_no_file_is_nobody_s():
+def test_an_entry_that_is_no_file_is_ignored():
     folder = make_state_folder()
     (folder / "playing-folder.json").mkdir()
     os.mkfifo(folder / "playing-pipe.json")
@@ -103,7 +103,7 @@ def test_what_is_no_file_is_nobody_s():
 
 
 @pytest.mark.parametrize("content", ["{", '{"process": 7, "device": "d"}', "[]"])
-def test_a_living_program_that_cannot_be_asked_is_told_and_holds_up_nobody(content):
+def test_a_program_that_cannot_be_reached_is_reported_and_delays_no_other(content):
     silenced, path = [], make_state_folder() / "playing-0.json"
     with subprocess.Popen([sys.executable, "-c", HOLDER, str(path), content], stdout=subprocess.PIPE) as process:
         assert process.stdout.readline() == b"held\n"
@@ -115,7 +115,7 @@ def test_a_living_program_that_cannot_be_asked_is_told_and_holds_up_nobody(conte
     assert silenced == [True]
 
 
-def test_a_program_that_hangs_is_told_and_the_others_are_silent_at_once():
+def test_a_program_that_hangs_is_reported_and_the_others_are_silent_at_once():
     """The listening program is stopped by SIGSTOP, so that its port accepts the call but there is no answer."""
     player = (
         "import time\nfrom midair.devices.safety.stop_channel import open_stop_channel\n"
@@ -135,7 +135,7 @@ def test_a_program_that_hangs_is_told_and_the_others_are_silent_at_once():
     assert silenced == [True]
 
 
-def test_silent_is_said_only_when_the_array_is():
+def test_silence_is_reported_only_if_the_array_is_silent():
     def fail():
         raise DeviceError("autd3: no answer within 2 s")
 
@@ -212,7 +212,7 @@ def test_a_stop_before_the_line_is_open_counts():
         assert playing_now()
 
 
-def test_a_stop_that_is_to_come_says_nothing():
+def test_a_stop_in_the_future_is_ignored():
     """The computer was restarted, and its clock with it."""
     make_state_folder()
     (state_folder() / "stopped-at").write_text(repr(uptime() + 1e6), encoding="ascii")
@@ -220,7 +220,7 @@ def test_a_stop_that_is_to_come_says_nothing():
         assert playing_now()
 
 
-def test_a_process_knows_when_it_began():
+def test_start_time_of_a_process():
     code = "from midair.devices.safety.stop_channel import process_began; print(process_began())"
     before = uptime()
     said = float(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, text=True).stdout)

@@ -33,7 +33,7 @@ def test_a_float32_that_goes_on_is_read_to_within_its_precision():
     assert np.abs(found - (sent - sent[0])).max() <= 8
 
 
-def test_a_float32_that_stands_still_says_that_it_says_nothing():
+def test_a_float32_counter_that_has_stopped_gives_none():
     counter = np.cumsum(np.r_[2**24 - 150, np.ones(299)].astype(np.float32), dtype=np.float32).astype(float)
     frames = CountedFrames(np.dtype("float32"))
     assert counter[-1] == 2**24
@@ -116,7 +116,7 @@ def test_frames_that_never_came_are_found_where_they_were(ppm, rate, push, jitte
     assert np.abs(steps[places] - 1 - (count, 3 * count)).max() <= max(2, 2 * jitter * rate + 2e-4 * rate)
 
 
-def test_a_push_that_comes_late_is_no_gap():
+def test_a_late_push_is_no_gap():
     made = list(stream(seconds=6, rate=1000, push=4e-3, jitter=2e-4))
     for late in (700, 1000, 1030):
         numbers, stamps = made[late]

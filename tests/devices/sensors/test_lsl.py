@@ -77,12 +77,12 @@ def test_a_unit_that_contradicts_the_sender_is_refused(lsl_sender):
         source_sensor(f"lsl:{name}?search=60&unit=Pa").open()
 
 
-def test_a_stream_that_nobody_sends(lsl_sender):
+def test_a_stream_without_a_sender(lsl_sender):
     from midair.devices.sensors.lsl import LslSource
 
     lsl_sender()
-    with pytest.raises(DeviceError, match=r"a stream called 'Nobody', found none in 0\.3 s.*Streams found: midair"):
-        LslSource("Nobody", search=0.3).open()
+    with pytest.raises(DeviceError, match=r"a stream called 'Missing', found none in 0\.3 s.*Streams found: midair"):
+        LslSource("Missing", search=0.3).open()
 
 
 def test_a_counter_that_is_no_channel_is_refused(lsl_sender):
@@ -118,7 +118,7 @@ def numbered(sensor, seconds, *, cells=16):
     ("how", "once"),
     [("stamped", 1200), *(pytest.param(how, 2500, marks=pytest.mark.slow) for how in ("stamped", "cast"))],
 )
-def test_frames_that_were_left_out_are_found_from_stamps_where_nobody_counts(how, once, lsl_sender):
+def test_missing_frames_are_found_from_stamps_without_a_counter(how, once, lsl_sender):
     """Before, 100 missing frames appeared as a drift of 14,700 ppm."""
     name, _ = lsl_sender(once=once, how=how)
     with source_sensor(f"lsl:{name}?search=60&timeout=20") as sensor:

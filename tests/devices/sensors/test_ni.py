@@ -10,7 +10,7 @@ from midair.rig.names.source_names import source_sensor
 pytest.importorskip("nidaqmx")
 
 
-def test_the_task_is_set_up_as_asked(ni_task):
+def test_the_task_is_configured_as_requested(ni_task):
     from nidaqmx.constants import AcquisitionType, TerminalConfiguration
 
     from midair.devices.sensors.ni import NiSource
@@ -50,7 +50,7 @@ def test_a_converter_that_is_pulled_out_is_one_clear_line(ni_task):
     assert "\n" not in str(told.value)
 
 
-def test_without_the_vendors_driver_the_user_is_told():
+def test_a_missing_vendor_driver_is_an_error_with_advice():
     from nidaqmx.errors import DaqNotFoundError
 
     from midair.devices.sensors.ni import devices

@@ -105,7 +105,7 @@ def test_device_time_is_that_of_the_first_frame(sensor):
         np.testing.assert_allclose(np.diff(times), 50 / sensor.rate, rtol=1e-6)
 
 
-def test_what_is_said_to_fit_into_float32_does(sensor):
+def test_samples_declared_as_float32_are_exact(sensor):
     with sensor:
         sensor.start()
         samples = np.asarray(sensor.read(40).samples)
@@ -174,12 +174,12 @@ def test_a_second_start_and_a_second_opening_begin_again_at_frame_0(sensor):
         assert sensor.read(20).first == 0
 
 
-def test_a_sensor_describes_itself_in_words(sensor):
+def test_a_sensor_describes_itself(sensor):
     with sensor:
         assert all(type(key) is str and type(value) is str for key, value in sensor.describe().items())
 
 
-def test_a_live_sensor_is_opened_before_it_is_started_or_asked(live_sensor):
+def test_a_live_sensor_must_be_open_to_start_or_read_its_rate(live_sensor):
     sensor, _, _ = live_sensor
     with pytest.raises(DeviceStateError, match="open before start"):
         sensor.start()

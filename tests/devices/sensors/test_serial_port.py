@@ -122,7 +122,7 @@ def test_a_port_is_one_recorder_s(serial_line, tmp_path):
         assert fcntl.ioctl(same, TIOCGEXCL, bytes(4)) == bytes(4)
 
 
-def test_another_program_s_lock_on_the_port_is_told(serial_line):
+def test_another_program_s_lock_on_the_port_is_an_error(serial_line):
     line = serial_line()
     with open(line.port, "rb") as other:
         fcntl.flock(other, fcntl.LOCK_EX)
@@ -132,7 +132,7 @@ def test_another_program_s_lock_on_the_port_is_told(serial_line):
         pass
 
 
-def test_who_may_not_open_a_port_is_told_which_group_may():
+def test_a_missing_permission_for_a_port_names_the_group():
     from midair.devices.sensors.serial_port import SerialSource
 
     def refuse():
@@ -157,7 +157,7 @@ def test_a_port_that_sends_nothing_is_let_go():
         os.close(slave)
 
 
-def test_a_port_that_sends_something_else_says_how_much_it_heard():
+def test_a_port_with_other_data_reports_the_number_of_bytes():
     from midair.devices.sensors.serial_port import SerialSource
 
     master, slave = os.openpty()

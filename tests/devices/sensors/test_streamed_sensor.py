@@ -71,7 +71,7 @@ def test_blocks_are_cut_from_chunks_of_any_size():
     np.testing.assert_array_equal(np.concatenate([block.samples for block in blocks])[:, 0, 0], 10 * np.arange(30))
 
 
-def test_a_gap_ends_a_block_and_is_told_in_the_next():
+def test_a_gap_ends_a_block_and_is_reported_in_the_next():
     with StreamedSensor(Script([chunk(0, 10), chunk(13, 10)]), name="s") as sensor:
         sensor.start()
         before, after = sensor.read(15), sensor.read(10)
@@ -113,7 +113,7 @@ def test_a_lost_source_gives_what_came_first_and_then_its_error_every_time(failu
                 sensor.read(1)
 
 
-def test_a_late_reader_loses_only_what_does_not_fit_and_is_told():
+def test_a_late_reader_loses_only_excess_frames_and_they_are_counted():
     # 100 frames of 4 float32 are 1600 bytes: two of the four chunks fit.
     chunks = [chunk(first, 100) for first in range(0, 400, 100)]
     source = Script(chunks)
@@ -165,7 +165,7 @@ def test_a_unit_that_contradicts_the_source_is_refused():
         StreamedSensor(Script(unit="V"), name="s", wire=wired(unit="Pa")).open()
 
 
-def test_volts_of_a_source_that_knows_only_shares_need_a_full_scale():
+def test_volts_of_a_source_without_a_scale_need_a_full_scale():
     with pytest.raises(InputError, match="expected full_scale for a unit of V"):
         StreamedSensor(Script(full_scale=1.0), name="s", wire=wired(unit="V")).open()
 
@@ -191,7 +191,7 @@ def test_less_than_one_frame_cannot_be_read():
 
 
 class TestDecimated:
-    def test_a_gap_becomes_one_of_the_filters_length_and_what_is_given_is_right(self):
+    def test_a_gap_becomes_one_of_the_filters_length_with_correct_frames(self):
         whole = [chunk(0, 40_000), chunk(48_123, 60_000)]
         with StreamedSensor(Decimated(Script(whole, rate=48_000.0), 1000.0), name="s") as sensor:
             sensor.start()

@@ -168,7 +168,7 @@ def test_plays_what_the_simulation_says():
     np.testing.assert_allclose(felt(skin).reshape(-1, 16), law, atol=1e-5 * law.max())
 
 
-def test_the_silencer_is_chosen_for_the_drive_and_told():
+def test_the_silencer_is_chosen_for_the_drive_and_reported():
     """For a focus that moves in jumps, half a frame of silencer would weaken the pressure."""
     auto, half = VirtualSkin(SensorModel()), VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, auto) as array:

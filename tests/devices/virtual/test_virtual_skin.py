@@ -7,7 +7,7 @@ from midair.model import PressureFrames, SensorGrid
 from midair.physics.sensing import SensorModel
 
 
-def test_what_presses_comes_in_its_order():
+def test_pressures_are_appended_in_order():
     skin = VirtualSkin(SensorModel())
     skin.touch(PressureFrames(pressure=np.full((3, 4, 4), 7.0), rate=8000.0))
     skin.press(np.full((2, skin.points.count), 5.0))

@@ -59,7 +59,7 @@ def real(latency=0.0, lost=None):
 def test_a_real_array_does_not_play_what_was_admitted_on_a_silent_one(drive):
     array, sensor = real()
     silent = check_exposure(drive, RIG.array_device(), ExposureChoices(profile=PROFILE))
-    with array, sensor, pytest.raises(DeviceStateError, match="admit again"):
+    with array, sensor, pytest.raises(DeviceStateError, match="check it again"):
         rerecord(silent, array, sensor)
     assert not array.emitting
 
