@@ -52,7 +52,7 @@ class ExposureChoices:
 
     def __post_init__(self) -> None:
         if self.override is not None and not self.override.strip():
-            raise InputError("--override-exposure: expected the name of the person who answers for it, got none")
+            raise InputError("--override-exposure: expected the name of the person responsible, got none")
 
 
 class ArrayInfo(Protocol):
@@ -117,10 +117,8 @@ class ExposureClearance:
 
         Raises
         ------
-        MismatchError
-            If the device's array differs from the checked one, or is louder.
-        DeviceStateError
-            If it was issued for a device without sound and this device can emit sound, or its frames come later.
+        MismatchError, DeviceStateError
+            As in `check_array`; DeviceStateError also if its frames come later.
         """
         self.check_array(device)
         if self.drive is None:

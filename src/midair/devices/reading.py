@@ -28,15 +28,7 @@ class FilledBlock:
 
 
 class GapFiller:
-    """Combines blocks; lost frames repeat the last one before them, so that frame i stays at i / rate.
-
-    Parameters
-    ----------
-    name : str
-        Name of the sensor, for messages.
-    rate : float
-        Frames per second, in Hz.
-    """
+    """Combines blocks; lost frames repeat the last one before them, so that frame i stays at i / rate (in Hz)."""
 
     def __init__(self, name: str, rate: float) -> None:
         self._name, self._rate = name, rate
@@ -118,5 +110,5 @@ def read_frames(sensor: SensorDevice, frames: int) -> Array:
     parts = list(fill_gaps(sensor, frames))
     have = sum(len(part) for part in parts)
     if have < frames:
-        raise DeviceError(f"{sensor.name}: expected {frames} frames, got {have}; is it still connected?")
+        raise DeviceError(f"{sensor.name}: expected {frames} frames, got {have}; check the connection")
     return parts[0] if len(parts) == 1 else np.concatenate(parts)

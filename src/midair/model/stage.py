@@ -58,7 +58,9 @@ class StageSetup:
             )
         for axis, (low, high) in zip("xyz", self.travel, strict=True):
             if not low < high:
-                raise InputError(f"travel.{axis}_mm: expected the smaller first, got {1e3 * low:g}, {1e3 * high:g}")
+                raise InputError(
+                    f"travel.{axis}_mm: expected the smaller value first, got {1e3 * low:g}, {1e3 * high:g}"
+                )
 
     @property
     def above(self) -> Place:

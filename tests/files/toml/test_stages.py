@@ -32,7 +32,7 @@ def test_the_example_is_read_in_metres():
         ('"+x"', '"x"', "heading: expected .x or -x or .y or -y"),
         ("[-180.0, -60.0]", "[-180.0]", "start_mm: expected two numbers"),
         ("z_mm", "w_mm", "got travel.w_mm"),
-        ("[-60.0, 0.0]", "[0.0, -60.0]", "travel.z_mm: expected the smaller first"),
+        ("[-60.0, 0.0]", "[0.0, -60.0]", "travel.z_mm: expected the smaller value first"),
         ("[travel]", "[[travel]]", "travel: expected a table"),
         ('heading = "+x"', 'heading = "+x"\nhoming = "never"', "homing: expected switches or by hand"),
         ('heading = "+x"', "heading = +x", "expected a TOML file"),

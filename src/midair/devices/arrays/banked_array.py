@@ -20,18 +20,12 @@ class BankedArray(ArrayDevice):
     ----------
     connect : callable
         Opens the device and returns its banks.
-    placement : Placement
-        Placement of the units.
-    name : str
-        The name that it was opened with.
     silencer : {"auto", "off", "quarter", "half", "default"}
         As in `choose_silencer`.
     block : float
         Maximum length of a block, in s.
-    simulated : bool
-        Whether it is an emulator.
-    exclusive : str, optional
-        Name of the lock, see `device_lock`.
+    simulated, exclusive
+        As in `ArrayDevice`.
     """
 
     streams = True

@@ -88,10 +88,6 @@ class ImmediateArray(ArrayDevice):
     ----------
     connect : callable
         Opens the units, without a heartbeat and with a short failsafe.
-    placement : Placement
-        Placement of the units.
-    name : str
-        The name that it was opened with.
     silencer : Silencer
         Setting of the firmware's silencer; default: off.
     hold : float

@@ -82,8 +82,6 @@ class OpenMpdArray(ArrayDevice):
         Port of one board, or of the lower and then the upper of two.
     boards : sequence of Board
         Data of each board in the same order; without them the boards can be silenced, but not play.
-    name : str
-        The name that it was opened with.
     silencer : {"auto", "off"}
         No effect: the firmware has no silencer.
     """

@@ -10,19 +10,13 @@ from midair.errors import DeviceStateError
 
 
 class Decimated:
-    """A source behind an anti-aliasing filter of linear phase (`Polyphase`).
+    """A source at a higher rate behind an anti-aliasing filter of linear phase (`Polyphase`); `rate` of the output in
+    Hz.
 
     Both times of a chunk are corrected for the filter's delay; a frame arrives `delay` later than without the filter:
     64 ms at 1 kHz. Frame 0 is the first one with a full filter. The filter is refilled after a gap, so that a gap
     becomes at least 128 frames and every frame consists of measured data only. A source that already has the rate is
     passed on.
-
-    Parameters
-    ----------
-    source : Source
-        The source at the higher rate.
-    rate : float
-        Output rate, in Hz.
     """
 
     def __init__(self, source: Source, rate: float) -> None:

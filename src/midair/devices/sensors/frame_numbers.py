@@ -33,8 +33,8 @@ def runs(number: Numbers, samples: Samples, stamps: Array) -> Iterator[Run]:
 class CountedFrames:
     """Frame numbers from a counter of any number type, which may start anywhere and wraps to 0.
 
-    A counter of b bits wraps at 2^b. A float32 stops at 2^24; above that a larger float type rounds, so that it is read
-    within its precision and shorter gaps are not detected.
+    An integer of b bits wraps at 2^b. A float32 that is incremented stops at 2^24; one that is converted from an
+    integer continues, rounded to its precision, so that shorter gaps are not detected.
     """
 
     def __init__(self, dtype: "np.dtype[np.generic]") -> None:

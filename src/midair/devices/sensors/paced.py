@@ -7,13 +7,7 @@ from midair.devices.interface import FrameBlock, SensorDevice
 
 
 class PacedSensor(SensorDevice):
-    """Returns the frames of another sensor in real time.
-
-    Parameters
-    ----------
-    sensor : SensorDevice
-        A sensor whose time advances only when it is read (`on_demand`).
-    """
+    """Returns the frames of another sensor, whose time advances only when it is read (`on_demand`), in real time."""
 
     def __init__(self, sensor: SensorDevice) -> None:
         self._sensor = sensor

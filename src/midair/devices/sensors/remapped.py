@@ -9,14 +9,12 @@ from midair.model import SensorWiring
 
 
 class RemappedSensor(SensorDevice):
-    """A sensor with reordered channels: to simulate or to correct swapped wires.
+    """A sensor with reordered channels, to simulate or to correct swapped wires.
 
     Parameters
     ----------
-    sensor : SensorDevice
-        Its cells, row by row, are the channels.
     wiring : SensorWiring
-        Assignment of channels to cells; its grid and name replace the sensor's, unit and scale do not.
+        Assignment of the sensor's cells, row by row, to channels; its grid and name apply, its unit and scale do not.
     """
 
     def __init__(self, sensor: SensorDevice, wiring: SensorWiring) -> None:
