@@ -142,7 +142,7 @@ def test_a_locked_machine_is_not_moved_but_by_home(capsys):
     machine = GrblStandIn(homed=False)
     try:
         assert run(command(machine)) == 1
-        assert "does not know where it is" in capsys.readouterr().err
+        assert "its position is unknown" in capsys.readouterr().err
         assert machine.moves == []
         assert run(command(machine, "--home")) == 0
         assert "looks for its switches now, and moves" in capsys.readouterr().err
