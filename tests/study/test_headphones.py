@@ -48,7 +48,7 @@ def ears(folder):
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as listener:
             assert listener.stdout.readline().strip() == "ready"
             # PortAudio lists devices once, so that this process must look again.
-            let_go()
+            release()
             importlib.import_module("sounddevice")._initialize()
 
             def heard():
