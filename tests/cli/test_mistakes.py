@@ -75,7 +75,7 @@ MISTAKES = (
     ("import song.wav --reference song.wav --drop 2g:5cm:1cm", 1, "reference: expected one blow"),
     ("import song.wav --reference song.wav --scale 2Pa", 1, "--reference: expected it alone, got"),
     ("import sample:fur", 1, "expected one of denim, connect,"),
-    ("import sample:towel --rate 1kHz", 1, "sample:towel: expected no options of files,"),
+    ("import sample:towel --rate 1kHz", 1, "sample:towel: expected no file options"),
     ("import sample:", 1, "expected one of denim, connect,"),
     ("import take.h5 --peak 30", 2, "expected a quantity such as 30Pa,"),
     ("import take.h5 --peak -30Pa", 2, 'Command "import" parameter --peak'),

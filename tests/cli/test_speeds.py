@@ -12,8 +12,8 @@ def test_what_is_not_known_is_not_told_and_what_is_known_adds_up():
     assert speeds.seconds([SOLVE]) == pytest.approx(300)
     assert speeds.seconds([SOLVE, PLAY]) is None
     assert speeds.learnt(Work(kind="play", frames=500), 1.0).seconds([SOLVE, PLAY]) == pytest.approx(306)
-    assert "not known" in estimate_text(speeds, [SOLVE, PLAY])
-    assert estimate_text(speeds, [SOLVE]) == "this takes about 5 min, as fast as the last time on this machine"
+    assert "no time estimate" in estimate_text(speeds, [SOLVE, PLAY])
+    assert estimate_text(speeds, [SOLVE]) == "this takes about 5 min, by the speed of the last run on this machine"
     assert estimate_text(speeds, [Work(kind=SOLVE.kind, frames=30)]) == ""
 
 
@@ -44,7 +44,7 @@ def test_a_stage_teaches_how_fast_it_went_and_the_next_time_it_is_told(monkeypat
     monkeypatch.setattr(console, "MEASURED", 0.0)
     with progress_bars([work_of("solve", "exact", 3000)]) as stage:
         stage("solve, pass 1", "exact")(3000, 3000)
-    assert "not known here yet" in capsys.readouterr().err
+    assert "no time estimate yet" in capsys.readouterr().err
     rate = Speeds.known().rates["solve exact"]
     with progress_bars([work_of("solve", "exact", round(40 * rate))]):
         pass

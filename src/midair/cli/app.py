@@ -1,4 +1,4 @@
-"""The command `midair`: one line for an error, 0 when done, 1 when the work failed, 2 for wrong usage."""
+"""The command `midair`: exit status 0 when done, 1 for a failure (one line on stderr), 2 for wrong usage."""
 
 import io
 import os
@@ -19,7 +19,7 @@ from midair.errors import MidairError, UnknownDeviceError
 from midair.version import __version__
 
 TRACEBACK = "MIDAIR_TRACEBACK"
-"""Environment variable: set to anything, an error that nobody foresaw comes with its traceback, as with -v."""
+"""Environment variable: if set, an unexpected error prints its traceback, as with -v."""
 
 _EPILOGUE = """Examples:
   midair demo
@@ -27,30 +27,30 @@ _EPILOGUE = """Examples:
   midair solve take.h5
   midair play take.drive.h5
 
-Anywhere in a line: -q shows no bars and meters; -v says more, also where an error came from.
-Quantities take units: 200mm, 20Hz, 0.5s, 30Pa. Every command explains itself with --help."""
+Every command takes -q (hide progress bars and meters) and -v (print the run time, and a traceback on errors).
+Quantities need a unit: 200mm, 20Hz, 0.5s, 30Pa. Help on a command: midair COMMAND --help."""
 
 app = App(
     name="midair",
-    help="A tape recorder for touch: record what an object does to skin, play it back in midair, check what came back.",
+    help="Record touch with a sensor, reproduce it in midair with focused ultrasound, and compare the result.",
     help_epilogue=_EPILOGUE,
     version=__version__,
     version_flags=("--version", "-V"),
     help_format="plaintext",
     help_on_error=False,
     default_parameter=Parameter(negative=()),
-    # What was kept is said here, and not nothing there.
+    # `run` catches Ctrl-C and prints which files were kept.
     suppress_keyboard_interrupt=False,
 )
 
 
 def completion_command(shell: Literal["bash", "zsh", "fish"], /) -> None:
-    """Print what makes a shell complete commands and options at the tab key.
+    """Print a script that lets a shell complete commands and options with the tab key.
 
     Parameters
     ----------
     shell
-        bash, zsh or fish.
+        Shell to write the script for: bash, zsh or fish.
 
     Examples
     --------
@@ -70,10 +70,10 @@ for flag in ("--help", "--version"):
 
 
 def load(tokens: Sequence[str]) -> None:
-    """Import the command that a line names, and what every command takes; nothing for help and version."""
+    """Import the modules that a command line needs, for a process that waits to run it."""
     name = next((token for token in tokens if token in COMMANDS or token in FOLDERS), None)
     if name is not None:
-        # What is wrong with it is said when it runs.
+        # `run` reports errors.
         with suppress(Exception):
             for room in ("midair.devices", "midair.files"):
                 import_module(room)
@@ -81,9 +81,9 @@ def load(tokens: Sequence[str]) -> None:
 
 
 def main(tokens: Sequence[str] | None = None) -> None:
-    """Run a command line and leave with its exit status."""
+    """Run a command line and exit with its status."""
     warnings.showwarning = _say_warning
-    # A name that the terminal cannot spell is printed all the same.
+    # Characters that the terminal's encoding lacks are escaped.
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="backslashreplace")
     tokens = sys.argv[1:] if tokens is None else tokens
@@ -91,13 +91,13 @@ def main(tokens: Sequence[str] | None = None) -> None:
         sys.exit(run(tokens))
     from midair.devices import ordered_at, process_began
 
-    # From here on a stop counts, also one that comes before the command says that it plays.
+    # From here on `midair stop` applies, even before the command registers that it plays.
     with ordered_at(process_began()):
         sys.exit(run(tokens))
 
 
 def run(tokens: Sequence[str]) -> int:
-    """Run a command line; its exit status."""
+    """Run a command line and return its exit status."""
     how, tokens = flags_of(tokens)
     with with_verbosity(how):
         began = time.monotonic()
@@ -108,7 +108,7 @@ def run(tokens: Sequence[str]) -> int:
 
 
 def _works(tokens: Sequence[str]) -> bool:
-    """Whether a line names a command, which may have devices and files: help and version need nothing of either."""
+    """Whether a line names a command; help and version need neither devices nor files."""
     return any(token in COMMANDS or token in FOLDERS for token in tokens)
 
 
@@ -142,7 +142,7 @@ def _status_of(tokens: Sequence[str], files: Sequence[Path]) -> int:
 
 
 def _kept(files: Sequence[Path]) -> str:
-    """What Ctrl-C leaves, in one line."""
+    """One line that lists the files that exist after Ctrl-C."""
     here = Path.cwd()
     there = [str(file.relative_to(here) if file.is_relative_to(here) else file) for file in files if file.exists()]
     if not there:
@@ -151,11 +151,11 @@ def _kept(files: Sequence[Path]) -> str:
 
 
 def _unforeseen(wrong: Exception) -> int:
-    """Say in one line what nobody foresaw: people see what failed, not our code."""
+    """Print an unexpected error in one line; with -v or `TRACEBACK`, raise it."""
     if os.environ.get(TRACEBACK) or verbosity().verbose:
         raise wrong
     if isinstance(wrong, MemoryError):
-        return _say("there is not enough memory for this; cut the recording (midair cut) or take a larger computer", 1)
+        return _say("not enough memory; cut the recording (midair cut) or use a computer with more memory", 1)
     if isinstance(wrong, OSError) and wrong.strerror:
         where = f"{os.fspath(wrong.filename)}: " if isinstance(wrong.filename, str | bytes) else ""
         return _say(f"{where}{wrong.strerror} (-v shows where)", 1)
@@ -164,8 +164,8 @@ def _unforeseen(wrong: Exception) -> int:
 
 
 def _say_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:
-    """A warning of midair in its own words, without the line of code that gave it; others as Python shows them."""
-    # It may come while files are imported, and from elsewhere before they are.
+    """Print a midair warning as one line, others as Python does."""
+    # A warning may arrive before midair.files is imported.
     no_locks = getattr(sys.modules.get("midair.files"), "NoLocksWarning", ())
     if issubclass(category, no_locks):
         _say(str(message), 0)

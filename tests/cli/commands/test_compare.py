@@ -63,7 +63,7 @@ def test_swapped_arguments_are_refused(capsys):
     perfect("take.drive.h5")
     capsys.readouterr()
     assert run(["compare", "again.h5", "take.h5"]) == 1
-    assert "type midair compare take.h5 again.h5" in " ".join(capsys.readouterr().err.split())
+    assert "use midair compare take.h5 again.h5" in " ".join(capsys.readouterr().err.split())
 
 
 def test_what_was_never_played_is_compared_as_it_is(capsys):

@@ -32,7 +32,7 @@ def answer(capsys, *words):
 def test_cut_and_join_make_the_same_file_again(take, capsys):
     told = answer(capsys, "cut", "take.h5", "a.h5", "--end", "200ms")
     assert told["notes"] == [
-        "The calibrated pressure was left out: it belongs to the whole; run midair calibrate again."
+        "The calibrated pressure was left out; run midair calibrate again."
     ]
     assert run(["cut", "take.h5", "b.h5", "--start", "0.2s"]) == 0
     assert run(["join", "a.h5", "b.h5", "both.h5"]) == 0
@@ -45,7 +45,7 @@ def test_cut_and_join_make_the_same_file_again(take, capsys):
 def test_join_leaves_out_a_calibration_that_is_not_shared(take, capsys):
     save(take, "other.h5", calibration=Calibration.flat(take.sensor, sensitivity=0.03))
     told = answer(capsys, "join", "take.h5", "other.h5", "both.h5")
-    assert "The calibration was left out: the recordings do not share one." in told["notes"]
+    assert "The calibration was left out: the recordings have different calibrations." in told["notes"]
     assert load_calibration("both.h5") is None
 
 

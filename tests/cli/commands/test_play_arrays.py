@@ -326,7 +326,7 @@ def test_what_a_file_says_of_the_strength_changes_no_exposure(capsys):
     assert answers[1]["file_transducer_pa_m"] == pytest.approx(1e-6)
     assert run(["exposure", "claims.drive.h5", *EMULATOR]) == 0
     page = " ".join(capsys.readouterr().out.split())
-    assert "the file says 1e-06 Pa m, which counts for nothing" in page
+    assert "the file states 1e-06 Pa m, which is ignored" in page
     assert "no search for a gap found 0.5 dB above this" in page
 
 

@@ -1,7 +1,6 @@
-"""The commands, a file each; none imports another. `COMMANDS` has them by the names that people type.
+"""All commands by name, one module each; a module is imported only when its command or its help is called.
 
-None is imported before somebody calls it or asks for its help: each takes what it needs with it, NumPy at the least.
-What the help of all says of it is said here, and a test holds it against the command's own words.
+The summaries stand here so that `midair --help` imports no command; a test compares them with the docstrings.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,131 +12,99 @@ from midair.cli.terminal import imported
 
 COMMANDS: Mapping[str, tuple[str, str, str]] = {
     "demo": (
-        "Begin",
+        "Get started",
         "demo:demo_command",
-        "Record a virtual towel stroke, reproduce it on a virtual array in the best mode and in the paper's, "
-        "and report.",
+        "Record a virtual towel stroke, reproduce it in the best mode and in the paper's, and write a report.",
     ),
     "studio": (
-        "Begin",
+        "Get started",
         "studio:studio_command",
-        "Open the studio: record, solve, play and compare in the browser, with every frame to be seen.",
+        "Open the studio in the browser: record, solve, play and compare.",
     ),
     "doctor": (
-        "Begin",
+        "Get started",
         "doctor:doctor_command",
-        "Look at what is installed and what works here, and say what to do about what does not.",
+        "Check the installation, drivers and devices, and print advice for each problem.",
     ),
-    "record": ("Record", "record:record_command", "Record a sensor into a file, which is written as the frames come."),
-    "import": (
-        "Record",
-        "import_export:import_command",
-        "Bring a file of any program into a recording, and say what was assumed.",
-    ),
+    "record": ("Record", "record:record_command", "Record a sensor to a file."),
+    "import": ("Record", "import_export:import_command", "Convert a file of another program to a recording."),
     "mend": (
         "Record",
         "import_export:mend_command",
-        "Bring a file with gaps into a recording: NaN, infinite or empty numbers are filled, and the "
-        "recording says where.",
+        "Convert a file with gaps (NaN, infinite or empty values) to a recording and fill the gaps.",
     ),
     "identify": (
         "Record",
         "identify:identify_command",
-        "Find out which channel is which cell: tap each cell when its turn comes, row by row from the top left.",
+        "Find out which channel belongs to which cell, by taps or tones.",
     ),
-    "repair": (
-        "Record",
-        "import_export:repair_command",
-        "Close a recording whose program was killed, so that any program can open it.",
-    ),
+    "repair": ("Record", "import_export:repair_command", "Repair a recording whose program was killed."),
     "info": (
         "Edit",
         "info:info_command",
-        "Say what a recording, a drive or a calibration holds, where it came from, and what was done to it.",
+        "Print the contents, origin and history of a recording, a drive or a calibration.",
     ),
     "show": (
         "Edit",
         "show:show_command",
-        "Show a recording, a drive, or a re-recording over its original: as a page, a film in slow motion, or a sound.",
+        "Show a recording, a drive or a comparison as a web page, a film or a sound.",
     ),
-    "cut": ("Edit", "edit:cut_command", "Keep a part of a recording."),
-    "trim": ("Edit", "edit:trim_command", "Take the silence away from both ends of a recording."),
-    "join": ("Edit", "edit:join_command", "Put recordings of the same sensor one behind the other."),
-    "gain": ("Edit", "edit:gain_command", "Make a recording stronger or weaker."),
+    "cut": ("Edit", "edit:cut_command", "Extract a part of a recording."),
+    "trim": ("Edit", "edit:trim_command", "Remove silence from both ends of a recording."),
+    "join": ("Edit", "edit:join_command", "Join recordings of the same sensor end to end."),
+    "gain": ("Edit", "edit:gain_command", "Multiply a recording by a factor or a level in decibels."),
     "mask": (
         "Edit",
         "edit:mask_command",
-        "Silence some channels of a recording, or replace them by their neighbours.",
+        "Set channels of a recording to zero, or interpolate them from their neighbours.",
     ),
-    "resample": ("Edit", "edit:resample_command", "Bring a recording to another rate."),
-    "export": (
-        "Edit",
-        "import_export:export_command",
-        "Write a recording to the format that the output's name says, and say what that format cannot hold.",
-    ),
-    "solve": (
-        "Reproduce",
-        "solve_play:solve_command",
-        "Work out the drive with which the array presses as the sensor felt, frame by frame.",
-    ),
+    "resample": ("Edit", "edit:resample_command", "Change the frame rate of a recording."),
+    "export": ("Edit", "import_export:export_command", "Convert a recording to another file format."),
+    "solve": ("Reproduce", "solve_play:solve_command", "Compute transducer phases that reproduce a recording."),
     "exposure": (
         "Reproduce",
         "exposure:exposure_command",
-        "Work out the sound level of every frame of a drive at ears and palm, and hold it against a profile.",
+        "Compute the sound levels of a drive at ears and palm, and check them against limits.",
     ),
     "play": (
         "Reproduce",
         "solve_play:play_command",
-        "Play a drive, and re-record what it presses when the device is virtual.",
+        "Play a drive on an array; on the virtual array, re-record the pressure.",
     ),
-    "stop": ("Reproduce", "stop:stop_command", "Silence whatever plays, at once."),
-    "live": (
-        "Reproduce",
-        "live:live_command",
-        "Play what a sensor feels while it feels it: touch here, felt there, 13 ms later.",
-    ),
+    "stop": ("Reproduce", "stop:stop_command", "Silence all arrays that midair plays on."),
+    "live": ("Reproduce", "live:live_command", "Play the pressure on a sensor in real time, 13 ms later."),
     "loop": (
         "Reproduce",
         "loop:loop_command",
-        "Take a recording through everything: solve, play, re-record, correct, play again, compare, report.",
+        "Solve, play, re-record, correct and compare a recording, and write a report.",
     ),
     "compare": (
-        "Judge",
+        "Evaluate",
         "compare:compare_command",
-        "Compare a re-recording with its original: waveform, spectrum, level, place, delay, and what skin makes of it.",
+        "Compare a re-recording or a drive with its original recording.",
     ),
     "budget": (
-        "Judge",
+        "Evaluate",
         "budget:budget_command",
-        "Tell what each stage of a reproduction on the virtual rig loses: mapping, solver, hold, transducers, sensor.",
+        "Compute how much each stage of a virtual reproduction distorts: mapping, solver, hold, transducers, sensor.",
     ),
     "paper": (
         "Research",
         "paper:paper_command",
-        "Make the paper's figures again on a virtual rig, in the paper's mode and in the best one, with their numbers.",
+        "Reproduce the paper's figures and numbers on a virtual rig, in the paper's mode and in the best mode.",
     ),
 }
-"""A group of `terminal.GROUPS`, where the command is, and its first line, by the name that people type, in the order of
-the work."""
+"""For each command: its group in `terminal.GROUPS`, its "module:function", and the first line of its help."""
 
 FOLDERS: Mapping[str, tuple[str, str]] = {
     "calibrate": (
         "Calibrate",
-        "Turn a recording into pressure: midair calibrate RECORDING. What a calibration is measured with: "
-        "against a reference (measure), by a tone of known level (tone), by a beam (beam). And an array's "
-        "transducers (array).",
+        "Convert a recording to pressure (midair calibrate RECORDING), or measure a calibration with a subcommand.",
     ),
-    "sweep": (
-        "Research",
-        "Solve many targets on many processes, and report E: all binary patterns of the paper's simulation "
-        "(5.1) over strengths and heights, or recordings under many settings.",
-    ),
-    "study": (
-        "Research",
-        "Plan a study on people, run it one participant at a time, and analyse it.",
-    ),
+    "sweep": ("Research", "Solve many targets in parallel processes and report the error E."),
+    "study": ("Research", "Plan, run and analyse a user study."),
 }
-"""Commands that have commands below them: a group, and what their help says."""
+"""Commands with subcommands: group and help."""
 
 PASSES: Mapping[str, int] = {
     "import": 4,
@@ -164,17 +131,18 @@ PASSES: Mapping[str, int] = {
     "study analyse": 1,
     "sweep report": 1,
 }
-"""Commands without bars, meters and questions of their own, and how often each goes through what it works on: a bar
-with the time left shows when they take long."""
+"""How many times a command without a progress bar of its own goes through its data; `busy_bar` needs it for the time
+left.
+"""
 
 
 def command_of(tokens: Sequence[str]) -> str:
-    """The command of a line, with the folder that it is in: "cut", "calibrate", "calibrate measure"."""
+    """Key of `PASSES` that a command line names, such as "cut" or "calibrate measure"; "" if none."""
     return next((name for name in (" ".join(tokens[:2]), *tokens[:1]) if name in PASSES), "")
 
 
 def __getattr__(name: str) -> App:
-    """A command to be put among others, imported now: `solve_app`."""
+    """Import a command and return its app, for names such as `solve_app`."""
     typed = name.removesuffix("_app")
     if typed == name or typed not in COMMANDS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""The command `budget`: what each stage of a reproduction loses."""
+"""The command `budget`: distortion that each stage of a reproduction adds."""
 
 from functools import partial
 from pathlib import Path
@@ -48,33 +48,29 @@ def budget_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Tell what each stage of a reproduction on the virtual rig loses: mapping, solver, hold, transducers, sensor.
+    """Compute how much each stage of a virtual reproduction distorts: mapping, solver, hold, transducers, sensor.
 
-    Each stage is switched on after those before it, with all after it perfect. Signal over distortion counts what lies
-    in the band, cell by cell, with a linear gain and the delay taken out.
+    Stages are switched on one after another; those that follow are ideal.
+    The signal-to-distortion ratio is computed in the band, cell by cell, after removing linear gain and delay.
 
     Parameters
     ----------
     source
-        A recording with a calibration.
+        Recording with a calibration, NAME.h5.
     figure
-        PNG of the waterfall; none if not given.
-    options
-        Of every stage.
+        Write a waterfall chart of the stages to this PNG file.
     start_at
-        Where in the recording to begin.
+        Start of the part to use.
     duration
-        How much of the recording; all that is left if not given.
+        Length of the part to use. [default: to the end]
     silencer
-        How the array spreads phase steps; auto is what midair sets on any.
+        How the array smooths phase steps; auto is the setting that midair uses on any array.
     lead
-        Time before and after it, to swell and fade; what the mapping needs if not given.
+        Time before and after the part for fading in and out. [default: as the mapping needs]
     array_calibration
-        NAME.array.h5 of midair calibrate array: solves for its transducers as they were measured.
+        Solve for the measured transducers in this NAME.array.h5 from midair calibrate array.
     seed
-        Of the virtual rig.
-    json
-        Print JSON for a program.
+        Random seed of the virtual rig.
 
     Examples
     --------
@@ -108,17 +104,17 @@ def budget_command(
             unfinished.write_bytes(png(budget_figure([(source.name, made)])))
     if json:
         return print_json(made.plain())
-    print_budget(f"what each stage of {source.name} loses", made)
+    print_budget(f"distortion of each stage, {source.name}", made)
     print_rows([("figure", str(figure))] if figure is not None else [])
     return None
 
 
 _STAGES = ("solve", "solver", "quantisation", "frame hold", "transducers", "silencer", "palm")
-"""Of a budget, those that take long."""
+"""Stages of a budget that take long enough for a time estimate."""
 
 
 def print_budget(title: str, budget: Budget) -> None:
-    """A line for each stage, and below it what each does."""
+    """Print a row per stage, then what each stage is."""
     low, high = budget.band
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("stage")

@@ -1,4 +1,4 @@
-"""The command `compare`: a re-recording against its original."""
+"""The command `compare`: a re-recording or a drive against its original."""
 
 from contextlib import ExitStack
 from dataclasses import replace
@@ -48,30 +48,29 @@ def compare_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Compare a re-recording with its original: waveform, spectrum, level, place, delay, and what skin makes of it.
+    """Compare a re-recording or a drive with its original recording.
 
-    Band, rate, lead and the part of the original that was played are those that the re-recording says it was made with.
-    What was played passes the soft edges of the band twice, so the original is compared through them once more.
+    Prints waveform, spectrum, level, place, delay, and an estimate of what a person feels.
+    Band, rate, lead and the part of the original are read from the re-recording.
+    The band filter is applied to the original once more, since a re-recording passes it twice.
 
     Parameters
     ----------
     original
-        A recording with a calibration.
+        Original recording with a calibration, NAME.h5.
     reproduced
-        What was re-recorded of its reproduction; or its drive, which a virtual rig plays to a sensor and a whole palm.
-    options
-        Of the band, where the re-recording does not say.
+        Its re-recording; or its drive, which is then played on a virtual rig with a sensor and a whole palm.
     palm
-        TOML with the outline of a palm, for a drive; a disc of 85 mm if not given.
+        TOML file with the outline of a palm, for a drive. [default: disc of 85 mm]
     seed
-        Of the virtual rig that plays a drive.
+        Random seed of the virtual rig that plays a drive.
     report
-        page.html, to hold the figures, and both recordings to be watched and heard.
+        Write an HTML page with all figures and both recordings, to watch and listen to.
     film
-        palm.gif, or palm.mp4 by ffmpeg, of a drive: pressure on the palm and how soft skin moves, wanted beside played,
-        in slow motion.
+        Write a slow-motion film of a drive to palm.gif, or palm.mp4 (needs ffmpeg): pressure on the palm and motion of
+        soft skin, target beside reproduction.
     force
-        Write over a report or a film that is there.
+        Overwrite an existing report or film.
 
     Examples
     --------
@@ -92,14 +91,12 @@ def compare_command(
     else:
         for option, given in (("--palm", palm), ("--film", film)):
             if given is not None:
-                raise InputError(
-                    f"{option}: expected with a drive, which a virtual rig plays to a palm, got {reproduced.name}"
-                )
+                raise InputError(f"{option}: expected a drive as second file, got the recording {reproduced.name}")
         take = open_take(reproduced, streamed=True)
         if not take.recording.provenance.played and open_take(original, streamed=True).recording.provenance.played:
             raise InputError(
                 f"expected the original first, got its re-recording {original.name}; "
-                f"type midair compare {reproduced} {original}"
+                f"use midair compare {reproduced} {original}"
             )
         settings = made_with(take.recording.provenance, (options or BandOptions()).settings())
     with ExitStack() as stack:
@@ -133,7 +130,7 @@ def _write_report(
     card: PerceptualMetrics | None,
     palm: PalmFidelity | None,
 ) -> None:
-    """Figures, and both recordings to be watched and heard."""
+    """Write the figures and both recordings as one page."""
     shown = show_comparison(before, after)
     check_size(shown)
     figures = [(name, f"{value:.3g}", unit) for name, (value, unit) in comparison.figures().items()]
@@ -148,7 +145,7 @@ def _write_report(
 
 
 def _write_film(path: Path, frames: PalmFrames, progress: Progress) -> None:
-    """Pressure and displacement, wanted beside played."""
+    """Write pressure and displacement, target beside reproduction, as a film."""
     pressure = {"Pressure, wanted": frames.wanted, "played": frames.delivered}
     motion = {f"{frames.skin} skin, wanted": 1e6 * frames.wanted_motion, "played": 1e6 * frames.motion}
     groups = [
@@ -163,13 +160,12 @@ def _write_film(path: Path, frames: PalmFrames, progress: Progress) -> None:
 def _played(
     original: Path, drive_file: Path, palm: Path | None, seed: int, film: Path | None
 ) -> tuple[Settings, OpenedTake, PalmFidelity]:
-    """The settings of a drive, and what a virtual rig's sensor and a whole palm get of it."""
+    """Settings of a drive, its re-recording by a virtual sensor, and its fidelity on a whole palm."""
     drive = load_solution(drive_file).drive
     settings = Settings.of(drive.provenance)
     if settings is None:
         raise InputError(
-            f"{drive_file.name}: expected a drive that says how it was made, got one that does not; make it by "
-            "midair solve"
+            f"{drive_file.name}: expected a drive with stored settings, got one without; make it with midair solve"
         )
     felt = felt_part(original, settings)
     piece, asked = asked_of(drive.provenance, felt)

@@ -1,4 +1,4 @@
-"""The command `demo`: the whole pipeline on a virtual rig, the paper's way and the best side by side, and a report."""
+"""The command `demo`: record, solve, play and compare on a virtual rig in two modes, and write a report."""
 
 import shlex
 import sys
@@ -43,7 +43,7 @@ _STROKE = 1.28
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Touched:
-    """Part of a virtual stroke, and the rig that it was recorded on."""
+    """Part of a virtual stroke, and the rig that records it."""
 
     object_name: str
     start_at: float
@@ -52,11 +52,11 @@ class _Touched:
     palm: Palm
 
     def typed(self) -> list[str]:
-        """What a person types to choose the same part."""
+        """Command-line arguments that select the same part."""
         return ["--start-at", f"{self.start_at!r}s", "--duration", f"{self.duration!r}s"]
 
     def seeded(self) -> list[str]:
-        """What a person types to have the same rig."""
+        """Command-line arguments for the same rig."""
         return [] if self.rig.seed == 0 else ["--seed", str(self.rig.seed)]
 
 
@@ -71,26 +71,25 @@ def demo_command(
     seed: int = 0,
     force: Force = False,
 ) -> None:
-    """Record a virtual towel stroke, reproduce it on a virtual array in the best mode and in the paper's, and report.
+    """Record a virtual towel stroke, reproduce it in the best mode and in the paper's, and write a report.
 
-    Needs no hardware. The sensor is a model of sixteen microphones under a gel, the array one of four AUTD3 units, each
-    a little different from what the solver assumes; everything that comes out says SIMULATED. The paper's mode is
-    solved by glide, which is quick; --mode paper shows it alone, by the solver that it has otherwise, in minutes.
+    Needs no hardware; all results are marked SIMULATED.
+    The virtual sensor has sixteen microphones under a gel. The virtual array has four AUTD3 units whose transducers
+    deviate from the solver's model.
+    The paper's mode uses the fast solver glide here; --mode paper alone runs its own solver, which takes minutes.
 
     Parameters
     ----------
     output
-        Folder for the report, the recordings and the drive. Before an earlier demo is replaced, you are asked.
+        Folder for report, recordings and drive. Asks before it replaces an earlier demo.
     object_name
-        brush, sponge or towel, each with +groove for the grooved sensor surface.
+        Object of the stroke: brush, sponge or towel; add +groove for the grooved sensor surface.
     start_at
-        Where in the stroke to begin; the object has reached the second row of cells by then.
+        Start of the part to reproduce; at the default the object has reached the second row of cells.
     duration
-        How much of the stroke to reproduce.
-    options
-        Of every stage.
+        Length of the part to reproduce.
     seed
-        Of everything random.
+        Random seed of the virtual rig.
 
     Examples
     --------
@@ -104,7 +103,7 @@ def demo_command(
     touched_by = rig.touched_by(object_name)
     if not (0 <= start_at < start_at + duration <= _STROKE):
         raise InputError(
-            f"--start-at, --duration: expected a part of {_STROKE} s, got {duration:g} s from {start_at:g} s on"
+            f"--start-at, --duration: expected a part within {_STROKE} s, got {duration:g} s from {start_at:g} s on"
         )
     piece = _Touched(object_name=object_name, start_at=start_at, duration=duration, rig=rig, palm=options.outline())
     output.mkdir(parents=True, exist_ok=True)
@@ -129,7 +128,7 @@ def demo_command(
 def _outcome(
     recording: Recording, calibration: Calibration | None, options: SolveOptions, piece: _Touched, stage: ProgressBars
 ) -> Outcome:
-    """One way through the loop."""
+    """Run the loop once with these options."""
     settings = options.settings()
     paced = partial(stage, workload=workload_of(settings, piece.rig.array.count))
     original = calibrated_pressure(recording, calibration, settings).cut(piece.start_at, piece.duration)
@@ -141,7 +140,7 @@ def _outcome(
 
 
 def _works(settings: Settings, piece: _Touched) -> list[Work]:
-    """What takes long: both passes, and the palm."""
+    """Work that takes long, for the time estimate: both passes and the palm."""
     workload = workload_of(settings, piece.rig.array.count)
     frames = round((piece.duration + 2 * lead_of(settings)) * settings.target.rate)
     passes = {"solve": 2, "play and re-record": 2, "palm": 1}
@@ -149,18 +148,18 @@ def _works(settings: Settings, piece: _Touched) -> list[Work]:
 
 
 def _ask_to_write_over(output: Path, force: bool) -> None:
-    """Let a person decide about what an earlier demo left; nobody to ask means no."""
+    """Ask before replacing an earlier demo; without a terminal, refuse."""
     if force or not (output / "report.html").exists():
         return
     if sys.stdin.isatty():
-        err().print(f"{output} holds an earlier demo. Write over it? [y/N] ", end="")
+        err().print(f"{output} contains an earlier demo. Overwrite it? [y/N] ", end="")
         if sys.stdin.readline().strip().lower() in ("y", "yes"):
             return
-    raise InputError(f"{output}: holds an earlier demo; give another folder, or --force to write over it")
+    raise InputError(f"{output}: contains an earlier demo; give another folder, or --force to overwrite it")
 
 
 def _by_hand(piece: _Touched, options: SolveOptions, paper: SolveOptions | None) -> tuple[str, ...]:
-    """What a person types to have the same."""
+    """Commands that do the same step by step."""
     record = ["midair", "record", f"virtual:{piece.object_name}", "stroke.h5", "--duration", f"{_STROKE}s"]
     loop = ["midair", "loop", "stroke.h5"]
     lines = [
@@ -175,7 +174,7 @@ def _by_hand(piece: _Touched, options: SolveOptions, paper: SolveOptions | None)
 def _keep(
     outcomes: list[Outcome], output: Path, piece: _Touched, commands: tuple[str, ...], progress: Progress
 ) -> None:
-    """Write everything that came of the first way into the folder."""
+    """Write drive, re-recording, report and pictures of the first mode into the folder."""
     loop = outcomes[0].loop
     last = loop.passes[-1]
     save_solution(last.reproduction.solution, output / f"{piece.object_name}.drive.h5", target=last.reproduction.target)

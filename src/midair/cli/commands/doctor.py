@@ -1,4 +1,4 @@
-"""The command `doctor`: what is installed, what works, and one line of advice each."""
+"""The command `doctor`: check the installation and the devices."""
 
 from dataclasses import asdict
 
@@ -9,15 +9,15 @@ from midair.rig import check_up
 
 
 def doctor_command(*, device: str | None = None, json: Json = False) -> int:
-    """Look at what is installed and what works here, and say what to do about what does not.
+    """Check the installation, drivers and devices, and print advice for each problem.
 
-    Leaves with 1 when something that is needed is broken.
+    The exit status is 1 if something that midair needs is broken.
 
     Parameters
     ----------
     device
-        An array to open and ask: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE, openmpd:PORT. It stays
-        silent. Or a sensor to listen to for half a second: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
+        Also open this array, silently, and query it: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE,
+        openmpd:PORT. Or read this sensor for half a second: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
 
     Examples
     --------

@@ -27,7 +27,7 @@ from midair.files import contents, open_take
 from midair.model import Calibration, Recording
 
 HIGHEST = 1e6
-"""Rate up to which a recording can be brought, in Hz: no sensor of touch comes near."""
+"""Highest rate that `resample` accepts, in Hz."""
 
 Names = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
 
@@ -42,20 +42,18 @@ def cut_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Keep a part of a recording.
+    """Extract a part of a recording.
 
     Parameters
     ----------
     source
-        A recording.
+        Recording to read.
     output
-        The part, in any format that can be written.
+        File to write, in any format that midair can write.
     start
-        Of the part.
+        Start of the part.
     end
-        Of the part; the recording's own if not given.
-    json
-        Print JSON for a program.
+        End of the part. [default: end of the recording]
 
     Examples
     --------
@@ -66,21 +64,19 @@ def cut_command(
 
 
 def join_command(*files: Path, force: Force = False, json: Json = False) -> None:
-    """Put recordings of the same sensor one behind the other.
+    """Join recordings of the same sensor end to end.
 
     Parameters
     ----------
     files
-        Two recordings or more, and last the name of the whole.
-    json
-        Print JSON for a program.
+        Two or more recordings in order, then the file to write.
 
     Examples
     --------
     $ midair join take.h5 part.h5 both.h5
     """
     if len(files) < 3:
-        raise InputError(f"join: expected two recordings or more and the name of the whole, got {len(files)} names")
+        raise InputError(f"join: expected two or more recordings and a file to write, got {len(files)} names")
     *sources, output = files
     may_write(output, force)
     _write(
@@ -91,18 +87,16 @@ def join_command(*files: Path, force: Force = False, json: Json = False) -> None
 def resample_command(
     source: Path, output: Path, /, *, rate: Frequency, force: Force = False, json: Json = False
 ) -> None:
-    """Bring a recording to another rate.
+    """Change the frame rate of a recording.
 
     Parameters
     ----------
     source
-        A recording.
+        Recording to read.
     output
-        The same at the new rate.
+        File to write.
     rate
-        New frames per second.
-    json
-        Print JSON for a program.
+        New frame rate.
 
     Examples
     --------
@@ -124,20 +118,18 @@ def trim_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Take the silence away from both ends of a recording.
+    """Remove silence from both ends of a recording.
 
     Parameters
     ----------
     source
-        A recording.
+        Recording to read.
     output
-        What is not silent.
+        File to write.
     share
-        Of the largest change of any channel, below which all is silent.
+        Silence threshold as a fraction of the largest change of any channel.
     margin
-        That is kept at both ends.
-    json
-        Print JSON for a program.
+        Silence to keep at both ends.
 
     Examples
     --------
@@ -162,20 +154,18 @@ def gain_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Make a recording stronger or weaker.
+    """Multiply a recording by a factor or a level in decibels.
 
     Parameters
     ----------
     source
-        A recording.
+        Recording to read.
     output
-        The same, times the gain.
+        File to write.
     by
-        A factor, such as 2 or 0.5, or decibels, such as 6dB.
+        Factor, such as 2 or 0.5, or level change, such as 6dB.
     channels
-        Only these, by number from 0, with commas.
-    json
-        Print JSON for a program.
+        Change only these channels: numbers from 0, separated by commas.
 
     Examples
     --------
@@ -200,20 +190,18 @@ def mask_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Silence some channels of a recording, or replace them by their neighbours.
+    """Set channels of a recording to zero, or interpolate them from their neighbours.
 
     Parameters
     ----------
     source
-        A recording.
+        Recording to read.
     output
-        The same without these channels.
+        File to write.
     channels
-        By number from 0, row by row, with commas.
+        Channels to replace: numbers from 0, row by row, separated by commas.
     fill
-        zero, or the mean of the neighbours that are not masked.
-    json
-        Print JSON for a program.
+        New value: zero, or the mean of the neighbours that are not masked.
 
     Examples
     --------
@@ -225,16 +213,16 @@ def mask_command(
 
 
 def _write(recording: Recording, sources: list[Path], output: Path, *, json: bool) -> None:
-    """Write what was made, with the calibration that all its sources share."""
+    """Write an edited recording, with the calibration that all its sources share."""
     takes = [open_take(source, streamed=True) for source in sources]
     calibrations = [take.calibration for take in takes]
     calibration = calibrations[0] if _same(calibrations) else None
     notes: list[str] = []
     if calibration is None and any(calibrations):
-        notes.append("The calibration was left out: the recordings do not share one.")
+        notes.append("The calibration was left out: the recordings have different calibrations.")
     if any(take.stored and "pressure" in contents(source).parts for take, source in zip(takes, sources, strict=True)):
-        notes.append("The calibrated pressure was left out: it belongs to the whole; run midair calibrate again.")
-    # Before it is written, which may replace the very file that it is read from.
+        notes.append("The calibrated pressure was left out; run midair calibrate again.")
+    # Before writing, which may replace the source.
     rows = [("recording", str(output)), *recording_rows(recording)]
     lost = write_recording(recording, output, calibration=calibration)
     figures = {"recording": str(output), **recording_figures(recording)}
@@ -242,7 +230,7 @@ def _write(recording: Recording, sources: list[Path], output: Path, *, json: boo
 
 
 def _same(calibrations: list[Calibration | None]) -> bool:
-    """Whether all are there and answer alike."""
+    """Whether all are present and have the same response."""
     first = calibrations[0]
     return first is not None and all(
         other is not None
@@ -257,12 +245,12 @@ def _numbers(names: tuple[str, ...], recording: Recording) -> tuple[int, ...]:
     count = recording.sensor.count
     wrong = [name for name in names if not name.isdecimal() or int(name) >= count]
     if wrong:
-        raise InputError(f"channels: expected numbers of 0 to {count - 1} with commas, got {', '.join(wrong)}")
+        raise InputError(f"channels: expected comma-separated numbers from 0 to {count - 1}, got {', '.join(wrong)}")
     return tuple(int(name) for name in names)
 
 
 def _factor(text: str) -> float:
-    """The factor that a number, or a number of decibels, means."""
+    """Factor that a number or a number of decibels means."""
     number, decibels = (text[:-2], True) if text.lower().endswith("db") else (text, False)
     try:
         value = float(number)

@@ -1,4 +1,4 @@
-"""The command `exposure`: what a drive would expose ears and hands to."""
+"""The command `exposure`: sound levels of a drive at ears and palm."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -28,32 +28,32 @@ def exposure_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Work out the sound level of every frame of a drive at ears and palm, and hold it against a profile.
+    """Compute the sound levels of a drive at ears and palm, and check them against limits.
 
-    The limits of all profiles rest on thin evidence; the command says so, and where they are from.
+    The evidence for the limits is thin; the command prints their source and their evidence.
 
     Parameters
     ----------
     source
-        NAME.drive.h5.
+        Drive to check, NAME.drive.h5.
     device
-        On which it would be played, by the names of `midair play`; transducers of AUTD3 where the drive was solved for
-        them if not given. What the drive's file says of their strength counts for nothing.
+        Array that would play the drive, as in midair play. [default: AUTD3, if the drive was solved for it]
+        The transducer strength stored in the drive is ignored.
     placement
-        TOML file with position and rotation of the device's units; two by two side by side if not given.
+        TOML file with position and rotation of the units. [default: two by two, side by side]
     profile
         Name of the exposure profile.
     profiles
-        TOML file of profiles; those that come with midair if not given.
+        TOML file of exposure profiles. [default: the profiles of midair]
     repeats
         How often the drive would be played, for the dose.
     figure
-        Where to draw the levels, NAME.png; NAME.exposure.png if not given.
+        Write a PNG figure of the levels. [default: NAME.exposure.png]
     air
-        Of the room: levels are the loudest over 2 degrees around it, or over 14 to 30 degrees if it is not stated. The
-        air that the drive was solved for does not count.
+        Air of the room: levels are the maximum over 2 degrees around it; if not stated, over 14 to 30 degrees. The air
+        that the drive was solved for is ignored.
     json
-        Print JSON for a program, and draw only if a figure is named.
+        Print the result as JSON, and draw only if --figure is given.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def exposure_command(
             ("for", _for(drive, array)),
             ("resolution", found.resolution),
             ("felt", felt_pressure_text(found) or f"up to {found.pressure:.3g} Pa on the palm"),
-            ("nonlinearity", f"sigma {found.nonlinearity:.2f}; above 1 the real sound is weaker and harsher than this"),
+            ("nonlinearity", f"sigma {found.nonlinearity:.2f}; above 1 the real sound is weaker and more distorted"),
             ("limits from", chosen.source),
             ("evidence", chosen.evidence),
             ("figure", str(target)),
@@ -93,7 +93,7 @@ def exposure_command(
 
 
 def _known(drive: Drive, device: str | None, placement: Path | None) -> TransducerArray:
-    """The array that is to play: a device's, or the drive's places with transducers of the strength that is known."""
+    """The array that would play: that of the device, or the drive's with the known strength of its transducers."""
     if device is not None:
         return array_named(device, None if placement is None else load_placement(placement)).array
     kinds = [array_of_kind(kind) for kind in get_args(ArrayKind)]
@@ -105,7 +105,7 @@ def _for(drive: Drive, array: TransducerArray) -> str:
     said = f"{array.name}, {array.pressure:.3g} Pa m each"
     if abs(drive.array.pressure / array.pressure - 1) < 1e-6:
         return said
-    return f"{said}; the file says {drive.array.pressure:.3g} Pa m, which counts for nothing"
+    return f"{said}; the file states {drive.array.pressure:.3g} Pa m, which is ignored"
 
 
 def _columns(found: Exposure) -> dict[str, dict[str, tuple[float, str]]]:

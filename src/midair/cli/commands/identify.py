@@ -1,4 +1,4 @@
-"""The command `identify`: a tap or a tone for each cell, a map of what answered, the right order in the sensor file."""
+"""The command `identify`: find the channel of each cell by taps or tones, and correct the sensor file."""
 
 from collections.abc import Callable
 from dataclasses import asdict
@@ -31,27 +31,28 @@ def identify_command(
     json: Json = False,
     seed: int = 0,
 ) -> int:
-    """Find out which channel is which cell: tap each cell when its turn comes, row by row from the top left.
+    """Find out which channel belongs to which cell, by taps or tones.
 
-    Leaves with 1 when a channel is dead, doubled or uncertain; channels in another order are no failure once the order
-    is in the sensor file.
+    Tap each cell when the command names it, row by row from the top left.
+    The exit status is 1 if a channel is dead, doubled or uncertain, or if the order is wrong and not written to a
+    sensor file.
 
     Parameters
     ----------
     sensor
-        As for midair record; virtual:taps is a virtual sensor that taps itself once a second, for use with --every 1s.
+        Sensor, as in midair record; virtual:taps is a virtual sensor that is tapped once a second (use --every 1s).
     sensor_file
-        NAME.toml: the order in it is used, and replaced by the right one; it is made if it is not there.
+        Sensor file NAME.toml: its channel order is read, and replaced by the right one; created if missing.
     every
-        Tap in this rhythm, instead of waiting for each tap: finds cells that do not answer at all.
+        Tap in this rhythm instead of waiting for each tap; this also finds cells that do not respond.
     wait
-        A cell that does not answer for so long is left out; s leaves it out at once.
+        Skip a cell that does not respond within this time; the key s skips it at once.
     tones
-        Instead of taps, a tone in each cell: the frequencies of the first and the last cell, the others evenly between.
+        Use a tone in each cell instead of taps: frequency of the first and of the last cell, the others evenly between.
     duration
-        To listen to the tones.
+        Listening time for tones.
     seed
-        Of a virtual sensor.
+        Random seed of a virtual sensor.
 
     Examples
     --------
@@ -78,10 +79,10 @@ def _prompt(device: SensorDevice, *, keys: bool) -> Callable[[int], None]:
 
     def prompt(cell: int) -> None:
         row, column = divmod(cell, device.grid.columns)
-        hint = "; s: leave it out" if keys else ""
+        hint = "; s: skip it" if keys else ""
         console.print(f"tap row {row}, column {column} ({cell + 1} of {device.grid.count}){hint}")
 
-    console.print("leave the sensor alone for a second")
+    console.print("do not touch the sensor for a second")
     return prompt
 
 
@@ -90,17 +91,11 @@ def _plain_wiring(device: SensorDevice) -> SensorWiring:
 
 
 def _write(found: Identity, wiring: SensorWiring, path: Path | None) -> bool:
-    """Put the right order into the sensor file; whether that was done.
-
-    Raises
-    ------
-    InputError
-        If it is not certain.
-    """
+    """Write the right order into the sensor file; False if no file was given."""
     if path is None:
         return False
     if found.doubtful or len(found.silent) > 1:
-        raise InputError(f"{path}: left as it was, the order is not certain: {'; '.join(findings(found))}")
+        raise InputError(f"{path}: not changed, because the order is uncertain: {'; '.join(findings(found))}")
     save_sensor(wiring.with_order([wiring.order[channel] for channel in found.order]), path)
     return True
 
@@ -111,7 +106,7 @@ def _print(found: Identity, written: Path | None, *, json: bool) -> None:
         parts = asdict(found) | {"grid": list(found.grid.shape), "margin": found.margin.tolist()}
         state = {"sound": found.sound, "in_order": found.in_order, "order": list(found.order), "findings": said}
         return print_json(parts | state | {"written": None if written is None else str(written)})
-    out().print("channel that answers at each cell:")
+    out().print("channel that responds at each cell:")
     out().print(channel_map(found))
     for sentence in said or ["every channel is in its place"]:
         out().print(sentence)
@@ -121,7 +116,7 @@ def _print(found: Identity, written: Path | None, *, json: bool) -> None:
 
 
 def channel_map(found: Identity) -> Text:
-    """The sensor from above: green where the channel is the cell's own, yellow where it is another's, -- for none."""
+    """The sensor from above: green for the cell's own channel, yellow for another's, -- for none."""
     text = Text()
     for cell, channel in enumerate(found.channel):
         style = "red" if channel is None or cell in found.doubtful else "green" if channel == cell else "yellow"

@@ -1,4 +1,4 @@
-"""Commands that make and change recordings: import, mend, export, repair."""
+"""Commands that convert and repair recordings: import, mend, export, repair."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -46,35 +46,32 @@ def import_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Bring a file of any program into a recording, and say what was assumed.
+    """Convert a file of another program to a recording.
 
-    CSV, WAV (also Wave64 and RF64), FLAC, AIFF, Ogg, MP3, NPZ, NPY, MAT, NetCDF and HDF5 of midair, XDF, TDMS, MCAP;
-    effects of .ahap and .hjif are rendered to waves. Without a calibration
-    nobody knows the pressure: state the scale, the sensitivity, or the peak that the recording is to have. A recording
-    of one channel becomes a field by --footprint circle:20mm --speed 50mm/s.
+    Reads CSV, WAV (also Wave64 and RF64), FLAC, AIFF, Ogg, MP3, NPZ, NPY, MAT, XDF, TDMS, MCAP, and NetCDF and HDF5
+    of midair; effects in .ahap and .hjif are rendered to waveforms.
+    To get pressure without a calibration, give --scale, --sensitivity or --peak.
+    A single channel becomes a field with --footprint circle:20mm --speed 50mm/s.
+    The command prints all assumptions that it made.
 
     Parameters
     ----------
     source
-        The file; or what comes with midair: sample:brush, sample:sponge, sample:towel (synthetic strokes),
-        sample:ridges (a real board of ridges, ten times as fast), sample:connect (an effect), sample:denim (a real
-        fabric, too slow to be felt).
+        File to read, or a sample of midair: sample:brush, sample:sponge, sample:towel (synthetic strokes),
+        sample:ridges (a real board of ridges, ten times as fast), sample:connect (an effect),
+        sample:denim (a real fabric, too slow to be felt).
     output
-        The recording; the source's name with .h5 in this folder if not given.
-    options
-        What the file does not say.
+        Recording to write. [default: name of the source with .h5, in this folder]
     sensitivity
-        Output of every channel per pressure, such as 20mV/Pa or 2count/Pa.
+        Sensitivity of every channel, such as 20mV/Pa or 2count/Pa.
     peak
-        The largest change of any channel is to mean this pressure, such as 30Pa.
+        Pressure of the largest change of any channel, such as 30Pa.
     reference
-        In place of a scale: a take of the same microphone at the same gain, of something known.
+        Derive the scale from this file: a known signal recorded with the same microphone at the same gain.
     tone
-        What is known: the level of a tone in it, such as a calibrator's.
+        Level of the tone in --reference, such as that of a calibrator.
     drop
-        Or a weight that drops on the skin over the microphone: mass, height, diameter that it hits, as 2g:50mm:10mm.
-    json
-        Print JSON for a program.
+        The reference is a falling weight instead: mass, height and diameter of the impact, such as 2g:50mm:10mm.
 
     Examples
     --------
@@ -87,7 +84,9 @@ def import_command(
     options, notes = options or FileOptions(), ()
     if reference is not None:
         if options.scale is not None or sensitivity is not None or peak is not None:
-            raise InputError("--reference: expected it alone, got --scale, --sensitivity or --peak beside it")
+            raise InputError(
+                "--reference: expected it without --scale, --sensitivity or --peak, got one; give only one"
+            )
         found = scale_by(reference, options, tone, drop)
         options, notes = replace(options, scale=found.scale), (f"{reference.name}: {found.words}",)
     _take_in(source, output, options, sensitivity, peak, notes=notes, force=force, json=json)
@@ -106,28 +105,24 @@ def mend_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Bring a file with gaps into a recording: NaN, infinite or empty numbers are filled, and the recording says where.
+    """Convert a file with gaps (NaN, infinite or empty values) to a recording and fill the gaps.
 
-    As midair import, which refuses them. Every gap stands in the journal and in the provenance of the recording.
+    Works as midair import, which refuses files with gaps. The recording stores each gap in its journal and provenance.
 
     Parameters
     ----------
     source
-        The file of another program.
+        File to read.
     output
-        The recording; the source's name with .h5 in this folder if not given.
-    options
-        What the file does not say.
+        Recording to write. [default: name of the source with .h5, in this folder]
     longest
-        Gap that is filled; one that is longer is refused.
+        Longest gap to fill; longer ones are refused.
     fill
-        spectrum goes on as the neighbourhood vibrates, line leaves out what vibrates.
+        spectrum continues the vibration around the gap; line interpolates without vibration.
     sensitivity
-        Output of every channel per pressure, such as 20mV/Pa or 2count/Pa.
+        Sensitivity of every channel, such as 20mV/Pa or 2count/Pa.
     peak
-        The largest change of any channel is to mean this pressure, such as 30Pa.
-    json
-        Print JSON for a program.
+        Pressure of the largest change of any channel, such as 30Pa.
 
     Examples
     --------
@@ -153,7 +148,7 @@ def _take_in(
     ready = name in SAMPLES and SAMPLES[name].ready
     if ready:
         if options != FileOptions() or mending is not None:
-            raise InputError(f"{source}: expected no options of files, since it comes as it is felt; leave them out")
+            raise InputError(f"{source}: expected no file options for this sample, got some; leave them out")
         file = Path(name)
     else:
         file = sample_path(name) if source.startswith("sample:") else Path(source)
@@ -188,7 +183,7 @@ def _credited(name: str, taken: OpenedTake) -> OpenedTake:
 
 
 def _known_of(name: str) -> tuple[str, ...]:
-    """What should be known of a sample, a line each."""
+    """Licence, origin and notes of a sample, one per line."""
     about = SAMPLES[name]
     return (
         f"licence: {about.licence}",
@@ -200,18 +195,18 @@ def _known_of(name: str) -> tuple[str, ...]:
 def export_command(
     source: Path, output: Path, /, *, pressure: bool = False, force: Force = False, json: Json = False
 ) -> None:
-    """Write a recording to the format that the output's name says, and say what that format cannot hold.
+    """Convert a recording to another file format.
+
+    The ending of the output selects the format; the command prints which data the format cannot hold.
 
     Parameters
     ----------
     source
-        A recording.
+        Recording to read.
     output
-        NAME.csv, .wav, .npz, .mat, .nc (NetCDF), .hjif (MPEG haptics), .ahap (Apple) or .h5.
+        File to write: NAME.csv, .wav, .npz, .mat, .nc (NetCDF), .hjif (MPEG haptics), .ahap (Apple) or .h5.
     pressure
-        Write the calibrated pressure instead of what the sensor said.
-    json
-        Print JSON for a program.
+        Write the calibrated pressure instead of the raw samples.
 
     Examples
     --------
@@ -238,20 +233,20 @@ def export_command(
 
 
 def repair_command(source: Path, /) -> None:
-    """Close a recording whose program was killed, so that any program can open it.
+    """Repair a recording whose program was killed.
 
-    A recording that still runs is refused.
+    A recording that is still in progress is refused.
 
     Parameters
     ----------
     source
-        NAME.h5; it is replaced in one piece.
+        Recording to repair, NAME.h5; the file is replaced atomically.
 
     Examples
     --------
     $ midair repair take.h5
     """
     found = repair(source)
-    print_rows([("recording", str(source)), ("state", "was closed in order" if not found else "repaired")])
+    print_rows([("recording", str(source)), ("state", "no repair needed" if not found else "repaired")])
     for sentence in found:
         out().print(f"note: {sentence}")

@@ -47,7 +47,7 @@ class _FileFacts:
 
 
 def info_command(source: Path, /, *, json: Json = False) -> None:
-    """Say what a recording, a drive or a calibration holds, where it came from, and what was done to it.
+    """Print the contents, origin and history of a recording, a drive or a calibration.
 
     Parameters
     ----------

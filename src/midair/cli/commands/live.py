@@ -159,7 +159,7 @@ def live_command(
     keep: Path | None = None,
     json: Json = False,
 ) -> int:
-    """Play what a sensor feels while it feels it: touch here, felt there, 13 ms later.
+    """Play the pressure on a sensor in real time, 13 ms later.
 
     For stroking; a tap is noticed late. Exposure is checked before anything sounds, for the worst that the level can
     do, and the level rises over the first second. Ctrl-C ends it, and so does midair stop in another terminal. What

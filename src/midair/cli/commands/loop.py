@@ -110,7 +110,7 @@ def loop_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Take a recording through everything: solve, play, re-record, correct, play again, compare, report.
+    """Solve, play, re-record, correct and compare a recording, and write a report.
 
     Parameters
     ----------

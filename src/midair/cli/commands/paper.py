@@ -56,7 +56,7 @@ def paper_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Make the paper's figures again on a virtual rig, in the paper's mode and in the best one, with their numbers.
+    """Reproduce the paper's figures and numbers on a virtual rig, in the paper's mode and in the best mode.
 
     Each gives PNG, CSV and JSON. Everything is simulated and says so. docs/paper.md puts the numbers beside those that
     the paper printed. Figures 3 and 9 take seconds; figure 4 and the fidelity take minutes, most of them to solve

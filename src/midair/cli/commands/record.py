@@ -122,7 +122,7 @@ def record_command(
     json: Json = False,
     seed: int = 0,
 ) -> int:
-    """Record a sensor into a file, which is written as the frames come.
+    """Record a sensor to a file.
 
     At a terminal, space or Enter starts and stops a take, unless a duration or a trigger does, and q ends. Frames that
     are lost are held, told, and noted in the file; the status is 1 only when nothing was recorded, or not to its end.

@@ -66,7 +66,7 @@ def show_command(
     no_browser: bool = False,
     force: Force = False,
 ) -> None:
-    """Show a recording, a drive, or a re-recording over its original: as a page, a film in slow motion, or a sound.
+    """Show a recording, a drive or a comparison as a web page, a film or a sound.
 
     The page is one file that works offline: traces, spectrum over time, fields and phases, played, paused and stepped
     through. A film has one picture a frame, 50 a second.

@@ -58,7 +58,7 @@ def solve_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Work out the drive with which the array presses as the sensor felt, frame by frame.
+    """Compute transducer phases that reproduce a recording.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def play_command(
     options: PlayOptions | None = None,
     air: AirOptions | None = None,
 ) -> None:
-    """Play a drive, and re-record what it presses when the device is virtual.
+    """Play a drive on an array; on the virtual array, re-record the pressure.
 
     Nothing is played on an array or on its emulator that exceeds the exposure profile, unless someone answers for it.
     Ctrl-C stops, and so does midair stop in another terminal.

@@ -8,7 +8,7 @@ from midair.devices import Stopped, state_folder, stop_playing
 
 
 def stop_command(*, device: str | None = None, placement: Path | None = None, json: Json = False) -> int:
-    """Silence whatever plays, at once.
+    """Silence all arrays that midair plays on.
 
     Every midair that plays on this computer under this user, or is about to, is told to be silent and to end; those
     that are only starting refuse to play. "silent" is said when the array has confirmed it. With a device, that device

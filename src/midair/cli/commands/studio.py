@@ -16,7 +16,7 @@ def studio_command(
     sensor: str = "virtual:towel",
     seed: int = 0,
 ) -> None:
-    """Open the studio: record, solve, play and compare in the browser, with every frame to be seen.
+    """Open the studio in the browser: record, solve, play and compare.
 
     It listens on this computer alone and prints a link that works once, for five minutes. Ctrl-C ends it, and silences
     what plays. It needs the extra studio, and no internet.

@@ -1,4 +1,4 @@
-"""Options that several commands share; those of the way from recording to drive are made from `settings.CHOICES`."""
+"""Options that several commands share; those of the settings are generated from `settings.CHOICES`."""
 
 import os
 from collections.abc import Sequence
@@ -22,27 +22,19 @@ from midair.validation import HEIGHTS
 Length = Annotated[float, quantity("m")]
 Frequency = Annotated[float, quantity("Hz")]
 Time = Annotated[float, quantity("s")]
-Force = Annotated[bool, Parameter(alias="-f", help="Write over a file that is there.")]
-Json = Annotated[bool, Parameter(alias="-j", help="Print JSON for a program.")]
-Quiet = Annotated[bool, Parameter(help="Show nothing while it runs, as -q does.")]
+Force = Annotated[bool, Parameter(alias="-f", help="Overwrite existing files.")]
+Json = Annotated[bool, Parameter(alias="-j", help="Print the result as JSON.")]
+Quiet = Annotated[bool, Parameter(help="Hide progress bars and meters, as -q does.")]
 
 
 class _Chosen:
-    """What a person chose, on top of a mode or of a file of settings; None is what nobody chose."""
+    """Options on top of a mode or of a settings file; None means not given."""
 
     otherwise: ClassVar[Mode] = "paper"
-    """The mode if nobody chose one."""
+    """Mode if neither --mode nor --settings is given."""
 
     def settings(self) -> Settings:
-        """The settings that these options mean.
-
-        Raises
-        ------
-        InputError
-            If a value is out of range, or both a mode and a file are given.
-        MissingFileError, BrokenFileError
-            If there are no settings in the file.
-        """
+        """The settings that these options select."""
         mode, path = getattr(self, "mode", None), getattr(self, "settings_file", None)
         if mode is not None and path is not None:
             raise InputError(f"expected --mode or --settings, got --mode {mode} and --settings {path}")
@@ -63,23 +55,17 @@ class _Chosen:
         return made
 
     def refuse_idle_palm(self) -> None:
-        """Refuse an outline of which a command that looks at no palm would make nothing.
-
-        Raises
-        ------
-        InputError
-            If there is one and no quiet palm.
-        """
+        """Raise InputError for --palm without a quiet palm, where the command would ignore it."""
         if getattr(self, "palm", None) is not None and _weight(self.settings()) == 0:
             raise InputError("--palm: expected --quiet-palm or --mode finest beside it, got neither")
 
     def outline(self) -> Palm:
-        """The palm that is looked at: a disc of 85 mm if nobody chose one."""
+        """The palm for the evaluation; default: a disc of 85 mm."""
         palm = getattr(self, "palm", None)
         return Palm.disc() if palm is None else load_palm(palm)
 
     def typed(self) -> list[str]:
-        """What a person types to choose the same."""
+        """Command-line arguments that select the same settings."""
         words: list[str] = []
         mode, path = getattr(self, "mode", None), getattr(self, "settings_file", None)
         words += [] if mode is None else ["--mode", mode]
@@ -97,40 +83,40 @@ class _Chosen:
 
     @property
     def air_is_stated(self) -> bool:
-        """Whether the air is a person's: by an option, or by the file that it is to be made like."""
+        """Whether the user gave the air, by an option or by a settings file."""
         return getattr(self, "temperature", None) is not None or getattr(self, "settings_file", None) is not None
 
 
 def _weight(settings: Settings) -> float:
-    """Of the quiet palm."""
+    """Weight of the quiet palm."""
     asked = settings.solver.quiet_palm
     return asked.weight if isinstance(asked, QuietPalm) else asked
 
 
 def _word(value: Any, unit: str) -> str:
-    """A value as it is typed, exactly."""
+    """A value as an exact command-line argument."""
     if not unit:
         return str(value)
     return f"{100 * value!r}%" if unit == "%" else f"{value!r}{unit}"
 
 
 def _cores() -> int:
-    """Of those that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _stored(path: Path) -> Settings:
-    """The settings of a TOML file, or those by which a drive was made."""
+    """Settings from a TOML file or from the provenance of a drive."""
     if not path.name.lower().endswith(".h5"):
         return Settings.load(path)
     found = Settings.of(load_solution(path, streamed=True).drive.provenance)
     if found is None:
-        raise InputError(f"{path}: expected a drive that tells its settings, got one of an older midair")
+        raise InputError(f"{path}: expected a drive with stored settings, got one without (written by an older midair)")
     return found
 
 
 def _parameter(choice: Choice, otherwise: Literal["paper", "best"]) -> Any:
-    """The option of a choice: optional, with its default shown, and where that is the best mode's, the paper's too."""
+    """The option of a choice; its help shows the default, and the paper's where the best mode's differs."""
     kind = _kind(choice)
 
     shown = {name: spelt(choice.of(MODES[name]()), choice.unit) for name in ("paper", "best")}
@@ -147,7 +133,7 @@ def _parameter(choice: Choice, otherwise: Literal["paper", "best"]) -> Any:
 
 
 def _fixed(default: str) -> Any:
-    """Always this as the default in the help; nothing at all where the solver has a default of its own."""
+    """Formatter that always shows this default; False where the solver has its own."""
 
     def shown(_: object) -> str:
         return default
@@ -156,7 +142,7 @@ def _fixed(default: str) -> Any:
 
 
 def _kind(choice: Choice) -> Any:
-    """The type of a choice, as far as a person can type it: no objects, and the longer of number and tuple."""
+    """Type of a choice on the command line: no objects, and the tuple where both a number and a tuple are allowed."""
     hint: Any = Settings
     for part in choice.path.split("."):
         holder = next(each for each in _alternatives(hint) if hasattr(each, "__dataclass_fields__"))
@@ -179,15 +165,17 @@ def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: 
     if modes:
         mode = Parameter(
             name=("--mode", "-m"),
-            help="paper, best, quick (fewer iterations) or finest (a quiet palm); single options go on top.",
+            help="Preset: paper, best, quick (fewer iterations) or finest (quiet palm); other options override it.",
             show_default=_fixed("best"),
         )
         path = Parameter(
-            name="--settings", help="TOML of settings, or a drive, that it is to be made like.", show_default=False
+            name="--settings",
+            help="Read settings from a TOML file or from an existing drive, instead of --mode.",
+            show_default=False,
         )
         palm = Parameter(
             name="--palm",
-            help="TOML with a palm's outline, in place of a disc.",
+            help="TOML file with the outline of a palm. [default: disc of 85 mm]",
             show_default=False,
         )
         first = [
@@ -216,14 +204,14 @@ else:
 
 
 _SHARED = ("band", "height", "pitch", "points", "temperature", "humidity", "directivity")
-"""What belongs to the room and to the recording, and not to a way of playing."""
+"""Settings of the recording and the room, which a comparison of two modes shares."""
 
 
 def paper_beside(options: SolveOptions) -> SolveOptions | None:
-    """The paper's mode where and when the other one plays; None if the paper's is what was chosen.
+    """Options of the paper's mode with the same recording and room; None if the paper's mode was chosen.
 
-    The solver is glide. The paper's own takes seven times as long, and its drives come to the same signal over
-    distortion on the sensor.
+    The solver is glide: the paper's own takes seven times as long for the same signal-to-distortion ratio on the
+    sensor.
     """
     if getattr(options, "mode", None) == "paper":
         return None
@@ -236,6 +224,6 @@ def paper_beside(options: SolveOptions) -> SolveOptions | None:
 
 
 def way_of(options: SolveOptions) -> str:
-    """What to call the way of playing that was chosen."""
+    """Name of the chosen mode in reports."""
     mode = getattr(options, "mode", None) or options.otherwise
     return "the paper's mode" if mode == "paper" else f"the {mode} mode"
