@@ -146,7 +146,7 @@ def test_info_of_a_calibration(take, capsys):
 def test_repair_of_a_file_that_needs_none(take, capsys):
     before = load("take.h5").samples
     assert run(["repair", "take.h5"]) == 0
-    assert "closed in order" in capsys.readouterr().out
+    assert "no repair needed" in capsys.readouterr().out
     np.testing.assert_array_equal(load("take.h5").samples, before)
 
 

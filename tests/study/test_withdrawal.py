@@ -87,7 +87,7 @@ def test_unknown_participants_and_unconfirmed_withdrawals_are_refused(study, tmp
     with pytest.raises(InputError, match="participant with a log, got 9"):
         withdraw(study, 9)
     assert midair(["study", "withdraw", "s", "2"]) == 1
-    assert "--force does not ask" in capsys.readouterr().err
+    assert "use --force to delete without asking" in capsys.readouterr().err
     assert everything(tmp_path) == before
 
 

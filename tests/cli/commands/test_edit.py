@@ -31,9 +31,7 @@ def answer(capsys, *words):
 
 def test_cut_and_join_make_the_same_file_again(take, capsys):
     told = answer(capsys, "cut", "take.h5", "a.h5", "--end", "200ms")
-    assert told["notes"] == [
-        "The calibrated pressure was left out; run midair calibrate again."
-    ]
+    assert told["notes"] == ["The calibrated pressure was left out; run midair calibrate again."]
     assert run(["cut", "take.h5", "b.h5", "--start", "0.2s"]) == 0
     assert run(["join", "a.h5", "b.h5", "both.h5"]) == 0
     np.testing.assert_array_equal(load("both.h5").samples, take.samples)

@@ -1,4 +1,4 @@
-"""The command `info`, and what other commands say of a file that they made."""
+"""The command `info`: contents, origin and history of a file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -39,7 +39,7 @@ from midair.targets import piece_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FileFacts:
-    """What a file holds: in words, for programs, and its life."""
+    """Facts about a file: rows to print, values for JSON, provenance."""
 
     rows: list[tuple[str, str]]
     figures: dict[str, object]
@@ -52,7 +52,8 @@ def info_command(source: Path, /, *, json: Json = False) -> None:
     Parameters
     ----------
     source
-        NAME.h5, NAME.drive.h5, NAME.calibration.h5, or any recording that can be imported.
+        File to read: NAME.h5, NAME.drive.h5, NAME.calibration.h5, NAME.array.h5, or any recording that midair can
+        import.
 
     Examples
     --------
@@ -112,7 +113,7 @@ def _told_of_take(source: Path) -> _FileFacts:
         rows.append(("calibration", calibrated_by(calibration)))
     if calibration is not None:
         rows.append(("calibration id", f"{calibration.identifier}, version {calibration.version}"))
-        rows.append(("calibration date", calibration.date or "not written down"))
+        rows.append(("calibration date", calibration.date or "not recorded"))
         rows.append(("uncertainty", uncertainty_of(calibration)))
     largest = None if pressure is None else float(moments(pressure.pressure).largest)
     if largest is not None:
@@ -171,7 +172,7 @@ def _told_of_drive(source: Path) -> _FileFacts:
 
 
 def _settings(settings: Mapping[str, Setting]) -> str:
-    # Places of a stage, ten a second, are for programs (--json).
+    # Positions of a motion stage, ten a second: their number here, all of them with --json.
     return ", ".join(
         f"{len(value)} {name}" if name == "stamps" and isinstance(value, tuple) else f"{name} {_spelt(name, value)}"
         for name, value in settings.items()
@@ -179,5 +180,5 @@ def _settings(settings: Mapping[str, Setting]) -> str:
 
 
 def _spelt(name: str, value: Setting) -> object:
-    """With the unit of a setting, which its place tells; other names carry their units."""
+    """A setting with its unit; names without a dot carry their unit."""
     return spelt_setting(name, value) if "." in name else value

@@ -1,4 +1,4 @@
-"""The command `live`: what a sensor feels now is played now."""
+"""The command `live`: play the signal of a sensor in real time."""
 
 import sys
 import time
@@ -35,20 +35,20 @@ from midair.rig import live as begin
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkOptions:
-    """Two people: the sensor here, the array there.
+    """Live touch over a network: sensor on one computer, array on another.
 
     Parameters
     ----------
     listen
-        HOST:PORT here, where the other side's frames come in place of a sensor's: 0.0.0.0:5005.
+        Receive frames on HOST:PORT instead of reading a sensor, such as 0.0.0.0:5005. Needs --key.
     to
-        HOST:PORT of the other side: what the sensor feels goes there, and nothing is played here.
+        Send the sensor's frames to HOST:PORT; nothing plays on this computer. Needs --key.
     key
-        File that both sides share; what it does not open is refused.
+        Key file that both computers share; packets that fail authentication are dropped.
     new_key
-        Makes such a file, and does nothing else.
+        Create a key file and exit.
     buffer
-        Of jitter on the way; it is added to the delay.
+        Jitter buffer of the receiver; it adds to the delay.
     """
 
     listen: str | None = None
@@ -61,44 +61,44 @@ class NetworkOptions:
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveOptions(ExposureOptions):
-    """How touch is felt and played.
+    """Sensor, array, and the processing between them.
 
     Parameters
     ----------
     sensor
-        lsl:NAME, serial:PORT or ni:CHANNELS; virtual:towel (brush, sponge ...) or replay:FILE, which are repeated.
+        Sensor: lsl:NAME, serial:PORT, ni:CHANNELS; or virtual:towel (brush, sponge ...), replay:FILE, which repeat.
     device
-        virtual, autd3, autd3:INTERFACE or autd3:emulator.
+        Array: virtual, autd3, autd3:INTERFACE or autd3:emulator.
     calibration
-        Of the sensor: a file of midair calibrate.
+        Calibration of the sensor, a file of midair calibrate.
     sensor_file
-        TOML file of the sensor, with the order of its channels.
+        TOML file of the sensor with the order of its channels.
     height
-        Of the palm above the array.
+        Height of the palm above the array.
     gain
-        Multiplies the pressure.
+        Factor on the pressure.
     level
-        Highest drive of any transducer, 0 to 1; exposure is admitted for the worst that it can do.
+        Highest drive level of any transducer, 0 to 1; the exposure check assumes the worst case at this level.
     hold
-        From a frame's being taken to its sounding: all computing and sending has to fit into it.
+        Delay from sampling a frame to emitting it; all computing and sending must fit into it.
     delay
-        Of the filter that undoes the sensor, 2 to 10 ms: the less, the further from what it felt.
+        Delay of the inverse sensor filter, 2 to 10 ms; shorter is less accurate.
     mapping
-        half-wave; constant-offset, with --offset; slow-bias, which waits 90 ms more and is felt as delay.
+        How signed pressure is made positive: half-wave; constant-offset (needs --offset); slow-bias (90 ms more delay).
     offset
-        Of the constant offset.
+        Offset of the mapping constant-offset.
     band
-        Lowest and highest frequency that is felt.
+        Lowest and highest frequency to reproduce.
     silencer
-        How the units spread phase steps.
+        How the units smooth phase steps.
     placement
-        TOML file with position and rotation of the units; two by two side by side if not given.
+        TOML file with position and rotation of the units. [default: two by two, side by side]
     temperature
-        Of the room's air, in degrees Celsius; the paper's 14 if not given.
+        Air temperature in degrees Celsius. [default: 14, as in the paper]
     priority
-        Real-time priority that is asked for, 1 to 99; 0 asks for none.
+        Real-time priority of the process to request, 1 to 99; 0 requests none.
     seed
-        Of a virtual sensor.
+        Random seed of a virtual sensor.
     """
 
     sensor: str = "virtual:towel"
@@ -120,7 +120,7 @@ class LiveOptions(ExposureOptions):
     seed: int = 0
 
     def session(self, duration: float | None, keep: Path | None, network: NetworkOptions) -> LiveSession:
-        """What these options mean, not yet begun."""
+        """The session that these options describe, not yet started."""
         if not 0 <= self.priority <= 99:
             raise InputError(f"--priority: expected 0 to 99, got {self.priority}")
         air = None if self.temperature is None else Acoustics(medium=Medium.at(temperature=self.temperature))
@@ -161,22 +161,19 @@ def live_command(
 ) -> int:
     """Play the pressure on a sensor in real time, 13 ms later.
 
-    For stroking; a tap is noticed late. Exposure is checked before anything sounds, for the worst that the level can
-    do, and the level rises over the first second. Ctrl-C ends it, and so does midair stop in another terminal. What
-    does not come in time is not played; what does not come at all ends in silence.
+    Suited to strokes; the delay of a tap is noticeable.
+    The exposure check covers the worst case at the chosen level. The level rises over the first second.
+    Frames that arrive too late are not played; without new frames the array becomes silent.
+    Ctrl-C ends it, and so does midair stop in another terminal.
 
     Parameters
     ----------
-    options
-        Sensor, array, and the way between them.
-    network
-        Over a network.
     duration
-        Until Ctrl-C if not given.
+        Time to play. [default: until Ctrl-C]
     keep
-        NAME.h5 of a take: what was felt, and what was played. Nothing is written over.
+        Record the session to this NAME.h5: calibrated pressure and drive. Existing files are not overwritten.
     json
-        Print JSON for a program: frames, lost, late, and latency in ms, with more beside them.
+        Print the result as JSON: frames, lost, late, latency in ms, and more.
 
     Examples
     --------
@@ -190,14 +187,14 @@ def live_command(
     options, network = options or LiveOptions(), network or NetworkOptions()
     if network.new_key is not None:
         make_key(network.new_key)
-        print_rows([("key", f"{network.new_key}; give the other side a copy, and nobody else")])
+        print_rows([("key", f"{network.new_key}; copy it to the other computer, and keep it secret")])
         return 0
     if network.to is not None:
         _speak(options, network, duration, json=json)
         return 0
     if keep is not None:
         if keep.exists():
-            raise InputError(f"{keep}: is there already; give another name")
+            raise InputError(f"{keep}: already exists; give another name")
         may_write(keep, True, ".h5")
     with signals_noted() as signals, options.session(duration, keep, network) as session:
         if not json:
@@ -225,9 +222,9 @@ def _tell(ended: LiveSession, keep: Path | None, *, json: bool) -> None:
 
 
 def _speak(options: LiveOptions, network: NetworkOptions, duration: float | None, *, json: bool) -> None:
-    """The side that feels: nothing is played here."""
+    """Send a sensor's frames to the other computer; nothing plays here."""
     if network.key is None or network.listen is not None:
-        raise InputError("--to: expected --key with the file that both sides share, and no --listen")
+        raise InputError("--to: expected --key with the shared key file, and no --listen")
     with (
         signals_noted() as signals,
         send_touch(
@@ -252,7 +249,7 @@ def _speak(options: LiveOptions, network: NetworkOptions, duration: float | None
 
 
 def _watch(session: LiveSession, signals: Signals, *, quiet: bool) -> None:
-    """Until it ends, with a line that moves where somebody can see it."""
+    """Wait for the end, with a status line if stderr is a terminal."""
     shown = not quiet and not verbosity().quiet and sys.stderr.isatty()
     with Screen(console=err(), refresh_per_second=10, transient=True) if shown else _Nothing() as screen:
         while session.wait(0.1) and not signals.came:
@@ -260,7 +257,7 @@ def _watch(session: LiveSession, signals: Signals, *, quiet: bool) -> None:
 
 
 class _Nothing:
-    """A screen that nobody sees."""
+    """Replacement for the status line that shows nothing."""
 
     def __enter__(self) -> "_Nothing":
         return self
@@ -269,7 +266,7 @@ class _Nothing:
         return None
 
     def update(self, _: Text) -> None:
-        """Show nothing."""
+        """Ignore the text."""
 
 
 def _line(told: LiveStatistics) -> str:
@@ -283,7 +280,7 @@ def _by_band(session: LiveSession) -> dict[str, float]:
 
 
 def _found(session: LiveSession) -> list[tuple[str, str]]:
-    """What is said before anything sounds."""
+    """Rows to print before the array plays."""
     opened, order = session.opened, session.order
     grid = opened.sensor
     errors = ", ".join(f"{100 * error:.0f} % in {band}" for band, error in _by_band(session).items())
@@ -299,12 +296,12 @@ def _found(session: LiveSession) -> list[tuple[str, str]]:
 
 
 def _heard(session: LiveSession) -> list[tuple[str, str]]:
-    """What came over a network, where anything did."""
+    """Counts of the network receiver; no rows without one."""
     told = session.network
     if not told:
         return []
-    said = f"{told['frames']} frames, {told['concealed']} concealed, {told['tardy']} of them came too late"
-    return [("network", f"{said}; {told['repeated']} repeated and {told['refused']} others refused")]
+    said = f"{told['frames']} frames, {told['concealed']} concealed, {told['tardy']} of them arrived too late"
+    return [("network", f"{said}; {told['repeated']} duplicates and {told['refused']} other packets dropped")]
 
 
 def _went(told: LiveStatistics) -> list[tuple[str, str]]:
@@ -313,9 +310,9 @@ def _went(told: LiveStatistics) -> list[tuple[str, str]]:
         return ", ".join(f"{name} within {1e3 * each:.3g}" for name, each in zip(names, shares, strict=True)) + " ms"
 
     return [
-        ("frames", f"{told.frames}, {told.played} of them sounded"),
-        ("lost", f"{told.lost} that the sensor never gave, in {told.gaps} gaps of 20 ms or more"),
-        ("late", f"{told.late}; {told.hurried} were solved in half the time, {told.unanswered} had no answer"),
+        ("frames", f"{told.frames}, {told.played} of them played"),
+        ("lost", f"{told.lost} missing from the sensor, in {told.gaps} gaps of 20 ms or more"),
+        ("late", f"{told.late}; {told.hurried} solved in half the time, {told.unanswered} without a solution"),
         ("latency", f"{1e3 * told.latency:.3g} ms from skin to skin"),
         ("sent after they were taken", times(told.left)),
         ("work on a frame", times(told.work)),

@@ -45,24 +45,24 @@ from midair.settings import Settings
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigOptions(ExposureOptions):
-    """What the loop plays on and listens with.
+    """Array and sensor of the loop.
 
     Parameters
     ----------
     device
-        virtual: an array and a sensor that exist only here. Others as in midair play, with a sensor.
+        Array to play on: virtual (array and sensor are simulated), or one of midair play, with --sensor.
     sensor
-        That hears a real array: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
+        Sensor that re-records a real array: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
     calibration
-        Of that sensor: a file of midair calibrate.
+        Calibration of that sensor, a file of midair calibrate.
     silencer
-        How the array spreads phase steps, the virtual one as well: auto takes the least simulated error.
+        How the array smooths phase steps; auto chooses the least simulated error.
     placement
-        TOML file with position and rotation of the units; two by two side by side if not given.
+        TOML file with position and rotation of the units. [default: two by two, side by side]
     array_calibration
-        NAME.array.h5 of midair calibrate array: solves for its transducers as they were measured.
+        Solve for the measured transducers in this NAME.array.h5 from midair calibrate array.
     seed
-        Of the virtual rig's strengths and noise.
+        Random seed of the virtual rig: transducer strengths and noise.
     """
 
     device: str = "virtual"
@@ -74,7 +74,7 @@ class RigOptions(ExposureOptions):
     seed: int = 0
 
     def rig(self, settings: Settings, cells: SensorGrid, room: Medium | None) -> OpenRig:
-        """Array and sensor, neither open yet; a virtual one has the cells of the recording and hears its band."""
+        """Array and sensor, not yet open; a virtual sensor gets the cells and the band of the recording."""
         rig = open_rig(
             self.device,
             self.sensor,
@@ -89,7 +89,7 @@ class RigOptions(ExposureOptions):
         )
         if self.device != "virtual" and (self.sensor is None or self.calibration is None):
             raise InputError(
-                f"loop on {self.device}: expected --sensor and its --calibration, which must hear the array; got "
+                f"loop on {self.device}: expected --sensor and its --calibration to re-record the array, got "
                 f"{self.sensor or 'no sensor'} and {self.calibration or 'no calibration'}"
             )
         return rig
@@ -115,25 +115,19 @@ def loop_command(
     Parameters
     ----------
     source
-        A recording with a calibration.
+        Recording with a calibration, NAME.h5.
     output
-        The report, NAME.html; the source's name if not given.
-    rig
-        Array and sensor.
-    options
-        Of every stage.
+        Report to write, NAME.html. [default: name of the source]
     start_at
-        Where in the recording to begin.
+        Start of the part to use.
     duration
-        How much of the recording; all that is left if not given.
+        Length of the part to use. [default: to the end]
     corrections
-        How often to correct the amplitude and play again, as the paper does once.
+        Number of amplitude corrections, each followed by another playback; the paper makes one.
     iterate
-        How often at most to correct the waveform and play again after that; it ends earlier when nothing helps.
+        Maximum number of waveform corrections after that; stops early when the error no longer falls.
     lead
-        Time before and after it, to swell and fade; what the mapping needs if not given.
-    json
-        Print JSON for a program.
+        Time before and after the part for fading in and out. [default: as the mapping needs]
 
     Examples
     --------
@@ -146,7 +140,7 @@ def loop_command(
     may_write(target, force, ".html")
     original = felt_part(source, settings, start_at, duration)
     chosen = rig or RigOptions()
-    # Exposure believes a typed temperature only: not a default, nor that of a file of settings.
+    # The exposure check uses a temperature given by option only: not a default, nor one from a settings file.
     room = settings.acoustics.medium if getattr(options, "temperature", None) is not None else None
     opened = chosen.rig(settings, original.sensor, room)
     if chosen.array_calibration is not None:
@@ -155,7 +149,7 @@ def loop_command(
     banner(opened.array.simulated or original.provenance.simulated)
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
     lead = lead_of(settings) if lead is None else lead
-    # Every pass is another drive, and measured before it plays.
+    # Every pass plays another drive, whose exposure is checked first.
     frames = (corrections + 1 + iterate) * round((original.frames / original.rate + 2 * lead) * settings.target.rate)
     say_how_long_to_come(frames, opened.array.array, room, opened.exposure.profile)
     workload = workload_of(settings, opened.array.array.count)
@@ -181,7 +175,7 @@ def _print(loop: Loop, target: Path, json: bool) -> None:
     print_figures("before and after correction", figures)
     if card is not None:
         print_card(card)
-    ended = [("iteration", f"{loop.end}; {loop.taken_back} steps taken back")] if loop.end else []
+    ended = [("iteration", f"{loop.end}; {loop.taken_back} steps undone")] if loop.end else []
     silencer = str(loop.passes[-1].rerecorded.provenance.steps[-1].settings["silencer"])
     print_rows([*level.rows(), *ended, ("silencer", silencer), ("report", str(target))])
     return None

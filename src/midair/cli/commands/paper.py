@@ -1,4 +1,4 @@
-"""The command `paper`: its figures and numbers made again, in its own mode and in the best one."""
+"""The command `paper`: reproduce figures and numbers of the paper in two modes."""
 
 from pathlib import Path
 from typing import Annotated, Literal, cast
@@ -58,44 +58,42 @@ def paper_command(
 ) -> None:
     """Reproduce the paper's figures and numbers on a virtual rig, in the paper's mode and in the best mode.
 
-    Each gives PNG, CSV and JSON. Everything is simulated and says so. docs/paper.md puts the numbers beside those that
-    the paper printed. Figures 3 and 9 take seconds; figure 4 and the fidelity take minutes, most of them to solve
-    4000 frames a second.
+    Each result is written as PNG, CSV and JSON, and marked as simulated.
+    Figures 3 and 9 take seconds; figure 4 and --fidelity take minutes, since they solve 4000 frames a second.
+    docs/paper.md compares the numbers with the printed ones.
 
     Parameters
     ----------
     folder
-        Where the files go.
+        Output folder.
     figure
-        3: patterns and their fields. 4: stimuli i to iii, original and re-recorded. 9: spectra of the objects.
-        All three and the fidelity if neither is given.
+        Figure to reproduce: 3 (patterns and fields), 4 (stimuli i to iii, original and re-recorded), 9 (spectra).
+        Without --figure, --fidelity and --materials: all three figures and the fidelity.
     fidelity
-        Error budgets of test signals and objects in both modes at one strength, and iterative correction in both.
+        Compute error budgets of test signals and objects in both modes at one strength, with iterative correction.
     materials
-        Strokes of several things through the paper's, the best and the live mode, and what a classifier that knows the
-        originals takes each for. Not among all.
+        Reproduce strokes of several materials in three modes: the paper's, --mode and live.
+        A classifier trained on the originals then labels them.
     recordings
-        Of the materials: a folder of calibrated recordings, each in a folder of its material's name or named
-        MATERIAL_anything; synthetic brush, sponge and towel if not given.
+        Folder of calibrated recordings for --materials, in subfolders named by material or as MATERIAL_anything.h5.
+        [default: synthetic brush, sponge and towel]
     strokes
-        Of each synthetic thing.
+        Number of strokes of each synthetic material.
     mode
-        What is put beside the paper's mode: best, quick or finest; paper for nothing.
+        Mode to compare with the paper's: best, quick or finest; paper for no comparison.
     things
-        Of the fidelity: 25+250 Hz, noise, bursts, brush, sponge, towel, and files of calibrated recordings.
+        Signals for --fidelity: 25+250 Hz, noise, bursts, brush, sponge, towel, and files of calibrated recordings.
     strength
-        Of the targets of figure 3 and of the fidelity: their peak over a single focus of the whole array.
+        Target peak relative to a single focus of the whole array, for figure 3 and --fidelity.
     duration
-        Of each signal of figure 4, where it is to be a multiple of 40 ms from 80 ms on, and of the fidelity; of
-        strokes for the materials it is .3 s.
+        Duration of each signal in figure 4 (a multiple of 40 ms, 80 ms or more) and in --fidelity.
+        Strokes of --materials last 0.3 s.
     iterate
-        Passes at most of the iterative correction in the fidelity; the best mode of figure 4 makes one, if any.
+        Maximum number of iterative corrections in --fidelity; figure 4 makes at most one in the best mode.
     air
-        Of figure 4 and of the fidelity, in both modes; the paper's 340 m/s if it is not stated.
+        Air for figure 4 and --fidelity, in both modes. [default: the paper's 340 m/s]
     seed
-        Of the virtual rig.
-    json
-        Print JSON for a program.
+        Random seed of the virtual rig.
 
     Examples
     --------
@@ -112,7 +110,7 @@ def paper_command(
     results: list[PaperResult] = []
     stimuli = None
     if 4 in chosen:
-        # Before anything is worked on: it refuses what has no whole periods.
+        # First, since it refuses durations without whole periods.
         stimuli = StimuliPlan(duration=duration, iterate=min(iterate, 1), rig=rig, mode=mode, paper=paper)
     with progress_bars() as stage:
         if 3 in chosen:
@@ -146,7 +144,7 @@ def paper_command(
                 strength=strength,
                 rig=rig,
                 mode=mode,
-                # Solved as a whole: about the error of one frame after another, in a fortieth of the time.
+                # glide solves blocks of frames: about the same error as frame by frame, in a fortieth of the time.
                 paper=paper.but(method="glide"),
             )
             results.append(materials_table(told, stage=stage))
@@ -159,7 +157,7 @@ def paper_command(
 
 
 def _check(folder: Path, name: str, force: bool) -> None:
-    """Refuse before the work begins."""
+    """Refuse existing output before the work begins."""
     if folder.is_dir():
         may_write(folder / f"{name}.json", force)
 
@@ -169,7 +167,7 @@ def _print(result: PaperResult, written: list[Path]) -> None:
     names = list(result.rows[0])
     lines = [names, *([_word(row[name]) for name in names] for row in result.rows)]
     if len(names) > len(lines):
-        # So that it fits into a terminal: what has few rows and many columns lies on its side.
+        # Transposed to fit into a terminal.
         lines = [list(line) for line in zip(*lines, strict=True)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
     for line in lines:
@@ -179,7 +177,7 @@ def _print(result: PaperResult, written: list[Path]) -> None:
 
 
 def _words(value: object) -> str:
-    """Of what a result was made with: long lists by their ends."""
+    """A value of the description; long lists are shortened to their ends."""
     if not isinstance(value, list):
         return _word(value)
     each = [_word(one) for one in cast("list[object]", value)]

@@ -1,4 +1,4 @@
-"""The command `record`: takes of a sensor, with meters, keys, a trigger, repeats, and names that make themselves."""
+"""The command `record`: record takes of a sensor with meters, keys, a trigger and repeats."""
 
 import sys
 import time
@@ -51,18 +51,18 @@ Time = Annotated[float | None, quantity("s")]
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SubjectOptions:
-    """What is recorded.
+    """Object and stroke, stored with the recording.
 
     Parameters
     ----------
     object_name
-        What is touched, such as towel; asked for at a terminal.
+        Name of the object, such as towel; asked for on a terminal if missing.
     surface
-        Such as flat or grooved.
+        Sensor surface, such as flat or grooved.
     speed
-        Of the stroke, such as 50mm/s.
+        Speed of the stroke, such as 50mm/s.
     operator
-        Who records.
+        Name of the person who records.
     """
 
     object_name: Annotated[str | None, Parameter(name="--object")] = None
@@ -72,7 +72,7 @@ class SubjectOptions:
 
     @property
     def subject(self) -> Subject:
-        """What was stated."""
+        """The given notes."""
         speed = "" if self.speed is None else f"{self.speed * 1e3:.6g}mm/s"
         return Subject(
             object=self.object_name or "", surface=self.surface or "", speed=speed, operator=self.operator or ""
@@ -82,22 +82,22 @@ class SubjectOptions:
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeOptions:
-    """When a take begins and ends, and how many there are.
+    """Begin, end and number of takes.
 
     Parameters
     ----------
     duration
-        Of a take, from its start on.
+        Length of a take.
     trigger
-        Begin when any channel is this far from its resting value, with its unit, such as 50mV or 300count.
+        Start when any channel differs from its resting value by this much, such as 50mV or 300count.
     pre_roll
-        Kept from before the start, with --trigger or a key.
+        Time to keep before the start, with --trigger or a key.
     post_roll
-        With --trigger: a take ends when nothing passed the level for so long.
+        With --trigger: end the take when the signal stays below the trigger level for this long.
     repeats
-        Number of takes; the paper made five strokes of each object and surface.
+        Number of takes; the paper made five strokes per object and surface.
     pause
-        Between takes that begin by themselves.
+        Pause between takes that start automatically.
     """
 
     duration: Time = None
@@ -124,27 +124,26 @@ def record_command(
 ) -> int:
     """Record a sensor to a file.
 
-    At a terminal, space or Enter starts and stops a take, unless a duration or a trigger does, and q ends. Frames that
-    are lost are held, told, and noted in the file; the status is 1 only when nothing was recorded, or not to its end.
+    Frames are written to the file as they arrive.
+    On a terminal, space or Enter starts and stops a take (without --duration and --trigger), and q ends.
+    Lost frames repeat the last value; they are reported and logged in the file.
+    The exit status is 1 if nothing was recorded or a take ended early.
 
     Parameters
     ----------
     sensor
-        virtual:towel (or brush, sponge; +groove for the grooved surface), virtual:am-i, am-ii, am-iii (the modulated
-        foci of the paper's section 5.2), replay:FILE, or a real one: midair doctor says which there are.
+        Sensor to record. Real: see midair doctor. Virtual: virtual:towel, virtual:brush, virtual:sponge
+        (add +groove for the grooved surface), virtual:am-i, am-ii, am-iii (modulated foci, paper section 5.2).
+        A file: replay:FILE.
     output
-        The recording, NAME.h5, or a folder; names are OBJECT-SURFACE-01.h5 and so on if it is not given. Nothing is
-        written over.
-    subject, options, staging
-        What is recorded, when, and what draws it over the sensor.
+        File NAME.h5 or folder. [default: OBJECT-SURFACE-01.h5 and so on]
+        Existing files are not overwritten.
     sensor_file
-        NAME.toml, which says what channel is which cell, and what the numbers mean.
+        Sensor file NAME.toml: the cell of each channel, unit and full scale.
     real_time
-        Let a virtual or replayed sensor take its time.
-    json
-        Print JSON for a program.
+        Let a virtual or replayed sensor run in real time.
     seed
-        Of a virtual sensor's noise and texture.
+        Random seed of a virtual sensor: noise and texture.
 
     Examples
     --------
@@ -186,7 +185,7 @@ def record_command(
         finally:
             if json:
                 print_json([plain_take(take, device) for take in takes if take.frames])
-        # In a pause between takes the last one is whole, and those to come are missing.
+        # A signal in a pause between takes: the last take is complete, the remaining ones are missing.
         if signals.came and takes[-1].end != "kill" and len(takes) < options.repeats:
             err().print(f"midair: stopped; kept {len(takes)} of {options.repeats} takes")
             return 130
@@ -194,7 +193,7 @@ def record_command(
 
 
 def _start(options: TakeOptions, keys: Keys, *, ends: bool) -> Literal["at once", "key", "touch"]:
-    """What a take waits for."""
+    """What starts a take."""
     if options.trigger is not None:
         return "touch"
     by_itself = ends and (options.repeats == 1 or options.pause is not None)
@@ -209,7 +208,7 @@ def _takes(
     output: Path | None,
     about: Subject,
 ) -> Generator[Take]:
-    """The takes, each when it is over; the last one tells what ended them."""
+    """Record the takes and yield each when it ends."""
     plan = TakePlan(
         path=Path(),
         start=start,
@@ -241,10 +240,10 @@ def _strokes(
     output: Path | None,
     about: Subject,
 ) -> Generator[Take]:
-    """The takes of a stage, a stroke each, every one from the same place; it is there again at the end."""
+    """Record one take per stroke of a motion stage, which returns to the start after each."""
     drawing.prepare(options.repeats, lambda: bool(signals.came))
     if not screen.asks("space or Enter: go"):
-        raise DeviceError("nothing has moved and nothing was recorded: it was ended before the first stroke")
+        raise DeviceError("ended before the first stroke: nothing moved and nothing was recorded")
     drawing.to_start(screen.ends)
     for number in range(1, options.repeats + 1):
         path = take_path(output, about, repeats=options.repeats)
@@ -252,7 +251,7 @@ def _strokes(
             path=path, notes=about.notes, settings=drawing.settings | {"take": number, "takes": options.repeats}
         )
         with screen.take(f"{path.name}, stroke {number} of {options.repeats}"):
-            # Keys are read beside the frames; a signal need not wait for any.
+            # The recorder reads keys between frames; signals act at once.
             take = record_take(device, plan, screen, drawing.companion(lambda: bool(signals.came)))
         yield take
         if take.end != "companion":
@@ -265,7 +264,7 @@ def _strokes(
 
 
 def _paused(options: TakeOptions, device: SensorDevice, screen: MeterScreen, *, staged: bool = False) -> bool:
-    """Let the pause pass; False when somebody ended it all."""
+    """Wait for the pause; False if a key or a signal ends the session."""
     pause = options.pause if options.pause is not None else 0.0 if device.on_demand or staged else 2.0
     end = time.monotonic() + pause
     while (left := end - time.monotonic()) > 0:
@@ -276,7 +275,7 @@ def _paused(options: TakeOptions, device: SensorDevice, screen: MeterScreen, *, 
 
 
 def _level(text: str, device: SensorDevice) -> float:
-    """The level of a trigger in the sensor's unit."""
+    """Trigger level in the sensor's unit."""
     try:
         return parse_quantity(text, device.unit)
     except ValueError as wrong:
@@ -284,7 +283,7 @@ def _level(text: str, device: SensorDevice) -> float:
 
 
 def _about(sensor: str, stated: Subject, *, ask: bool) -> Subject:
-    """What is recorded: as stated, as a virtual sensor's name says, or as somebody at the terminal answers."""
+    """Notes on the object: as given, from the name of a virtual sensor, or from questions on the terminal."""
     kind, _, rest = sensor.partition(":")
     if kind == "virtual" and not stated.object:
         name, _, surface = rest.partition("+")
@@ -300,21 +299,21 @@ def _about(sensor: str, stated: Subject, *, ask: bool) -> Subject:
 
 
 def _answer(console: PlainConsole, name: str, default: str) -> str:
-    """What somebody says, or said last time."""
+    """Ask for one note; Enter keeps the last answer."""
     offered = f" [{default}]" if default else ""
     return console.input(f"{name}{offered}: ").strip() or default
 
 
 def _status(takes: list[Take], device: SensorDevice) -> int:
-    """0 when all was recorded; else what was in the way."""
+    """Exit status 0 if everything was recorded; otherwise report the reason."""
     last = takes[-1]
     if last.end == "kill":
-        kept = f"{last.frames} frames are in {last.path}" if last.frames else "nothing of this take was recorded"
+        kept = f"{last.frames} frames are in {last.path}" if last.frames else "this take has no frames"
         err().print(f"midair: stopped; {kept}{last.problem and f'; {last.problem}'}")
         return 130
     if last.end == "failure":
         kept = f"the {last.frames} frames so far are safe"
         raise DeviceError(last.problem if kept in last.problem else f"{last.problem}; {kept}, in {last.path}")
     if not any(take.frames for take in takes):
-        raise DeviceError(f"{device.name}: nothing was recorded, it ended before a take began")
+        raise DeviceError(f"{device.name}: nothing was recorded; the session ended before a take began")
     return 0

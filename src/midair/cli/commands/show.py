@@ -1,4 +1,4 @@
-"""The command `show`: a file as a page, a film or a sound."""
+"""The command `show`: a file as a web page, a film or a sound."""
 
 import os
 import sys
@@ -46,10 +46,10 @@ from midair.view import (
 )
 
 ENDINGS = (".html", ".mp4", ".gif", ".wav")
-"""Of what `show` makes."""
+"""Formats that `show` writes."""
 
 _OURS = '<div class="midair-view" data-keys="page">'
-"""Stands in every page that `show` made, and nowhere else."""
+"""Text that occurs in every page of `show`, and in no other."""
 
 
 def show_command(
@@ -68,31 +68,31 @@ def show_command(
 ) -> None:
     """Show a recording, a drive or a comparison as a web page, a film or a sound.
 
-    The page is one file that works offline: traces, spectrum over time, fields and phases, played, paused and stepped
-    through. A film has one picture a frame, 50 a second.
+    The web page is a single file that works offline. It shows traces, spectrogram, fields and phases, and can play,
+    pause and step.
+    A film shows every frame at 50 pictures per second.
 
     Parameters
     ----------
     source
-        A recording, NAME.drive.h5, or any recording that can be imported.
+        File to show: a recording, NAME.drive.h5, or any recording that midair can import.
     again
-        What was re-recorded of it, to be shown over it.
+        Re-recording to show over the recording.
     save
-        page.html, film.mp4 (by ffmpeg), film.gif or wave.wav; NAME.show.html beside the file if not given.
+        File to write: page.html, film.mp4 (needs ffmpeg), film.gif or wave.wav. [default: NAME.show.html beside the
+        source]
     channel
-        Which one to hear, from 0; the loudest if not given.
+        Channel to listen to, from 0. [default: the loudest]
     target
-        Show what sound a recording would ask for at the control points.
+        Show the target sound amplitude at the control points instead of the recording.
     start_at
-        From where.
+        Start of the part to show.
     duration
-        How much; to the end if not given.
-    options
-        Of the band, for what is calibrated.
+        Length of the part to show. [default: to the end]
     no_browser
-        Do not open the page.
+        Do not open the page in a browser.
     force
-        Write over a file that is there.
+        Overwrite existing files.
 
     Examples
     --------
@@ -154,7 +154,7 @@ def _film(write: Callable[..., None]) -> Callable[[ViewData, Path], list[tuple[s
 
 def _wave(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     if shown.samples is None:
-        raise InputError(f"{path}: expected a recording to hear a channel of, got a drive; save a page or a film of it")
+        raise InputError(f"{path}: expected a recording for a sound, got a drive; save a page or a film")
     heard = audible(shown.samples, shown.channel, shown.rate)
     with whole_file(path) as partial:
         partial.write_bytes(heard.data)
@@ -169,7 +169,7 @@ def _size(count: int) -> str:
 
 
 def _made_by_show(path: Path) -> bool:
-    """Whether it may be made again without asking: a page of an earlier `show`."""
+    """Whether the file is a page of an earlier `show`, which may be overwritten."""
     try:
         return path.is_file() and _OURS in path.read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -177,7 +177,7 @@ def _made_by_show(path: Path) -> bool:
 
 
 def _has_screen() -> bool:
-    """Whether somebody looks who can be shown a page: not from a script, and not over a line without windows."""
+    """Whether a browser can open here: stdout is a terminal and there is a display."""
     windows = sys.platform in ("win32", "darwin") or bool(
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     )

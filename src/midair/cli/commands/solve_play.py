@@ -1,4 +1,4 @@
-"""Commands that make a reproduction and play it: solve, play."""
+"""The commands `solve` and `play`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -63,23 +63,22 @@ def solve_command(
     Parameters
     ----------
     source
-        A recording with a calibration.
+        Recording with a calibration, NAME.h5.
     output
-        NAME.drive.h5; the source's name if not given.
-    options
-        Of every stage.
+        Drive to write, NAME.drive.h5. [default: name of the source]
     start_at
-        Where in the recording to begin.
+        Start of the part to use.
     duration
-        How much of the recording; all that is left if not given.
+        Length of the part to use. [default: to the end]
     lead
-        Time around it to swell and fade.
+        Time before and after the part for fading in and out. [default: as the mapping needs]
     array
-        autd3: two by two units. openmpd, openmpd-twin (experimental): one board, or two face to face.
+        Array to solve for: autd3 (two by two units); openmpd, openmpd-twin (experimental; one board, or two face to
+        face).
     placement
-        TOML file with position and rotation of other AUTD3 units.
+        TOML file with position and rotation of AUTD3 units that are placed differently.
     array_calibration
-        NAME.array.h5 of midair calibrate array: solves for its transducers as they were measured.
+        Solve for the measured transducers in this NAME.array.h5 from midair calibrate array.
 
     Examples
     --------
@@ -90,7 +89,7 @@ def solve_command(
     settings = options.settings()
     options.refuse_idle_palm()
     if placement is not None and array != "autd3":
-        raise InputError(f"--placement: expected --array autd3, whose units it places, got {array}; leave one out")
+        raise InputError(f"--placement: expected --array autd3, got {array}; leave out one of them")
     transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force, ".drive.h5")
@@ -106,7 +105,7 @@ def solve_command(
     with progress_bars([work_of("solve", workload, frames)]) as stage:
         wanted, parts = reproduce_stream(pressure, transducers, settings, progress=stage("solve", workload))
         save_solutions(parts, target, frames=wanted.frames, target=wanted)
-    # What was written: to look at the reels again would be to make them again.
+    # Read back from the file: the lazy frames would be computed again.
     solution = load_solution(target, streamed=True)
     made = Reproduction(pressure=pressure, target=load_target(target, streamed=True) or wanted, solution=solution)
     level = level_of(solution, made.target, band=settings.calibration.band)
@@ -138,7 +137,7 @@ def solve_command(
 
 
 def _over_the_range(made: Reproduction, settings: Settings) -> list[tuple[str, str]]:
-    """E in the coldest and the warmest air that the phases are to hold in, of 256 frames, where there is a range."""
+    """E in the coldest and the warmest air of --robust, estimated from 256 frames; no rows without a range."""
     by, drive = settings.solver.robust, made.solution.drive
     if not by:
         return []
@@ -162,29 +161,28 @@ def play_command(
 ) -> None:
     """Play a drive on an array; on the virtual array, re-record the pressure.
 
-    Nothing is played on an array or on its emulator that exceeds the exposure profile, unless someone answers for it.
+    A drive that exceeds the exposure profile is refused on an array and on its emulator, unless --override-exposure
+    names a responsible person.
     Ctrl-C stops, and so does midair stop in another terminal.
 
     Parameters
     ----------
     source
-        NAME.drive.h5.
+        Drive to play, NAME.drive.h5.
     device
-        virtual: an array and a sensor that exist only here. autd3, autd3:INTERFACE: units over Ethernet.
+        Array to play on. virtual: array and sensor are simulated. autd3, autd3:INTERFACE: units over Ethernet.
         autd3:emulator: their emulator. autd3-simulator, autd3-server: the makers' programs on this computer.
         pyautd3, pyautd3:INTERFACE: older units over EtherCAT. pyautd3:audit, pyautd3:nop: no units.
-        openmpd:PORT?board=FILE.pat: a board of OpenMPD (experimental).
+        openmpd:PORT?board=FILE.pat: an OpenMPD board (experimental).
     output
-        The re-recording of a virtual device; NAME.rerecorded.h5 if not given.
+        Re-recording of the virtual device. [default: NAME.rerecorded.h5]
     array_calibration
-        NAME.array.h5 of midair calibrate array: a virtual device plays on those transducers, in place of the seed's.
+        Play on the measured transducers in this NAME.array.h5; virtual device only.
     seed
-        Of the virtual rig's strengths and noise.
-    options
-        Of exposure and of arrays.
+        Random seed of the virtual rig: transducer strengths and noise.
     air
-        Of the room; a virtual device plays in the drive's own air if it is not stated. Exposure is checked over 2
-        degrees around it, or over 14 to 30 degrees.
+        Air of the room. A virtual device plays in the drive's own air if it is not stated. The exposure check takes the
+        maximum over 2 degrees around it; if not stated, over 14 to 30 degrees.
 
     Examples
     --------
@@ -195,22 +193,22 @@ def play_command(
     if device != "virtual":
         if array_calibration is not None:
             raise InputError(
-                f"--array-calibration: expected --device virtual, got {device}, whose transducers are what they are; "
-                "solve for them"
+                f"--array-calibration: expected --device virtual, got {device}; "
+                "for a real array use midair solve --array-calibration"
             )
         return play_on_array(source, device, options, room)
     target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
     may_write(target, force)
     drive = load_solution(source, streamed=True).drive
     level = level_rows(level_of_file(source))
-    # The virtual sensor is as the drive was solved for: its cells, where it lies, what it has to hear.
+    # The virtual sensor has the cells, height and band that the drive was solved for.
     known, around = Settings.of(drive.provenance) or Settings(), None if room is None else Acoustics(medium=room)
     cells, height = cells_of(drive.provenance), known.target.grid.height
     rig = VirtualRig(array=drive.array.nominal, cells=cells, height=height, acoustics=around, seed=seed)
     rig = rig.hearing(known.calibration.band)
     if array_calibration is not None:
         measured = load_array_calibration(array_calibration)
-        measured.applied(rig.array)  # refuses one of another array
+        measured.applied(rig.array)  # raises if it was measured on another array
         rig = replace(rig, transducers=Transducers.measured(measured))
     skin = rig.skin()
     banner(True)

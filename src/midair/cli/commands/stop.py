@@ -1,4 +1,4 @@
-"""The command `stop`: silence from another terminal."""
+"""The command `stop`: silence playing arrays from another terminal."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -10,20 +10,17 @@ from midair.devices import Stopped, state_folder, stop_playing
 def stop_command(*, device: str | None = None, placement: Path | None = None, json: Json = False) -> int:
     """Silence all arrays that midair plays on.
 
-    Every midair that plays on this computer under this user, or is about to, is told to be silent and to end; those
-    that are only starting refuse to play. "silent" is said when the array has confirmed it. With a device, that device
-    is then opened and silenced as well: it works on units that some other program left sounding.
-
-    Leaves with 1 when something that plays did not confirm that it is silent; then switch the units off.
+    Stops every midair process of this user on this computer that plays or is about to play.
+    "silent" means that the array has confirmed it.
+    With --device, that array is then opened and silenced too, for units that another program left playing.
+    The exit status is 1 if an array did not confirm silence; then switch its units off.
 
     Parameters
     ----------
     device
-        Also open and silence it: autd3, autd3:INTERFACE, pyautd3, pyautd3:INTERFACE, openmpd:PORT.
+        Also open and silence this array: autd3, autd3:INTERFACE, pyautd3, pyautd3:INTERFACE, openmpd:PORT.
     placement
-        TOML file with the units of that device; two by two if not given.
-    json
-        Print JSON for a program.
+        TOML file with the units of that array. [default: two by two]
 
     Examples
     --------
@@ -35,9 +32,9 @@ def stop_command(*, device: str | None = None, placement: Path | None = None, js
             print_json([asdict(one) for one in stopped])
         elif stopped or device is None:
             rows = [(one.device, _said(one)) for one in stopped]
-            print_rows(rows or [("stop", f"nothing plays of which there is word in {state_folder()}")])
+            print_rows(rows or [("stop", f"no running playback is registered in {state_folder()}")])
     finally:
-        # Whatever became of the others.
+        # Even if stopping the others failed.
         if device is not None:
             _silence(device, placement)
     if device is not None and not json:
@@ -53,13 +50,13 @@ def _said(one: Stopped) -> str:
 
 
 def _silence(device: str, placement: Path | None) -> None:
-    """Open a device and silence it, whoever holds it."""
-    # Only now: what they take with them must not keep those waiting that play.
+    """Open a device and silence it, even if another process holds it."""
+    # Imported here: stopping the playing processes must not wait for these imports.
     from midair.files import load_placement
     from midair.rig import array_named
 
     array = array_named(device, None if placement is None else load_placement(placement))
-    # Not entered, which would wait for nobody and refuse where another program has it.
+    # Not as a context manager, which refuses a device that another process holds.
     try:
         array.open()
         array.silence()

@@ -1,4 +1,4 @@
-"""The command `studio`: a page in the browser in which all of this can be seen and touched."""
+"""The command `studio`: open the studio in a browser."""
 
 import sys
 from pathlib import Path
@@ -18,23 +18,23 @@ def studio_command(
 ) -> None:
     """Open the studio in the browser: record, solve, play and compare.
 
-    It listens on this computer alone and prints a link that works once, for five minutes. Ctrl-C ends it, and silences
-    what plays. It needs the extra studio, and no internet.
+    Serves this computer only, without internet, and prints a link that works once within five minutes.
+    Ctrl-C ends the studio and silences the array. Needs the extra: pip install "midair[studio]".
 
     Parameters
     ----------
     folder
-        The one folder that it reads and writes; this one if not given.
+        Folder to read and write. [default: current folder]
     port
-        On which it listens; any that is free if 0.
+        TCP port to listen on; 0 selects a free one.
     no_browser
-        Only print the link.
+        Print the link without opening a browser.
     device
-        An array, as in midair play.
+        Array, as in midair play.
     sensor
-        A sensor, as in midair record.
+        Sensor, as in midair record.
     seed
-        Of the virtual rig.
+        Random seed of the virtual rig.
 
     Examples
     --------

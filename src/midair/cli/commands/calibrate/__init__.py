@@ -1,4 +1,4 @@
-"""The commands around a calibration: `midair calibrate` and those below it."""
+"""The command `midair calibrate` and its subcommands."""
 
 from cyclopts import App
 

@@ -1,4 +1,4 @@
-"""The command `calibrate`: from what a sensor said to pressure; and the page of a calibration."""
+"""The commands `calibrate` (convert a recording to pressure) and `calibrate show`."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -39,24 +39,22 @@ def apply_command(
     crosstalk: Literal["keep", "undo"] = "keep",
     damping: float = 0.0,
 ) -> None:
-    """Turn a recording into pressure, and keep the calibration and the pressure in its file.
+    """Convert a recording to pressure, and store the pressure and the calibration in its file.
 
     Parameters
     ----------
     source
-        A recording, NAME.h5.
-    options
-        The band.
+        Recording, NAME.h5; the result is stored in this file.
     sensitivity
-        Output of every channel per pressure, such as 20mV/Pa or 2count/Pa.
+        Sensitivity of every channel, such as 20mV/Pa or 2count/Pa.
     peak
-        The largest change of any channel is to mean this pressure, such as 30Pa.
+        Pressure of the largest change of any channel, such as 30Pa.
     calibration
-        NAME.calibration.h5, or a recording that has the right one; the recording's own if not given.
+        NAME.calibration.h5, or a recording with the calibration. [default: that of the recording]
     crosstalk
-        Whether to undo what the cells feel of each other's pressure.
+        Keep the crosstalk between cells, or undo it.
     damping
-        Of that: 0 for the inverse of the crosstalk matrix, more for less.
+        With --crosstalk undo: 0 inverts the crosstalk matrix; larger values undo less.
 
     Examples
     --------
@@ -72,7 +70,7 @@ def apply_command(
     pressure = calibrate(
         recording, known, band=chosen.band, method=chosen.inverse, crosstalk=crosstalk, damping=damping
     )
-    # Of a file of midair what was written is looked at afterwards: before, it would have to be worked out twice.
+    # For a midair file, read the largest pressure back from the file: computing it here would calibrate twice.
     found = None if take.stored else moments(pressure.pressure)
     write_recording(recording, source, calibration=known, pressure=pressure)
     found = found or moments((load_pressure(source, streamed=True) or pressure).pressure)
@@ -91,16 +89,14 @@ def apply_command(
 
 
 def show_command(source: Path, page: Path | None = None, /, *, force: Force = False, json: Json = False) -> None:
-    """Say what a calibration is worth, and draw its page.
+    """Print a calibration with its uncertainty, and draw it.
 
     Parameters
     ----------
     source
-        NAME.calibration.h5, or a recording that has one.
+        NAME.calibration.h5, or a recording with a calibration.
     page
-        NAME.png or NAME.html.
-    json
-        Print JSON for a program.
+        Write the figures to this file, NAME.png or NAME.html.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The commands that measure a calibration: `calibrate measure`, `tone`, `beam`, and `bench` to practise without any."""
+"""Commands that measure a calibration: `calibrate measure`, `tone`, `beam`, and `bench` to practise."""
 
 import re
 from pathlib import Path
@@ -40,7 +40,7 @@ from midair.rig import (
 
 Files = Annotated[tuple[Path, ...], Parameter(consume_multiple=True)]
 Cells = Annotated[tuple[str, ...], Parameter(consume_multiple=True)]
-"""Cells as a person counts them: a channel's number, or all."""
+"""Channel numbers, or "all"."""
 
 
 def measure_command(
@@ -57,36 +57,35 @@ def measure_command(
     coherence: float = 0.9,
     options: OutputOptions | None = None,
 ) -> None:
-    """Measure a calibration against a reference: noise or sweeps on all cells at once, or on each cell alone.
+    """Measure a calibration against a reference sensor, with noise or sweeps on all cells or on each cell.
 
-    Five different levels give the linearity, each cell alone the crosstalk, several takes of a kind the repeatability.
+    Five levels give the linearity, recordings of single cells the crosstalk, repeated recordings the repeatability.
 
     Parameters
     ----------
     recordings
-        Of the sensor while noise or a sweep of the whole band presses, 12 s or more each.
+        Recordings of the sensor under noise or a sweep of the whole band, 12 s or more each.
     reference
-        Recordings of the reference, one for each, begun at the same moment.
+        Recordings of the reference sensor, one per recording, started at the same time.
     reference_channel
-        The channel of the recordings on which the reference is, instead.
+        Channel of the recordings that carries the reference, instead of --reference.
     reference_sensitivity
-        From its certificate, such as 50mV/Pa, or 10mV/N for a force cell whose diameter is given.
+        Sensitivity of the reference from its certificate, such as 50mV/Pa; 10mV/N for a force cell with
+        --reference-diameter.
     reference_diameter
-        Of the round face with which a force cell presses, such as 8mm.
+        Diameter of the round tip of a force cell, such as 8mm.
     reference_uncertainty
-        From its certificate, with k = 2, as a part of the sensitivity: 0.02 for 2 %.
+        Relative uncertainty (k = 2) of the reference from its certificate: 0.02 for 2 %.
     reference_name
-        Make, model and number.
+        Make, model and serial number of the reference.
     cell
-        Which cell was pressed in each recording: a channel from 0, or all. The recordings' own notes if not given.
+        Cell under load in each recording: channel numbers from 0, or all. [default: from the notes of the recordings]
     quiet
-        A recording in which nothing presses, for the noise.
+        Recording without load, to measure the noise.
     resolution
-        Between the bins.
+        Frequency resolution.
     coherence
-        Smallest of a bin that counts.
-    options
-        Where it goes.
+        Lowest coherence of a frequency bin to use it.
 
     Examples
     --------
@@ -125,24 +124,22 @@ def tone_command(
     shape: Path | None = None,
     options: OutputOptions | None = None,
 ) -> None:
-    """Measure the sensitivity of every channel with a tone of known level, as a pistonphone makes it.
+    """Measure the sensitivity of every channel with a tone of known level, such as that of a pistonphone.
 
     Parameters
     ----------
     recording
-        Of the sensor while the tone acts on all cells.
+        Recording of the sensor with the tone on all cells.
     frequency
-        Of the tone.
+        Frequency of the tone.
     pressure
-        Rms, such as 10Pa or 114dB (re 20 µPa).
+        Rms pressure of the tone, such as 10Pa or 114dB (re 20 µPa).
     uncertainty
-        From its certificate, with k = 2, as a part of the pressure: 0.02 for 2 %.
+        Relative uncertainty (k = 2) of the pressure from its certificate: 0.02 for 2 %.
     reference_name
-        Make, model and number.
+        Make, model and serial number of the source.
     shape
-        A calibration of the same sensor over frequency, to be brought to the tone's level: one by a beam, say.
-    options
-        Where it goes.
+        Calibration over frequency of the same sensor, such as one by beam; it is scaled to the level of the tone.
 
     Examples
     --------
@@ -179,10 +176,10 @@ def beam_command(
     seed: int = 0,
     options: OutputOptions | None = None,
 ) -> None:
-    """Measure a calibration by a focused beam on every cell, when there is no reference (the paper's section 5.2).
+    """Measure a calibration with a focused beam on every cell, without a reference (the paper's section 5.2).
 
-    What differs from channel to channel comes out well; the level of all rests on the array's model. Bring it to the
-    level of a pistonphone with midair calibrate tone --shape.
+    Differences between channels are accurate; the overall level relies on the model of the array.
+    To correct the level with a pistonphone, use midair calibrate tone --shape.
 
     Parameters
     ----------
@@ -191,25 +188,23 @@ def beam_command(
     device
         virtual, or an array as in midair play.
     levels
-        Of pressure on each cell, 5 or more.
+        Number of pressure levels per cell, 5 or more.
     top
-        Highest pressure in the middle of the focus.
+        Highest pressure in the centre of the focus.
     height
-        Of the sensor above the array.
+        Height of the sensor above the array.
     aperture
-        Side of the square over which a cell averages.
+        Side of the square over which a cell averages the pressure.
     spread
-        Standard deviation with which the gel spreads a point.
+        Standard deviation of the point spread in the gel.
     pressure_uncertainty
-        Of the array's radiation pressure, with k = 2, as a part of it.
+        Relative uncertainty (k = 2) of the array's radiation pressure.
     air
-        Of the room, which decides where the beam is focused; 22C and 50% if it is not stated.
+        Air of the room; it decides where the beam is focused. [default: 22C and 50%]
     exposure
-        What the beam may expose people to; one that exceeds it is refused: lower --top.
+        Exposure profile; a beam that exceeds it is refused: lower --top.
     seed
-        Of a virtual rig.
-    options
-        Where it goes.
+        Random seed of a virtual rig.
 
     Examples
     --------
@@ -245,19 +240,19 @@ def beam_command(
 def bench_command(
     folder: Path, /, *, kind: Literal["noise", "sweep"] = "noise", duration: Time = 15.0, seed: int = 0
 ) -> None:
-    """Simulate what a lab would record on a calibration bench, to practise on; everything in it is SIMULATED.
+    """Simulate recordings of a calibration bench, to practise midair calibrate measure; all are marked SIMULATED.
 
     Parameters
     ----------
     folder
-        Gets the recordings of a sensor and of a reference, on all cells at five levels and on each cell alone, and a
-        quiet one.
+        Output folder: recordings of a sensor and of a reference, on all cells at five levels and on each cell,
+        and one without load.
     kind
-        What presses.
+        Signal on the sensor.
     duration
-        Of each recording.
+        Length of each recording.
     seed
-        Of all that is random.
+        Random seed.
 
     Examples
     --------
@@ -273,12 +268,12 @@ def bench_command(
 def _cells(words: tuple[str, ...]) -> list[int | None]:
     for word in words:
         if word != "all" and not word.isdecimal():
-            raise InputError(f"--cell: expected channels from 0, or all, got {word!r}")
+            raise InputError(f"--cell: expected channel numbers from 0, or all, got {word!r}")
     return [None if word == "all" else int(word) for word in words]
 
 
 def _sensitivity(text: str | None, diameter: float | None) -> float | None:
-    """In V/Pa; a force cell's is V/N times the area of its face."""
+    """Sensitivity in V/Pa; that of a force cell is V/N times the area of its tip."""
     if text is None:
         return None
     if diameter is None:
@@ -287,7 +282,7 @@ def _sensitivity(text: str | None, diameter: float | None) -> float | None:
 
 
 def _tone_pressure(text: str) -> float:
-    """Rms in Pa; decibels are re 20 µPa."""
+    """Rms pressure in Pa; decibels are re 20 µPa."""
     level = re.fullmatch(r"\s*([-+]?\d+(?:\.\d*)?)\s*dB\s*", text)
     if level is not None:
         return 20e-6 * 10 ** (float(level[1]) / 20)

@@ -46,37 +46,36 @@ def array_command(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Measure each transducer of an array, its strength, phase and resonance, by the sensor that lies over it.
+    """Measure strength, phase and resonance of each transducer of an array, with a sensor above it.
 
-    All hold a focus on the middle of the sensor, and each adds a code of its own. Where the sensor lies is found, to a
-    few millimetres. What is written goes to solve, loop and budget as --array-calibration.
+    All transducers hold a focus on the centre of the sensor, and each is modulated with its own code.
+    The position of the sensor is estimated to a few millimetres.
+    Use the result with --array-calibration in midair solve, loop, budget and play.
 
     Parameters
     ----------
     sensor
         virtual, or a sensor as in midair record, lying face down over the centre of the array.
     output
-        NAME.array.h5; the array's name and the date if not given.
+        File to write, NAME.array.h5. [default: the array's name and the date]
     device
         virtual, or an array as in midair play.
     calibration
-        Of the sensor; the virtual one brings its own.
+        Calibration of the sensor. [default: that of the virtual sensor]
     duration
-        Of the codes: four times as long is twice as sure.
+        Length of the codes; four times the length halves the uncertainty.
     top
-        Highest pressure in the middle of each focus.
+        Highest pressure in the centre of each focus.
     height
-        Of the sensor above the array, to a millimetre or so.
+        Height of the sensor above the array, to about a millimetre.
     date
-        When it was measured, ISO 8601; today if not given.
+        Date of the measurement, ISO 8601. [default: today]
     air
-        Of the room; 22C and 50% if it is not stated.
+        Air of the room. [default: 22C and 50%]
     exposure
-        What the codes may expose people to; those that exceed it are refused: lower --top.
+        Exposure profile; codes that exceed it are refused: lower --top.
     seed
-        Of a virtual rig.
-    json
-        Print JSON for a program.
+        Random seed of a virtual rig.
 
     Examples
     --------
@@ -111,7 +110,7 @@ def array_command(
 
 
 def _devices(sensor: str, device: str, calibration: Path | None, rig: VirtualRig) -> tuple[SensorDevice, ArrayDevice]:
-    """Sensor and array, neither open yet; nothing spreads what the array plays."""
+    """Sensor and array, not yet open, with the silencer off."""
     skin = rig.skin()
     source = rig.sensor(skin) if sensor == "virtual" else sensor_named(sensor, rig)
     if calibration is not None:

@@ -1,4 +1,4 @@
-"""The commands around a study: `midair study` and those below it."""
+"""The command `midair study` and its subcommands."""
 
 from cyclopts import App
 

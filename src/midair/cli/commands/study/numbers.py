@@ -1,4 +1,4 @@
-"""Commands for the numbers around a study: power, and what the paper printed."""
+"""The commands `study power` and `study paper`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -39,30 +39,31 @@ def power_command(
     runs: int = 500,
     seed: int = 0,
 ) -> None:
-    """How many participants a planned test needs.
+    """Estimate how many participants a planned test needs.
 
     Parameters
     ----------
     test
-        The tests of the report. "paired": paired t over people, by formula, and so "threshold": limits of the mean
-        threshold that leave out a bound; "identification": macro F against shuffled answers; "rating": a factor of two
-        levels in the analysis of variance, with Holm's correction for all its effects; "equivalence": two conditions
-        that do not differ, shown to be within a margin; these by simulation.
+        Test of the report. By formula: "paired" (paired t-test) and "threshold" (the confidence interval of the mean
+        threshold excludes a bound). By simulation: "identification" (macro F against shuffled answers), "rating" (a
+        factor of two levels in the analysis of variance, Holm-corrected for all its effects) and "equivalence" (two
+        equal conditions are shown to differ by less than a margin).
     effect
-        d_z; mean d'; difference in rating steps; margin over the standard deviation of people's differences; distance
-        of the bound over the standard deviation of people's thresholds, in logarithms.
+        Effect size. paired: d_z. identification: mean d'. rating: difference in rating steps.
+        equivalence: margin over the standard deviation of the participants' differences.
+        threshold: distance of the bound over the standard deviation of the participants' log thresholds.
     objects
         Alternatives of the choice.
     trials
-        Of each participant.
+        Trials per participant.
     others
-        Levels of each further factor of the ratings, as in the paper if not given.
+        Levels of each further factor of the ratings. [default: as in the paper]
     power
-        Wanted.
+        Power to reach.
     runs
-        Simulated studies for each number of participants.
+        Simulated studies per number of participants.
     seed
-        Of the simulation.
+        Random seed of the simulation.
 
     Examples
     --------
@@ -87,14 +88,14 @@ def power_command(
 
 
 def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
-    """Make the paper's published statistics again, and draw what chance and power make of them.
+    """Recompute the paper's published statistics, with their chance levels and power.
 
     Parameters
     ----------
     output
-        Folder for the two figures; none are drawn if not given.
+        Folder for two figures. [default: no figures]
     seed
-        Of the chance distribution.
+        Random seed of the chance distribution.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Commands for a study before its first participant, and for one who goes: new, plan, withdraw."""
+"""The commands `study new`, `study plan` and `study withdraw`."""
 
 import shlex
 import sys
@@ -34,26 +34,26 @@ def new_command(
     drives: str = "",
     mode: Mode = "quick",
 ) -> None:
-    """Draw the plan of a new study into the folder NAME, and put its drives there.
+    """Create a study folder with a randomised plan and its drives.
 
     Parameters
     ----------
     name
-        Of the folder; its last part, letters and digits only, is the name of the study.
+        Folder to create; letters and digits of its last part are the name of the study.
     template
-        paper: section 5.3, three objects on two surfaces. detection: threshold of a vibration. intervals: which of two
-        is stronger, first or second. paired: which of two is rougher, all pairs.
+        paper: section 5.3, three objects on two surfaces. detection: threshold of a vibration.
+        intervals: which of two intervals is stronger. paired: which of two stimuli is rougher, all pairs.
     source
-        TOML that describes another study; its drives are looked for beside it.
+        TOML file that describes another study, instead of --template; its drives are searched in the same folder.
     participants
-        For how many people trials are drawn; what the TOML says if not given.
+        Number of participants to draw trials for. [default: from the TOML]
     seed
-        Of all shuffles; what the TOML says if not given.
+        Random seed of all shuffles. [default: from the TOML]
     drives
-        Folder of the drives, or of recordings with their names, which are then solved. "none" for a plan to be
-        simulated only. If not given, those of a template are made of virtual strokes.
+        Folder of the drives, or of recordings with their names, which are then solved; "none" for a plan that is only
+        simulated. [default: virtual strokes for a template]
     mode
-        With which settings recordings are solved; virtual strokes at 1 kHz.
+        Mode to solve recordings with; virtual strokes are solved at 1 kHz.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def new_command(
     path = Path(name)
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum())
     if not kept:
-        raise InputError(f"NAME: expected letters or digits in the last part of it, got {name!r}")
+        raise InputError(f"NAME: expected letters or digits in the last part, got {name!r}")
     design = read_design(text, name=kept, participants=participants or 0, seed=seed)
     gathered: list[StudyDrive] = []
 
@@ -86,18 +86,18 @@ def new_command(
 
 
 def plan_command(study: Path, output: Path | None = None, /, *, runs: int = 500, force: Force = False) -> None:
-    """Write the plan of a study as a page to be registered: hypotheses, exclusions, analyses, power, digests.
+    """Write a page for preregistration: hypotheses, exclusions, analyses, power and digests.
 
     Parameters
     ----------
     study
         Folder of the study.
     output
-        The HTML file; plan.html in the folder if not given.
+        HTML file to write. [default: plan.html in the folder]
     runs
-        Simulated studies for each statement of power.
+        Simulated studies per statement of power.
     force
-        Write over it.
+        Overwrite an existing page.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def plan_command(study: Path, output: Path | None = None, /, *, runs: int = 500,
     """
     plan, target = StudyFolder(study).plan(), output or study / "plan.html"
     if target.exists() and not force:
-        raise InputError(f"{target}: expected a new file, got one that is there; give another name, or --force")
+        raise InputError(f"{target}: already exists; give another name, or --force to overwrite it")
     page = plan_page(plan, runs=runs)
     with whole_file(target) as partial:
         partial.write_text(page, encoding="utf-8")
@@ -113,18 +113,18 @@ def plan_command(study: Path, output: Path | None = None, /, *, runs: int = 500,
 
 
 def withdraw_command(study: Path, participant: int, /, *, force: Force = False) -> None:
-    """Delete one participant everywhere: the log, and whatever was exported or reported from here.
+    """Delete all data of one participant: the log, and every export and report made from this folder.
 
-    Files are deleted, not wiped; copies and backups are yours to delete. The number stays empty.
+    Files are deleted, not overwritten; delete copies and backups yourself. The number is not used again.
 
     Parameters
     ----------
     study
         Folder of the study.
     participant
-        Number, from 1 on.
+        Number of the participant, from 1.
     force
-        Do not ask.
+        Delete without asking.
 
     Examples
     --------
@@ -136,20 +136,20 @@ def withdraw_command(study: Path, participant: int, /, *, force: Force = False) 
         _ask_to_delete(study, participant)
     for line in withdraw(folder, participant):
         say(line)
-    say(f"participant {participant} has withdrawn.")
+    say(f"participant {participant} is withdrawn.")
 
 
 def _ask_to_delete(study: Path, participant: int) -> None:
-    """Let a person decide; nobody to ask means no."""
+    """Ask before deleting; without a terminal, refuse."""
     if sys.stdin.isatty():
-        err().print(f"Delete participant {participant} of {study} for good? [y/N] ", end="")
+        err().print(f"Delete all data of participant {participant} of {study}? [y/N] ", end="")
         if sys.stdin.readline().strip().lower() in ("y", "yes"):
             return
-    raise InputError(f"{study}: nothing was deleted; --force does not ask")
+    raise InputError(f"{study}: nothing was deleted; use --force to delete without asking")
 
 
 def _say_drives(gathered: list[StudyDrive]) -> None:
-    words = {"found": "as it was found", "solved": "solved from its recording", "virtual": "of a virtual stroke"}
+    words = {"found": "copied", "solved": "solved from its recording", "virtual": "from a virtual stroke"}
     for one in gathered:
         say(f"  {one.source}: {one.duration:.2f} s, {words[one.how]}, SHA-256 {one.digest[:12]}")
     if any(one.how == "virtual" for one in gathered):
@@ -157,7 +157,7 @@ def _say_drives(gathered: list[StudyDrive]) -> None:
 
 
 def _say_next(path: Path, design: Design, gathered: list[StudyDrive]) -> None:
-    """Commands that run as they are printed."""
+    """Print the next commands."""
     there = shlex.quote(str(path))
     drives = any(one.kind == "drive" for one in design.stimuli)
     if drives and not gathered:
@@ -166,5 +166,5 @@ def _say_next(path: Path, design: Design, gathered: list[StudyDrive]) -> None:
     noise = " --noise none" if design.noise else ""
     array = f" --array virtual{noise}" if drives else ""
     say(f"Next: midair study run {there} --participant 1{array}")
-    say(f"To register it before: midair study plan {there}")
-    say(f"Or with nobody: midair study run {there} --simulate")
+    say(f"To preregister it: midair study plan {there}")
+    say(f"To simulate participants: midair study run {there} --simulate")

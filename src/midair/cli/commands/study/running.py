@@ -1,4 +1,4 @@
-"""The command that takes one participant through a study."""
+"""The command `study run`."""
 
 from pathlib import Path
 
@@ -39,32 +39,29 @@ def run_command(
     exposure: ExposureOptions | None = None,
     air: AirOptions | None = None,
 ) -> int:
-    """Run one participant in this terminal, or go on with one who was interrupted. Ctrl-C stops at once.
+    """Run or resume the session of one participant in this terminal. Ctrl-C stops at once.
 
     Parameters
     ----------
     study
         Folder of the study.
     participant
-        Number, from 1 on; everybody who is not done if not given with --simulate.
+        Number of the participant, from 1. [default with --simulate: all who are not done]
     policy
-        How an interrupted session goes on: with the unfinished trial, from the start, or from the start of the block.
+        How to resume an interrupted session: with the unfinished trial, from the start, or from the start of the block.
     simulate
-        A simulated participant answers; everything made from it is marked SIMULATED.
+        Simulate the participant's answers; everything made from them is marked SIMULATED.
     d_prime
-        Sensitivity of the simulated participant to reproduced objects.
+        Sensitivity d' of the simulated participant to reproduced objects.
     array
-        What plays drives, as in midair play --device: virtual, autd3, pyautd3 and so on; "none" does for a plan of real
-        objects only. What the experimenter is to take up goes to the error stream: send it to another screen than the
-        participant's.
+        Array that plays the drives, as in midair play --device; none for a plan with real objects only.
+        Instructions to the experimenter go to stderr: redirect them to another screen than the participant's.
     noise
-        Sound output for the white noise that a plan may ask for while the array presents; "none" for no noise.
+        Sound output for the masking noise of the plan; none for no noise.
     lines
-        Read whole lines, where a terminal could give single keys.
-    exposure
-        What a drive may expose people to.
+        Read whole lines instead of single keys.
     air
-        Of the room; it is stored with the answers.
+        Air of the room; it is stored with the answers.
 
     Examples
     --------
@@ -75,10 +72,10 @@ def run_command(
     if simulate:
         return _run_simulated(folder, plan, participant, policy, d_prime)
     if participant < 1:
-        raise InputError("participant: expected --participant N, from 1 on; or --simulate for simulated ones")
+        raise InputError("participant: expected --participant N from 1, or --simulate, got neither")
     check_not_withdrawn(folder, participant)
     if done := _is_done(folder, plan, participant):
-        say(f"participant {participant} was done before; nothing was asked. {done}")
+        say(f"participant {participant} has already finished; no question was asked. {done}")
         return 0
     room = (air or AirOptions()).medium()
     choices = (exposure or ExposureOptions()).choices(room)
@@ -115,16 +112,14 @@ def run_command(
                 "terminal: expected answers, got the end of input; the answers so far are stored"
             ) from closed
     say("Done." if step.kind == "done" else "Stopped; the answers so far are stored.")
-    say(
-        f"{folder.log(participant).name}: seal {session.seal}. Note it elsewhere: it tells a log that was written anew."
-    )
+    say(f"{folder.log(participant).name}: seal {session.seal}. Write it down elsewhere: it detects a replaced log.")
     _say_next_session(session.standing())
     return 0 if step.kind == "done" else 1
 
 
 def _is_done(folder: StudyFolder, plan: Plan, participant: int) -> str:
-    """The seal of a log in which nothing is due any more; empty if something is."""
-    plan.of(participant)  # a number for which nothing was drawn is refused before a file has its name
+    """Log name and seal if all trials are done, "" otherwise."""
+    plan.of(participant)  # raises for a number without trials, before a log file is created
     log = folder.log(participant)
     if not log.exists():
         return ""
@@ -135,7 +130,7 @@ def _is_done(folder: StudyFolder, plan: Plan, participant: int) -> str:
 def _say_next_session(standing: SessionState) -> None:
     if standing.next_trial < len(standing.trials) and not standing.broken_off:
         due = standing.trials[standing.next_trial].session
-        say(f"Session {due} is due: the same command takes the participant through it.")
+        say(f"Session {due} is next: run the same command again.")
 
 
 def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Policy, d_prime: float) -> int:

@@ -1,4 +1,4 @@
-"""Commands for what came out of a study: analyse, export, verify."""
+"""The commands `study analyse`, `study export` and `study verify`."""
 
 import os
 from pathlib import Path
@@ -57,39 +57,40 @@ def analyse_command(
     foils: UnpresentedAnswers = "wrong",
     margin: float = 0.1,
 ) -> None:
-    """Analyse a study, a CSV table, or a BIDS dataset; write an HTML report with a plain word beside each number.
+    """Analyse a study, a CSV table or a BIDS dataset, and write an HTML report that explains each number.
 
     Parameters
     ----------
     source
-        Folder of a study; or a CSV or TSV file, or a BIDS folder, with the columns named below.
+        Folder of a study; or a CSV or TSV file, or a BIDS folder, with the columns given below.
     output
-        The HTML file, beside which the analysis comes as a notebook; report.html in the folder of the study, or beside
-        the table, if not given.
+        HTML file to write, with a notebook of the analysis beside it.
+        [default: report.html in the study folder, or beside the table]
     seed
-        Of permutations and of drawn data.
+        Random seed of permutations and simulated data.
     draws
         Number of permutations.
     participant
-        Column of who answered.
+        Column of the participant.
     presented
-        Column of the object that was presented.
+        Column of the presented object.
     answered
-        Column of the object that was answered.
+        Column of the answered object.
     condition
         Column of a condition that divides the trials.
     rating
-        Column of ratings.
+        Column of the ratings.
     within
-        Columns of the factors of the ratings.
+        Columns of the within-subject factors of the ratings.
     between
-        Columns of factors by which people differ, such as the dominant hand.
+        Columns of between-subject factors, such as the dominant hand.
     incomplete
-        People without a rating in every cell: "leave out" them, or "refuse" the analysis of variance.
+        Participants without a rating in every cell: leave them out, or refuse the analysis of variance.
     foils
-        Answers that name what was never presented: "wrong", "leave out", or "refuse" the analysis of choices.
+        Answers that name an object that was never presented: count as wrong, leave out, or refuse the analysis of
+        choices.
     margin
-        Difference of macro F between conditions that does not matter.
+        Largest difference of macro F between conditions that does not matter.
 
     Examples
     --------
@@ -132,16 +133,16 @@ def analyse_command(
 
 
 def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv"] = "bids") -> None:
-    """Write the answers of a study as a BIDS dataset or as one CSV table.
+    """Export the answers of a study as a BIDS dataset or as one CSV table.
 
     Parameters
     ----------
     study
         Folder of the study.
     output
-        New folder, or new CSV file.
+        New folder (bids) or new file (csv).
     format
-        Of the output.
+        Output format.
 
     Examples
     --------
@@ -152,7 +153,7 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
     answers = answers_table(plan, folder.sessions())
     verified = verify_study(folder)
     if format == "bids":
-        # Before it is there: killed in between, it is known all the same to whoever withdraws.
+        # Logged before the export exists, so that `study withdraw` also finds an interrupted one.
         log_derived_file(folder, output, "bids")
         written = write_bids(
             answers, plan.design, output, files=verified.summary, unfinished=tuple(verified.unfinished)
@@ -169,18 +170,19 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
 
 
 def verify_command(study: Path, /, *, seal: Path | None = None) -> int:
-    """Check the files of a study: plan, drives, and the chain and the seal of each session's log.
+    """Verify that plan, drives and session logs of a study are unchanged.
 
-    Prints one line for each session and a summary. The status is 1 if something was changed, is missing, or belongs to
-    another study; a session that is not finished is no fault, unless its noted seal is gone.
+    Checks the hash chain and the seal of each log, and prints one line per session and a summary.
+    The exit status is 1 if a file was changed, is missing or belongs to another study.
+    An unfinished session is no error, unless a noted seal is missing.
 
     Parameters
     ----------
     study
         Folder of the study.
     seal
-        Text with the seals that were noted, in lines as `midair study run` and this command print them. Keep it where
-        the folder of the study cannot be written from.
+        Text file of noted seals, in lines as printed by midair study run or verify.
+        Keep it where users of the study folder cannot write.
 
     Examples
     --------
@@ -193,7 +195,7 @@ def verify_command(study: Path, /, *, seal: Path | None = None) -> int:
 
 
 def _from(target: Path, source: Path) -> str:
-    """Where a source is, seen from the folder of the report."""
+    """Path of a source relative to the folder of the report."""
     return os.path.relpath(source, target.parent)
 
 
@@ -203,8 +205,8 @@ def _old_table(source: Path) -> "DataFrame":
 
 def _print_report(report: Report, data: StudyData, target: Path, *, json: bool) -> None:
     if json:
-        print(report_json(report))  # noqa: T201  # a program reads it: nothing is spelled out
+        print(report_json(report))  # noqa: T201
         return
     say(report_text(report))
-    say(f"\n{target}, and the analysis as a notebook: {target.with_suffix('.ipynb')}")
+    say(f"\nreport {target}, notebook of the analysis {target.with_suffix('.ipynb')}")
     warn_simulated(data.simulated)

@@ -1,4 +1,4 @@
-"""The commands around a sweep: `midair sweep` and those below it."""
+"""The command `midair sweep` and its subcommands."""
 
 from cyclopts import App
 

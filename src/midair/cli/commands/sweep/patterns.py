@@ -1,4 +1,4 @@
-"""Commands for sweeps: many patterns on many processes, and what came out."""
+"""The command `sweep patterns`: solve many binary patterns in parallel."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -47,47 +47,47 @@ def patterns_command(
     scheduler: str | None = None,
     workers: int | None = None,
 ) -> int:
-    """Solve binary 4 x 4 patterns at each strength and height; go on where it was interrupted.
+    """Solve binary 4 x 4 patterns at each strength and height, or resume an interrupted sweep.
 
-    The paper's experiment 5.1: all 65535 patterns, point sources, no attenuation. Results go into a Zarr group as they
-    come. Stopped or killed, the same command goes on without doing anything twice.
+    The defaults are the paper's experiment 5.1: all 65535 patterns, point sources, no attenuation.
+    Results are stored in a Zarr group as they are computed; run the same command again to resume.
 
     Parameters
     ----------
     output
-        NAME.zarr, new or of the same sweep; also an address that fsspec knows.
+        NAME.zarr, new or of the same sweep; or an address that fsspec can open.
     strength
-        Peak of the target over the focus of the whole array.
+        Target peak relative to a single focus of the whole array.
     height
-        Of the control points above the array.
+        Height of the control points above the array.
     count
-        How many patterns, drawn with the seed; 65535 is all.
+        Number of patterns, drawn with the seed; 65535 is all.
     curve_strength
-        Strengths of the curve of E over strength, at the first height.
+        Strengths for the curve of E over strength, at the first height.
     curve_height
-        Heights of the curves of E over height, at each strength.
+        Heights for the curves of E over height, at each strength.
     curves
-        How many patterns are behind the curves; 0 for no curves.
+        Number of patterns for the curves; 0 for no curves.
     seed
-        Of the order of the patterns.
+        Random seed of the order of the patterns.
     method
-        The solver, as in midair solve.
+        Solver, as in midair solve.
     iterations
-        Of the solver; its own if not given.
+        Maximum iterations of the solver. [default: that of the solver]
     directivity
-        Of a transducer.
+        Directivity of a transducer.
     attenuation
-        Of the air, in Np/m; none, or that of the stated air, if not given.
+        Attenuation of sound in air, in Np/m. [default: 0, or that of the stated air]
     air
-        Stated by its temperature; the paper's 340 m/s if it is not.
+        Air, given by its temperature. [default: the paper's 340 m/s]
     bits
-        To which phases are rounded for the second E.
+        Bits to which phases are rounded for the second E.
     chunk
-        Patterns a task: what a kill may cost each process.
+        Patterns per task; a killed process loses at most one task.
     scheduler
-        Address of a Dask scheduler, such as tls://host:8786; processes on this machine if not given.
+        Address of a Dask scheduler, such as tls://host:8786. [default: processes on this computer]
     workers
-        Processes on this machine; one a core if not given.
+        Processes on this computer. [default: one per core]
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""`midair sweep recordings`: recordings and settings on many processes."""
+"""The command `sweep recordings`: solve recordings with many settings in parallel."""
 
 import itertools
 from collections.abc import Sequence
@@ -31,34 +31,32 @@ def recordings_command(
     scheduler: str | None = None,
     workers: int | None = None,
 ) -> int:
-    """Solve recordings under many settings; go on where it was interrupted.
+    """Solve recordings with many settings, or resume an interrupted sweep.
 
-    Every recording is solved under every combination of what is varied, and E of every frame is stored. Stopped or
-    killed, the same command goes on without doing anything twice.
+    Every recording is solved with every combination of the varied options, and E of every frame is stored.
+    Run the same command again to resume.
 
     Parameters
     ----------
     output
-        NAME.zarr, new or of the same sweep; also an address that fsspec knows.
+        NAME.zarr, new or of the same sweep; or an address that fsspec can open.
     sources
         Recordings with a calibration.
     vary
-        What to vary, as OPTION=VALUE,VALUE with any option of midair solve: method=fast,glide height=150mm,200mm
+        Options of midair solve to vary, as OPTION=VALUE,VALUE: method=fast,glide height=150mm,200mm
         band="20Hz 470Hz,20Hz 200Hz".
-    options
-        Of every stage, where they are not varied.
     start_at
-        Where in each recording to begin.
+        Start of the part to use in each recording.
     duration
-        How much of each recording; all that is left if not given.
+        Length of the part to use in each recording. [default: to the end]
     bits
-        To which phases are rounded for the second E.
+        Bits to which phases are rounded for the second E.
     blocks
-        Of method glide a task: a long recording is solved by many processes, to the bits of one.
+        Blocks of method glide per task; a long recording is divided among processes with an identical result.
     scheduler
-        Address of a Dask scheduler, such as tls://host:8786; processes on this machine if not given.
+        Address of a Dask scheduler, such as tls://host:8786. [default: processes on this computer]
     workers
-        Processes on this machine; one a core if not given.
+        Processes on this computer. [default: one per core]
 
     Examples
     --------
@@ -84,7 +82,7 @@ def recordings_command(
 
 def _trial(source: Path, variant: str, options: SolveOptions, start: float, duration: float | None) -> SweepTrial:
     settings = options.settings()
-    # As midair solve reads it where it is cut: the filters of a reel are those of an array to a few parts in a million.
+    # Lazy frames as in midair solve; their filters agree with those of an array to a few parts in a million.
     take = open_take(source, streamed=settings.solver.name == "glide")
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     part = pressure if start == 0 and duration is None else pressure.cut(start, duration)
@@ -93,7 +91,7 @@ def _trial(source: Path, variant: str, options: SolveOptions, start: float, dura
 
 
 def _variants(options: SolveOptions, vary: Sequence[str]) -> list[tuple[str, SolveOptions]]:
-    """Every combination: its name, and the options with it."""
+    """Every combination: its name, and its options."""
     axes = [_axis(text) for text in vary]
     names = [name for axis in axes for name in {field for _, (field, _) in axis}]
     if len(set(names)) < len(names):
@@ -109,7 +107,7 @@ def _with(options: Any, changes: dict[str, Any]) -> SolveOptions:
 
 
 def _axis(text: str) -> list[tuple[str, Choice]]:
-    """The values of OPTION=VALUE,VALUE: as they were written, and as the option of `midair solve` reads them."""
+    """The values of OPTION=VALUE,VALUE: as written, and as `midair solve` parses them."""
     name, equals, values = text.partition("=")
     if not equals or not all(value.strip() for value in values.split(",")):
         raise InputError(f"--vary: expected OPTION=VALUE,VALUE such as height=150mm,200mm, got {text!r}")

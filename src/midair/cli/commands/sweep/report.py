@@ -1,4 +1,4 @@
-"""`midair sweep report`: what came out of a sweep of either kind."""
+"""The command `sweep report`: tables and figures of a sweep."""
 
 from pathlib import Path
 
@@ -15,16 +15,16 @@ from midair.sweep import (
 
 
 def report_command(source: str, /, *, output: Path | None = None, json: Json = False) -> None:
-    """Tables (CSV) and figures (PNG) of a sweep, finished or not.
+    """Write tables (CSV) and figures (PNG) of a sweep, finished or not.
 
-    Of patterns: histogram of E, examples, E over strength and height. Of recordings: how E is spread in each trial.
+    Patterns: histogram of E, examples, E over strength and height. Recordings: distribution of E in each trial.
 
     Parameters
     ----------
     source
-        NAME.zarr; also an address that fsspec knows.
+        NAME.zarr, or an address that fsspec can open.
     output
-        Folder for the files; NAME.report if not given, here if the sweep is elsewhere.
+        Output folder. [default: NAME.report, in the current folder for a remote sweep]
 
     Examples
     --------
