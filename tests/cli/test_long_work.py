@@ -55,9 +55,11 @@ LINES = {
     "paper figures --fidelity --mode paper --things noise --duration 0.04s --iterate 0": NOTHING,
     "paper figures --materials --mode paper --strokes 3 --duration 0.06s": NOTHING,
     "doctor": NOTHING,
-    "sweep patterns s.zarr --count 4 --curves 0 --workers 1": "what was solved is stored, and the same command goes on",
+    "sweep patterns s.zarr --count 4 --curves 0 --workers 1": (
+        "the results so far are stored; run the same command again to resume"
+    ),
     f"sweep recordings r.zarr take.h5 --workers 1 {QUICK.replace('--lead 0s ', '')}": (
-        "what was solved is stored, and the same command goes on"
+        "the results so far are stored; run the same command again to resume"
     ),
     "sweep report done.zarr": NOTHING,
     "study plan touch --runs 20": NOTHING,

@@ -1,4 +1,4 @@
-"""For tests of programs that use midair: fakes and builders, as midair's own tests use them."""
+"""Simulated devices and helpers for tests of programs that use midair."""
 
 from midair.testing.grbl_stand_in import GrblStandIn, PlannedMove
 from midair.testing.openmpd_stand_in import OpenMpdStandIn, PinFrame, measured_board

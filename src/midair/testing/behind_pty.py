@@ -1,4 +1,4 @@
-"""A machine behind a pseudo-terminal, which a driver opens as if it were a serial port. POSIX only."""
+"""Base class of simulated devices behind a pseudo-terminal, which a driver opens like a serial port. POSIX only."""
 
 import os
 import threading
@@ -6,13 +6,7 @@ from abc import ABC, abstractmethod
 
 
 class BehindPty(ABC):
-    """One machine, run by a thread of its own from `switch_on` until `close`.
-
-    Attributes
-    ----------
-    port : str
-        Name of the pty; what a driver opens.
-    """
+    """A simulated device; its thread runs from `switch_on` until `close`."""
 
     def __init__(self) -> None:
         import tty  # not on Windows
@@ -25,25 +19,25 @@ class BehindPty(ABC):
         self._thread = threading.Thread(target=self._run, name=type(self).__name__, daemon=True)
 
     def switch_on(self) -> None:
-        """Begin to run, once everything is there that running needs."""
+        """Start the thread; called last in __init__."""
         self._thread.start()
 
     def close(self) -> None:
-        """Switch it off."""
+        """Stop the thread and close the pty."""
         self._halt()
         for end in (self._master, self._slave):
             if end >= 0:
                 os.close(end)
 
     def unplug(self) -> None:
-        """Pull the cable: writing fails from now on; what stands goes on standing."""
+        """Disconnect the cable: the driver can no longer write; the device keeps its state."""
         self._halt()
         os.close(self._master)
         self._master = -1
 
     @abstractmethod
     def _run(self) -> None:
-        """What the machine does until `_over` is set."""
+        """Simulate the device until `_over` is set."""
 
     def _halt(self) -> None:
         self._over.set()

@@ -1,7 +1,7 @@
-"""A machine behind Grbl 1.1 on a pty: its answers, its receive buffer, its planner and the time that moving takes.
+"""A simulated Grbl 1.1 machine on a pty: responses, receive buffer, planner, and the duration of moves.
 
-Written from the makers' description alone (gnea/grbl, doc/markdown: interface.md, commands.md, jogging.md), with no
-line of the driver. Left out: junctions (each line ends at rest), arcs, probing, overrides, jogging. POSIX only.
+Written from the makers' documentation only (gnea/grbl, doc/markdown: interface.md, commands.md, jogging.md), without
+the driver's code. Not simulated: junctions (each line ends at rest), arcs, probing, overrides, jogging. POSIX only.
 """
 
 import contextlib
@@ -26,12 +26,14 @@ USUAL = {
     **dict.fromkeys((120, 121, 122), 500.0),
     **dict.fromkeys((130, 131, 132), 250.0),
 }
-"""Settings: status mask, inches, soft and hard limits, homing, pull-off (mm); mm/min, mm/s2 and mm of each axis."""
+"""Default settings: status mask, inches, soft and hard limits, homing, pull-off (mm); mm/min, mm/s2 and mm of each
+axis.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlannedMove:
-    """A straight line that speeds up, goes on evenly, and slows down to rest; in mm and s."""
+    """A straight move with constant acceleration, constant speed and deceleration to rest; in mm and s."""
 
     start: Vector
     end: Vector
@@ -42,21 +44,21 @@ class PlannedMove:
 
     @property
     def length(self) -> float:
-        """Of the line."""
+        """Length of the line."""
         return float(np.linalg.norm(self.end - self.start))
 
     @property
     def top(self) -> float:
-        """The speed that is reached."""
+        """Highest speed reached."""
         return min(self.speed, float(np.sqrt(self.growth * self.length)))
 
     @property
     def duration(self) -> float:
-        """From rest to rest, unless it is held."""
+        """Duration from rest to rest, unless held."""
         return self.length / self.top + self.top / self.growth if self.length else 0.0
 
     def _free(self, after: float) -> tuple[float, float]:
-        """Way and speed so long after the beginning, if it is not held."""
+        """Distance and speed after a time, if not held."""
         up, whole = self.top / self.growth, self.duration
         if after <= 0 or not self.length:
             return 0.0, 0.0
@@ -70,7 +72,7 @@ class PlannedMove:
         return self.top * (after - up / 2), self.top
 
     def at(self, now: float) -> tuple[Vector, float]:
-        """Place and speed."""
+        """Position and speed."""
         way, speed = self._free((now if self.stopped is None else min(now, self.stopped)) - self.begun)
         if self.stopped is not None and now > self.stopped:
             slowing = min(now - self.stopped, speed / self.growth)
@@ -79,14 +81,14 @@ class PlannedMove:
         return self.start + (self.end - self.start) * (way / whole if whole else 1.0), speed
 
     def over(self, now: float) -> bool:
-        """Whether it has come to its end, held or not."""
+        """Whether the move has ended, held or not."""
         speed = self.at(now)[1]
         return speed <= 1e-9 and now > self.begun and (self.stopped is not None or now >= self.begun + self.duration)
 
 
 @dataclass(slots=True)
 class ParserState:
-    """What stays from line to line."""
+    """Modal state of the parser."""
 
     motion: int = 0
     inches: bool = False
@@ -96,31 +98,31 @@ class ParserState:
 
 
 class GrblStandIn(BehindPty):
-    """One machine. `port` is what a driver opens; leave it by `close`.
+    """A simulated Grbl machine; a driver opens `port`, and `close` ends it.
 
     Parameters
     ----------
     homed : bool
-        Whether it has found its switches; if not, and it has any, it is locked.
+        Whether homing is done; if not, and homing is enabled, the machine is locked.
     settings : mapping of int to float, optional
-        Those that differ from the usual ones.
+        Settings that differ from `USUAL`.
     baud : int
-        Bits per second: a byte takes ten of them, both ways.
+        Bits per second; a byte takes ten bits in both directions.
 
     Attributes
     ----------
     port : str
         Name of the pty.
     lines : list of str
-        That it was sent, in order.
+        Received lines, in order.
     moves : list of PlannedMove
-        That it has begun, with when.
+        Started moves, with their times.
     lost : int
-        Bytes that its receive buffer had no room for.
+        Bytes that did not fit into the receive buffer.
     switch : tuple of int and float or None
-        Axis and place (mm) at which a limit switch is hit.
+        Axis and position (mm) of a limit switch.
     mute : bool
-        Set it to have the machine say nothing any more.
+        Set to True to stop all responses.
     """
 
     RECEIVES = 128
@@ -153,12 +155,12 @@ class GrblStandIn(BehindPty):
 
     @property
     def place(self) -> Vector:
-        """Where it is, in mm."""
+        """Position in mm."""
         return self._place.copy()
 
     @property
     def state(self) -> str:
-        """As a report says it."""
+        """State as in a status report."""
         if self._locked:
             return "Alarm"
         if self._homing is not None:
@@ -180,7 +182,7 @@ class GrblStandIn(BehindPty):
                 self._answer(now)
             time.sleep(0.001)
 
-    # The line: bytes at their rate, both ways; single characters are picked out before the buffer.
+    # The serial line: bytes at the baud rate in both directions; real-time characters bypass the buffer.
 
     def _transfer(self, now: float) -> None:
         room = int((now - self._clock) * self._rate)
@@ -198,7 +200,7 @@ class GrblStandIn(BehindPty):
         if byte == 0x18:
             self._reset = True
         elif byte == ord("?"):
-            # A question before the first one was answered is ignored.
+            # A second query before the answer to the first is ignored.
             self._asked = now if self._asked is None else self._asked
         elif byte == ord("!"):
             self._hold(now)
@@ -220,7 +222,7 @@ class GrblStandIn(BehindPty):
             self._say("[MSG:'$H'|'$X' to unlock]")
 
     def _answer(self, now: float) -> None:
-        """A report, some milliseconds after it was asked for."""
+        """Send a status report 8 ms after the query."""
         if self._asked is None or now - self._asked < 0.008 or self._homing is not None:
             return
         self._asked = None
@@ -268,7 +270,7 @@ class GrblStandIn(BehindPty):
             self._now = None
 
     def _moves_now(self, *, stopped: float) -> PlannedMove:
-        """The move that is under way, held from now on."""
+        """The current move, held from now on."""
         move = self.moves[-1]
         held = PlannedMove(
             start=move.start, end=move.end, speed=move.speed, growth=move.growth, begun=move.begun, stopped=stopped
@@ -286,7 +288,7 @@ class GrblStandIn(BehindPty):
         self._say("[MSG:Reset to continue]")
 
     def _restart(self, now: float) -> None:
-        """Ctrl-X: everything is forgotten; its place, too, if it moved."""
+        """Ctrl-X: reset the state; the position is lost if the machine moved."""
         self._reset = False
         moving = self._now is not None and not self._now.over(now)
         if moving or self._homing is not None:
@@ -300,7 +302,7 @@ class GrblStandIn(BehindPty):
         self._parser = ParserState(target=self._place.copy())
         self._greet()
 
-    # Lines: taken from the buffer one by one, answered in turn.
+    # Lines are read from the buffer and answered one by one.
 
     def _work(self, now: float) -> None:
         if self._homing is not None:
@@ -324,7 +326,7 @@ class GrblStandIn(BehindPty):
             self._say(answer)
 
     def _wait_out(self, now: float) -> None:
-        """A dwell: first everything that was planned, then its own time."""
+        """A dwell: wait for all planned moves, then for the dwell time."""
         if self._dwell is None or self._now is not None or self._plan or self._held:
             return
         if self._waiting is None:

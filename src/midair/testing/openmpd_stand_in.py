@@ -1,7 +1,7 @@
-"""An OpenMPD board behind a pty: reads the bytes as the board's firmware does, keeps its time, holds its last frame.
+"""A simulated OpenMPD board behind a pty: parses bytes as the firmware does, keeps its timing, holds its last frame.
 
-Written from the firmware alone (RMResearch/OpenMPD_Hardware, FPGA_3.4.2/src), with no line of the driver: what goes in
-are bytes, what comes out are the pulses of each pin. POSIX only.
+Written from the firmware only (RMResearch/OpenMPD_Hardware, FPGA_3.4.2/src), without the driver's code: input are
+bytes, output are the pulses of each pin. POSIX only.
 """
 
 import os
@@ -19,21 +19,14 @@ from midair.testing.behind_pty import BehindPty
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PinFrame:
-    """What the pins do for as long as a frame stands.
-
-    Attributes
-    ----------
-    start : ndarray of uint8, shape (pin,)
-        Step of 128 at which each pulse begins.
-    length : ndarray of uint8, shape (pin,)
-        Its length in steps.
-    divider : int
-        Ultrasound periods for which the frame stands at least.
-    """
+    """Pulses of all pins during one frame."""
 
     start: NDArray[np.uint8]
+    """Step of 128 at which each pulse begins, shape (pin,)."""
     length: NDArray[np.uint8]
+    """Length of each pulse in steps, shape (pin,)."""
     divider: int
+    """Minimum duration of the frame in ultrasound periods."""
 
     @property
     def sounds(self) -> bool:
@@ -41,28 +34,30 @@ class PinFrame:
         return bool(self.length.any())
 
     def sound(self) -> NDArray[np.complex128]:
-        """First harmonic of the pulses at each pin, where a full pulse that begins at step 0 is 1; later is +phase."""
+        """First harmonic at each pin, relative to a full pulse that begins at step 0; later pulses have a positive
+        phase.
+        """
         count, start = np.arange(128), self.start.astype(int)[:, None]
         end = start + self.length[:, None]
-        # MuxPhase.vhd: from `start` on, and around the end of the turn.
+        # MuxPhase.vhd: from `start` on, wrapping around at the end of the period.
         wave = ((count >= start) & (count < end)) | ((end >= 128) & (count < end % 128))
         full = np.exp(2j * np.pi * np.arange(64) / 128).sum()
         return np.asarray(wave @ np.exp(2j * np.pi * count / 128) / full, np.complex128)
 
 
 class OpenMpdStandIn(BehindPty):
-    """One board. `port` is what a driver opens; leave it by `close`.
+    """A simulated OpenMPD board; a driver opens `port`, and `close` ends it.
 
     Attributes
     ----------
     port : str
         Name of the pty.
     frames : list of PinFrame
-        That have stood since it was switched on, its own silence first.
+        All frames since the start; the first is silence.
     begins : list of float
-        When each of them began by the board's own clock, in s.
+        Start time of each frame by the board's clock, in s.
     stalled : bool
-        Set it to have the board take no more bytes.
+        Set to True to stop reading bytes.
     """
 
     def __init__(self) -> None:
@@ -80,21 +75,21 @@ class OpenMpdStandIn(BehindPty):
 
     @property
     def held(self) -> PinFrame:
-        """What stands now."""
+        """The current frame."""
         return self.frames[-1]
 
     @property
     def sounds(self) -> bool:
-        """Whether what stands now can be heard."""
+        """Whether the current frame is audible."""
         return self.held.sounds
 
     @property
     def heard(self) -> list[PinFrame]:
-        """The frames that sounded."""
+        """All frames that were audible."""
         return [frame for frame in self.frames if frame.sounds]
 
     def settle(self, limit: float = 30.0) -> None:
-        """Wait until the board has nothing left to do."""
+        """Wait until the board has played everything; TimeoutError after `limit` seconds."""
         end = time.monotonic() + limit
         while time.monotonic() < end:
             idle = len(self._fifo) < 512 and self._due is None and not select.select([self._master], [], [], 0.05)[0]
@@ -105,7 +100,7 @@ class OpenMpdStandIn(BehindPty):
     def _run(self) -> None:
         while not self._over.is_set():
             self._play(time.monotonic())
-            # FrameBufferController.vhd: no more is read from 28 frames on.
+            # FrameBufferController.vhd: the buffer holds 28 frames.
             if self.stalled or len(self._fifo) >= 28 * 512:
                 time.sleep(0.0005)
             elif select.select([self._master], [], [], 0.0005)[0]:
@@ -116,7 +111,7 @@ class OpenMpdStandIn(BehindPty):
         self.frames.append(frame)
 
     def _play(self, now: float) -> None:
-        """All frames whose time has come (FrameBufferController.vhd, states Idle, ReadFIFO and WaitFrame)."""
+        """Play all frames that are due (FrameBufferController.vhd, states Idle, ReadFIFO and WaitFrame)."""
         while self._due is None or now >= self._due:
             if len(self._fifo) < 512:
                 self._due = None
@@ -128,19 +123,13 @@ class OpenMpdStandIn(BehindPty):
         if len(self._fifo) >= 512:
             self._full_since = now
         elif now - self._full_since >= 1:
-            # What is left of a frame for a second is thrown away.
+            # An incomplete frame is discarded after a second.
             self._fifo.clear()
             self._full_since = now
 
 
 class CommandReader:
-    """Finds frames among bytes (CommandReader.vhd).
-
-    Parameters
-    ----------
-    swap : callable
-        Called with each whole frame.
-    """
+    """Splits bytes into frames (CommandReader.vhd) and calls `swap` with each."""
 
     def __init__(self, swap: Callable[[PinFrame], None]) -> None:
         self.divider = 4
@@ -149,7 +138,7 @@ class CommandReader:
         self._next_divider = 0
 
     def read(self, text: bytes | bytearray) -> None:
-        """Bytes, cut anywhere."""
+        """Parse bytes, in pieces of any size."""
         for byte in text:
             place, top = len(self._bytes), byte >> 7
             if place == 0 and not top:
@@ -166,7 +155,7 @@ class CommandReader:
 
 
 def measured_board(seed: int = 0) -> Board:
-    """A board with offsets in two groups half a turn apart, as the makers' own files have them."""
+    """A board whose phase offsets form two groups in opposite phase, as in the makers' files."""
     rng, plain = np.random.default_rng(seed), Board.nominal()
     offset = np.radians(rng.integers(-40, 40, 256) + 180 * rng.integers(0, 2, 256))
     return Board(position=plain.position, pin=plain.pin, offset=offset, strength=plain.strength, serial=f"FT{seed:06}")

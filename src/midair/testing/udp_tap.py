@@ -1,6 +1,6 @@
-"""AUTD3's emulator behind a wire tap, so that a test sees every datagram and can ask the units what they do.
+"""A proxy in front of AUTD3's emulator that records every datagram and can query the units.
 
-Imports the extra `autd3` when a tap is made.
+Needs the extra `autd3`, imported when a tap is created.
 """
 
 import itertools
@@ -12,35 +12,30 @@ from collections.abc import Container
 from typing import Any
 
 FRAME = 0
-"""Kind of a datagram that holds a command; the others keep the link alive."""
+"""Kind of a datagram that contains a command; other kinds keep the link alive."""
 READ_STATE = 0xE7
-"""Command that asks a unit for the state of its FPGA."""
+"""Command that reads the FPGA state of a unit."""
 THERMAL = 0x01
-"""Bit of that state: the unit is too hot."""
+"""Bit of the FPGA state: the unit is too hot."""
 
 
 class UdpTap:
-    """Between a client and the emulated units: passes on datagrams, keeps them, asks the units in the client's name.
+    """A proxy between a client and `units` emulated units; it forwards and records datagrams.
 
-    Header of a datagram: version, kind, message id (2 bytes); of a frame then: sequence number, command.
-
-    Parameters
-    ----------
-    units : int
-        How many are emulated.
+    Header of a datagram: version, kind, message id (2 bytes); of a frame also: sequence number, command.
 
     Attributes
     ----------
     address : str
-        Where a client finds it, for ``autd3:ADDRESS``.
+        Address for a client, as ``autd3:ADDRESS``.
     passes : bool
-        Whether datagrams go through; False cuts the wire.
+        Set to False to block all datagrams.
     hot : container of int
-        Ports of the units that report too hot whenever the client asks for their state; `range(65536)` means all.
+        Ports of the units that report overheating; `range(65536)` means all.
     sent : list of tuple
-        (time in s, unit's port, datagram) of all that the client sent.
+        (time in s, unit's port, datagram) of all datagrams from the client.
     lost : int
-        Datagrams that `lose` has swallowed.
+        Number of datagrams dropped by `lose`.
     """
 
     def __init__(self, units: int) -> None:
@@ -66,27 +61,27 @@ class UdpTap:
         self._thread.start()
 
     def close(self) -> None:
-        """End, and let go of all sockets."""
+        """Stop the thread and close all sockets."""
         self._ends = True
         self._thread.join(2)
         for each in (self.inner, *self.outer.values()):
             each.close()
 
     def lose(self, command: int, *, answer: bool = False) -> None:
-        """Swallow the next datagram with a command, or let it through and swallow the unit's answer."""
+        """Drop the next datagram with a command, or only the unit's answer to it."""
         self._lose.append((command, answer))
 
     def frames(self) -> list[tuple[float, int, int, bytes]]:
-        """(time, unit's port, command, datagram) of every command that the client sent."""
+        """(time, unit's port, command, datagram) of every command from the client."""
         return [(at, port, datagram[5], datagram) for at, port, datagram in self.sent if datagram[1] == FRAME]
 
     def gap(self, since: float) -> float:
-        """The longest time without any datagram from the client since an instant, in s."""
+        """Longest time in s without a datagram from the client after `since`."""
         times = [at for at, _, _ in self.sent if at >= since]
         return max(late - early for early, late in itertools.pairwise(times))
 
     def states(self) -> list[int]:
-        """What every unit says of its FPGA, asked with the client's next sequence number."""
+        """FPGA state of every unit, queried with the client's next sequence number."""
         self.answers.clear()
         limit = time.monotonic() + 2
         while len(self.answers) < len(self.sequence) and time.monotonic() < limit:
@@ -113,9 +108,9 @@ class UdpTap:
     def _back(self, datagram: bytes, port: int) -> None:
         if port not in self.outer:
             self.outer[port] = _socket()
-        # Message id 0xFFFF is that of the tap's own questions: their answers are none of the client's.
+        # Answers to the tap's own queries (message id 0xFFFF) are not forwarded.
         if datagram[1] == FRAME and datagram[2:4] == b"\xff\xff":
-            # Then come sequence number and status: a question that was out of turn is refused, and says no state.
+            # Status 0: accepted; a query with a wrong sequence number is rejected without a state.
             if datagram[5] == 0:
                 self.answers[port] = datagram
         elif (port, datagram[2:4]) in self._unanswered:

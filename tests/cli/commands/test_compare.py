@@ -122,7 +122,7 @@ def test_a_drive_s_palm_can_be_filmed(capsys):
     with Image.open("palm.gif") as film:
         assert film.n_frames == 10
     assert run(["compare", "take.h5", "take.drive.h5", "--film", "palm.gif"]) == 1
-    assert "palm.gif: is there already" in capsys.readouterr().err
+    assert "palm.gif: already exists" in capsys.readouterr().err
 
 
 @pytest.mark.slow

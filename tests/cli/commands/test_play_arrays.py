@@ -167,7 +167,7 @@ def test_virtual_devices_only_tell(capsys):
 
 def test_stop_when_nothing_plays(capsys):
     assert run(["stop"]) == 0
-    assert "nothing plays" in capsys.readouterr().out
+    assert "no running playback" in capsys.readouterr().out
 
 
 @pytest.mark.long

@@ -37,7 +37,7 @@ def test_one_channel_becomes_a_field(wave, capsys):
     )
     assert told["simulated"] is True
     text = " ".join(told["notes"])
-    assert "synthetic field of one channel" in text
+    assert "synthetic field from one channel" in text
     assert "It leaves the sensor after 1.28 of 2 s" in text
     recording = load("towel.h5")
     share = covered(Footprint(), SensorGrid(), recording.time)

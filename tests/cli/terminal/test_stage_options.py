@@ -145,7 +145,7 @@ def test_a_locked_machine_is_not_moved_but_by_home(capsys):
         assert "its position is unknown" in capsys.readouterr().err
         assert machine.moves == []
         assert run(command(machine, "--home")) == 0
-        assert "looks for its switches now, and moves" in capsys.readouterr().err
+        assert "homing now; the stage moves" in capsys.readouterr().err
     finally:
         machine.close()
 

@@ -178,5 +178,5 @@ def test_an_existing_take_is_not_overwritten(tmp_path):
     line = [sys.executable, "-m", "midair", "live", "--duration", "1s", "--keep", "felt.h5"]
     done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert "is there already; give another name" in done.stderr
+    assert "already exists; give another name" in done.stderr
     assert (tmp_path / "felt.h5").read_bytes() == b"something"

@@ -67,8 +67,8 @@ def compare_command(
     report
         Write an HTML page with all figures and both recordings, to watch and listen to.
     film
-        Write a slow-motion film of a drive to palm.gif, or palm.mp4 (needs ffmpeg): pressure on the palm and motion of
-        soft skin, target beside reproduction.
+        Write a slow-motion film of a drive to palm.gif or palm.mp4 (needs ffmpeg).
+        It shows pressure on the palm and motion of soft skin, target beside reproduction.
     force
         Overwrite an existing report or film.
 
@@ -135,10 +135,10 @@ def _write_report(
     check_size(shown)
     figures = [(name, f"{value:.3g}", unit) for name, (value, unit) in comparison.figures().items()]
     felt = [] if card is None else [(one.name, f"{one.overall:.3g}", one.unit, one.meaning) for one in card.figures]
-    tables = [("Figures", figures), *([] if card is None else [(f"What skin makes of it: {card.verdict()}", felt)])]
+    tables = [("Figures", figures), *([] if card is None else [(f"Perceptual metrics: {card.verdict()}", felt)])]
     if palm is not None:
         rows = [(name.removeprefix("palm: "), f"{value:.3g}", unit) for name, (value, unit) in palm.figures().items()]
-        tables.append((f"What a whole palm gets, {palm.palm}", rows))
+        tables.append((f"Fidelity on a whole palm, {palm.palm}", rows))
     page = show_page(shown, tables=tables, commands=(verbosity().line,))
     with whole_file(path) as partial:
         partial.write_text(page, encoding="utf-8")

@@ -16,8 +16,8 @@ def doctor_command(*, device: str | None = None, json: Json = False) -> int:
     Parameters
     ----------
     device
-        Also open this array, silently, and query it: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE,
-        openmpd:PORT. Or read this sensor for half a second: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
+        Also query this array, without sound: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE, openmpd:PORT.
+        Or read this sensor for half a second: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
 
     Examples
     --------

@@ -37,8 +37,8 @@ def exposure_command(
     source
         Drive to check, NAME.drive.h5.
     device
-        Array that would play the drive, as in midair play. [default: AUTD3, if the drive was solved for it]
-        The transducer strength stored in the drive is ignored.
+        Array that would play the drive, as in midair play. The transducer strength stored in the drive is ignored.
+        [default: AUTD3, if the drive was solved for it]
     placement
         TOML file with position and rotation of the units. [default: two by two, side by side]
     profile

@@ -57,9 +57,11 @@ def import_command(
     Parameters
     ----------
     source
-        File to read, or a sample of midair: sample:brush, sample:sponge, sample:towel (synthetic strokes),
-        sample:ridges (a real board of ridges, ten times as fast), sample:connect (an effect),
-        sample:denim (a real fabric, too slow to be felt).
+        File to read, or one of these samples:
+        sample:brush, sample:sponge, sample:towel: synthetic strokes.
+        sample:ridges: a real board of ridges, ten times as fast.
+        sample:denim: a real fabric, too slow to be felt.
+        sample:connect: an effect.
     output
         Recording to write. [default: name of the source with .h5, in this folder]
     sensitivity

@@ -52,8 +52,7 @@ def info_command(source: Path, /, *, json: Json = False) -> None:
     Parameters
     ----------
     source
-        File to read: NAME.h5, NAME.drive.h5, NAME.calibration.h5, NAME.array.h5, or any recording that midair can
-        import.
+        NAME.h5, NAME.drive.h5, NAME.calibration.h5, NAME.array.h5, or any recording that midair can import.
 
     Examples
     --------

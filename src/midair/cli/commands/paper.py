@@ -67,15 +67,15 @@ def paper_command(
     folder
         Output folder.
     figure
-        Figure to reproduce: 3 (patterns and fields), 4 (stimuli i to iii, original and re-recorded), 9 (spectra).
-        Without --figure, --fidelity and --materials: all three figures and the fidelity.
+        3: patterns and fields. 4: stimuli i to iii, original and re-recorded. 9: spectra of the objects.
+        [default: all three and --fidelity, unless --fidelity or --materials is given]
     fidelity
         Compute error budgets of test signals and objects in both modes at one strength, with iterative correction.
     materials
         Reproduce strokes of several materials in three modes: the paper's, --mode and live.
         A classifier trained on the originals then labels them.
     recordings
-        Folder of calibrated recordings for --materials, in subfolders named by material or as MATERIAL_anything.h5.
+        Folder of calibrated recordings for --materials: subfolders named by material, or MATERIAL_anything.h5.
         [default: synthetic brush, sponge and towel]
     strokes
         Number of strokes of each synthetic material.

@@ -132,12 +132,12 @@ def record_command(
     Parameters
     ----------
     sensor
-        Sensor to record. Real: see midair doctor. Virtual: virtual:towel, virtual:brush, virtual:sponge
-        (add +groove for the grooved surface), virtual:am-i, am-ii, am-iii (modulated foci, paper section 5.2).
-        A file: replay:FILE.
+        Sensor to record, one of these or a real one (midair doctor lists them).
+        virtual:towel, virtual:brush, virtual:sponge: simulated strokes; add +groove for the grooved surface.
+        virtual:am-i, virtual:am-ii, virtual:am-iii: modulated foci (paper, section 5.2).
+        replay:FILE: a recording.
     output
-        File NAME.h5 or folder. [default: OBJECT-SURFACE-01.h5 and so on]
-        Existing files are not overwritten.
+        File NAME.h5 or folder; existing files are not overwritten. [default: OBJECT-SURFACE-01.h5 and so on]
     sensor_file
         Sensor file NAME.toml: the cell of each channel, unit and full scale.
     real_time

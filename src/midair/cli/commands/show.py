@@ -79,8 +79,7 @@ def show_command(
     again
         Re-recording to show over the recording.
     save
-        File to write: page.html, film.mp4 (needs ffmpeg), film.gif or wave.wav. [default: NAME.show.html beside the
-        source]
+        File to write: page.html, film.mp4 (needs ffmpeg), film.gif or wave.wav. [default: NAME.show.html]
     channel
         Channel to listen to, from 0. [default: the loudest]
     target

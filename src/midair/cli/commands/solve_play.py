@@ -73,8 +73,8 @@ def solve_command(
     lead
         Time before and after the part for fading in and out. [default: as the mapping needs]
     array
-        Array to solve for: autd3 (two by two units); openmpd, openmpd-twin (experimental; one board, or two face to
-        face).
+        Array to solve for: autd3 (two by two units); openmpd, openmpd-twin (experimental; one board, two facing
+        boards).
     placement
         TOML file with position and rotation of AUTD3 units that are placed differently.
     array_calibration
@@ -170,8 +170,9 @@ def play_command(
     source
         Drive to play, NAME.drive.h5.
     device
-        Array to play on. virtual: array and sensor are simulated. autd3, autd3:INTERFACE: units over Ethernet.
-        autd3:emulator: their emulator. autd3-simulator, autd3-server: the makers' programs on this computer.
+        virtual: simulated array and sensor.
+        autd3, autd3:INTERFACE: units over Ethernet. autd3:emulator: their emulator.
+        autd3-simulator, autd3-server: the makers' programs on this computer.
         pyautd3, pyautd3:INTERFACE: older units over EtherCAT. pyautd3:audit, pyautd3:nop: no units.
         openmpd:PORT?board=FILE.pat: an OpenMPD board (experimental).
     output

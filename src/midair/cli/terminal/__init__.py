@@ -1,6 +1,6 @@
-"""What commands share: options, quantities, what is printed, keys and meters.
+"""Shared code of the commands: options, quantities, output, keys and meters.
 
-Each is imported when it is first asked for: help needs next to nothing of it, and no command all of it.
+Each module is imported on first use, so that the help needs none of them.
 """
 
 from importlib import import_module
@@ -198,7 +198,7 @@ _FROM = {
     "midair.cli.terminal.sweep_output": "show_patterns show_trials swept",
     "midair.cli.terminal.take_output": "plain_take take_rows",
 }
-"""Names of this face, by the modules that they are from."""
+"""Names of this package, by the module that defines them."""
 
 _ELSEWHERE = {name: module for module, names in _FROM.items() for name in names.split()}
 
@@ -206,6 +206,6 @@ _ELSEWHERE = {name: module for module, names in _FROM.items() for name in names.
 def __getattr__(name: str) -> Any:
     if name not in _ELSEWHERE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    # Kept, so that it is looked for once.
+    # Cached, so that later look-ups do not call this function.
     value = globals()[name] = getattr(import_module(_ELSEWHERE[name]), name)
     return value

@@ -1,4 +1,4 @@
-"""Where a calibration that was measured goes, how far it is from the one before, and what is known of an array."""
+"""Output of calibrations: options, comparison with an earlier one, rows to print."""
 
 import re
 from dataclasses import dataclass, replace
@@ -21,20 +21,18 @@ from midair.settings import Settings
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputOptions:
-    """Where a calibration goes.
+    """Where to write a calibration.
 
     Parameters
     ----------
     output
-        NAME.calibration.h5; the sensor's name and the date if not given.
+        File to write, NAME.calibration.h5. [default: the sensor's name and the date]
     date
-        When it was measured, ISO 8601; today if not given.
+        Date of the measurement, ISO 8601. [default: today]
     supersedes
-        An older calibration of the same sensor: the new one gets the next version, and is compared with it.
+        Earlier calibration of the same sensor: the new one gets the next version and is compared with it.
     figure
-        A page that shows it, NAME.png or NAME.html.
-    json
-        Print JSON for a program.
+        Write figures of the calibration to NAME.png or NAME.html.
     """
 
     output: Path | None = None
@@ -46,11 +44,11 @@ class OutputOptions:
 
     @property
     def day(self) -> str:
-        """When it was measured."""
+        """Date of the measurement."""
         return self.date or datetime.now(UTC).date().isoformat()
 
     def path(self, sensor: SensorGrid) -> Path:
-        """Where it is written, after checking that it may be."""
+        """Output file, after checking that it may be written."""
         name = re.sub(r"[^\w.-]+", "-", sensor.name).strip("-") or "sensor"
         target = self.output or Path(f"{name}-{self.day}{CALIBRATION_SUFFIX}")
         may_write(target, self.force)
@@ -58,7 +56,7 @@ class OutputOptions:
         return target
 
     def version(self, sensor: SensorGrid) -> int:
-        """One more than that of the calibration whose place is taken."""
+        """Version of the superseded calibration plus one, or 1."""
         if self.supersedes is None:
             return 1
         old = given_calibration(self.supersedes)
@@ -69,7 +67,7 @@ class OutputOptions:
         return old.version + 1
 
     def write(self, calibration: Calibration, notes: list[str]) -> None:
-        """Write it, its page, and how it differs from the one whose place it takes."""
+        """Write calibration and page, and print the difference from the superseded one."""
         target = self.path(calibration.sensor)
         if self.supersedes is not None:
             notes = [*notes, drift(given_calibration(self.supersedes), calibration)]
@@ -77,14 +75,14 @@ class OutputOptions:
 
 
 def drift(old: Calibration, new: Calibration) -> str:
-    """How far two calibrations of a sensor are apart, and whether their uncertainties explain it.
+    """Difference between two calibrations of a sensor, and whether their uncertainties explain it.
 
-    E_n = |difference| / the root of the sum of both expanded uncertainties squared (ISO 13528, 9.7): above 1 the sensor
-    has changed, or one of the uncertainties is too small.
+    E_n = |difference| / sqrt(U_old^2 + U_new^2) with expanded uncertainties U (ISO 13528, 9.7); above 1 the sensor has
+    changed, or an uncertainty is too small.
     """
     low, high = max(old.frequency[0], new.frequency[0]), min(old.frequency[-1], new.frequency[-1])
     if low > high:
-        return "it shares no frequency with the calibration that it supersedes"
+        return "no comparison: it has no frequency in common with the superseded calibration"
     frequency = np.linspace(low, high, 64)
     was, now = np.abs(old.response_at(frequency)), np.abs(new.response_at(frequency))
     heard = (was > 0) & (now > 0)
@@ -102,13 +100,7 @@ def drift(old: Calibration, new: Calibration) -> str:
 
 
 def given_calibration(path: Path) -> Calibration:
-    """The calibration of a file that must have one.
-
-    Raises
-    ------
-    MissingFileError
-        If it is a recording without one.
-    """
+    """The calibration in a file; MissingFileError if there is none."""
     found = load_calibration(path)
     if found is None:
         raise MissingFileError(f"{path}: expected a calibration in it, found none; run midair calibrate measure")
@@ -116,14 +108,14 @@ def given_calibration(path: Path) -> Calibration:
 
 
 def prepare_page(page: Path | None, force: bool) -> None:
-    """Refuse a page that could not be written, before the work is done."""
+    """Refuse a page that cannot be written, before the work begins."""
     if page is not None:
         check_page_name(page)
         may_write(page, force)
 
 
 def finish(calibration: Calibration, output: Path, *, page: Path | None, json: bool, notes: list[str]) -> None:
-    """Write a calibration that was made and its page, and say what it is."""
+    """Write a new calibration and its page, and print it."""
     save_calibration(calibration, output)
     tell(calibration, [("written", str(output))], page=page, json=json, notes=notes)
 
@@ -136,7 +128,7 @@ def tell(
     json: bool,
     notes: list[str] | None = None,
 ) -> None:
-    """Print what a calibration is, and write its page if one is wanted."""
+    """Print a calibration, and write its page if requested."""
     if page is not None:
         write_calibration_page(calibration, page)
         rows = [*rows, ("page", str(page))]
@@ -152,13 +144,7 @@ def tell(
 def as_measured(
     path: Path | None, array: TransducerArray, settings: Settings, pressure: PressureFrames
 ) -> tuple[TransducerArray, Settings, PressureFrames]:
-    """Array, settings and pressure for an array that was measured, if a file says so; as they are if not.
-
-    Raises
-    ------
-    MismatchError
-        If it is another array's.
-    """
+    """Array, settings and pressure for the measured transducers of a file; unchanged without a file."""
     if path is None:
         return array, settings, pressure
     known = load_array_calibration(path)
@@ -168,7 +154,7 @@ def as_measured(
 
 
 def array_rows(known: ArrayCalibration) -> list[tuple[str, str]]:
-    """What was measured of an array, with expanded uncertainties (k = 2)."""
+    """Rows of an array calibration, with expanded uncertainties (k = 2)."""
     alive = ~known.dead
 
     def of(values: np.ndarray, errors: np.ndarray, unit: str, digits: int) -> str:

@@ -1,4 +1,4 @@
-"""What commands that compare need to know of a recording's past: its band, its rate, what was felt."""
+"""Inputs of commands that compare: calibrated pressure of a part, and the settings of a re-recording."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -17,9 +17,9 @@ from midair.temp_frames import TempFrames
 def felt_part(
     source: Path, settings: Settings, start: float = 0.0, duration: float | None = None, *, streamed: bool = False
 ) -> PressureFrames:
-    """What the sensor felt in a part of a recording, as a reel if `streamed`.
+    """Calibrated pressure of a part of a recording; lazy frames if `streamed`.
 
-    It is the part of what all of it was calibrated to: cuts leave no edge.
+    The whole recording is calibrated before the cut, so that the filter causes no edge effects.
     """
     take = open_take(source, streamed=streamed)
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
@@ -28,16 +28,16 @@ def felt_part(
 
 @contextmanager
 def kept_aside(pressure: PressureFrames) -> Generator[PressureFrames]:
-    """The same pressure, worked out once and read from the disk from then on, while inside."""
+    """The same pressure, computed once into a temporary file, inside the block."""
     with TempFrames(*pressure.sensor.shape) as spool:
         for block in blocks(pressure.pressure):
             spool.append(block)
-        # What takes a reel says so where it does; a noun's field is an array to everyone else.
+        # The field is typed as an array; functions that accept lazy frames declare it.
         yield replace(pressure, pressure=cast("Any", spool.reel()))
 
 
 def made_with(provenance: Provenance, settings: Settings) -> Settings:
-    """The settings with the band and rate that a re-recording's drive was made with."""
+    """Settings with the band and rate of the drive of a re-recording."""
     band, rate = provenance.last("calibrate").get("band_hz"), provenance.last("play").get("rate_hz")
     if isinstance(band, tuple) and len(band) == 2:
         low, high = (float(edge) for edge in band if isinstance(edge, int | float))

@@ -1,4 +1,4 @@
-"""A comparison and its perceptual card, for people and for programs."""
+"""Printed and JSON output of comparisons and perceptual metrics."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from midair.rig import Outcome, side_by_side
 
 
 def card_of(original: PressureFrames, reproduced: PressureFrames) -> PerceptualMetrics | None:
-    """The perceptual card; None for less than the 64 ms that its metrics need."""
+    """Perceptual metrics; None for less than 64 ms, the shortest signal they need."""
     try:
         return perceptual_metrics(original, reproduced)
     except ShapeError:
@@ -20,9 +20,9 @@ def card_of(original: PressureFrames, reproduced: PressureFrames) -> PerceptualM
 
 
 def print_card(card: PerceptualMetrics) -> None:
-    """Each figure over all cells, and what it means."""
+    """Print each metric over all cells, and its meaning."""
     out().print(f"\n{card.verdict()}")
-    out().print("what skin makes of it, over all cells")
+    out().print("perceptual metrics over all cells")
     for each in card.figures:
         unit = f" {each.unit}" if each.unit else ""
         out().print(f"  {each.name}: {each.overall:.3g}{unit}", style="bold")
@@ -30,17 +30,17 @@ def print_card(card: PerceptualMetrics) -> None:
 
 
 def print_palm(palm: PalmFidelity) -> None:
-    """What a whole palm gets, skin by skin."""
-    out().print(f"\nwhat a whole palm gets, {palm.palm}", style="bold")
+    """Print the fidelity on a whole palm for each skin model."""
+    out().print(f"\nfidelity on a whole palm, {palm.palm}", style="bold")
     out().print(f"  {100 * palm.outside:.3g} % of the power in the band lies outside the square of the sensor")
     out().print(f"  pressure {palm.pressure:.1f} dB over the palm, {palm.square:.1f} dB within the square")
     moved = ", ".join(f"{ratio:.1f} dB ({name})" for name, ratio in palm.displacement.items())
     out().print(f"  displacement {moved}")
-    out().print("    signal over distortion of flat model skins; no person was asked", style="dim")
+    out().print("    signal-to-distortion ratio in models of flat skin, not measured on people", style="dim")
 
 
 def print_side_by_side(outcomes: Sequence[Outcome]) -> None:
-    """Figures of several ways of playing beside each other."""
+    """Print the figures of several modes side by side."""
     table = Table(title="side by side" if len(outcomes) > 1 else None, title_justify="left", box=None, pad_edge=False)
     table.add_column("", overflow="fold")
     for each in outcomes:
@@ -52,6 +52,6 @@ def print_side_by_side(outcomes: Sequence[Outcome]) -> None:
 
 
 def plain(comparison: Comparison) -> dict[str, object]:
-    """A comparison for JSON."""
+    """A comparison as JSON values."""
     figures = {name: {"value": value, "unit": unit} for name, (value, unit) in comparison.figures().items()}
     return {"simulated": comparison.simulated, "figures": figures}

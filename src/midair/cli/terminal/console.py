@@ -1,4 +1,4 @@
-"""What the commands print: tables, progress, and JSON for programs; and how much of it (-q, -v)."""
+"""Console output of the commands: tables, progress, JSON, verbosity (-q, -v)."""
 
 import json
 import shlex
@@ -25,34 +25,27 @@ _FLAGS = {"-q": "quiet", "-v": "verbose", "--verbose": "verbose"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verbosity:
-    """How much is said.
-
-    Parameters
-    ----------
-    quiet : bool
-        Neither bars nor meters. Results, warnings and errors are said all the same.
-    verbose : bool
-        An error that nobody foresaw comes with its traceback; at the end, the time that it took.
-    line : str
-        What was typed, as a shell takes it again.
-    """
+    """Verbosity of a command."""
 
     quiet: bool = False
+    """Neither progress bars nor meters; results, warnings and errors are still printed."""
     verbose: bool = False
+    """Traceback for unexpected errors, and the run time at the end."""
     line: str = "midair"
+    """The command line, quoted for a shell."""
 
 
 _talk: ContextVar[Verbosity | None] = ContextVar("talk", default=None)
 
 
 def verbosity() -> Verbosity:
-    """How much the command that runs is to say."""
+    """Verbosity of the running command."""
     return _talk.get() or Verbosity()
 
 
 @contextmanager
 def with_verbosity(how: Verbosity) -> Generator[None]:
-    """Say so much inside."""
+    """Set the verbosity inside the block."""
     before = _talk.set(how)
     try:
         yield
@@ -61,7 +54,7 @@ def with_verbosity(how: Verbosity) -> Generator[None]:
 
 
 def flags_of(tokens: Sequence[str]) -> tuple[Verbosity, list[str]]:
-    """What a command line says of it, wherever it stands before ``--``, and the command line without."""
+    """Verbosity flags of a command line before ``--``, and the command line without them."""
     ends = list(tokens).index("--") if "--" in tokens else len(tokens)
     said = {_FLAGS[token] for token in tokens[:ends] if token in _FLAGS}
     rest = [token for token in tokens[:ends] if token not in _FLAGS]
@@ -70,35 +63,35 @@ def flags_of(tokens: Sequence[str]) -> tuple[Verbosity, list[str]]:
 
 
 class PlainConsole(Console):
-    """A console on which text is text: no markup, no emoji codes, no escape sequences, whoever wrote it.
+    """A console without markup, emoji codes and escape sequences, so that file and device names cannot change the
+    output.
 
-    Names of files, notes in them and names of devices are printed everywhere: that they do nothing is decided here,
-    once. Styles are given beside the text, or as `rich.text.Text`, whose content goes through `printable` first.
+    Styles are given beside the text, or as `rich.text.Text`, whose content goes through `printable` first.
     """
 
     def __init__(self, *, stderr: bool = False, markup: bool = False, soft_wrap: bool = True) -> None:
         super().__init__(stderr=stderr, markup=markup, emoji=False, highlight=False, soft_wrap=soft_wrap)
 
     def render_str(self, text: str, **how: Any) -> Text:
-        """Every text that is printed, also in tables, comes through here."""
+        """Every printed text, also in tables, passes through this method."""
         return super().render_str(_printable(text), **how)
 
 
 class PerSecond(ProgressColumn):
-    """How fast the work goes."""
+    """Column with the speed of the work."""
 
     def __init__(self, items: str, digits: int) -> None:
         super().__init__()
         self._items, self._digits = items, digits
 
     def render(self, task: Task) -> Text:
-        """Items per second, once there is something to tell."""
+        """Items per second, once known."""
         speed = task.finished_speed or task.speed
         return Text("" if speed is None else f"{speed:6.{self._digits}f} {self._items}/s", style="cyan")
 
 
 def bars(items: str = "frames", *, width: int = 16, name: str = "<27", digits: int = 0, period: float = 5) -> Progress:
-    """Progress bars on the error stream: what is done, how many, how many a second, time left."""
+    """Progress bars on stderr: done, total, speed, time left."""
     return Progress(
         TextColumn(f"{{task.description:{name}}}", markup=False),
         BarColumn(bar_width=width),
@@ -116,7 +109,7 @@ _waiting: ContextVar[Waiting | None] = ContextVar("waiting", default=None)
 
 @contextmanager
 def busy_bar(words: str, passes: int) -> Generator[None]:
-    """A bar after two seconds inside, until results come; nothing with -q."""
+    """Show a bar after two seconds inside the block, until results are printed; nothing with -q."""
     if verbosity().quiet:
         yield
         return
@@ -129,48 +122,45 @@ def busy_bar(words: str, passes: int) -> Generator[None]:
 
 
 def _no_longer_waiting() -> None:
-    """Results come, or other bars: this one makes room."""
+    """Remove the waiting bar before results or other bars appear."""
     line = _waiting.get()
     if line is not None:
         line.end()
 
 
 def out() -> PlainConsole:
-    """Where results go."""
+    """Console for results."""
     _no_longer_waiting()
     return PlainConsole()
 
 
 def err() -> PlainConsole:
-    """Where everything else goes: questions, progress, errors."""
+    """Console for questions, progress and errors."""
     _no_longer_waiting()
     return PlainConsole(stderr=True)
 
 
 def say(line: str) -> None:
-    """A line of results."""
+    """Print a line of results."""
     out().print(line)
 
 
 class ProgressBars(Protocol):
-    """Told the name of each stage as it begins, and what it works on; gives the progress to report to."""
+    """Starts the bar of a stage, given its name and workload, and returns the function that reports its progress."""
 
     def __call__(self, name: str, /, workload: str = "") -> "Report":
-        """The progress of this stage."""
+        """Progress function of a new stage."""
         ...
 
 
 def work_of(name: str, workload: str, frames: int) -> Work:
-    """So many frames of a stage: its name up to the first comma and what it works on decide how fast they go."""
+    """Work of a stage; its name up to the first comma and its workload decide the speed."""
     return Work(kind=f"{name.partition(',')[0]} {workload}".strip(), frames=frames)
 
 
 @contextmanager
 def progress_bars(works: Sequence[Work] = ()) -> Generator[ProgressBars]:
-    """A progress bar on the error stream with a line for each stage: frames, frames per second, time left.
-
-    Before it, how long these works will take; after it, what was learnt of how fast they go here.
-    """
+    """Progress bars on stderr, one per stage, with a time estimate before; measured speeds are stored afterwards."""
     speeds, running = Speeds.known(), list[_Running]()
     if works and (line := estimate_text(speeds, works)) and not verbosity().quiet:
         err().print(line, style="dim")
@@ -202,7 +192,7 @@ def progress_bars(works: Sequence[Work] = ()) -> Generator[ProgressBars]:
 
 @dataclass(slots=True, kw_only=True)
 class _Running:
-    """A stage at work, and how far it is."""
+    """A running stage and its progress."""
 
     name: str
     workload: str
@@ -212,7 +202,7 @@ class _Running:
 
 
 def print_figures(title: str, columns: Mapping[str, Mapping[str, tuple[float, str]]]) -> None:
-    """A table of figures: a row each, a column for each thing that has them, and the unit."""
+    """Print a table of figures: one row per figure, one column per item, and the unit."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("")
     for name in columns:
@@ -225,7 +215,7 @@ def print_figures(title: str, columns: Mapping[str, Mapping[str, tuple[float, st
 
 
 def print_rows(rows: Iterable[tuple[str, str]]) -> None:
-    """Names and values below each other."""
+    """Print names and values, one pair per line."""
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
@@ -235,7 +225,7 @@ def print_rows(rows: Iterable[tuple[str, str]]) -> None:
 
 
 def print_json(value: object) -> None:
-    """One JSON document on the output; NaN and infinity, which JSON lacks, become null."""
+    """Print one JSON document; NaN and infinity become null."""
     from midair.files import for_json
 
     _no_longer_waiting()
@@ -243,19 +233,19 @@ def print_json(value: object) -> None:
 
 
 def _printable(text: str) -> str:
-    """As `midair.files` has it, which takes NumPy and HDF5 with it: help prints without."""
+    """`midair.files.printable`, imported late because it needs NumPy and HDF5."""
     from midair.files import printable
 
     return printable(text)
 
 
 def banner(simulated: bool) -> None:
-    """Say so when what follows is simulated."""
+    """Print a warning if the results are simulated."""
     if simulated:
         err().print("SIMULATED: no sensor, array or skin was involved", style="bold red")
 
 
 def warn_simulated(simulated: bool) -> None:
-    """Say so when nobody answered what follows."""
+    """Print a warning if the answers are simulated."""
     if simulated:
         err().print("SIMULATED: no person was asked", style="bold red")

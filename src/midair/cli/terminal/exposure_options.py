@@ -1,4 +1,4 @@
-"""What may be exposed to what: options that every command has which can sound."""
+"""Exposure options of all commands that can play, and the time estimate of the exposure check."""
 
 import time
 from dataclasses import dataclass, replace
@@ -17,18 +17,18 @@ from midair.physics import ExposureProfile
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExposureOptions:
-    """What a drive may expose people to, on a device that can be heard.
+    """Exposure limits for a real array or its emulator.
 
     Parameters
     ----------
     profile
-        Of exposure.
+        Name of the exposure profile.
     profiles
-        TOML file of exposure profiles; those that come with midair if not given.
+        TOML file of exposure profiles. [default: the profiles of midair]
     attenuate
-        Weaken drives until they keep the profile.
+        Reduce the level of drives that exceed the profile until they meet it.
     override_exposure
-        Name of the person who answers for playing above the profile; it is logged.
+        Play above the profile; give the name of the responsible person, which is logged.
     """
 
     profile: str = DEFAULT_PROFILE
@@ -37,7 +37,7 @@ class ExposureOptions:
     override_exposure: str | None = None
 
     def choices(self, room: Medium | None = None) -> ExposureChoices:
-        """As one value, with the air of the room where a person stated it."""
+        """The options as one value, with the stated air of the room."""
         return ExposureChoices(
             profile=profile_named(self.profile, self.profiles),
             attenuate=self.attenuate,
@@ -55,20 +55,9 @@ def say_how_long(
     few: float = 3.0,
     sample: int = 1024,
 ) -> None:
-    """Say on the error stream how long the exposure of a drive will take, where that is more than a few seconds.
+    """Print how long the exposure check of a drive will take, if it takes more than `few` seconds.
 
-    Its first frames are timed, the second time, when what is worked out once an array is there already.
-
-    Parameters
-    ----------
-    room : Medium, optional
-        As in `ExposureChoices`.
-    frames : int, optional
-        How many will be measured; those of the drive if None.
-    few : float
-        Seconds about which nothing is said.
-    sample : int
-        Frames that are timed.
+    The first `sample` frames are measured twice; the second run is timed, since the first also sets up the array.
     """
     count = drive.frames if frames is None else frames
     if count < 10 * sample:
@@ -86,7 +75,7 @@ def say_how_long(
 def say_how_long_to_come(
     frames: int, array: TransducerArray, room: Medium | None, profile: ExposureProfile, *, few: float = 3.0
 ) -> None:
-    """The same of frames that are not there yet, for an array and in the air of a room."""
+    """The same estimate for frames that are not solved yet."""
     phase = np.zeros((1024, array.count))
     some = Drive(phase=phase, level=np.ones(1024), rate=1.0, array=array)
     say_how_long(some, profile, room=room, frames=frames, few=few)

@@ -1,4 +1,4 @@
-"""What a person says about a file that they bring: its channels, its layout, its footprint."""
+"""Options for files of other programs: channels, layout, footprint."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -21,13 +21,7 @@ Patch = tuple[str, float]
 
 
 def parse_patch(text: str) -> Patch:
-    """Shape and size, in m, that a text such as ``circle:20mm`` means.
-
-    Raises
-    ------
-    ValueError
-        If it means none.
-    """
+    """Shape and size in m of a text such as ``circle:20mm``."""
     shape, _, size = text.partition(":")
     if shape not in get_args(Shape) or not size:
         raise ValueError(f"expected SHAPE:SIZE such as circle:20mm, of {', '.join(get_args(Shape))}, got {text!r}")
@@ -38,13 +32,7 @@ def parse_patch(text: str) -> Patch:
 
 
 def parse_layout(text: str) -> SensorGrid:
-    """The sensor that a text such as ``4x4:11mm`` means: rows, columns, and the distance between cells.
-
-    Raises
-    ------
-    ValueError
-        If it means none.
-    """
+    """Sensor grid of a text such as ``4x4:11mm``: rows, columns, pitch."""
     found = re.fullmatch(r"([1-9]\d{0,3})x([1-9]\d{0,3}):(\S+)", text)
     if found is None:
         raise ValueError(f"expected ROWSxCOLUMNS:PITCH such as 4x4:11mm, got {text!r}")
@@ -55,12 +43,12 @@ def parse_layout(text: str) -> SensorGrid:
 
 
 def parse_names(text: str) -> tuple[str, ...]:
-    """Names or numbers with commas between them."""
+    """Names or numbers separated by commas."""
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def parsed(parse: Callable[[str], Any], metavar: str) -> Parameter:
-    """A command line parameter of one word that `parse` reads."""
+    """A command-line parameter of one word, read by `parse`."""
 
     def convert(_: Any, tokens: Sequence[Token]) -> Any:
         return parse(tokens[0].value)
@@ -71,34 +59,34 @@ def parsed(parse: Callable[[str], Any], metavar: str) -> Parameter:
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileOptions:
-    """What the file does not say.
+    """Properties that the file does not state.
 
     Parameters
     ----------
     rate
-        Frames per second.
+        Frame rate.
     unit
-        Of the samples.
+        Unit of the samples.
     scale
-        Pressure that 1 of the file's numbers means, such as 30Pa: of full scale, of a volt, of 1 m/s2.
+        Pressure per unit of the file, such as 30Pa: per full scale, per volt, per 1 m/s2.
     channels
-        The ones to take, by name or by number from 0, with commas: accel_x, or 3,2,1,0.
+        Channels to read, by name or by number from 0, separated by commas: accel_x, or 3,2,1,0.
     stream
-        Which one to take of several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ or MAT.
+        Which of several to read: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ or MAT.
     packed
-        So many channels stand one after another in one row of numbers, frame behind frame, such as 16.
+        Number of channels that are interleaved in one row of numbers, such as 16.
     layout
-        How the cells lie, such as 4x4:11mm.
+        Rows, columns and pitch of the cells, such as 4x4:11mm.
     resample
-        Change the rate, such as to 1kHz.
+        Resample to this rate, such as 1kHz.
     footprint
-        Make a field of one channel: a circle, square or line of this size, such as circle:20mm, touches the sensor.
+        Make a field from one channel: a circle, square or line of this size moves over the sensor, such as circle:20mm.
     speed
-        At which the footprint moves over the sensor; negative from the other side, 0 to stay.
+        Speed of the footprint over the sensor; negative reverses it, 0 keeps it in place.
     path
-        Along which it moves: x, y or diagonal.
+        Direction of the footprint: x, y or diagonal.
     turn
-        What it does when it has left the sensor: stop, back or again.
+        When the footprint has left the sensor: stop, come back, or start again.
     """
 
     rate: Annotated[float | None, quantity("Hz")] = None
@@ -116,7 +104,7 @@ class FileOptions:
 
     @property
     def changes(self) -> bool:
-        """Whether the samples that come out are not the file's."""
+        """Whether the options change the samples."""
         return self.footprint is not None or self.resample is not None
 
 
@@ -130,11 +118,11 @@ AS_TYPED: Mapping[str, str] = MappingProxyType(
         "(channels=)": "(--channels 0)",
     }
 )
-"""What the library says to Python, and what a person types instead."""
+"""Phrases of the library for Python, and the same for the command line."""
 
 
 def as_typed(message: str) -> str:
-    """A message of the library in the words of the command line."""
+    """A message of the library with command-line options instead of Python arguments."""
     for python, typed in AS_TYPED.items():
         message = message.replace(python, typed)
     return re.sub(r"got (rate|unit|scale)=", r"got --\1 ", message)
@@ -143,9 +131,9 @@ def as_typed(message: str) -> str:
 def import_recording(
     file: File, options: FileOptions, *, streamed: bool = False, mending: Mending | None = None
 ) -> OpenedTake:
-    """The recording in a file, as the options make it, and what was assumed on the way.
+    """Read a file with these options; returns the recording and the assumptions made.
 
-    With `streamed` its samples may be a reel, as in `open_take`; what is mended is not.
+    With `streamed` its samples may be lazy frames, as in `open_take`, unless gaps are filled.
     """
     try:
         return _brought(file, options, streamed=streamed, mending=mending)
@@ -186,11 +174,11 @@ def _field(recording: Recording, options: FileOptions, patch: Patch) -> tuple[Re
     sensor = options.layout or SensorGrid()
     field = footprint_field(recording, footprint, sensor)
     how = f"A {shape} of {spell(size, 'm')} at {options.speed * 1e3:g} mm/s"
-    report = [f"{how} makes a synthetic field of one channel: its places were never measured."]
+    report = [f"{how} makes a synthetic field from one channel: positions were not measured."]
     crossing = footprint.crossing(sensor)
     if options.turn == "stop" and crossing < recording.duration:
         report.append(
-            f"It leaves the sensor after {crossing:.3g} of {recording.duration:.3g} s, and nothing touches after that; "
-            "--turn back or again goes on, midair trim cuts the rest."
+            f"It leaves the sensor after {crossing:.3g} of {recording.duration:.3g} s, and the rest is silent; "
+            "use --turn back or --turn again, or remove the rest with midair trim."
         )
     return field, tuple(report)

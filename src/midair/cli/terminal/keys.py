@@ -1,4 +1,4 @@
-"""Single keys from a terminal, and signals as a request to stop in order."""
+"""Single keys from a terminal, and signals that request an orderly stop."""
 
 import contextlib
 import os
@@ -14,14 +14,9 @@ from midair.rig import ENDING, handled
 
 
 class Keys:
-    """Keys as they are pressed, without Enter; the terminal is as before however the block is left.
+    """Keys as they are pressed, without Enter; leaving the block restores the terminal.
 
-    Where the input is no terminal there are no keys.
-
-    Parameters
-    ----------
-    stream : TextIO, optional
-        The standard input if None.
+    Without a terminal there are no keys.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
@@ -31,7 +26,7 @@ class Keys:
 
     @property
     def active(self) -> bool:
-        """Whether somebody can press a key."""
+        """Whether keys can be read."""
         return self._before is not None
 
     def __enter__(self) -> Self:
@@ -59,7 +54,7 @@ class Keys:
                 termios.tcsetattr(self._file, termios.TCSADRAIN, before)
 
     def pressed(self) -> str:
-        """The keys that were pressed since the last time; never waits."""
+        """Keys pressed since the last call; never waits."""
         keys = b""
         while self.active and select.select([self._file], [], [], 0)[0]:
             more = os.read(self._file, 64)
@@ -70,13 +65,13 @@ class Keys:
 
 
 class Signals:
-    """Which signals came; a second Ctrl-C is not waited for."""
+    """Received signals; a second Ctrl-C raises KeyboardInterrupt."""
 
     def __init__(self) -> None:
         self.came: str = ""
 
     def catch(self, number: int, _frame: FrameType | None) -> None:
-        """Remember a signal; the take that runs ends in order."""
+        """Remember a signal, so that the running take ends in order."""
         if self.came and number == signal.SIGINT:
             raise KeyboardInterrupt
         self.came = signal.Signals(number).name
@@ -84,7 +79,7 @@ class Signals:
 
 @contextmanager
 def signals_noted() -> Generator[Signals]:
-    """Ctrl-C, a request to end the program and a lost terminal are noted instead of ending it."""
+    """Note Ctrl-C, termination requests and a lost terminal instead of ending the program."""
     signals = Signals()
     with handled((signal.SIGINT, *ENDING), signals.catch):
         yield signals

@@ -1,4 +1,4 @@
-"""Level meters in the terminal while a take runs, or plain lines where there is no terminal."""
+"""Level meters in the terminal during a take, or plain lines without a terminal."""
 
 import time
 from collections.abc import Generator
@@ -18,29 +18,13 @@ from midair.model import Event
 from midair.rig import Drift, Levels, TakeOrder, View, event_message
 
 WIDTH = 8
-"""Of a bar, in characters."""
+"""Width of a bar in characters."""
 RANGE = 80.0
-"""What a bar spans, in dB."""
+"""Range of a bar in dB."""
 
 
 class MeterScreen:
-    """The watcher of a take: shows meters, tells events, and turns keys and signals into orders.
-
-    Parameters
-    ----------
-    sensor : SensorDevice
-        That is recorded.
-    console : Console
-        Where to; meters only move on a terminal.
-    keys : Keys
-        Entered.
-    signals : Signals
-        As from `signals_noted`.
-    quiet : bool
-        Whether to say only what goes wrong.
-    every : float
-        Seconds between two plain lines.
-    """
+    """The watcher of a take: draws meters, prints events, and turns keys and signals into orders."""
 
     def __init__(
         self,
@@ -61,7 +45,7 @@ class MeterScreen:
 
     @contextmanager
     def take(self, title: str) -> Generator[None]:
-        """Watch a take of this name; what was drawn is gone afterwards."""
+        """Watch a take of this name; the meters disappear at the end."""
         self._title, self._shown = title, -np.inf
         self._clipped.clear()
         if not (self._console.is_terminal and not self._quiet):
@@ -76,7 +60,7 @@ class MeterScreen:
                 self._live = None
 
     def order(self) -> TakeOrder | None:
-        """What a key or a signal asks for."""
+        """Order given by a key or a signal."""
         if self._signals.came:
             return "kill"
         keys = self._keys.pressed()
@@ -85,11 +69,11 @@ class MeterScreen:
         return "toggle" if set(keys) & {" ", "\n", "\r"} else None
 
     def ends(self) -> bool:
-        """Whether a key or a signal asks for the end of it all."""
+        """Whether a key or a signal ends the session."""
         return self.order() in ("quit", "kill")
 
     def asks(self, question: str) -> bool:
-        """Wait for a key to go on, where somebody can press one; False when a key or a signal asks for the end."""
+        """Wait for a key to continue, if keys can be read; False if a key or a signal ends the session."""
         if self._keys.active:
             self._say(f"{question}, q: end")
             while (order := self.order()) is None:
@@ -98,7 +82,7 @@ class MeterScreen:
         return not self.ends()
 
     def show(self, view: View) -> None:
-        """Draw the meters, ten times a second at most; or say a line now and then."""
+        """Draw the meters at most ten times a second, or print a line every `every` seconds."""
         now = time.monotonic()
         if self._live is not None and now - self._shown >= 0.1:
             self._shown = now
@@ -109,7 +93,7 @@ class MeterScreen:
             self._shown = now
 
     def tell(self, event: Event, drift: Drift | None = None) -> None:
-        """Say it at once; that a channel clips once a take: its meter shows it, and the end of the take tells."""
+        """Print an event; clipping of a channel is printed once per take."""
         if event.kind == "clipped":
             if event.channel in self._clipped:
                 return
@@ -122,7 +106,7 @@ class MeterScreen:
 
 
 def meters(view: View, sensor: SensorDevice, title: str, *, keys: bool = False) -> RenderableType:
-    """The picture of a moment: state, a meter for each cell where the cell is, and what was lost."""
+    """State, a meter for each cell in its position, and the lost frames."""
     head = Text.assemble(
         ("● REC " if view.state == "recording" else "○ waiting ", "bold red" if view.state == "recording" else "bold"),
         (printable(title), ""),
@@ -134,7 +118,7 @@ def meters(view: View, sensor: SensorDevice, title: str, *, keys: bool = False) 
 
 
 def state_line(view: View, rate: float) -> str:
-    """How long, of how much."""
+    """Recorded time, and the total if known."""
     if view.state == "waiting":
         return "not yet recording"
     whole = "" if view.wanted is None else f" of {view.wanted / rate:.1f}"
@@ -142,18 +126,18 @@ def state_line(view: View, rate: float) -> str:
 
 
 def lost_line(view: View) -> str:
-    """How many frames never came."""
+    """Number of lost frames."""
     return f"lost {view.lost} frames"
 
 
 def clock_lines(view: View) -> list[str]:
-    """What is known of the clocks."""
+    """Measured clock drifts."""
     named = (("frames", view.rate), ("clock", view.clock))
     return [f"{name} {drift.ppm:+.0f} ± {drift.uncertainty:.0f} ppm" for name, drift in named if drift is not None]
 
 
 def decibels(level: float, reference: float) -> float:
-    """Of a level over a reference, not below -99."""
+    """A level in dB re `reference`, at least -99."""
     return max(-99.0, 20 * float(np.log10(max(level, 1e-30) / reference)))
 
 

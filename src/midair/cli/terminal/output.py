@@ -1,4 +1,4 @@
-"""Writing a recording with what belongs to it, and saying what was noticed and what was lost."""
+"""Writing recordings, and printing notes and format losses."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ def write_recording(
     pressure: PressureFrames | None = None,
     journal: Sequence[Event] = (),
 ) -> tuple[FormatLoss, ...]:
-    """Write a recording with its calibration, pressure and journal, and return what its format cannot hold."""
+    """Write a recording with calibration, pressure and journal; return what its format cannot hold."""
     return save(recording, path, calibration=calibration, pressure=pressure, journal=journal)
 
 
@@ -41,7 +41,7 @@ def print_written(
     simulated: bool,
     json: bool,
 ) -> None:
-    """Print rows, notes and losses for a person, or figures in place of rows for a program."""
+    """Print rows, notes and losses, or JSON."""
     if json:
         losses = [{"what": loss.what, "text": loss.text} for loss in lost]
         return print_json({**figures, "simulated": simulated, "notes": list(notes), "lost": losses})
@@ -55,25 +55,12 @@ def print_written(
 
 
 def may_write(path: Path, force: bool, *endings: str) -> None:
-    """Refuse a name before the work: without its folder, of a file that is there, or that is being recorded.
-
-    Parameters
-    ----------
-    path : Path
-        What is to be written.
-    force : bool
-        Whether a file may be written over; never one that is being recorded.
-    *endings : str
-        Of names that the writer takes; any if none is given.
-
-    Raises
-    ------
-    MidairError
-        Its leaf that says what is wrong with the name.
+    """Refuse an output name before the work: wrong ending, missing folder, existing file, or a recording in
+    progress.
     """
     if endings and not path.name.lower().endswith(endings):
         raise InputError(f"{path}: expected a name that ends in {' or '.join(endings)}")
     writable_path(path)
     if path.exists() and not force:
-        raise InputError(f"{path}: is there already; give another name, or --force to write over it")
+        raise InputError(f"{path}: already exists; give another name, or --force to overwrite it")
     check_unclaimed(path)

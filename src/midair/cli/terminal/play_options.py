@@ -1,4 +1,4 @@
-"""Playing on arrays other than the virtual one: options, order, report."""
+"""Playing on real arrays and emulators: options, exposure check, report."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,19 +19,19 @@ from midair.rig import array_named, play_cleared, room_air
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayOptions(ExposureOptions):
-    """How a drive is played, and what it may expose people to.
+    """Playback options and exposure limits.
 
     Parameters
     ----------
     repeats
-        How often, one time after the other without a gap.
+        Number of times to play the drive, without gaps.
     delay
-        Before the first frame.
+        Time before the first frame.
     silencer
-        How the array spreads phase steps: auto takes the one with the least simulated error of the pressure; off,
-        quarter and half of a frame; default is the firmware's own 1 ms.
+        How the array smooths phase steps: auto (least simulated pressure error), off, quarter or half of a frame,
+        default (1 ms, as in the firmware).
     placement
-        TOML file with position and rotation of the units; two by two side by side if not given.
+        TOML file with position and rotation of the units. [default: two by two, side by side]
     """
 
     repeats: int = 1
@@ -40,27 +40,27 @@ class PlayOptions(ExposureOptions):
     placement: Path | None = None
 
     def admit(self, drive: Drive, device: ArrayDevice, room: Medium | None) -> ExposureClearance:
-        """The drive, once its exposure on this device is checked in the air of the room."""
+        """Check the exposure of a drive on this device in the air of the room."""
         choices = self.choices(room)
         say_how_long(drive, choices.profile, room=room)
         return check_exposure(drive, device, choices, repeats=self.repeats)
 
 
 def say_room(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:
-    """Say on the error stream what the air of the room does to the drive of a file."""
+    """Print on stderr how the air of the room changes the drive of a file."""
     found = room_air(drive, room, lambda: load_target(source, streamed=True), simulated=simulated)
     note_air(found.said, warn=found.warns)
 
 
 def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium | None) -> None:
-    """Play a drive's file on a device that is not virtual, in the air of a room, and print how it went."""
+    """Play the drive of a file on a real array or an emulator, and print the result."""
     placement = None if options.placement is None else load_placement(options.placement)
     array = array_named(device, placement, silencer=options.silencer)
-    # Reserved before a long drive is read and checked, so that this can be stopped too, and nobody else gets the units.
+    # Reserved before a long drive is read and checked: `midair stop` works, and no other program gets the units.
     with array.reserved():
         drive = load_solution(source, streamed=True).drive
         if not array.streams:
-            # Phases, and what the driver makes of them.
+            # Phases, and the driver's copy of them.
             check_fits(
                 2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
             )
@@ -70,7 +70,7 @@ def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium 
         rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
         print_rows([*level_rows(level_of_file(source)), *rows])
         with progress_bars() as stage, array:
-            # Only now the units have said whether they are real.
+            # Known only after opening the device.
             banner(array.simulated)
             report = play_cleared(
                 admission, array, source=source, delay=options.delay, progress=stage("play"), room=room
@@ -85,5 +85,5 @@ def _rows(report: PlayReport, drive: Drive, device: str) -> list[tuple[str, str]
         ("first frame", start),
         ("timing", f"{report.late} late, {report.repeated} repeated, {1e3 * report.gap:g} ms of gaps"),
         ("silencer", report.silencer),
-        ("units", report.units or "cannot be asked"),
+        ("units", report.units or "not reported"),
     ]

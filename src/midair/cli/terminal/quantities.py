@@ -23,7 +23,7 @@ EXAMPLES = {
     "K": "2C",
     "%": "50%",
 }
-"""A quantity of each unit, for messages and help; K is that of a difference of temperatures."""
+"""Example of each unit for messages and help; K is a temperature difference."""
 
 _BY_HAND: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
     {
@@ -32,17 +32,11 @@ _BY_HAND: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
         "%": {"%": (0.01, 0)},
     }
 )
-"""Factor and offset of units that pint reads as others: its C is a coulomb, its F a farad, its % no word."""
+"""Factor and offset of units that pint reads differently: C is coulomb, F is farad, % is unknown."""
 
 
 def parse_quantity(text: str, unit: str) -> float:
-    """The number of `unit` that a text such as ``200mm`` means.
-
-    Raises
-    ------
-    ValueError
-        If there is no unit, another kind of unit, or no number.
-    """
+    """Value in `unit` of a text such as ``200mm``; ValueError without a suitable unit or number."""
     import pint
 
     advice = f"expected a quantity such as {EXAMPLES.get(unit, '1' + unit)}, got {text!r}"
@@ -56,7 +50,7 @@ def parse_quantity(text: str, unit: str) -> float:
     try:
         value = float(_units().Quantity(float(parts[1]), parts[2]).to(unit).magnitude)
     except pint.DimensionalityError:
-        raise ValueError(f"{advice}; it is of another kind") from None
+        raise ValueError(f"{advice}; the unit measures another quantity") from None
     except (pint.UndefinedUnitError, pint.DefinitionSyntaxError, AttributeError, TypeError, ValueError):
         raise ValueError(f"{advice}; unknown unit") from None
     if not math.isfinite(value):
@@ -66,7 +60,7 @@ def parse_quantity(text: str, unit: str) -> float:
 
 def _by_hand(number: float, written: str, unit: str, advice: str) -> float:
     if written not in _BY_HAND[unit]:
-        raise ValueError(f"{advice}; units of it: {', '.join(_BY_HAND[unit])}")
+        raise ValueError(f"{advice}; possible units: {', '.join(_BY_HAND[unit])}")
     factor, offset = _BY_HAND[unit][written]
     value = factor * number + offset
     if not math.isfinite(value):
@@ -75,30 +69,24 @@ def _by_hand(number: float, written: str, unit: str, advice: str) -> float:
 
 
 def quantity(unit: str, *, many: int | None = None) -> Parameter:
-    """A command line parameter that reads quantities and shows its default as one.
-
-    Parameters
-    ----------
-    unit : str
-        In which the program gets the number.
-    many : int, optional
-        How many quantities the parameter takes, as a tuple.
+    """A command-line parameter in `unit` that reads quantities and shows its default as one; a tuple of `many` if
+    given.
     """
 
     def convert(_: Any, tokens: Sequence[Token]) -> float | tuple[float, ...]:
         values = tuple(parse_quantity(token.value, unit) for token in tokens)
         return values if many else values[0]
 
-    def show(value: float | tuple[float, ...] | None) -> str:
+    def show(value: float | tuple[float, ...] | None) -> str | None:
         if value is None:
-            return "none"
+            return None
         return " ".join(spell(each, unit) for each in (value if isinstance(value, tuple) else (value,)))
 
     return Parameter(converter=convert, show_default=show, n_tokens=many or 1, metavar="QUANTITY")
 
 
 def spell(value: float, unit: str) -> str:
-    """A quantity as a person would write it: lengths below a metre in millimetres, shares in %."""
+    """A quantity as text: lengths below a metre in millimetres, fractions in %."""
     if unit in _BY_HAND:
         return f"{100 * value:.6g}%" if unit == "%" else f"{value:.6g}C"
     return f"{value * 1e3:.6g}mm" if unit == "m" and abs(value) < 1 else f"{value:.6g}{unit}"

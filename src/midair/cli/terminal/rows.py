@@ -1,4 +1,4 @@
-"""What commands say of a recording, of the calibration that it has, and of how hard a drive presses."""
+"""Rows and JSON values that describe recordings, calibrations and drives."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from midair.targets import piece_of
 
 
 def recording_rows(recording: Recording) -> list[tuple[str, str]]:
-    """What a recording holds, as names and values."""
+    """Description of a recording as names and values."""
     rows, columns = recording.sensor.shape
     dead = np.flatnonzero(dead_channels(recording))
     return [
@@ -32,12 +32,12 @@ def recording_rows(recording: Recording) -> list[tuple[str, str]]:
 
 
 def _synthetic(recording: Recording) -> bool:
-    """Whether cells that never change are not broken: the object of a synthetic field passed them by."""
+    """Whether the recording is a synthetic field, in which constant cells are not broken but untouched."""
     return any(step.stage == "footprint" for step in recording.provenance.steps)
 
 
 def recording_figures(recording: Recording) -> dict[str, object]:
-    """What a recording holds, for a program: numbers in units that their names carry."""
+    """Description of a recording as JSON values; names carry units."""
     rows, columns = recording.sensor.shape
     synthetic, silent = _synthetic(recording), np.flatnonzero(dead_channels(recording)).tolist()
     return {
@@ -58,7 +58,7 @@ def recording_figures(recording: Recording) -> dict[str, object]:
 
 
 def calibration_figures(calibration: Calibration | None) -> dict[str, object] | None:
-    """Which calibration a recording has, for a program; None where it has none."""
+    """Identity of a calibration as JSON values."""
     if calibration is None:
         return None
     return {
@@ -70,20 +70,20 @@ def calibration_figures(calibration: Calibration | None) -> dict[str, object] | 
 
 
 def calibrated_by(calibration: Calibration | None) -> str:
-    """Where a calibration comes from, or what to do without one."""
+    """Source of a calibration, or advice without one."""
     if calibration is None:
         return "none; state one with midair calibrate --sensitivity or --peak"
     return " ".join(part for part in (calibration.provenance.source, calibration.date) if part)
 
 
 def level_of_file(source: Path) -> PressureLevel | None:
-    """How hard the drive of a file was asked to press, and what comes of it; None where its file has no target."""
+    """Requested and achieved pressure of a drive; None if its file has no target."""
     target = load_target(source, streamed=True)
     return None if target is None else level_of(load_solution(source, streamed=True), target, band=band_of(target))
 
 
 def met_of(solution: Solution, target: AmplitudeFrames) -> SolveError:
-    """How well the piece was met, without its lead, in which there is next to nothing to be met."""
+    """Error of a solution without its lead, whose target is almost zero."""
     inside = piece_of(target.provenance, target.frames, target.rate)
     plays = np.array([status != "silent" for status in solution.status])
     power = np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
@@ -91,14 +91,14 @@ def met_of(solution: Solution, target: AmplitudeFrames) -> SolveError:
 
 
 def level_rows(level: PressureLevel | None) -> list[tuple[str, str]]:
-    """In words; a warning goes to the error stream."""
+    """Pressure level as rows; prints a warning on stderr if the request is too high."""
     if level is None:
-        return [("level", "its file does not tell what it was solved for")]
+        return [("level", "unknown: the file has no target")]
     warn_level(level)
     return level.rows()
 
 
 def warn_level(level: PressureLevel) -> None:
-    """Say on the error stream where more is asked for than comes, and what to do."""
+    """Print a warning and advice if the drive requests more pressure than the array can produce."""
     if level.too_loud:
         note_air(level.advice(), warn=True)

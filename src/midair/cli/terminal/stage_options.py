@@ -1,4 +1,4 @@
-"""A stage that draws the object: options of `record`, what it will do in words before it moves, and what it did."""
+"""A motion stage that moves the object: options of `record`, its plan in words, its strokes."""
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -23,18 +23,18 @@ Stopped = Callable[[], bool]
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StageOptions:
-    """A stage that draws the object over the sensor.
+    """Motion stage that moves the object over the sensor.
 
     Parameters
     ----------
     stage
-        grbl:PORT, a machine behind Grbl 1.1: each take is one stroke of it, at --speed. It says what it will do first.
+        Move the object with a Grbl 1.1 machine at grbl:PORT, one stroke per take at --speed. Prints its plan first.
     stroke
         Length of a stroke.
     stage_file
-        Where strokes begin, contact height, approach and return, travel.
+        TOML file of the stage: start of the strokes, contact height, approach, return, travel.
     home
-        Let the stage find its switches first. It moves.
+        Home the stage with its limit switches first. The stage moves.
     """
 
     stage: str | None = None
@@ -43,18 +43,10 @@ class StageOptions:
     home: bool = False
 
     def drawing(self, speed: float | None) -> "Drawing | None":
-        """What was asked of the stage, checked before anything is opened; None without one.
-
-        Raises
-        ------
-        InputError
-            If it is not said how far or how fast, or a stroke goes beyond the travel.
-        FileError
-            If the stage's file cannot be read.
-        """
+        """The requested strokes, checked before a device opens; None without --stage."""
         if self.stage is None:
             if self.stroke is not None or self.home:
-                raise InputError("--stroke and --home: expected --stage beside them, such as --stage grbl:PORT")
+                raise InputError("--stroke and --home: expected --stage with them, such as --stage grbl:PORT")
             return None
         if self.stroke is None or speed is None or speed <= 0:
             raise InputError("--stage: expected --stroke and --speed, such as --stroke 120mm --speed 50mm/s")
@@ -64,21 +56,7 @@ class StageOptions:
 
 
 class Drawing(AbstractContextManager["Drawing"]):
-    """Strokes of a stage, which is open inside the block.
-
-    Parameters
-    ----------
-    stage : StageDevice
-        The machine.
-    setup : StageSetup
-        Where strokes begin, and how the object gets there.
-    stroke : float
-        Length, in m.
-    speed : float
-        In m/s.
-    home : bool
-        Whether it looks for its switches first.
-    """
+    """Strokes of a motion stage, which is open inside the block; lengths in m, speed in m/s."""
 
     def __init__(self, stage: StageDevice, setup: StageSetup, *, stroke: float, speed: float, home: bool) -> None:
         self._stage, self._setup, self._stroke, self._speed, self._home = stage, setup, stroke, speed, home
@@ -94,13 +72,13 @@ class Drawing(AbstractContextManager["Drawing"]):
 
     @property
     def seconds(self) -> float:
-        """About how long a stroke with its way down and up takes, with a second for speeding up and slowing down."""
+        """Estimated time of a stroke with the way down and up, plus a second for acceleration."""
         down = self._setup.clear - self._setup.contact
         return down / self._setup.approach + self._stroke / self._speed + down / self._setup.back + 1.0
 
     @property
     def settings(self) -> dict[str, Setting]:
-        """What was asked, for the provenance."""
+        """The request, for the provenance."""
         return {
             "stage": self._stage.name,
             "firmware": self._stage.describe().get("firmware", ""),
@@ -116,19 +94,13 @@ class Drawing(AbstractContextManager["Drawing"]):
 
     @property
     def stands(self) -> str:
-        """Where it stands, in words."""
-        return f"the stage stands at {self._stage.describe().get('stands', 'nobody knows where')}"
+        """Position of the stage in words."""
+        return f"the stage stands at {self._stage.describe().get('stands', 'an unknown position')}"
 
     def prepare(self, repeats: int, stopped: Stopped) -> None:
-        """Find out where it is and say what it will do; nothing moves but what --home asks for.
-
-        Raises
-        ------
-        DeviceError, InputError
-            If it does not know where it is, or cannot go so fast.
-        """
+        """Find the position and print the plan; only --home moves the stage."""
         if self._home:
-            err().print(f"{self._stage.name}: it looks for its switches now, and moves")
+            err().print(f"{self._stage.name}: homing now; the stage moves")
             self._stage.home(stopped)
         self._stage.ready(homing=self._setup.homing == "switches")
         self._stage.check_speed(self._speed, self._stroke, "xyz".index(self._setup.heading[1]))
@@ -144,25 +116,19 @@ class Drawing(AbstractContextManager["Drawing"]):
         )
 
     def to_start(self, stopped: Stopped) -> None:
-        """Over the beginning of a stroke.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            If it was stopped on the way; it stands.
-        """
+        """Move to the start of a stroke; KeyboardInterrupt if stopped on the way."""
         here = self._stage.ready(homing=self._setup.homing == "switches").position
         if not bring_to_start(self._stage, self._setup, here, stopped):
             err().print(self.stands)
             raise KeyboardInterrupt
 
     def companion(self, stopped: Stopped) -> Stroking:
-        """What goes on beside a take."""
+        """The stroke that runs beside a take."""
         return Stroking(self._stage, self._setup, stroke=self._stroke, speed=self._speed, stopped=stopped)
 
 
 def strokes_of(provenance: Provenance, rate: float) -> list[dict[str, Any]]:
-    """First frame, frames and speed (m/s, or None where nobody can say) of each stroke of a recording."""
+    """First frame, frames, duration and speed (m/s, None if unknown) of each stroke of a recording."""
     steps: dict[str, Mapping[str, Setting]] = {step.stage: step.settings for step in provenance.steps}
     frames: Any = steps.get("events", {}).get("strokes", ())
     speeds: Any = steps.get("stage", {}).get("speed_m_s", ())
@@ -173,12 +139,12 @@ def strokes_of(provenance: Provenance, rate: float) -> list[dict[str, Any]]:
 
 
 def stroke_rows(provenance: Provenance, rate: float) -> list[tuple[str, str]]:
-    """Each stroke of a recording in words; none without a stage."""
+    """The strokes of a recording in words."""
     return [
         (
             "stroke",
             f"frames {row['first_frame']} to {row['first_frame'] + row['frames']}, {row['seconds']:.3f} s, "
-            + ("speed not known" if row["speed_m_s"] is None else f"{1e3 * row['speed_m_s']:.2f} mm/s in its middle"),
+            + ("speed unknown" if row["speed_m_s"] is None else f"{1e3 * row['speed_m_s']:.2f} mm/s in its middle"),
         )
         for row in strokes_of(provenance, rate)
     ]

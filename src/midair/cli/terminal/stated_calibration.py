@@ -1,4 +1,4 @@
-"""What is stated instead of measuring a calibration: --sensitivity, --peak, a --reference of something known."""
+"""Calibrations that are stated, not measured: --sensitivity, --peak, --reference."""
 
 import re
 from dataclasses import replace
@@ -16,15 +16,7 @@ from midair.model import Calibration, Provenance, Recording
 
 
 def calibration_from_options(recording: Recording, sensitivity: str | None, peak: float | None) -> Calibration | None:
-    """The calibration that a stated sensitivity or peak (in Pa) means, if one was stated.
-
-    Raises
-    ------
-    MismatchError
-        If both were.
-    InputError
-        If the sensitivity is no such quantity, or the peak or the recording makes no sense.
-    """
+    """Calibration of a stated sensitivity or peak (Pa); None if neither is given."""
     if sensitivity is not None and peak is not None:
         raise MismatchError("expected --sensitivity or --peak, got both; state one")
     if sensitivity is not None:
@@ -44,13 +36,7 @@ def calibration_from_options(recording: Recording, sensitivity: str | None, peak
 
 
 def stated_sensitivity(text: str, unit: str, option: str) -> float:
-    """The number of `unit` that an option states.
-
-    Raises
-    ------
-    InputError
-        If it is no quantity of that kind.
-    """
+    """Value of an option in `unit`; InputError if it is no such quantity."""
     try:
         return parse_quantity(text, unit)
     except ValueError as wrong:
@@ -58,23 +44,10 @@ def stated_sensitivity(text: str, unit: str, option: str) -> float:
 
 
 def scale_by(reference: File, options: FileOptions, tone: str, drop: str | None) -> MicrophoneScale:
-    """What 1 of a file's numbers means, by a take of the same microphone at the same gain of something known.
+    """Scale of a file from a known signal, recorded with the same microphone at the same gain.
 
-    Parameters
-    ----------
-    reference : Path
-        The take.
-    options : FileOptions
-        Which channel of it, and its rate where it does not say.
-    tone : str
-        Level of the tone in it, such as 94dB.
-    drop : str or None
-        Instead of a tone, a weight that drops: its mass, height and the diameter that it hits, such as 2g:50mm:10mm.
-
-    Raises
-    ------
-    InputError
-        If they are no level and no drop, or the take holds neither.
+    `tone` is its level such as 94dB; `drop` is instead a falling weight as mass, height and diameter, such as
+    2g:50mm:10mm.
     """
     taken = import_recording(
         reference, replace(options, scale=1.0, unit=None, footprint=None, resample=None, layout=None)

@@ -1,4 +1,4 @@
-"""What commands of sweeps show: a bar while one runs, a table of what came out."""
+"""Console output of sweeps: progress bar and result tables."""
 
 import os
 import time
@@ -15,30 +15,27 @@ from midair.sweep import PatternReport, PatternSweep, Sweep, TrialReport, run_sw
 
 
 def swept(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | None) -> int:
-    """Run a sweep with a progress bar; its exit status."""
+    """Run a sweep with a progress bar and return the exit status."""
     if not where.rstrip("/").endswith(".zarr"):
         raise InputError(f"{where}: expected a name that ends in .zarr for a sweep")
     try:
         with sweep_bar("patterns" if sweep.kind == "patterns" else "frames", _workload(sweep)) as progress:
             run_sweep(sweep, where, scheduler=scheduler, workers=workers, progress=progress)
     except KeyboardInterrupt:
-        _say("stopped; what was solved is stored, and the same command goes on")
+        _say("stopped; the results so far are stored; run the same command again to resume")
         return 130
     return 0
 
 
 def _workload(sweep: Sweep) -> str:
-    """What decides how fast a sweep goes."""
+    """Everything that decides the speed of a sweep."""
     method = f" {sweep.method}" if isinstance(sweep, PatternSweep) else ""
     return f"{sweep.kind}{method} {os.cpu_count()} cores"
 
 
 @contextmanager
 def sweep_bar(items: str, workload: str) -> Generator[Advance]:
-    """A progress bar on the error stream: patterns or frames, how many per second, time left.
-
-    Before it, how long it will take as fast as the last time; after it, what was learnt.
-    """
+    """A progress bar on stderr, with a time estimate before; the measured speed is stored afterwards."""
     speeds, kind, begun, last = Speeds.known(), f"sweep {workload}", (0, 0.0), (0, 0.0)
     with bars(items, width=24, name="", digits=1, period=120) as shown:
         task = shown.add_task("sweep", total=None, start=False)
@@ -66,7 +63,7 @@ def _say(words: str) -> None:
 
 
 def show_patterns(report: PatternReport) -> None:
-    """A table of conditions."""
+    """Print a table of the conditions."""
     banner(True)
     table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
     for name in ("strength", "height", "patterns", "mean", "sd", "median", "95 %", "worst", "rounded", "worst"):
@@ -80,7 +77,7 @@ def show_patterns(report: PatternReport) -> None:
 
 
 def show_trials(report: TrialReport) -> None:
-    """A table of trials."""
+    """Print a table of the trials."""
     banner(True)
     table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
     for name in ("recording", "variant"):

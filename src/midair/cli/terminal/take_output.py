@@ -1,4 +1,4 @@
-"""What a take gave, in words and for programs."""
+"""Rows and JSON values that describe a take."""
 
 from midair.cli.terminal.quantities import spell
 from midair.cli.terminal.stage_options import stroke_rows, strokes_of
@@ -9,7 +9,7 @@ from midair.rig import Take, problems
 
 
 def take_rows(take: Take, device: SensorDevice) -> list[tuple[str, str]]:
-    """A take in words, with what was wrong with it."""
+    """A take as rows, with its problems."""
     rows, columns = device.grid.shape
     return [
         ("recording", str(take.path)),
@@ -26,7 +26,7 @@ def take_rows(take: Take, device: SensorDevice) -> list[tuple[str, str]]:
 
 
 def plain_take(take: Take, device: SensorDevice) -> dict[str, object]:
-    """A take for a program."""
+    """A take as JSON values."""
     levels = take.levels
     return {
         "recording": str(take.path),
@@ -45,5 +45,5 @@ def plain_take(take: Take, device: SensorDevice) -> dict[str, object]:
 
 
 def _life(take: Take) -> Provenance:
-    """With what happened while it was recorded, as the file tells it."""
+    """Provenance with the events of the recording, from the file."""
     return Provenance() if take.path is None else open_take(take.path, streamed=True).recording.provenance

@@ -153,7 +153,7 @@ def test_practice_writes_what_the_command_needs(capsys, monkeypatch):
     assert "midair calibrate measure lab/all-*Pa.h5" in said
     assert len(list(Path("lab").glob("*.h5"))) == 2 * 21 + 1
     assert run(["calibrate", "bench", "lab"]) == 1
-    assert "is there already" in one_line_of(capsys)
+    assert "already exists" in one_line_of(capsys)
 
 
 PAIR = ["all-a.h5", "--reference", "all-a-ref.h5"]
@@ -210,4 +210,4 @@ def test_a_drift_at_hand_computed_numbers(known):
     # both are sure to much less than 5 %
     assert "100.0 % above 1" in told
     assert "E_n 0 (median), 0.0 % above 1" in drift(old, old)
-    assert "shares no frequency" in drift(old, replace(old, frequency=old.frequency + 1000))
+    assert "no frequency in common" in drift(old, replace(old, frequency=old.frequency + 1000))

@@ -308,7 +308,7 @@ def test_the_printed_next_runs_as_printed(tmp_path, monkeypatch, capsys):
     capsys.readouterr()
     assert study(*shlex.split(said[0].partition(": midair study ")[2])) == 0
     said = capsys.readouterr().out
-    assert "participant 1 was done before" in said
+    assert "participant 1 has already finished" in said
     assert chain_hash(tmp_path / "s" / "sessions" / "sub-01.jsonl") in "".join(said.split())
 
 

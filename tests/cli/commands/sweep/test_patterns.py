@@ -119,7 +119,7 @@ def test_ctrl_c_is_one_line_and_what_was_solved_is_kept():
     _, said = running.communicate(timeout=60)
     assert running.returncode == 130
     assert "Traceback" not in said
-    assert "midair: stopped; what was solved is stored" in said
+    assert "midair: stopped; the results so far are stored" in said
     assert 0 < load_sweep(Path("s.zarr")).known < 2000
 
 

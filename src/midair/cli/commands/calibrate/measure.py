@@ -70,8 +70,7 @@ def measure_command(
     reference_channel
         Channel of the recordings that carries the reference, instead of --reference.
     reference_sensitivity
-        Sensitivity of the reference from its certificate, such as 50mV/Pa; 10mV/N for a force cell with
-        --reference-diameter.
+        From the certificate of the reference, such as 50mV/Pa; for a force cell 10mV/N and --reference-diameter.
     reference_diameter
         Diameter of the round tip of a force cell, such as 8mm.
     reference_uncertainty
@@ -245,8 +244,7 @@ def bench_command(
     Parameters
     ----------
     folder
-        Output folder: recordings of a sensor and of a reference, on all cells at five levels and on each cell,
-        and one without load.
+        Output folder: recordings of sensor and reference on all cells at five levels, on each cell, and of noise.
     kind
         Signal on the sensor.
     duration

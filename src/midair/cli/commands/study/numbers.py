@@ -44,12 +44,15 @@ def power_command(
     Parameters
     ----------
     test
-        Test of the report. By formula: "paired" (paired t-test) and "threshold" (the confidence interval of the mean
-        threshold excludes a bound). By simulation: "identification" (macro F against shuffled answers), "rating" (a
-        factor of two levels in the analysis of variance, Holm-corrected for all its effects) and "equivalence" (two
-        equal conditions are shown to differ by less than a margin).
+        Test of the report; the first two by formula, the others by simulation.
+        paired: paired t-test.
+        threshold: the confidence interval of the mean threshold excludes a bound.
+        identification: macro F against shuffled answers.
+        rating: a factor of two levels in the analysis of variance, Holm-corrected for all its effects.
+        equivalence: two equal conditions are shown to differ by less than a margin.
     effect
-        Effect size. paired: d_z. identification: mean d'. rating: difference in rating steps.
+        Effect size, which depends on the test.
+        paired: d_z. identification: mean d'. rating: difference in rating steps.
         equivalence: margin over the standard deviation of the participants' differences.
         threshold: distance of the bound over the standard deviation of the participants' log thresholds.
     objects
@@ -57,7 +60,7 @@ def power_command(
     trials
         Trials per participant.
     others
-        Levels of each further factor of the ratings. [default: as in the paper]
+        Levels of each further factor of the ratings; the default is the paper's.
     power
         Power to reach.
     runs

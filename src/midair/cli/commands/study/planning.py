@@ -41,8 +41,10 @@ def new_command(
     name
         Folder to create; letters and digits of its last part are the name of the study.
     template
-        paper: section 5.3, three objects on two surfaces. detection: threshold of a vibration.
-        intervals: which of two intervals is stronger. paired: which of two stimuli is rougher, all pairs.
+        paper: section 5.3, three objects on two surfaces.
+        detection: threshold of a vibration.
+        intervals: which of two intervals is stronger.
+        paired: which of two stimuli is rougher, all pairs.
     source
         TOML file that describes another study, instead of --template; its drives are searched in the same folder.
     participants
@@ -50,8 +52,8 @@ def new_command(
     seed
         Random seed of all shuffles. [default: from the TOML]
     drives
-        Folder of the drives, or of recordings with their names, which are then solved; "none" for a plan that is only
-        simulated. [default: virtual strokes for a template]
+        Folder of the drives, or of recordings of the same names to solve; "none" for a plan that is only simulated.
+        [default: virtual strokes for a template]
     mode
         Mode to solve recordings with; virtual strokes are solved at 1 kHz.
 

@@ -46,7 +46,7 @@ def run_command(
     study
         Folder of the study.
     participant
-        Number of the participant, from 1. [default with --simulate: all who are not done]
+        Number of the participant, from 1; 0 with --simulate: all who are not done.
     policy
         How to resume an interrupted session: with the unfinished trial, from the start, or from the start of the block.
     simulate

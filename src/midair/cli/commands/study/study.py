@@ -85,10 +85,11 @@ def analyse_command(
     between
         Columns of between-subject factors, such as the dominant hand.
     incomplete
-        Participants without a rating in every cell: leave them out, or refuse the analysis of variance.
+        How to treat participants without a rating in every cell.
+        leave out: ignore them. refuse: skip the analysis of variance.
     foils
-        Answers that name an object that was never presented: count as wrong, leave out, or refuse the analysis of
-        choices.
+        How to treat answers that name an object that was never presented.
+        wrong: count them as wrong. leave out: ignore them. refuse: skip the analysis of choices.
     margin
         Largest difference of macro F between conditions that does not matter.
 

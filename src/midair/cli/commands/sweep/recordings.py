@@ -43,8 +43,8 @@ def recordings_command(
     sources
         Recordings with a calibration.
     vary
-        Options of midair solve to vary, as OPTION=VALUE,VALUE: method=fast,glide height=150mm,200mm
-        band="20Hz 470Hz,20Hz 200Hz".
+        Options of midair solve to vary, as OPTION=VALUE,VALUE.
+        Example: method=fast,glide height=150mm,200mm band="20Hz 470Hz,20Hz 200Hz"
     start_at
         Start of the part to use in each recording.
     duration
