@@ -170,7 +170,7 @@ def test_demo_leaves_a_report_and_what_it_shows(capsys):
     assert "SIMULATED" in captured.err
     assert "frames/s" in captured.err
     assert "996 transducers" in captured.out
-    assert "a whole palm gets, disc of 85 mm" in captured.out
+    assert "fidelity on a whole palm, disc of 85 mm" in captured.out
     assert "What a whole palm gets" in Path("out/report.html").read_text(encoding="utf-8")
 
 

@@ -8,17 +8,17 @@ SOLVE, PLAY = Work(kind="solve exact 256", frames=3000), Work(kind="play", frame
 
 
 def test_what_is_not_known_is_not_told_and_what_is_known_adds_up():
-    speeds = Speeds().learnt(Work(kind=SOLVE.kind, frames=100), 10.0)
+    speeds = Speeds().updated(Work(kind=SOLVE.kind, frames=100), 10.0)
     assert speeds.seconds([SOLVE]) == pytest.approx(300)
     assert speeds.seconds([SOLVE, PLAY]) is None
-    assert speeds.learnt(Work(kind="play", frames=500), 1.0).seconds([SOLVE, PLAY]) == pytest.approx(306)
+    assert speeds.updated(Work(kind="play", frames=500), 1.0).seconds([SOLVE, PLAY]) == pytest.approx(306)
     assert "no time estimate" in estimate_text(speeds, [SOLVE, PLAY])
     assert estimate_text(speeds, [SOLVE]) == "this takes about 5 min, by the speed of the last run on this machine"
     assert estimate_text(speeds, [Work(kind=SOLVE.kind, frames=30)]) == ""
 
 
 def test_a_busy_day_is_forgotten_by_half():
-    speeds = Speeds().learnt(SOLVE, 100.0).learnt(SOLVE, 400.0)
+    speeds = Speeds().updated(SOLVE, 100.0).updated(SOLVE, 400.0)
     assert speeds.seconds([SOLVE]) == pytest.approx(200, rel=1e-3)
 
 
@@ -31,13 +31,13 @@ def test_durations_are_told_in_two_digits(seconds, words):
 
 def test_the_pace_is_kept_between_programs_and_a_broken_file_is_no_matter(monkeypatch, tmp_path):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
-    assert Speeds.known().rates == {}
-    Speeds().learnt(SOLVE, 10.0).keep()
-    assert Speeds.known().rates == {SOLVE.kind: 300.0}
+    assert Speeds.load().rates == {}
+    Speeds().updated(SOLVE, 10.0).save()
+    assert Speeds.load().rates == {SOLVE.kind: 300.0}
     (tmp_path / "state" / "speeds.toml").write_text("rates = [")
-    assert Speeds.known().rates == {}
+    assert Speeds.load().rates == {}
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state" / "speeds.toml"))
-    Speeds().learnt(SOLVE, 10.0).keep()
+    Speeds().updated(SOLVE, 10.0).save()
 
 
 def test_a_stage_teaches_how_fast_it_went_and_the_next_time_it_is_told(monkeypatch, capsys):
@@ -45,7 +45,7 @@ def test_a_stage_teaches_how_fast_it_went_and_the_next_time_it_is_told(monkeypat
     with progress_bars([work_of("solve", "exact", 3000)]) as stage:
         stage("solve, pass 1", "exact")(3000, 3000)
     assert "no time estimate yet" in capsys.readouterr().err
-    rate = Speeds.known().rates["solve exact"]
+    rate = Speeds.load().rates["solve exact"]
     with progress_bars([work_of("solve", "exact", round(40 * rate))]):
         pass
     assert "this takes about 40 s" in capsys.readouterr().err
@@ -56,4 +56,4 @@ def test_work_that_was_stopped_teaches_nothing(monkeypatch):
     with pytest.raises(KeyboardInterrupt), progress_bars() as stage:
         stage("solve", "exact")(10, 3000)
         raise KeyboardInterrupt
-    assert Speeds.known().rates == {}
+    assert Speeds.load().rates == {}

@@ -21,17 +21,17 @@ def until(true, *, within=5.0):
 def test_appears_when_it_takes_long_and_goes_with_the_end():
     console = screen(terminal=True)
     line = Waiting("compare", console, after=0.01)
-    assert until(lambda: line.seen)
+    assert until(lambda: line.visible)
     line.end()
     line.end()
-    assert not line.seen
+    assert not line.visible
     assert "compare" in console.file.getvalue()
 
 
 def test_short_work_shows_nothing():
     console = screen(terminal=True)
     with waiting("info", console) as line:
-        assert not line.seen
+        assert not line.visible
     assert console.file.getvalue() == ""
 
 
@@ -39,7 +39,7 @@ def test_nothing_is_shown_where_nobody_looks():
     console = screen(terminal=False)
     line = Waiting("info", console, after=0.0)
     time.sleep(0.05)
-    assert not line.seen
+    assert not line.visible
     line.end()
     assert console.file.getvalue().strip() == ""
 

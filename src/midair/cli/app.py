@@ -60,10 +60,10 @@ def completion_command(shell: Literal["bash", "zsh", "fish"], /) -> None:
     sys.stdout.write(app.generate_completion(shell=shell))
 
 
-for order, (name, (group, _, said)) in enumerate(COMMANDS.items()):
-    app.command(f"midair.cli.commands:{name}_app", name=name, help=said, group=GROUPS[group], sort_key=order)
-for name, (group, said) in FOLDERS.items():
-    app.command(f"midair.cli.commands.{name}:{name}_app", name=name, help=said, group=GROUPS[group])
+for order, (name, (group, _, summary)) in enumerate(COMMANDS.items()):
+    app.command(f"midair.cli.commands:{name}_app", name=name, help=summary, group=GROUPS[group], sort_key=order)
+for name, (group, summary) in FOLDERS.items():
+    app.command(f"midair.cli.commands.{name}:{name}_app", name=name, help=summary, group=GROUPS[group])
 offer(app, completion_command, "completion", group="Help")
 for flag in ("--help", "--version"):
     app[flag].group = (GROUPS["Help"],)
@@ -75,19 +75,19 @@ def load(tokens: Sequence[str]) -> None:
     if name is not None:
         # `run` reports errors.
         with suppress(Exception):
-            for room in ("midair.devices", "midair.files"):
-                import_module(room)
+            for module in ("midair.devices", "midair.files"):
+                import_module(module)
             app[name]
 
 
 def main(tokens: Sequence[str] | None = None) -> None:
     """Run a command line and exit with its status."""
-    warnings.showwarning = _say_warning
+    warnings.showwarning = _print_warning
     # Characters that the terminal's encoding lacks are escaped.
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="backslashreplace")
     tokens = sys.argv[1:] if tokens is None else tokens
-    if not _works(tokens):
+    if not _names_command(tokens):
         sys.exit(run(tokens))
     from midair.devices import ordered_at, process_began
 
@@ -107,13 +107,13 @@ def run(tokens: Sequence[str]) -> int:
         return status
 
 
-def _works(tokens: Sequence[str]) -> bool:
+def _names_command(tokens: Sequence[str]) -> bool:
     """Whether a line names a command; help and version need neither devices nor files."""
     return any(token in COMMANDS or token in FOLDERS for token in tokens)
 
 
 def _status(tokens: Sequence[str]) -> int:
-    if not _works(tokens):
+    if not _names_command(tokens):
         return _status_of(tokens, ())
     from midair.files import files_noted
 
@@ -127,21 +127,21 @@ def _status_of(tokens: Sequence[str], files: Sequence[Path]) -> int:
         with busy_bar(name, PASSES[name]) if name else nullcontext():
             status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as wrong:
-        return _say(f"{str(wrong).strip()} (see midair --help)", 2)
+        return _print_line(f"{str(wrong).strip()} (see midair --help)", 2)
     except UnknownDeviceError as wrong:
-        return _say(str(wrong), 2)
+        return _print_line(str(wrong), 2)
     except MidairError as wrong:
-        return _say(str(wrong), 1)
+        return _print_line(str(wrong), 1)
     except KeyboardInterrupt:
-        return _say(_kept(files), 130)
+        return _print_line(_kept_files(files), 130)
     except BrokenPipeError:
         return 1
     except Exception as wrong:  # noqa: BLE001  # the last resort: one line, whatever happened
-        return _unforeseen(wrong)
+        return _report_unexpected(wrong)
     return status if isinstance(status, int) else 0
 
 
-def _kept(files: Sequence[Path]) -> str:
+def _kept_files(files: Sequence[Path]) -> str:
     """One line that lists the files that exist after Ctrl-C."""
     here = Path.cwd()
     there = [str(file.relative_to(here) if file.is_relative_to(here) else file) for file in files if file.exists()]
@@ -150,30 +150,30 @@ def _kept(files: Sequence[Path]) -> str:
     return f"stopped; kept {', '.join(there[:5])}{f' and {len(there) - 5} more' if len(there) > 5 else ''}"
 
 
-def _unforeseen(wrong: Exception) -> int:
+def _report_unexpected(wrong: Exception) -> int:
     """Print an unexpected error in one line; with -v or `TRACEBACK`, raise it."""
     if os.environ.get(TRACEBACK) or verbosity().verbose:
         raise wrong
     if isinstance(wrong, MemoryError):
-        return _say("not enough memory; cut the recording (midair cut) or use a computer with more memory", 1)
+        return _print_line("not enough memory; cut the recording (midair cut) or use a computer with more memory", 1)
     if isinstance(wrong, OSError) and wrong.strerror:
         where = f"{os.fspath(wrong.filename)}: " if isinstance(wrong.filename, str | bytes) else ""
-        return _say(f"{where}{wrong.strerror} (-v shows where)", 1)
+        return _print_line(f"{where}{wrong.strerror} (-v shows where)", 1)
     said = f"{type(wrong).__name__}: {wrong}" if str(wrong) else type(wrong).__name__
-    return _say(f"this is an error in midair, please report it: {said[:400]} (-v shows where)", 1)
+    return _print_line(f"this is an error in midair, please report it: {said[:400]} (-v shows where)", 1)
 
 
-def _say_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:
+def _print_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:
     """Print a midair warning as one line, others as Python does."""
     # A warning may arrive before midair.files is imported.
     no_locks = getattr(sys.modules.get("midair.files"), "NoLocksWarning", ())
     if issubclass(category, no_locks):
-        _say(str(message), 0)
+        _print_line(str(message), 0)
     else:
         sys.stderr.write(warnings.formatwarning(message, category, *where[:2]))
 
 
-def _say(message: str, status: int) -> int:
+def _print_line(message: str, status: int) -> int:
     line = " ".join(message.split())
     err().print(f"midair: {line}")
     return status

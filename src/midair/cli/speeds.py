@@ -38,11 +38,11 @@ class Speeds:
     rates: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     @classmethod
-    def known(cls) -> "Speeds":
+    def load(cls) -> "Speeds":
         """Speeds stored in the state folder; none if the file cannot be read."""
         with suppress(OSError, ValueError):
-            told = tomllib.loads((_folder() / _FILE).read_text(encoding="utf-8"))
-            kept = {kind: float(rate) for kind, rate in told.items() if isinstance(rate, int | float) and rate > 0}
+            stored = tomllib.loads((_folder() / _FILE).read_text(encoding="utf-8"))
+            kept = {kind: float(rate) for kind, rate in stored.items() if isinstance(rate, int | float) and rate > 0}
             return cls(rates=MappingProxyType(kept))
         return cls()
 
@@ -52,13 +52,13 @@ class Speeds:
             return None
         return sum(work.frames / self.rates[work.kind] for work in works)
 
-    def learnt(self, work: Work, seconds: float) -> "Speeds":
+    def updated(self, work: Work, seconds: float) -> "Speeds":
         """Speeds updated with the time of this work: the geometric mean of the old and the new value."""
         rate = work.frames / seconds
         rate = (rate * self.rates.get(work.kind, rate)) ** 0.5
         return Speeds(rates=MappingProxyType({**self.rates, work.kind: float(f"{rate:.4g}")}))
 
-    def keep(self) -> None:
+    def save(self) -> None:
         """Store the speeds; errors are ignored, since only the next estimate is lost."""
         import tomli_w
 
@@ -72,9 +72,7 @@ class Speeds:
 
 
 def workload_of(settings: "Settings", transducers: int) -> str:
-    """Settings that decide how fast a frame is solved: method, iterations, error measure, points, transducers,
-    threads.
-    """
+    """Settings that decide the time per frame: method, iterations, error measure, points, transducers, threads."""
     solver, grid = settings.solver, settings.target.grid
     parts = [solver.name, str(solver.fit), f"{grid.rows}x{grid.columns} points", f"{transducers} transducers"]
     parts += [] if solver.iterations is None else [f"iterations {solver.iterations}"]

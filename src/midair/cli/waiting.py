@@ -38,7 +38,7 @@ class Waiting:
         # Without redirection: Progress would send the results on stdout to the error stream.
         self._line = Progress(*shown, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
         self._task = self._line.add_task(words, total=None)
-        self._passes, self._gone = passes, 0
+        self._passes, self._finished = passes, 0
         self._timer = Timer(after, self._line.start)
         self._timer.daemon = True
         if console.is_terminal:
@@ -51,22 +51,22 @@ class Waiting:
         return None if task.total is None else task.completed / task.total
 
     @property
-    def seen(self) -> bool:
+    def visible(self) -> bool:
         """Whether the bar is on the screen."""
         return self._line.live.is_started
 
     def report(self, done: int, total: int, /) -> None:
         """Progress within one pass; each pass counts the same."""
         share = min(done / total, 1.0) if total else 1.0
-        self._line.update(self._task, completed=self._gone + share, total=max(self._passes, self._gone + 1))
-        self._gone += done >= total
+        self._line.update(self._task, completed=self._finished + share, total=max(self._passes, self._finished + 1))
+        self._finished += done >= total
 
     def end(self) -> None:
         """Remove the bar; repeated calls are allowed."""
         self._timer.cancel()
         if self._timer.is_alive():
             self._timer.join()
-        if self.seen:
+        if self.visible:
             self._line.stop()
 
 

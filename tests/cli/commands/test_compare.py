@@ -117,7 +117,7 @@ def test_a_drive_s_palm_can_be_filmed(capsys):
     )
     assert "film palm.gif" in capsys.readouterr().out
     page = Path("p.html").read_text(encoding="utf-8")
-    assert "What a whole palm gets, coarse" in page
+    assert "Fidelity on a whole palm, coarse" in page
     assert "displacement, worst skin" in page
     with Image.open("palm.gif") as film:
         assert film.n_frames == 10

@@ -63,7 +63,7 @@ def test_any_text_is_read_or_refused(text):
     ("text", "unit", "says"),
     [
         ("22", "C", "such as 22C, got '22'; add the unit"),
-        ("22mm", "C", "units of it: C, °C, K, F"),
+        ("22mm", "C", "possible units: C, °C, K, F"),
         ("2m", "K", "such as 2C"),
         ("0.5", "%", "such as 50%"),
         ("50C", "%", "such as 50%"),

@@ -51,5 +51,5 @@ def test_a_recording_that_never_changes_has_no_peak():
 
 
 def test_a_sensitivity_of_another_kind():
-    with pytest.raises(InputError, match=r"--sensitivity: expected a quantity .* another kind"):
+    with pytest.raises(InputError, match=r"--sensitivity: expected a quantity .* another quantity"):
         calibration_from_options(recording(np.ones((4, 2)), unit="count"), "20mV/Pa", None)

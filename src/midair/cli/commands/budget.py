@@ -66,9 +66,9 @@ def budget_command(
     silencer
         How the array smooths phase steps; auto is the setting that midair uses on any array.
     lead
-        Time before and after the part for fading in and out. [default: as the mapping needs]
+        Fade time before and after the part. [default: by the mapping]
     array_calibration
-        Solve for the measured transducers in this NAME.array.h5 from midair calibrate array.
+        Measured transducers to solve for, NAME.array.h5 of midair calibrate array.
     seed
         Random seed of the virtual rig.
 

@@ -42,7 +42,7 @@ _STROKE = 1.28
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Touched:
+class _StrokePart:
     """Part of a virtual stroke, and the rig that records it."""
 
     object_name: str
@@ -55,7 +55,7 @@ class _Touched:
         """Command-line arguments that select the same part."""
         return ["--start-at", f"{self.start_at!r}s", "--duration", f"{self.duration!r}s"]
 
-    def seeded(self) -> list[str]:
+    def seed_arguments(self) -> list[str]:
         """Command-line arguments for the same rig."""
         return [] if self.rig.seed == 0 else ["--seed", str(self.rig.seed)]
 
@@ -98,14 +98,14 @@ def demo_command(
     """
     options = options or SolveOptions()
     settings = options.settings()
-    _ask_to_write_over(output, force)
+    _confirm_overwrite(output, force)
     rig = VirtualRig(seed=seed, height=settings.target.grid.height)
     touched_by = rig.touched_by(object_name)
     if not (0 <= start_at < start_at + duration <= _STROKE):
         raise InputError(
             f"--start-at, --duration: expected a part within {_STROKE} s, got {duration:g} s from {start_at:g} s on"
         )
-    piece = _Touched(object_name=object_name, start_at=start_at, duration=duration, rig=rig, palm=options.outline())
+    piece = _StrokePart(object_name=object_name, start_at=start_at, duration=duration, rig=rig, palm=options.outline())
     output.mkdir(parents=True, exist_ok=True)
     check_unclaimed(output / "stroke.h5")
     (output / "stroke.h5").unlink(missing_ok=True)
@@ -121,12 +121,16 @@ def demo_command(
                 touched, _STROKE, path=output / "stroke.h5", notes={"object": object_name}, progress=stage("record")
             )
         outcomes = [_outcome(recording, touched.calibration, each, piece, stage) for each in ways]
-        _keep(outcomes, output, piece, _by_hand(piece, options, paper), stage("draw"))
+        _write_files(outcomes, output, piece, _manual_commands(piece, options, paper), stage("draw"))
     _print(outcomes, output)
 
 
 def _outcome(
-    recording: Recording, calibration: Calibration | None, options: SolveOptions, piece: _Touched, stage: ProgressBars
+    recording: Recording,
+    calibration: Calibration | None,
+    options: SolveOptions,
+    piece: _StrokePart,
+    stage: ProgressBars,
 ) -> Outcome:
     """Run the loop once with these options."""
     settings = options.settings()
@@ -139,7 +143,7 @@ def _outcome(
     )
 
 
-def _works(settings: Settings, piece: _Touched) -> list[Work]:
+def _works(settings: Settings, piece: _StrokePart) -> list[Work]:
     """Work that takes long, for the time estimate: both passes and the palm."""
     workload = workload_of(settings, piece.rig.array.count)
     frames = round((piece.duration + 2 * lead_of(settings)) * settings.target.rate)
@@ -147,7 +151,7 @@ def _works(settings: Settings, piece: _Touched) -> list[Work]:
     return [work_of(name, workload, times * frames) for name, times in passes.items()]
 
 
-def _ask_to_write_over(output: Path, force: bool) -> None:
+def _confirm_overwrite(output: Path, force: bool) -> None:
     """Ask before replacing an earlier demo; without a terminal, refuse."""
     if force or not (output / "report.html").exists():
         return
@@ -158,7 +162,7 @@ def _ask_to_write_over(output: Path, force: bool) -> None:
     raise InputError(f"{output}: contains an earlier demo; give another folder, or --force to overwrite it")
 
 
-def _by_hand(piece: _Touched, options: SolveOptions, paper: SolveOptions | None) -> tuple[str, ...]:
+def _manual_commands(piece: _StrokePart, options: SolveOptions, paper: SolveOptions | None) -> tuple[str, ...]:
     """Commands that do the same step by step."""
     record = ["midair", "record", f"virtual:{piece.object_name}", "stroke.h5", "--duration", f"{_STROKE}s"]
     loop = ["midair", "loop", "stroke.h5"]
@@ -171,8 +175,8 @@ def _by_hand(piece: _Touched, options: SolveOptions, paper: SolveOptions | None)
     return tuple(shlex.join(words) for words in lines)
 
 
-def _keep(
-    outcomes: list[Outcome], output: Path, piece: _Touched, commands: tuple[str, ...], progress: Progress
+def _write_files(
+    outcomes: list[Outcome], output: Path, piece: _StrokePart, commands: tuple[str, ...], progress: Progress
 ) -> None:
     """Write drive, re-recording, report and pictures of the first mode into the folder."""
     loop = outcomes[0].loop

@@ -67,21 +67,23 @@ def exposure_command(
     if drawn:
         may_write(target, force)
     drive = load_solution(source, streamed=True).drive
-    array = _known(drive, device, placement)
+    array = _array_to_play(drive, device, placement)
     say_how_long(drive, chosen, room=room)
     found = measure(drive, array, chosen, repeats=repeats, room=room)
     if drawn:
         with whole_file(target) as partial:
             partial.write_bytes(png(exposure_figure(found, simulated=drive.provenance.simulated)))
     if json:
-        print_json(_plain(found) | {"transducer_pa_m": array.pressure, "file_transducer_pa_m": drive.array.pressure})
+        print_json(
+            _json_values(found) | {"transducer_pa_m": array.pressure, "file_transducer_pa_m": drive.array.pressure}
+        )
         return
     print_figures(chosen.title, _columns(found))
     print_rows(
         [
             ("verdict", found.verdict()),
             ("measured in", found.measured_in),
-            ("for", _for(drive, array)),
+            ("for", _array_text(drive, array)),
             ("resolution", found.resolution),
             ("felt", felt_pressure_text(found) or f"up to {found.pressure:.3g} Pa on the palm"),
             ("nonlinearity", f"sigma {found.nonlinearity:.2f}; above 1 the real sound is weaker and more distorted"),
@@ -92,7 +94,7 @@ def exposure_command(
     )
 
 
-def _known(drive: Drive, device: str | None, placement: Path | None) -> TransducerArray:
+def _array_to_play(drive: Drive, device: str | None, placement: Path | None) -> TransducerArray:
     """The array that would play: that of the device, or the drive's with the known strength of its transducers."""
     if device is not None:
         return array_named(device, None if placement is None else load_placement(placement)).array
@@ -101,7 +103,7 @@ def _known(drive: Drive, device: str | None, placement: Path | None) -> Transduc
     return replace(drive.array, pressure=known.pressure)
 
 
-def _for(drive: Drive, array: TransducerArray) -> str:
+def _array_text(drive: Drive, array: TransducerArray) -> str:
     said = f"{array.name}, {array.pressure:.3g} Pa m each"
     if abs(drive.array.pressure / array.pressure - 1) < 1e-6:
         return said
@@ -125,7 +127,7 @@ def _figures(found: Exposure, number: int, limit: float) -> dict[str, tuple[floa
     }
 
 
-def _plain(found: Exposure) -> dict[str, object]:
+def _json_values(found: Exposure) -> dict[str, object]:
     places = {
         place.name: {
             "limit_db": place.limit,

@@ -69,7 +69,7 @@ def identify_command(
         else:
             frequency = np.linspace(*tones, device.grid.count)
             found = identify_by_tones(device, frequency, duration)
-        written = _write(found, wiring or _plain_wiring(device), sensor_file)
+        written = _write(found, wiring or _default_wiring(device), sensor_file)
     _print(found, sensor_file if written else None, json=json)
     return int(not found.sound)
 
@@ -86,7 +86,7 @@ def _prompt(device: SensorDevice, *, keys: bool) -> Callable[[int], None]:
     return prompt
 
 
-def _plain_wiring(device: SensorDevice) -> SensorWiring:
+def _default_wiring(device: SensorDevice) -> SensorWiring:
     return device.wiring or SensorWiring(grid=device.grid, unit=device.unit, full_scale=device.full_scale)
 
 

@@ -91,7 +91,7 @@ def import_command(
             )
         found = scale_by(reference, options, tone, drop)
         options, notes = replace(options, scale=found.scale), (f"{reference.name}: {found.words}",)
-    _take_in(source, output, options, sensitivity, peak, notes=notes, force=force, json=json)
+    _convert(source, output, options, sensitivity, peak, notes=notes, force=force, json=json)
 
 
 def mend_command(
@@ -131,10 +131,10 @@ def mend_command(
     $ midair mend gaps.csv --unit V
     """
     mending = Mending(longest=longest, fill=fill)
-    _take_in(source, output, options or FileOptions(), sensitivity, peak, mending, force=force, json=json)
+    _convert(source, output, options or FileOptions(), sensitivity, peak, mending, force=force, json=json)
 
 
-def _take_in(
+def _convert(
     source: str,
     output: Path | None,
     options: FileOptions,
@@ -160,7 +160,7 @@ def _take_in(
         OpenedTake(recording=sample(name)) if ready else import_recording(file, options, streamed=True, mending=mending)
     )
     if name in SAMPLES:
-        imported, notes = _credited(name, imported), (*notes, *_known_of(name))
+        imported, notes = _credited(name, imported), (*notes, *_sample_notes(name))
     calibration = imported.calibration
     stated = calibration_from_options(imported.recording, sensitivity, peak)
     pressure = load_pressure(file, streamed=True) if imported.stored and stated is None else None
@@ -184,7 +184,7 @@ def _credited(name: str, taken: OpenedTake) -> OpenedTake:
     return replace(taken, recording=credited(name, taken.recording))
 
 
-def _known_of(name: str) -> tuple[str, ...]:
+def _sample_notes(name: str) -> tuple[str, ...]:
     """Licence, origin and notes of a sample, one per line."""
     about = SAMPLES[name]
     return (

@@ -59,35 +59,35 @@ def info_command(source: Path, /, *, json: Json = False) -> None:
     $ midair info take.h5
     $ midair info take.drive.h5 --json
     """
-    told = _told_of_file(source)
-    steps = told.provenance.steps
+    facts = _facts_of_file(source)
+    steps = facts.provenance.steps
     if json:
         life = {
-            "source": told.provenance.source,
-            "notes": dict(told.provenance.notes),
-            "simulated": told.provenance.simulated,
+            "source": facts.provenance.source,
+            "notes": dict(facts.provenance.notes),
+            "simulated": facts.provenance.simulated,
             "steps": [{"stage": step.stage, **step.settings} for step in steps],
         }
-        return print_json({**told.figures, **life})
-    banner(told.provenance.simulated)
-    print_rows([*told.rows, *((f"step: {step.stage}", _settings(step.settings)) for step in steps)])
+        return print_json({**facts.figures, **life})
+    banner(facts.provenance.simulated)
+    print_rows([*facts.rows, *((f"step: {step.stage}", _settings(step.settings)) for step in steps)])
     return None
 
 
-def _told_of_file(source: Path) -> _FileFacts:
+def _facts_of_file(source: Path) -> _FileFacts:
     if not source.name.lower().endswith((".h5", ".hdf5", ".nc")):
-        return _told_of_take(source)
+        return _facts_of_take(source)
     held = contents(source)
-    readers = {"drive": _told_of_drive, "calibration": _told_of_calibration, "array": _told_of_array}
-    told = readers.get(held.kind, _told_of_take)(source)
-    told.rows.append(
+    readers = {"drive": _facts_of_drive, "calibration": _facts_of_calibration, "array": _facts_of_array}
+    facts = readers.get(held.kind, _facts_of_take)(source)
+    facts.rows.append(
         ("written", f"{held.created} by {held.created_by}" + ("" if held.finished else ", not closed in order"))
     )
-    told.figures.update(written=held.created, written_by=held.created_by, closed_in_order=held.finished)
-    return told
+    facts.figures.update(written=held.created, written_by=held.created_by, closed_in_order=held.finished)
+    return facts
 
 
-def _told_of_calibration(source: Path) -> _FileFacts:
+def _facts_of_calibration(source: Path) -> _FileFacts:
     calibration = load_calibration(source)
     if calibration is None:
         return _FileFacts(rows=[("calibration", "none")], figures={"kind": "calibration", "calibration": None})
@@ -96,13 +96,13 @@ def _told_of_calibration(source: Path) -> _FileFacts:
     return _FileFacts(rows=rows, figures=figures, provenance=calibration.provenance)
 
 
-def _told_of_array(source: Path) -> _FileFacts:
+def _facts_of_array(source: Path) -> _FileFacts:
     known = load_array_calibration(source)
     rows = array_rows(known)
     return _FileFacts(rows=rows, figures={"kind": "array", **dict(rows)}, provenance=known.provenance)
 
 
-def _told_of_take(source: Path) -> _FileFacts:
+def _facts_of_take(source: Path) -> _FileFacts:
     take = open_take(source, streamed=True)
     recording, calibration = take.recording, take.calibration
     life = recording.provenance
@@ -131,7 +131,7 @@ def _told_of_take(source: Path) -> _FileFacts:
     return _FileFacts(rows=rows, figures=figures, provenance=life)
 
 
-def _told_of_drive(source: Path) -> _FileFacts:
+def _facts_of_drive(source: Path) -> _FileFacts:
     solution = load_solution(source, streamed=True)
     drive = solution.drive
     plays = np.array([status != "silent" for status in solution.status])
@@ -141,8 +141,8 @@ def _told_of_drive(source: Path) -> _FileFacts:
     mean, worst = (float(error.mean()), float(error.max())) if len(error) else (None, None)
     level = level_of_file(source) if plays.any() else None
     target = load_target(source, streamed=True) if plays.any() else None
-    error_told = None if target is None else met_of(solution, target)
-    said = "nothing plays" if mean is None else f"mean {100 * mean:.1f} %, worst {100 * (worst or 0):.1f} %"
+    energy_error = None if target is None else met_of(solution, target)
+    error_text = "nothing plays" if mean is None else f"mean {100 * mean:.1f} %, worst {100 * (worst or 0):.1f} %"
     rows = [
         ("drive", str(source)),
         ("source", drive.provenance.source),
@@ -150,7 +150,7 @@ def _told_of_drive(source: Path) -> _FileFacts:
         ("array", f"{drive.array.name}, {drive.array.count} transducers"),
         ("level", f"{drive.level.min():g} to {drive.level.max():g} of full drive"),
         *([] if level is None else level.rows()),
-        ("E", said if error_told is None else str(error_told)),
+        ("E", error_text if energy_error is None else str(energy_error)),
         *((f"note: {name}", text) for name, text in drive.provenance.notes.items()),
     ]
     figures: dict[str, object] = {
@@ -165,7 +165,7 @@ def _told_of_drive(source: Path) -> _FileFacts:
         "pressure": None if level is None else level.plain(),
         "E_mean": mean,
         "E_worst": worst,
-        **({} if error_told is None else error_told.plain()),
+        **({} if energy_error is None else energy_error.plain()),
     }
     return _FileFacts(rows=rows, figures=figures, provenance=drive.provenance)
 
@@ -173,11 +173,11 @@ def _told_of_drive(source: Path) -> _FileFacts:
 def _settings(settings: Mapping[str, Setting]) -> str:
     # Positions of a motion stage, ten a second: their number here, all of them with --json.
     return ", ".join(
-        f"{len(value)} {name}" if name == "stamps" and isinstance(value, tuple) else f"{name} {_spelt(name, value)}"
+        f"{len(value)} {name}" if name == "stamps" and isinstance(value, tuple) else f"{name} {_with_unit(name, value)}"
         for name, value in settings.items()
     )
 
 
-def _spelt(name: str, value: Setting) -> object:
+def _with_unit(name: str, value: Setting) -> object:
     """A setting with its unit; names without a dot carry their unit."""
     return spelt_setting(name, value) if "." in name else value

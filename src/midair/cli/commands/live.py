@@ -190,7 +190,7 @@ def live_command(
         print_rows([("key", f"{network.new_key}; copy it to the other computer, and keep it secret")])
         return 0
     if network.to is not None:
-        _speak(options, network, duration, json=json)
+        _send(options, network, duration, json=json)
         return 0
     if keep is not None:
         if keep.exists():
@@ -199,10 +199,10 @@ def live_command(
     with signals_noted() as signals, options.session(duration, keep, network) as session:
         if not json:
             banner(session.opened.simulated)
-            print_rows(_found(session))
+            print_rows(_session_rows(session))
         _watch(session, signals, quiet=json)
         ended = session
-    _tell(ended, keep, json=json)
+    _print_result(ended, keep, json=json)
     # Without a duration Ctrl-C is the way to end it.
     if not signals.came or duration is None:
         return 0
@@ -210,18 +210,18 @@ def live_command(
     return 130
 
 
-def _tell(ended: LiveSession, keep: Path | None, *, json: bool) -> None:
-    told = ended.statistics
+def _print_result(ended: LiveSession, keep: Path | None, *, json: bool) -> None:
+    counts = ended.statistics
     if json:
         opened = ended.opened
         beside = {"simulated": opened.simulated, "exposure": opened.exposure, "computer": opened.granted.words()}
         kept = {} if keep is None else {"take": str(keep)}
-        return print_json(told.plain() | {"error_by_band": _by_band(ended), "network": ended.network} | beside | kept)
-    print_rows([*_went(told), *_heard(ended), *([] if keep is None else [("take", str(keep))])])
+        return print_json(counts.plain() | {"error_by_band": _by_band(ended), "network": ended.network} | beside | kept)
+    print_rows([*_statistics_rows(counts), *_network_rows(ended), *([] if keep is None else [("take", str(keep))])])
     return None
 
 
-def _speak(options: LiveOptions, network: NetworkOptions, duration: float | None, *, json: bool) -> None:
+def _send(options: LiveOptions, network: NetworkOptions, duration: float | None, *, json: bool) -> None:
     """Send a sensor's frames to the other computer; nothing plays here."""
     if network.key is None or network.listen is not None:
         raise InputError("--to: expected --key with the shared key file, and no --listen")
@@ -251,15 +251,15 @@ def _speak(options: LiveOptions, network: NetworkOptions, duration: float | None
 def _watch(session: LiveSession, signals: Signals, *, quiet: bool) -> None:
     """Wait for the end, with a status line if stderr is a terminal."""
     shown = not quiet and not verbosity().quiet and sys.stderr.isatty()
-    with Screen(console=err(), refresh_per_second=10, transient=True) if shown else _Nothing() as screen:
+    with Screen(console=err(), refresh_per_second=10, transient=True) if shown else _NoScreen() as screen:
         while session.wait(0.1) and not signals.came:
-            screen.update(Text(_line(session.statistics)))
+            screen.update(Text(_status_line(session.statistics)))
 
 
-class _Nothing:
+class _NoScreen:
     """Replacement for the status line that shows nothing."""
 
-    def __enter__(self) -> "_Nothing":
+    def __enter__(self) -> "_NoScreen":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -269,9 +269,11 @@ class _Nothing:
         """Ignore the text."""
 
 
-def _line(told: LiveStatistics) -> str:
-    parts = " + ".join(f"{name} {1e3 * part:.3g}" for name, part in told.parts.items())
-    return f"{told.frames} frames, {told.lost} lost, {told.late} late   {1e3 * told.latency:.3g} ms = {parts} ms"
+def _status_line(counts: LiveStatistics) -> str:
+    parts = " + ".join(f"{name} {1e3 * part:.3g}" for name, part in counts.parts.items())
+    return (
+        f"{counts.frames} frames, {counts.lost} lost, {counts.late} late   {1e3 * counts.latency:.3g} ms = {parts} ms"
+    )
 
 
 def _by_band(session: LiveSession) -> dict[str, float]:
@@ -279,7 +281,7 @@ def _by_band(session: LiveSession) -> dict[str, float]:
     return {f"{low:g}-{high:g} Hz": round(e, 4) for (low, high), e in zip(opened.parts, opened.error, strict=True)}
 
 
-def _found(session: LiveSession) -> list[tuple[str, str]]:
+def _session_rows(session: LiveSession) -> list[tuple[str, str]]:
     """Rows to print before the array plays."""
     opened, order = session.opened, session.order
     grid = opened.sensor
@@ -295,25 +297,25 @@ def _found(session: LiveSession) -> list[tuple[str, str]]:
     ]
 
 
-def _heard(session: LiveSession) -> list[tuple[str, str]]:
+def _network_rows(session: LiveSession) -> list[tuple[str, str]]:
     """Counts of the network receiver; no rows without one."""
-    told = session.network
-    if not told:
+    counts = session.network
+    if not counts:
         return []
-    said = f"{told['frames']} frames, {told['concealed']} concealed, {told['tardy']} of them arrived too late"
-    return [("network", f"{said}; {told['repeated']} duplicates and {told['refused']} other packets dropped")]
+    said = f"{counts['frames']} frames, {counts['concealed']} concealed, {counts['tardy']} of them arrived too late"
+    return [("network", f"{said}; {counts['repeated']} duplicates and {counts['refused']} other packets dropped")]
 
 
-def _went(told: LiveStatistics) -> list[tuple[str, str]]:
+def _statistics_rows(counts: LiveStatistics) -> list[tuple[str, str]]:
     def times(shares: tuple[float, ...]) -> str:
         names = ("half", "99 %", "99.9 %", "all")
         return ", ".join(f"{name} within {1e3 * each:.3g}" for name, each in zip(names, shares, strict=True)) + " ms"
 
     return [
-        ("frames", f"{told.frames}, {told.played} of them played"),
-        ("lost", f"{told.lost} missing from the sensor, in {told.gaps} gaps of 20 ms or more"),
-        ("late", f"{told.late}; {told.hurried} solved in half the time, {told.unanswered} without a solution"),
-        ("latency", f"{1e3 * told.latency:.3g} ms from skin to skin"),
-        ("sent after they were taken", times(told.left)),
-        ("work on a frame", times(told.work)),
+        ("frames", f"{counts.frames}, {counts.played} of them played"),
+        ("lost", f"{counts.lost} missing from the sensor, in {counts.gaps} gaps of 20 ms or more"),
+        ("late", f"{counts.late}; {counts.hurried} solved in half the time, {counts.unanswered} without a solution"),
+        ("latency", f"{1e3 * counts.latency:.3g} ms from skin to skin"),
+        ("sent after they were taken", times(counts.left)),
+        ("work on a frame", times(counts.work)),
     ]

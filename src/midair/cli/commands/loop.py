@@ -60,7 +60,7 @@ class RigOptions(ExposureOptions):
     placement
         TOML file with position and rotation of the units. [default: two by two, side by side]
     array_calibration
-        Solve for the measured transducers in this NAME.array.h5 from midair calibrate array.
+        Measured transducers to solve for, NAME.array.h5 of midair calibrate array.
     seed
         Random seed of the virtual rig: transducer strengths and noise.
     """
@@ -127,7 +127,7 @@ def loop_command(
     iterate
         Maximum number of waveform corrections after that; stops early when the error no longer falls.
     lead
-        Time before and after the part for fading in and out. [default: as the mapping needs]
+        Fade time before and after the part. [default: by the mapping]
 
     Examples
     --------

@@ -162,7 +162,7 @@ def record_command(
     device = sensor_named(sensor, VirtualRig(seed=seed), duration=touches, wiring=wiring)
     real_time = real_time or drawing is not None
     ask = not (quiet or json) and (real_time or not device.on_demand)
-    about = _about(sensor, subject.subject, ask=ask)
+    about = _subject(sensor, subject.subject, ask=ask)
     take_path(output, about, repeats=options.repeats)
     if drawing is None and sensor.startswith("virtual:") and options.duration is None:
         options = replace(options, duration=0.5 if "am-" in sensor else 1.28)
@@ -227,7 +227,7 @@ def _takes(
         yield take
         if take.end in ("quit", "kill", "failure"):
             return
-        if start == "at once" and number < options.repeats and not _paused(options, device, screen):
+        if start == "at once" and number < options.repeats and not _wait_pause(options, device, screen):
             return
 
 
@@ -259,11 +259,11 @@ def _strokes(
                 err().print(drawing.stands)
             return
         drawing.to_start(screen.ends)
-        if number < options.repeats and not _paused(options, device, screen, staged=True):
+        if number < options.repeats and not _wait_pause(options, device, screen, staged=True):
             return
 
 
-def _paused(options: TakeOptions, device: SensorDevice, screen: MeterScreen, *, staged: bool = False) -> bool:
+def _wait_pause(options: TakeOptions, device: SensorDevice, screen: MeterScreen, *, staged: bool = False) -> bool:
     """Wait for the pause; False if a key or a signal ends the session."""
     pause = options.pause if options.pause is not None else 0.0 if device.on_demand or staged else 2.0
     end = time.monotonic() + pause
@@ -282,7 +282,7 @@ def _level(text: str, device: SensorDevice) -> float:
         raise InputError(f"--trigger: {wrong}; {device.name} gives {device.unit}") from None
 
 
-def _about(sensor: str, stated: Subject, *, ask: bool) -> Subject:
+def _subject(sensor: str, stated: Subject, *, ask: bool) -> Subject:
     """Notes on the object: as given, from the name of a virtual sensor, or from questions on the terminal."""
     kind, _, rest = sensor.partition(":")
     if kind == "virtual" and not stated.object:

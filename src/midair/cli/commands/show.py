@@ -48,7 +48,7 @@ from midair.view import (
 ENDINGS = (".html", ".mp4", ".gif", ".wav")
 """Formats that `show` writes."""
 
-_OURS = '<div class="midair-view" data-keys="page">'
+_PAGE_MARK = '<div class="midair-view" data-keys="page">'
 """Text that occurs in every page of `show`, and in no other."""
 
 
@@ -111,7 +111,7 @@ def show_command(
     rows = _WRITERS[path.suffix.lower()](shown, path)
     told = [*rows, ("written", f"{path}, {_size(path.stat().st_size)}, in {time.monotonic() - began:.1f} s")]
     print_rows([("shown", f"{shown.title}, {shown.frames} frames, {shown.duration:.4g} s"), *told])
-    if path.suffix.lower() == ".html" and not no_browser and _has_screen():
+    if path.suffix.lower() == ".html" and not no_browser and _has_browser():
         webbrowser.open(path.resolve().as_uri())
 
 
@@ -170,12 +170,12 @@ def _size(count: int) -> str:
 def _made_by_show(path: Path) -> bool:
     """Whether the file is a page of an earlier `show`, which may be overwritten."""
     try:
-        return path.is_file() and _OURS in path.read_text(encoding="utf-8", errors="replace")
+        return path.is_file() and _PAGE_MARK in path.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return False
 
 
-def _has_screen() -> bool:
+def _has_browser() -> bool:
     """Whether a browser can open here: stdout is a terminal and there is a display."""
     windows = sys.platform in ("win32", "darwin") or bool(
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")

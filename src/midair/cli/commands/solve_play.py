@@ -71,14 +71,13 @@ def solve_command(
     duration
         Length of the part to use. [default: to the end]
     lead
-        Time before and after the part for fading in and out. [default: as the mapping needs]
+        Fade time before and after the part. [default: by the mapping]
     array
-        Array to solve for: autd3 (two by two units); openmpd, openmpd-twin (experimental; one board, two facing
-        boards).
+        autd3: two by two units. openmpd, openmpd-twin (experimental): one board, two facing boards.
     placement
-        TOML file with position and rotation of AUTD3 units that are placed differently.
+        TOML file with position and rotation of AUTD3 units.
     array_calibration
-        Solve for the measured transducers in this NAME.array.h5 from midair calibrate array.
+        Measured transducers to solve for, NAME.array.h5 of midair calibrate array.
 
     Examples
     --------
@@ -129,14 +128,14 @@ def solve_command(
             ),
             *level.rows(),
             ("E", str(error)),
-            *_over_the_range(made, settings),
+            *_robustness_rows(made, settings),
             ("solver", f"{settings.solver.name}, {solution.iterations[plays].mean():.1f} iterations a frame"),
         ]
     )
     return None
 
 
-def _over_the_range(made: Reproduction, settings: Settings) -> list[tuple[str, str]]:
+def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, str]]:
     """E in the coldest and the warmest air of --robust, estimated from 256 frames; no rows without a range."""
     by, drive = settings.solver.robust, made.solution.drive
     if not by:

@@ -31,7 +31,7 @@ def stop_command(*, device: str | None = None, placement: Path | None = None, js
         if json:
             print_json([asdict(one) for one in stopped])
         elif stopped or device is None:
-            rows = [(one.device, _said(one)) for one in stopped]
+            rows = [(one.device, _outcome_text(one)) for one in stopped]
             print_rows(rows or [("stop", f"no running playback is registered in {state_folder()}")])
     finally:
         # Even if stopping the others failed.
@@ -42,7 +42,7 @@ def stop_command(*, device: str | None = None, placement: Path | None = None, js
     return int(any(one.outcome == "no answer" for one in stopped))
 
 
-def _said(one: Stopped) -> str:
+def _outcome_text(one: Stopped) -> str:
     who = f"process {one.process}" + (f", {one.command}" if one.command else "")
     if one.outcome == "no answer":
         return f"NOT KNOWN TO BE SILENT ({who}): {one.reason}; switch the units off, or end the process (kill -9)"

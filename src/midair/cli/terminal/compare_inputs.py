@@ -17,9 +17,8 @@ from midair.temp_frames import TempFrames
 def felt_part(
     source: Path, settings: Settings, start: float = 0.0, duration: float | None = None, *, streamed: bool = False
 ) -> PressureFrames:
-    """Calibrated pressure of a part of a recording; lazy frames if `streamed`.
-
-    The whole recording is calibrated before the cut, so that the filter causes no edge effects.
+    """Calibrated pressure of a part (lazy frames if `streamed`), cut after calibration so that filters leave no
+    edges.
     """
     take = open_take(source, streamed=streamed)
     pressure = calibrated_pressure(take.recording, take.calibration, settings)

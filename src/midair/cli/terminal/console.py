@@ -35,22 +35,22 @@ class Verbosity:
     """The command line, quoted for a shell."""
 
 
-_talk: ContextVar[Verbosity | None] = ContextVar("talk", default=None)
+_verbosity: ContextVar[Verbosity | None] = ContextVar("talk", default=None)
 
 
 def verbosity() -> Verbosity:
     """Verbosity of the running command."""
-    return _talk.get() or Verbosity()
+    return _verbosity.get() or Verbosity()
 
 
 @contextmanager
 def with_verbosity(how: Verbosity) -> Generator[None]:
     """Set the verbosity inside the block."""
-    before = _talk.set(how)
+    before = _verbosity.set(how)
     try:
         yield
     finally:
-        _talk.reset(before)
+        _verbosity.reset(before)
 
 
 def flags_of(tokens: Sequence[str]) -> tuple[Verbosity, list[str]]:
@@ -63,10 +63,8 @@ def flags_of(tokens: Sequence[str]) -> tuple[Verbosity, list[str]]:
 
 
 class PlainConsole(Console):
-    """A console without markup, emoji codes and escape sequences, so that file and device names cannot change the
+    """A console without markup, emoji codes and escape sequences: names of files and devices cannot change the
     output.
-
-    Styles are given beside the text, or as `rich.text.Text`, whose content goes through `printable` first.
     """
 
     def __init__(self, *, stderr: bool = False, markup: bool = False, soft_wrap: bool = True) -> None:
@@ -121,7 +119,7 @@ def busy_bar(words: str, passes: int) -> Generator[None]:
             _waiting.reset(before)
 
 
-def _no_longer_waiting() -> None:
+def _end_waiting() -> None:
     """Remove the waiting bar before results or other bars appear."""
     line = _waiting.get()
     if line is not None:
@@ -130,13 +128,13 @@ def _no_longer_waiting() -> None:
 
 def out() -> PlainConsole:
     """Console for results."""
-    _no_longer_waiting()
+    _end_waiting()
     return PlainConsole()
 
 
 def err() -> PlainConsole:
     """Console for questions, progress and errors."""
-    _no_longer_waiting()
+    _end_waiting()
     return PlainConsole(stderr=True)
 
 
@@ -161,7 +159,7 @@ def work_of(name: str, workload: str, frames: int) -> Work:
 @contextmanager
 def progress_bars(works: Sequence[Work] = ()) -> Generator[ProgressBars]:
     """Progress bars on stderr, one per stage, with a time estimate before; measured speeds are stored afterwards."""
-    speeds, running = Speeds.known(), list[_Running]()
+    speeds, running = Speeds.load(), list[_Running]()
     if works and (line := estimate_text(speeds, works)) and not verbosity().quiet:
         err().print(line, style="dim")
     with bars() as shown:
@@ -185,9 +183,9 @@ def progress_bars(works: Sequence[Work] = ()) -> Generator[ProgressBars]:
     for stage in running:
         took = (stage.ended or time.monotonic()) - stage.began
         if stage.done and took >= MEASURED:
-            speeds = speeds.learnt(work_of(stage.name, stage.workload, stage.done), took)
+            speeds = speeds.updated(work_of(stage.name, stage.workload, stage.done), took)
     if running:
-        speeds.keep()
+        speeds.save()
 
 
 @dataclass(slots=True, kw_only=True)
@@ -228,7 +226,7 @@ def print_json(value: object) -> None:
     """Print one JSON document; NaN and infinity become null."""
     from midair.files import for_json
 
-    _no_longer_waiting()
+    _end_waiting()
     print(json.dumps(for_json(value), indent=2, default=str))  # noqa: T201
 
 

@@ -55,10 +55,7 @@ def say_how_long(
     few: float = 3.0,
     sample: int = 1024,
 ) -> None:
-    """Print how long the exposure check of a drive will take, if it takes more than `few` seconds.
-
-    The first `sample` frames are measured twice; the second run is timed, since the first also sets up the array.
-    """
+    """Print the time of the exposure check of a drive if it is above `few` seconds; `sample` frames are timed twice."""
     count = drive.frames if frames is None else frames
     if count < 10 * sample:
         return

@@ -56,9 +56,9 @@ def epilogue(examples: tuple[str, ...]) -> str:
     if not examples:
         return _QUANTITIES
     title = "Example:" if len(examples) == 1 else "Examples:"
-    return "\n".join([title, *(_in_lines(line) for line in examples), "", _QUANTITIES])
+    return "\n".join([title, *(_wrapped(line) for line in examples), "", _QUANTITIES])
 
 
-def _in_lines(example: str) -> str:
+def _wrapped(example: str) -> str:
     """An example broken into shell lines that fit 80 columns."""
     return " \\\n      ".join(wrap(example, 70, initial_indent="  ", break_long_words=False, break_on_hyphens=False))

@@ -131,17 +131,14 @@ def as_typed(message: str) -> str:
 def import_recording(
     file: File, options: FileOptions, *, streamed: bool = False, mending: Mending | None = None
 ) -> OpenedTake:
-    """Read a file with these options; returns the recording and the assumptions made.
-
-    With `streamed` its samples may be lazy frames, as in `open_take`, unless gaps are filled.
-    """
+    """The recording in a file and the assumptions made; lazy frames if `streamed`, unless gaps are filled."""
     try:
-        return _brought(file, options, streamed=streamed, mending=mending)
+        return _read_with_options(file, options, streamed=streamed, mending=mending)
     except InputError as wrong:
         raise type(wrong)(as_typed(str(wrong))) from wrong
 
 
-def _brought(file: File, options: FileOptions, *, streamed: bool, mending: Mending | None) -> OpenedTake:
+def _read_with_options(file: File, options: FileOptions, *, streamed: bool, mending: Mending | None) -> OpenedTake:
     taken = open_take(
         file,
         rate=options.rate,

@@ -14,10 +14,7 @@ from midair.rig import ENDING, handled
 
 
 class Keys:
-    """Keys as they are pressed, without Enter; leaving the block restores the terminal.
-
-    Without a terminal there are no keys.
-    """
+    """Keys as they are pressed, without Enter; none without a terminal, which the end of the block restores."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = sys.stdin if stream is None else stream

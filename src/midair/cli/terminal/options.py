@@ -27,7 +27,7 @@ Json = Annotated[bool, Parameter(alias="-j", help="Print the result as JSON.")]
 Quiet = Annotated[bool, Parameter(help="Hide progress bars and meters, as -q does.")]
 
 
-class _Chosen:
+class _SettingsOptions:
     """Options on top of a mode or of a settings file; None means not given."""
 
     otherwise: ClassVar[Mode] = "paper"
@@ -42,12 +42,12 @@ class _Chosen:
         if height is not None and not HEIGHTS[0] <= height <= HEIGHTS[1]:
             low, high = (spell(each, "m") for each in HEIGHTS)
             raise InputError(f"--height: expected {low} to {high} of a palm above the array, got {spell(height, 'm')}")
-        made = MODES[mode or self.otherwise]() if path is None else _stored(path)
+        made = MODES[mode or self.otherwise]() if path is None else _settings_of_file(path)
         for choice in CHOICES:
             value = getattr(self, choice.name.replace("-", "_"), None)
             if value is not None:
                 made = choice.put(made, value)
-        palm, weight = getattr(self, "palm", None), _weight(made)
+        palm, weight = getattr(self, "palm", None), _quiet_palm_weight(made)
         if palm is not None and weight > 0:
             made = made.but(quiet_palm=QuietPalm.under(load_palm(palm), weight=weight))
         if made.solver.jobs is None:
@@ -56,7 +56,7 @@ class _Chosen:
 
     def refuse_idle_palm(self) -> None:
         """Raise InputError for --palm without a quiet palm, where the command would ignore it."""
-        if getattr(self, "palm", None) is not None and _weight(self.settings()) == 0:
+        if getattr(self, "palm", None) is not None and _quiet_palm_weight(self.settings()) == 0:
             raise InputError("--palm: expected --quiet-palm or --mode finest beside it, got neither")
 
     def outline(self) -> Palm:
@@ -78,7 +78,7 @@ class _Chosen:
                 words.append(f"--{choice.name}" if value else f"--no-{choice.name}")
             elif value is not None:
                 many = value if isinstance(value, tuple) else (value,)
-                words += [f"--{choice.name}", *(_word(each, choice.unit) for each in many)]
+                words += [f"--{choice.name}", *(_argument(each, choice.unit) for each in many)]
         return words
 
     @property
@@ -87,13 +87,13 @@ class _Chosen:
         return getattr(self, "temperature", None) is not None or getattr(self, "settings_file", None) is not None
 
 
-def _weight(settings: Settings) -> float:
+def _quiet_palm_weight(settings: Settings) -> float:
     """Weight of the quiet palm."""
     asked = settings.solver.quiet_palm
     return asked.weight if isinstance(asked, QuietPalm) else asked
 
 
-def _word(value: Any, unit: str) -> str:
+def _argument(value: Any, unit: str) -> str:
     """A value as an exact command-line argument."""
     if not unit:
         return str(value)
@@ -105,7 +105,7 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _stored(path: Path) -> Settings:
+def _settings_of_file(path: Path) -> Settings:
     """Settings from a TOML file or from the provenance of a drive."""
     if not path.name.lower().endswith(".h5"):
         return Settings.load(path)
@@ -117,7 +117,7 @@ def _stored(path: Path) -> Settings:
 
 def _parameter(choice: Choice, otherwise: Literal["paper", "best"]) -> Any:
     """The option of a choice; its help shows the default, and the paper's where the best mode's differs."""
-    kind = _kind(choice)
+    kind = _type_of(choice)
 
     shown = {name: spelt(choice.of(MODES[name]()), choice.unit) for name in ("paper", "best")}
     default = shown[otherwise]
@@ -125,14 +125,16 @@ def _parameter(choice: Choice, otherwise: Literal["paper", "best"]) -> Any:
         default += f"; paper: {shown['paper']}"
 
     negative = f"--no-{choice.name}" if kind is bool else ()
-    said = Parameter(name=f"--{choice.name}", help=choice.help, show_default=_fixed(default), negative=negative)
+    said = Parameter(
+        name=f"--{choice.name}", help=choice.help, show_default=_constant_default(default), negative=negative
+    )
     if not choice.unit:
         return Annotated[kind | None, said]
     pair = get_origin(kind) is tuple
     return Annotated[kind | None, quantity(choice.unit, many=2 if pair else None), said]
 
 
-def _fixed(default: str) -> Any:
+def _constant_default(default: str) -> Any:
     """Formatter that always shows this default; False where the solver has its own."""
 
     def shown(_: object) -> str:
@@ -141,7 +143,7 @@ def _fixed(default: str) -> Any:
     return False if default == "its own" else shown
 
 
-def _kind(choice: Choice) -> Any:
+def _type_of(choice: Choice) -> Any:
     """Type of a choice on the command line: no objects, and the tuple where both a number and a tuple are allowed."""
     hint: Any = Settings
     for part in choice.path.split("."):
@@ -165,17 +167,17 @@ def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: 
     if modes:
         mode = Parameter(
             name=("--mode", "-m"),
-            help="Preset: paper, best, quick (fewer iterations) or finest (quiet palm); other options override it.",
-            show_default=_fixed("best"),
+            help="Preset that other options override; quick: fewer iterations; finest: quiet palm.",
+            show_default=_constant_default("best"),
         )
         path = Parameter(
             name="--settings",
-            help="Read settings from a TOML file or from an existing drive, instead of --mode.",
+            help="Read settings from a TOML file or a drive.",
             show_default=False,
         )
         palm = Parameter(
             name="--palm",
-            help="TOML file with the outline of a palm. [default: disc of 85 mm]",
+            help="TOML file with a palm's outline. [default: disc of 85 mm]",
             show_default=False,
         )
         first = [
@@ -186,16 +188,16 @@ def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: 
     otherwise: Literal["paper", "best"] = "best" if modes else "paper"
     rest = [(choice.name.replace("-", "_"), _parameter(choice, otherwise), field(default=None)) for choice in chosen]
     space = {"__doc__": doc, "__module__": __name__, "otherwise": otherwise}
-    made = make_dataclass(name, [*first, *rest], bases=(_Chosen,), frozen=True, kw_only=True, namespace=space)
+    made = make_dataclass(name, [*first, *rest], bases=(_SettingsOptions,), frozen=True, kw_only=True, namespace=space)
     return Parameter(name="*")(made)
 
 
 if TYPE_CHECKING:
 
-    class BandOptions(_Chosen):
+    class BandOptions(_SettingsOptions):
         """Which part of a recording counts."""
 
-    class SolveOptions(_Chosen):
+    class SolveOptions(_SettingsOptions):
         """How pressure becomes sound."""
 
 else:

@@ -55,9 +55,7 @@ def print_written(
 
 
 def may_write(path: Path, force: bool, *endings: str) -> None:
-    """Refuse an output name before the work: wrong ending, missing folder, existing file, or a recording in
-    progress.
-    """
+    """Refuse an output before the work: wrong ending, missing folder, existing file, recording in progress."""
     if endings and not path.name.lower().endswith(endings):
         raise InputError(f"{path}: expected a name that ends in {' or '.join(endings)}")
     writable_path(path)

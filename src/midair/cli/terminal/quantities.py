@@ -69,9 +69,7 @@ def _by_hand(number: float, written: str, unit: str, advice: str) -> float:
 
 
 def quantity(unit: str, *, many: int | None = None) -> Parameter:
-    """A command-line parameter in `unit` that reads quantities and shows its default as one; a tuple of `many` if
-    given.
-    """
+    """A command-line parameter that reads `many` quantities (one if None) and shows its default in `unit`."""
 
     def convert(_: Any, tokens: Sequence[Token]) -> float | tuple[float, ...]:
         values = tuple(parse_quantity(token.value, unit) for token in tokens)

@@ -22,7 +22,7 @@ def swept(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | Non
         with sweep_bar("patterns" if sweep.kind == "patterns" else "frames", _workload(sweep)) as progress:
             run_sweep(sweep, where, scheduler=scheduler, workers=workers, progress=progress)
     except KeyboardInterrupt:
-        _say("stopped; the results so far are stored; run the same command again to resume")
+        _print_line("stopped; the results so far are stored; run the same command again to resume")
         return 130
     return 0
 
@@ -36,7 +36,7 @@ def _workload(sweep: Sweep) -> str:
 @contextmanager
 def sweep_bar(items: str, workload: str) -> Generator[Advance]:
     """A progress bar on stderr, with a time estimate before; the measured speed is stored afterwards."""
-    speeds, kind, begun, last = Speeds.known(), f"sweep {workload}", (0, 0.0), (0, 0.0)
+    speeds, kind, begun, last = Speeds.load(), f"sweep {workload}", (0, 0.0), (0, 0.0)
     with bars(items, width=24, name="", digits=1, period=120) as shown:
         task = shown.add_task("sweep", total=None, start=False)
 
@@ -55,10 +55,10 @@ def sweep_bar(items: str, workload: str) -> Generator[Advance]:
         yield report
     count, took = last[0] - begun[0], last[1] - begun[1]
     if count and took >= MEASURED:
-        speeds.learnt(Work(kind=kind, frames=count), took).keep()
+        speeds.updated(Work(kind=kind, frames=count), took).save()
 
 
-def _say(words: str) -> None:
+def _print_line(words: str) -> None:
     err().print(f"midair: {words}")
 
 

@@ -40,10 +40,10 @@ def plain_take(take: Take, device: SensorDevice) -> dict[str, object]:
         "stuck_channels": levels.stuck.nonzero()[0].tolist(),
         "rate_ppm": None if take.rate is None else take.rate.ppm,
         "clock_ppm": None if take.clock is None else take.clock.ppm,
-        **({"strokes": strokes} if (strokes := strokes_of(_life(take), device.rate)) else {}),
+        **({"strokes": strokes} if (strokes := strokes_of(_provenance(take), device.rate)) else {}),
     }
 
 
-def _life(take: Take) -> Provenance:
+def _provenance(take: Take) -> Provenance:
     """Provenance with the events of the recording, from the file."""
     return Provenance() if take.path is None else open_take(take.path, streamed=True).recording.provenance

@@ -153,7 +153,7 @@ def test_practice_writes_what_the_command_needs(capsys, monkeypatch):
     assert "midair calibrate measure lab/all-*Pa.h5" in said
     assert len(list(Path("lab").glob("*.h5"))) == 2 * 21 + 1
     assert run(["calibrate", "bench", "lab"]) == 1
-    assert "already exists" in one_line_of(capsys)
+    assert "is there already" in one_line_of(capsys)
 
 
 PAIR = ["all-a.h5", "--reference", "all-a-ref.h5"]

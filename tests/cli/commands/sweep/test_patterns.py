@@ -81,7 +81,7 @@ def test_the_air_of_patterns_is_the_paper_s_or_the_stated_one(words, medium):
     ("wrong", "status", "word"),
     [
         (["--height", "200"], 2, "unit"),
-        (["--height", "200Hz"], 2, "kind"),
+        (["--height", "200Hz"], 2, "another quantity"),
         (["--count", "70000"], 1, "65535"),
         (["--strength", "-1"], 1, "strengths"),
         (["--method", "magic"], 1, "fast"),

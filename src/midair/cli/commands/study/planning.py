@@ -83,8 +83,8 @@ def new_command(
     for number in range(1, design.participants + 1):
         order = dict.fromkeys(block.group for block in block_order(plan.design, number))
         say(f"  participant {number}: {', '.join(order)}")
-    _say_drives(gathered)
-    _say_next(path, design, gathered)
+    _print_drives(gathered)
+    _print_next(path, design, gathered)
 
 
 def plan_command(study: Path, output: Path | None = None, /, *, runs: int = 500, force: Force = False) -> None:
@@ -135,13 +135,13 @@ def withdraw_command(study: Path, participant: int, /, *, force: Force = False) 
     folder = StudyFolder(study)
     folder.plan()
     if not force:
-        _ask_to_delete(study, participant)
+        _confirm_deletion(study, participant)
     for line in withdraw(folder, participant):
         say(line)
     say(f"participant {participant} is withdrawn.")
 
 
-def _ask_to_delete(study: Path, participant: int) -> None:
+def _confirm_deletion(study: Path, participant: int) -> None:
     """Ask before deleting; without a terminal, refuse."""
     if sys.stdin.isatty():
         err().print(f"Delete all data of participant {participant} of {study}? [y/N] ", end="")
@@ -150,7 +150,7 @@ def _ask_to_delete(study: Path, participant: int) -> None:
     raise InputError(f"{study}: nothing was deleted; use --force to delete without asking")
 
 
-def _say_drives(gathered: list[StudyDrive]) -> None:
+def _print_drives(gathered: list[StudyDrive]) -> None:
     words = {"found": "copied", "solved": "solved from its recording", "virtual": "from a virtual stroke"}
     for one in gathered:
         say(f"  {one.source}: {one.duration:.2f} s, {words[one.how]}, SHA-256 {one.digest[:12]}")
@@ -158,7 +158,7 @@ def _say_drives(gathered: list[StudyDrive]) -> None:
         banner(True)
 
 
-def _say_next(path: Path, design: Design, gathered: list[StudyDrive]) -> None:
+def _print_next(path: Path, design: Design, gathered: list[StudyDrive]) -> None:
     """Print the next commands."""
     there = shlex.quote(str(path))
     drives = any(one.kind == "drive" for one in design.stimuli)

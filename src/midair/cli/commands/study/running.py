@@ -74,7 +74,7 @@ def run_command(
     if participant < 1:
         raise InputError("participant: expected --participant N from 1, or --simulate, got neither")
     check_not_withdrawn(folder, participant)
-    if done := _is_done(folder, plan, participant):
+    if done := _finished_log(folder, plan, participant):
         say(f"participant {participant} has already finished; no question was asked. {done}")
         return 0
     room = (air or AirOptions()).medium()
@@ -113,11 +113,11 @@ def run_command(
             ) from closed
     say("Done." if step.kind == "done" else "Stopped; the answers so far are stored.")
     say(f"{folder.log(participant).name}: seal {session.seal}. Write it down elsewhere: it detects a replaced log.")
-    _say_next_session(session.standing())
+    _print_next_session(session.standing())
     return 0 if step.kind == "done" else 1
 
 
-def _is_done(folder: StudyFolder, plan: Plan, participant: int) -> str:
+def _finished_log(folder: StudyFolder, plan: Plan, participant: int) -> str:
     """Log name and seal if all trials are done, "" otherwise."""
     plan.of(participant)  # raises for a number without trials, before a log file is created
     log = folder.log(participant)
@@ -127,7 +127,7 @@ def _is_done(folder: StudyFolder, plan: Plan, participant: int) -> str:
     return f"{log.name}: seal {chain_hash(log)}" if standing.next_trial == len(standing.trials) else ""
 
 
-def _say_next_session(standing: SessionState) -> None:
+def _print_next_session(standing: SessionState) -> None:
     if standing.next_trial < len(standing.trials) and not standing.broken_off:
         due = standing.trials[standing.next_trial].session
         say(f"Session {due} is next: run the same command again.")

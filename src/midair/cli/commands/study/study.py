@@ -101,9 +101,9 @@ def analyse_command(
         folder = StudyFolder(source)
         plan, data = folder.plan(), data_of_study(folder)
         title, target = plan.design.title or plan.design.name, output or source / "report.html"
-        loading = load_study(_from(target, source))
+        loading = load_study(_relative(target, source))
     else:
-        table = _old_table(source)
+        table = _read_table(source)
         columns: dict[str, Any] = {
             "participant": participant,
             "presented": presented,
@@ -119,7 +119,7 @@ def analyse_command(
         }
         data = data_of_columns(table, **columns)
         title, target = source.name, output or source.with_name(f"{source.stem}-report.html")
-        loading = load_table(_from(target, source), columns, bids=source.is_dir())
+        loading = load_table(_relative(target, source), columns, bids=source.is_dir())
     report = analyse(data, seed=seed, draws=draws)
     if (source / "plan.json").exists():
         for file in (target, target.with_suffix(".ipynb")):
@@ -195,12 +195,12 @@ def verify_command(study: Path, /, *, seal: Path | None = None) -> int:
     return 1 if verified.faults else 0
 
 
-def _from(target: Path, source: Path) -> str:
+def _relative(target: Path, source: Path) -> str:
     """Path of a source relative to the folder of the report."""
     return os.path.relpath(source, target.parent)
 
 
-def _old_table(source: Path) -> "DataFrame":
+def _read_table(source: Path) -> "DataFrame":
     return read_bids(source) if source.is_dir() else read_csv(source)
 
 

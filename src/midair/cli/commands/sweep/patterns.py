@@ -15,14 +15,14 @@ def _lengths(_: Any, tokens: Sequence[Token]) -> tuple[float, ...]:
     return tuple(parse_quantity(token.value, "m") for token in tokens)
 
 
-def _spelt(values: tuple[float, ...]) -> str:
+def _lengths_text(values: tuple[float, ...]) -> str:
     return " ".join(spell(value, "m") for value in values)
 
 
 Numbers = Annotated[tuple[float, ...], Parameter(consume_multiple=True)]
 Lengths = Annotated[
     tuple[float, ...],
-    Parameter(converter=_lengths, n_tokens=-1, consume_multiple=True, show_default=_spelt, metavar="QUANTITIES"),
+    Parameter(converter=_lengths, n_tokens=-1, consume_multiple=True, show_default=_lengths_text, metavar="QUANTITIES"),
 ]
 
 
