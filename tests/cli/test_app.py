@@ -33,7 +33,7 @@ def failure(request):
     del app["fails"]
 
 
-def test_what_nobody_foresaw_is_one_line(failure, capsys):
+def test_an_unexpected_error_is_one_line(failure, capsys):
     assert run(["fails"]) == 1
     said = capsys.readouterr()
     assert said.out == ""
@@ -49,7 +49,7 @@ def test_the_traceback_can_be_had(failure, monkeypatch):
         run(["fails"])
 
 
-def test_a_name_that_is_no_text_is_said(tmp_path):
+def test_a_file_name_that_is_no_text_is_printed(tmp_path):
     name = os.fsencode(tmp_path) + b"/\xff.h5"
     done = subprocess.run([sys.executable, "-m", "midair", "info", name], capture_output=True, text=True, check=False)
     assert done.returncode == 1

@@ -124,7 +124,7 @@ def test_out_and_in_again(take, suffix):
     np.testing.assert_allclose(again.samples, first.samples, atol=1e-4)
 
 
-def test_info_tells_the_life_of_a_file(take, capsys):
+def test_info_prints_the_history_of_a_file(take, capsys):
     run(["solve", "take.h5", *QUICK, "--duration", "0.02s"])
     capsys.readouterr()
     assert run(["info", "take.drive.h5", "--json"]) == 0
@@ -156,7 +156,7 @@ def test_doctor(capsys):
 
 
 @pytest.mark.long
-def test_demo_leaves_a_report_and_what_it_shows(capsys):
+def test_demo_writes_a_report_and_its_files(capsys):
     assert run(["demo", "out", "--duration", "0.05s", *QUICK]) == 0
     assert {path.name for path in Path("out").iterdir()} == {
         "report.html",

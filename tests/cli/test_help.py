@@ -41,7 +41,7 @@ HARDWARE = [
 SHELL = [line for line in EXAMPLES if line.startswith("eval") or " > " in line]
 """These are for a shell; `test_completion` runs what is in them."""
 SERVED = [line for line in EXAMPLES if line.startswith("midair studio")]
-"""These go on until somebody ends them; `tests/studio/test_browser.py` opens them."""
+"""These run until stopped; `tests/studio/test_browser.py` opens them."""
 SLOW = (
     "midair demo",
     "midair loop",
@@ -71,7 +71,7 @@ BEFORE = {
     "study export": [PLAN, "study run touch --simulate"],
     "sweep report": ["sweep patterns patterns.zarr --count 1000 --strength 0.1"],
 }
-"""What an example stands on."""
+"""Commands to run before an example."""
 HERE = [line for line in EXAMPLES if line not in (*HARDWARE, *SHELL, *SERVED)]
 
 
@@ -84,7 +84,7 @@ def test_every_command_has_an_example_that_names_it():
             assert all(f"midair {' '.join(names)}" in line for line in examples), names
 
 
-def test_every_command_stands_in_a_group_of_the_work():
+def test_every_command_is_in_a_group():
     shown = [below.group[0].name for names, below in ALL.items() if len(names) == 1]
     assert set(shown) == set(GROUPS)
 
@@ -141,7 +141,7 @@ def folder(made, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "line", [pytest.param(one, marks=[pytest.mark.slow] * one.startswith(SLOW)) for one in HERE], ids=str
 )
-def test_an_example_does_what_it_says(folder, line):
+def test_an_example_runs(folder, line):
     words = shlex.split(line)[1:]
     if "take.rerecorded.h5" in words:
         (folder / "kept.h5").rename(folder / "take.rerecorded.h5")
@@ -173,7 +173,7 @@ def test_bash_completes_a_command(capsys, tmp_path):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_the_line_that_stands_for_a_command_is_the_first_of_its_own_help(name):
+def test_the_summary_is_the_first_line_of_the_docstring(name):
     own = inspect.getdoc(app[name].default_command).split("\n\n")[0]
     assert " ".join(own.split()) == COMMANDS[name][2]
 

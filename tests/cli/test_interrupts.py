@@ -61,7 +61,7 @@ def folder(desk, tmp_path, monkeypatch):
 
 
 def stopped(line, capsys):
-    """What the command says last; its files but those that are kept are gone."""
+    """Last line of the command; only the kept files remain."""
     before = set(Path().rglob("*"))
     if "take.drive.h5" not in line and "solve" in line:
         Path("take.drive.h5").unlink()

@@ -67,7 +67,7 @@ LINES = {
     "study paper figures": "kept figures/paper-chance.png",
     "study analyse touch --draws 50": NOTHING,
 }
-"""What is typed, and what is said when Ctrl-C comes as soon as a bar is there."""
+"""Command lines, and their message after Ctrl-C at the first progress bar."""
 
 SLOW = (
     "paper",
@@ -166,12 +166,12 @@ def lines(*slow):
 
 
 @pytest.mark.parametrize("line", lines("sweep"))
-def test_ctrl_c_at_the_first_step_of_a_bar_says_what_was_kept(line, folder, capsys, monkeypatch):
+def test_ctrl_c_at_the_first_step_of_a_bar_prints_the_kept_files(line, folder, capsys, monkeypatch):
     made_now(line)
     begin, begun = Progress.add_task, []
 
     def add_task(self, description, **more):
-        # What is recorded is kept; the bar of waiting is there before the work.
+        # Recorded frames are kept; the waiting bar appears before the work.
         if description not in ("record", command_of(line.split())):
             begun.append(description)
             raise KeyboardInterrupt
@@ -190,7 +190,7 @@ def test_ctrl_c_at_the_first_step_of_a_bar_says_what_was_kept(line, folder, caps
     said = [each for each in capsys.readouterr().err.splitlines() if each.startswith("midair: ")]
     assert said == [f"midair: stopped; {LINES[line]}"]
     kept = {Path(name) for name in LINES[line].partition("kept ")[2].split(", ") if name}
-    # Of a sweep what was solved is stored; the state folder knows how fast work goes.
+    # A sweep keeps its results; the state folder keeps the measured speeds.
     ours = {path for path in files_here() if not {".zarr", ".report"} & {each.suffix for each in path.parents}}
     assert ours - set(before) == kept
     assert {path: when for path, when in files_here().items() if path in before} == before

@@ -232,7 +232,7 @@ MISTAKES = (
     ("sweep report nothing.zarr", 1, "expected a sweep, found none; make"),
     ("completion tcsh", 2, 'Invalid value "tcsh" for SHELL.'),
 )
-"""What is typed in a folder of `files`, the status, and words of the one line that comes."""
+"""Command line in a folder with `files`, exit status, and words of the error line."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""What commands leave of a file where somebody may write no more: a real quota, of btrfs, which root can lay."""
+"""Files that commands leave when a disk quota is exceeded (btrfs; needs root)."""
 
 import shutil
 import subprocess

@@ -7,7 +7,7 @@ from midair.cli.terminal.console import progress_bars, work_of
 SOLVE, PLAY = Work(kind="solve exact 256", frames=3000), Work(kind="play", frames=3000)
 
 
-def test_what_is_not_known_is_not_told_and_what_is_known_adds_up():
+def test_estimates_add_up_and_need_every_speed():
     speeds = Speeds().updated(Work(kind=SOLVE.kind, frames=100), 10.0)
     assert speeds.seconds([SOLVE]) == pytest.approx(300)
     assert speeds.seconds([SOLVE, PLAY]) is None
@@ -17,7 +17,7 @@ def test_what_is_not_known_is_not_told_and_what_is_known_adds_up():
     assert estimate_text(speeds, [Work(kind=SOLVE.kind, frames=30)]) == ""
 
 
-def test_a_busy_day_is_forgotten_by_half():
+def test_speeds_are_averaged_geometrically():
     speeds = Speeds().updated(SOLVE, 100.0).updated(SOLVE, 400.0)
     assert speeds.seconds([SOLVE]) == pytest.approx(200, rel=1e-3)
 
@@ -25,11 +25,11 @@ def test_a_busy_day_is_forgotten_by_half():
 @pytest.mark.parametrize(
     ("seconds", "words"), [(3.4, "3 s"), (44.4, "44 s"), (100, "1.7 min"), (3300, "55 min"), (9000, "2.5 h")]
 )
-def test_durations_are_told_in_two_digits(seconds, words):
+def test_durations_are_printed_in_two_digits(seconds, words):
     assert duration_text(seconds) == words
 
 
-def test_the_pace_is_kept_between_programs_and_a_broken_file_is_no_matter(monkeypatch, tmp_path):
+def test_speeds_are_stored_and_a_broken_file_is_ignored(monkeypatch, tmp_path):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
     assert Speeds.load().rates == {}
     Speeds().updated(SOLVE, 10.0).save()
@@ -40,7 +40,7 @@ def test_the_pace_is_kept_between_programs_and_a_broken_file_is_no_matter(monkey
     Speeds().updated(SOLVE, 10.0).save()
 
 
-def test_a_stage_teaches_how_fast_it_went_and_the_next_time_it_is_told(monkeypatch, capsys):
+def test_a_stage_updates_the_speed_for_the_next_estimate(monkeypatch, capsys):
     monkeypatch.setattr(console, "MEASURED", 0.0)
     with progress_bars([work_of("solve", "exact", 3000)]) as stage:
         stage("solve, pass 1", "exact")(3000, 3000)
@@ -51,7 +51,7 @@ def test_a_stage_teaches_how_fast_it_went_and_the_next_time_it_is_told(monkeypat
     assert "this takes about 40 s" in capsys.readouterr().err
 
 
-def test_work_that_was_stopped_teaches_nothing(monkeypatch):
+def test_interrupted_work_updates_no_speed(monkeypatch):
     monkeypatch.setattr(console, "MEASURED", 0.0)
     with pytest.raises(KeyboardInterrupt), progress_bars() as stage:
         stage("solve", "exact")(10, 3000)

@@ -35,7 +35,7 @@ def test_short_work_shows_nothing():
     assert console.file.getvalue() == ""
 
 
-def test_nothing_is_shown_where_nobody_looks():
+def test_nothing_is_shown_without_a_terminal():
     console = screen(terminal=False)
     line = Waiting("info", console, after=0.0)
     time.sleep(0.05)
@@ -54,7 +54,7 @@ def test_time_left_is_of_all_passes_and_the_end_moves_on_where_there_are_more():
     assert shares == [1 / 8, 1 / 4, 2 / 4, 3 / 4, 1, 1]
 
 
-def test_what_goes_on_inside_is_watched():
+def test_progress_inside_the_block_is_shown():
     with waiting("cut", screen(terminal=False), passes=2) as line:
         assert list(passing("abcd", 4)) == list("abcd")
         assert line.share == 0.5

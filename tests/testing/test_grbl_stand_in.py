@@ -72,7 +72,7 @@ def test_a_line_takes_the_time_of_a_trapezoid():
     assert move.at(move.begun + 1.0)[1] == pytest.approx(50)
 
 
-def test_what_its_buffer_has_no_room_for_is_lost():
+def test_bytes_beyond_the_buffer_are_lost():
     with line() as talk:
         talk.say(b"G4P3\n")
         time.sleep(0.1)

@@ -26,7 +26,7 @@ def test_a_frame_begins_at_the_eighth_bit_and_has_512_bytes():
     assert [one.sounds for one in seen] == [True, False]
 
 
-def test_a_divider_comes_lowest_bit_first_and_only_when_told():
+def test_a_divider_is_sent_lowest_bit_first_and_applied_on_request():
     text = bytearray(frame())
     text[27] = text[29] = text[33] = 0x80
     seen, reader = read(bytes(text))
@@ -47,7 +47,7 @@ def test_the_first_harmonic_of_a_pulse(start, length):
     assert one.sound()[0] == pytest.approx(wanted, abs=1e-12)
 
 
-def test_what_stands_goes_on_standing_until_the_next_frame():
+def test_a_frame_is_held_until_the_next_one():
     board = OpenMpdStandIn()
     try:
         assert not board.sounds

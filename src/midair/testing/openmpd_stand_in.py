@@ -1,4 +1,4 @@
-"""A simulated OpenMPD board behind a pty: parses bytes as the firmware does, keeps its timing, holds its last frame.
+"""A simulated OpenMPD board on a pty: parses bytes as the firmware does, keeps its timing, holds its last frame.
 
 Written from the firmware only (RMResearch/OpenMPD_Hardware, FPGA_3.4.2/src), without the driver's code: input are
 bytes, output are the pulses of each pin. POSIX only.
@@ -95,7 +95,7 @@ class OpenMpdStandIn(BehindPty):
             idle = len(self._fifo) < 512 and self._due is None and not select.select([self._master], [], [], 0.05)[0]
             if idle and len(self._fifo) < 512 and self._due is None:
                 return
-        raise TimeoutError("the stand-in still has frames to play")
+        raise TimeoutError("the simulated board still has frames to play")
 
     def _run(self) -> None:
         while not self._over.is_set():

@@ -66,7 +66,7 @@ def test_swapped_arguments_are_refused(capsys):
     assert "use midair compare take.h5 again.h5" in " ".join(capsys.readouterr().err.split())
 
 
-def test_what_was_never_played_is_compared_as_it_is(capsys):
+def test_a_recording_that_was_never_played_is_compared_unchanged(capsys):
     assert run(["compare", "take.h5", "take.h5", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["figures"]["signal to distortion"]["value"] > 150
 
@@ -94,9 +94,9 @@ def test_a_drive_of_another_recording_and_a_palm_without_a_drive_are_refused(cap
     Path("hand.toml").write_text("disc_mm = 85")
     capsys.readouterr()
     assert run(["compare", "take.h5", "take.h5", "--palm", "hand.toml"]) == 1
-    assert "--palm: expected with a drive" in capsys.readouterr().err
+    assert "--palm: expected a drive" in capsys.readouterr().err
     assert run(["compare", "take.h5", "take.h5", "--film", "no.gif"]) == 1
-    assert "--film: expected with a drive" in capsys.readouterr().err
+    assert "--film: expected a drive" in capsys.readouterr().err
     assert run(["compare", "take.h5", "take.drive.h5", "--film", "palm.png"]) == 1
     assert "palm.png: expected a name that ends in .gif or .mp4" in capsys.readouterr().err
     assert not Path("palm.png").exists()
@@ -126,7 +126,7 @@ def test_a_drive_s_palm_can_be_filmed(capsys):
 
 
 @pytest.mark.slow
-def test_a_palm_gets_of_a_drive_what_the_budget_says(capsys):
+def test_palm_fidelity_of_a_drive_equals_that_of_the_budget(capsys):
     piece = ["--mode", "paper", *COARSE, "--start-at", "0.55s", "--duration", "0.1s"]
     assert run(["solve", "take.h5", *piece, "-f"]) == 0
     capsys.readouterr()

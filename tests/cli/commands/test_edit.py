@@ -74,7 +74,7 @@ def test_each_command_does_its_edit_and_keeps_the_calibration(words, check, take
     assert load_calibration("made.h5") is not None
 
 
-def test_the_result_can_be_of_any_format_and_losses_are_told(take, capsys):
+def test_the_result_can_be_of_any_format_and_losses_are_printed(take, capsys):
     told = answer(capsys, "cut", "take.h5", "made.csv", "--end", "0.1s")
     assert [loss["what"] for loss in told["lost"]] == ["calibration"]
     np.testing.assert_array_equal(load("made.csv").samples, take.samples[:100])

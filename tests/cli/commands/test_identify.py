@@ -54,7 +54,7 @@ def test_the_right_order_is_worked_out_on_top_of_a_wrong_one(tapped):
     assert load_sensor("palm.toml").full_scale == 5.0
 
 
-def test_a_dead_channel_is_a_failure_that_is_told(tapped, capsys):
+def test_a_dead_channel_is_a_reported_failure(tapped, capsys):
     samples = tapped.copy()
     samples[:, 6] = 0
     assert run([*bench(samples), "--json"]) == 1
@@ -66,7 +66,7 @@ def test_a_dead_channel_is_a_failure_that_is_told(tapped, capsys):
     assert "channel 6 is dead" in answer["findings"][0]
 
 
-def test_an_uncertain_order_leaves_the_file_as_it_was(tapped, capsys):
+def test_an_uncertain_order_does_not_change_the_file(tapped, capsys):
     samples = tapped.copy()
     samples[:, 6] = samples[:, 9] = 0
     save_sensor(SensorWiring(unit="V"), "palm.toml")

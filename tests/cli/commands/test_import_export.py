@@ -25,7 +25,7 @@ def answer(capsys, *words):
     return json.loads(capsys.readouterr().out)
 
 
-def test_mend_repairs_what_import_refuses_and_says_where(capsys):
+def test_mend_fills_gaps_that_import_refuses_and_reports_them(capsys):
     samples = RNG.normal(size=(300, 4, 4))
     samples[100:104, 1, 2] = np.nan
     np.save("a.npy", samples)
@@ -92,7 +92,7 @@ def test_a_clipped_wav_and_a_magnitude_are_named(capsys):
 COARSE = ["--mode", "quick", "--points", "4", "--pitch", "11mm", "--guard", "0mm", "--duration", "0.2s"]
 
 
-def test_ridges_are_real_and_felt_and_info_says_so(capsys):
+def test_info_reports_ridges_as_real_and_felt(capsys):
     told = answer(capsys, "import", "sample:ridges")
     assert not told["simulated"]
     assert "licence: MIT" in told["notes"]
@@ -103,7 +103,7 @@ def test_ridges_are_real_and_felt_and_info_says_so(capsys):
 
 
 @pytest.mark.slow
-def test_the_card_of_ridges_says_that_a_palm_would_feel_them(capsys):
+def test_metrics_report_that_a_palm_would_feel_ridges(capsys):
     assert run(["import", "sample:ridges"]) == 0
     assert run(["solve", "ridges.h5", "--mode", "quick"]) == 0
     assert answer(capsys, "compare", "ridges.h5", "ridges.drive.h5")["verdict"].startswith("A palm would feel it")

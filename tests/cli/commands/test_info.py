@@ -22,7 +22,7 @@ def told(tmp_path, monkeypatch, capsys):
     return ask
 
 
-def test_a_recording_tells_numbers_under_stable_names(told):
+def test_json_of_a_recording_has_stable_keys(told):
     samples = np.random.default_rng(0).normal(size=(250, 4, 4))
     samples[:, 0, 2] = 0
     life = Provenance(source="bench", notes={"object": "towel"})
@@ -38,7 +38,7 @@ def test_a_recording_tells_numbers_under_stable_names(told):
     assert found["largest_pressure_pa"] is None
 
 
-def test_a_drive_tells_numbers_under_stable_names(told):
+def test_json_of_a_drive_has_stable_keys(told):
     array = TransducerArray.autd3()
     phase = np.zeros((4, array.count))
     drive = Drive(phase=phase, level=[0.5, 1, 1, 0], rate=1000, array=array)
@@ -51,7 +51,7 @@ def test_a_drive_tells_numbers_under_stable_names(told):
     assert (found["E_mean"], found["E_worst"]) == pytest.approx((0.2, 0.3))
 
 
-def test_a_calibration_tells_its_kind(told):
+def test_json_of_a_calibration_has_its_kind(told):
     take = Recording(samples=np.zeros((10, 4, 4)), rate=500)
     save_calibration(Calibration.flat(take.sensor, sensitivity=0.02), "flat.calibration.h5")
     assert told("flat.calibration.h5")["kind"] == "calibration"

@@ -45,7 +45,7 @@ def one_line_of(capsys):
 
 
 @pytest.mark.long
-def test_an_iterative_loop_tells_its_passes_and_what_skin_makes_of_it(capsys, monkeypatch):
+def test_an_iterative_loop_prints_passes_and_perceptual_metrics(capsys, monkeypatch):
     told = []
     monkeypatch.setattr("midair.cli.commands.loop.say_how_long_to_come", lambda frames, *_: told.append(frames))
     assert run(["loop", "take.h5", *QUICK, "--iterate", "2", "--json", "--force"]) == 0

@@ -118,7 +118,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_must_not_play_does_not(case, capsys):
+def test_forbidden_drives_do_not_play(case, capsys):
     prepare, options, status, word = WRONG[case]
     prepare("x.drive.h5")
     capsys.readouterr()
@@ -190,7 +190,7 @@ def test_stop_from_another_terminal(capsys):
     assert log()[-1]["order"] == log()[0]["order"]
 
 
-def test_stop_says_plainly_what_it_could_not_stop(capsys):
+def test_stop_reports_what_it_could_not_stop(capsys):
     """A process that holds a player's file and does not answer."""
     Path("state").mkdir()
     holder = "import fcntl, time; file = open('state/playing-7.json', 'w'); fcntl.flock(file, fcntl.LOCK_EX)"
@@ -313,7 +313,7 @@ def test_a_drive_for_a_placement_plays_there_and_nowhere_else(capsys):
     assert run(["play", "take.drive.h5", *EMULATOR, "--placement", "tilted.toml"]) == 0
 
 
-def test_what_a_file_says_of_the_strength_changes_no_exposure(capsys):
+def test_the_strength_in_a_file_changes_no_exposure(capsys):
     """A file that claims transducers of a millionth is measured as those of the device are, and the claim is told."""
     claims = TransducerArray(
         position=ARRAY.position, normal=ARRAY.normal, pressure=1e-6, frequency=ARRAY.frequency, name=ARRAY.name
@@ -331,7 +331,7 @@ def test_what_a_file_says_of_the_strength_changes_no_exposure(capsys):
 
 
 @pytest.mark.long
-def test_a_drive_that_nobody_would_feel_is_said(capsys):
+def test_a_drive_too_weak_to_feel_is_reported(capsys):
     focus = make("loud.drive.h5", level=1.0)
     assert run(["play", focus, *EMULATOR]) == 1
     assert "and nothing will be felt), take another --profile" in said(capsys)[0]

@@ -79,7 +79,7 @@ def errors(drive, target, q):
     [("openmpd", ["--gain", "16"]), ("openmpd-twin", ["--gain", "64", "--height", "119.4mm"])],
     ids=["one board", "face to face"],
 )
-def test_what_the_boards_put_out_is_the_field_that_was_solved_for(kind, words, tmp_path, capsys):
+def test_the_output_of_the_boards_is_the_solved_field(kind, words, tmp_path, capsys):
     count = 1 if kind == "openmpd" else 2
     boards, ports = [measured_board(number) for number in range(count)], [OpenMpdStandIn() for _ in range(count)]
     files = [write_board(tmp_path / f"board_{number}.pat", board) for number, board in enumerate(boards)]
@@ -161,7 +161,7 @@ def test_stop_in_another_terminal_is_true_when_it_answers(board, capsys):
         player.communicate()
 
 
-def test_doctor_says_what_nobody_can_know(board, capsys):
+def test_doctor_reports_what_it_cannot_check(board, capsys):
     run(["doctor", "--device", f"openmpd:{board.port}"])
     said = " ".join(capsys.readouterr().out.split())
     assert "its last frame forever" in said

@@ -104,7 +104,7 @@ def test_keys_start_and_stop_takes_and_meters_move():
 
 
 @pytest.mark.long
-def test_ctrl_c_on_a_terminal_keeps_what_there_was():
+def test_ctrl_c_on_a_terminal_keeps_recorded_frames():
     save(Recording(samples=np.tile(SOURCE.samples, (50, 1, 1)), rate=1000.0), "long.h5")
     stated = ("--object", "towel", "--surface", "flat", "--speed", "50mm/s", "--operator", "me")
     terminal = Terminal("record", "replay:long.h5", "take.h5", "--real-time", "--trigger", "2V", *stated)
@@ -116,7 +116,7 @@ def test_ctrl_c_on_a_terminal_keeps_what_there_was():
     assert "Traceback" not in terminal.seen
 
 
-def test_ctrl_c_between_takes_says_how_many_were_kept(capsys):
+def test_ctrl_c_between_takes_prints_the_number_kept(capsys):
     def stop():
         while not Path("takes-01.h5").exists():
             time.sleep(0.01)
@@ -133,7 +133,7 @@ def test_ctrl_c_between_takes_says_how_many_were_kept(capsys):
 
 
 @pytest.mark.slow
-def test_a_terminal_is_restored_when_the_program_is_asked_to_end():
+def test_a_terminal_is_restored_on_sigterm():
     terminal = Terminal("record", "replay:source.h5", "--repeats", "2")
     terminal.until("waiting")
     os.kill(terminal.pid, signal.SIGTERM)
@@ -142,7 +142,7 @@ def test_a_terminal_is_restored_when_the_program_is_asked_to_end():
 
 
 @pytest.mark.slow
-def test_what_is_not_stated_is_asked_once_and_offered_again(capsys):
+def test_missing_notes_are_asked_once_and_offered_again(capsys):
     answers = {"object": "Towel", "surface": "", "speed": "50mm/s", "operator": "me"}
     terminal = Terminal("record", "replay:source.h5", "--real-time", "--surface", "flat")
     for name in ("object", "speed", "operator"):
@@ -170,7 +170,7 @@ def test_names_make_themselves_and_the_virtual_object_is_known(capsys):
     assert load("towel-groove-02.h5").provenance.simulated
 
 
-def test_what_is_recorded_is_noted(capsys):
+def test_the_object_is_stored_in_the_notes(capsys):
     words = ["--object", "Brush", "--surface", "flat", "--speed", "50mm/s", "--operator", "Å"]
     assert run(["record", "replay:source.h5", *words]) == 0
     said = capsys.readouterr()

@@ -64,20 +64,20 @@ def test_a_page_of_ours_is_made_again_and_others_are_kept(files, capsys):
     assert (files / "take.show.html").read_text() == "a page of mine"
 
 
-def test_a_film_tells_how_long_it_is(files, capsys):
+def test_a_film_prints_its_duration(files, capsys):
     assert run(["show", "take.drive.h5", "--save", "film.gif"]) == 0
     with Image.open(files / "film.gif") as made:
         assert made.n_frames == 8
     assert "film of 8 pictures, 0.16 s, 20 times slower" in capsys.readouterr().out
 
 
-def test_a_channel_can_be_heard(files, capsys):
+def test_a_channel_becomes_a_sound(files, capsys):
     assert run(["show", "take.h5", "--save", "wave.wav", "--channel", "6"]) == 0
     assert (files / "wave.wav").read_bytes()[:4] == b"RIFF"
     assert "channel 6; full scale is" in capsys.readouterr().out
 
 
-def test_nothing_is_opened_where_nobody_looks(files, monkeypatch):
+def test_no_browser_opens_without_a_screen(files, monkeypatch):
     opened = []
     monkeypatch.setattr(webbrowser, "open", opened.append)
     monkeypatch.setenv("DISPLAY", ":0")

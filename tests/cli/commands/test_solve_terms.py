@@ -39,7 +39,7 @@ def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):
     assert level.max() <= made["level"] < 1
 
 
-def test_a_range_of_temperature_reaches_the_drive_and_its_ends_are_told(stroke, tmp_path, capsys):
+def test_a_temperature_range_reaches_the_drive_and_its_ends_are_printed(stroke, tmp_path, capsys):
     drive = tmp_path / "am.drive.h5"
     words = "--method fast --temperature 22C --robust 2C"
     assert run(["solve", str(stroke), str(drive), *words.split(), *SMALL]) == 0
@@ -51,7 +51,7 @@ def test_a_range_of_temperature_reaches_the_drive_and_its_ends_are_told(stroke, 
     assert "at 24 °C" in told
 
 
-def test_a_strength_is_told_in_pascal_and_warned_of_where_it_does_not_come(stroke, tmp_path, capsys):
+def test_strength_is_printed_in_pascal_with_a_warning_above_the_limit(stroke, tmp_path, capsys):
     drive = tmp_path / "am.drive.h5"
     assert run(["solve", str(stroke), str(drive), "--method", "fast", "--strength", "0.1", *SMALL]) == 0
     told = capsys.readouterr()

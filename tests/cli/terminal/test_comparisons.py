@@ -2,7 +2,7 @@ from midair.cli.terminal import print_palm
 from midair.evaluate import PalmFidelity
 
 
-def test_a_palm_is_told_skin_by_skin_and_says_that_nobody_was_asked(capsys):
+def test_palm_fidelity_is_printed_for_each_skin(capsys):
     skins = {"soft": 15.04, "stiff": 20.0}
     print_palm(PalmFidelity(outside=0.0312, pressure=12.34, square=17.0, displacement=skins, palm="mine"))
     said = " ".join(capsys.readouterr().out.split())

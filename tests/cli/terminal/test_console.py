@@ -52,7 +52,7 @@ def test_stages_of_any_name(capsys):
     assert "\x1b]0" not in capsys.readouterr().err
 
 
-def test_flags_are_taken_out_wherever_they_stand():
+def test_verbosity_flags_are_removed_at_any_position():
     how, rest = flags_of(["-q", "solve", "-v", "a b.h5"])
     assert (how.quiet, how.verbose, rest) == (True, True, ["solve", "a b.h5"])
     assert how.line == "midair solve 'a b.h5'"
@@ -80,7 +80,7 @@ def test_quiet_shows_results_and_no_bars(working, capsys):
     assert capsys.readouterr() == ("done True\n", "")
 
 
-def test_verbose_says_what_it_took(working, capsys):
+def test_verbose_prints_the_run_time(working, capsys):
     assert run(["works", "-v"]) == 0
     assert "took 0." in capsys.readouterr().err
 

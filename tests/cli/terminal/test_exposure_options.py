@@ -20,7 +20,7 @@ def drive(frames):
     return Drive(phase=np.zeros((frames, 1)), level=np.ones(frames), rate=1000.0, array=ARRAY)
 
 
-def test_a_long_drive_says_how_many_seconds_it_takes_and_a_short_one_nothing(capsys):
+def test_a_long_drive_gets_a_time_estimate_and_a_short_one_none(capsys):
     say_how_long(drive(100), PROFILE, few=0.0, sample=50)
     assert capsys.readouterr().err == ""
     say_how_long(drive(1000), PROFILE, few=0.0, sample=50)
@@ -29,7 +29,7 @@ def test_a_long_drive_says_how_many_seconds_it_takes_and_a_short_one_nothing(cap
     assert capsys.readouterr().err == ""
 
 
-def test_frames_that_are_yet_to_come_are_told_in_the_same_words(capsys):
+def test_frames_to_come_get_the_same_estimate(capsys):
     say_how_long_to_come(1000, ARRAY, None, PROFILE, few=0.0)
     assert capsys.readouterr().err == ""
     say_how_long_to_come(10_240, ARRAY, None, PROFILE, few=0.0)
@@ -45,7 +45,7 @@ def test_options_are_one_choice():
 
 
 @pytest.mark.parametrize("command", ["play", "loop", "study run", "calibrate beam"])
-def test_what_a_refusal_advises_is_taken_by_every_command_that_refuses(command, capsys):
+def test_every_command_accepts_the_options_that_its_refusal_advises(command, capsys):
     array = VirtualRig().array
     loud = Drive(phase=np.zeros((20, array.count)), level=np.ones(20), rate=1000.0, array=array)
     device = SimpleNamespace(array=array, gated=True, steps_a_turn=256)

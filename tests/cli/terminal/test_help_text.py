@@ -32,6 +32,6 @@ def test_a_long_example_is_broken_as_a_shell_takes_it():
     assert " ".join(shown.split("\n\n")[0].split("\n", 1)[1].replace("\\\n", "").split()) == long
 
 
-def test_every_name_of_the_face_is_where_it_says():
+def test_every_exported_name_is_in_its_module():
     assert all(hasattr(terminal, name) for name in terminal.__all__)
     assert not hasattr(terminal, "rewind")

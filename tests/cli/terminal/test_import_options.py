@@ -94,7 +94,7 @@ def test_a_field_needs_one_channel(capsys):
     assert load("a.h5").sensor.count == 16
 
 
-def test_the_layout_says_how_channels_lie():
+def test_the_layout_places_the_channels():
     soundfile.write("six.wav", np.arange(12).reshape(2, 6) / 16, 1000, subtype="DOUBLE")
     assert run(["import", "six.wav", "a.h5", "--unit", "V", "--layout", "2x3:5mm"]) == 0
     np.testing.assert_array_equal(load("a.h5").samples, np.arange(12).reshape(2, 2, 3) / 16)
@@ -129,7 +129,7 @@ KEPT = {"h5": [], "csv": ["calibration", "pressure"], "npz": ["calibration", "pr
 
 
 @pytest.mark.parametrize(("ending", "lost"), KEPT.items(), ids=KEPT)
-def test_export_tells_what_is_lost(ending, lost, calibrated, capsys):
+def test_export_prints_losses(ending, lost, calibrated, capsys):
     told = answer(capsys, "export", "take.h5", f"out.{ending}")
     assert [loss["what"] for loss in told["lost"]] == lost
     np.testing.assert_array_equal(load(f"out.{ending}").samples, calibrated.samples)
@@ -158,7 +158,7 @@ def test_export_of_the_pressure(calibrated, capsys):
     assert "run midair calibrate first" in capsys.readouterr().err
 
 
-def test_an_imported_recording_of_midair_keeps_what_it_had(calibrated):
+def test_an_imported_midair_recording_keeps_calibration_and_pressure(calibrated):
     assert run(["import", "take.h5", "again.h5"]) == 0
     assert load_calibration("again.h5") is not None
     np.testing.assert_array_equal(load_pressure("again.h5").pressure, 50 * calibrated.samples)

@@ -46,7 +46,7 @@ def test_the_terminal_is_as_before_also_after_an_error(terminal):
 
 
 @pytest.mark.parametrize("stream", [io.StringIO("q"), open(os.devnull)], ids=["text", "null"])  # noqa: SIM115
-def test_where_nobody_can_press_there_are_no_keys(stream):
+def test_without_a_terminal_there_are_no_keys(stream):
     with stream, Keys(stream) as keys:
         assert not keys.active
         assert keys.pressed() == ""

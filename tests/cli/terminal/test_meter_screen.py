@@ -1,4 +1,4 @@
-"""What the terminal shows while a take runs."""
+"""Meters and lines in the terminal during a take."""
 
 import io
 
@@ -80,7 +80,7 @@ def screen(*, terminal, quiet=False, every=0.0):
     return MeterScreen(sensor_of(), console, Keys(io.StringIO()), Signals(), quiet=quiet, every=every), console
 
 
-def test_without_a_terminal_lines_are_said_and_no_meters():
+def test_without_a_terminal_lines_are_printed_and_no_meters():
     shown, console = screen(terminal=False)
     with shown.take("towel-03.h5, take 3 of 5"):
         shown.show(view(sensor_of()))
@@ -93,7 +93,7 @@ def test_without_a_terminal_lines_are_said_and_no_meters():
     assert "\x1b" not in console.file.getvalue()
 
 
-def test_quiet_says_only_what_goes_wrong():
+def test_quiet_prints_only_problems():
     shown, console = screen(terminal=True, quiet=True)
     with shown.take("towel-03.h5"):
         shown.show(view(sensor_of()))
@@ -104,7 +104,7 @@ def test_quiet_says_only_what_goes_wrong():
     ]
 
 
-def test_a_channel_that_clips_is_told_once_a_take():
+def test_clipping_of_a_channel_is_printed_once_per_take():
     shown, console = screen(terminal=False, quiet=True)
     with shown.take("x"):
         for frame in range(0, 5000, 50):

@@ -17,11 +17,11 @@ def stages(path):
     return {step.stage: step.settings for step in load_solution(path).drive.provenance.steps}
 
 
-def test_the_options_that_nobody_gave_are_those_of_the_best_mode():
+def test_default_options_are_those_of_the_best_mode():
     assert SolveOptions().settings() == best_mode()
 
 
-def test_a_band_that_nobody_gave_is_the_paper_s():
+def test_the_default_band_is_the_paper_s():
     assert BandOptions().settings() == Settings()
 
 
@@ -119,10 +119,10 @@ def test_the_air_reaches_the_drive_that_is_written_and_the_screen(stroke, tmp_pa
     assert "air: 26 °C, 30 % humidity\n" in capsys.readouterr().err
     assert run(["solve", str(stroke), str(drive), "--mode", "quick", *small.split(), "--force"]) == 0
     assert load_solution(drive).drive.acoustics.medium == Medium.at(temperature=22.0, humidity=0.5)
-    assert "air: 22 °C, 50 % humidity, taken since nobody stated the room's" in capsys.readouterr().err
+    assert "air: 22 °C, 50 % humidity, assumed; state the air of the room" in capsys.readouterr().err
     assert run(["solve", str(stroke), str(drive), "--mode", "paper", *small.split(), "--force"]) == 0
     assert load_solution(drive).drive.acoustics.medium == Medium()
-    assert "air: 340 m/s (14 °C), taken since nobody stated" in capsys.readouterr().err
+    assert "air: 340 m/s (14 °C), assumed; state the air" in capsys.readouterr().err
 
 
 def test_the_paper_s_mode_beside_another_is_the_paper_s_in_the_same_room():
@@ -137,7 +137,7 @@ def test_the_paper_s_mode_beside_another_is_the_paper_s_in_the_same_room():
     assert way_of(SolveOptions()) == "the best mode"
 
 
-def test_beside_the_paper_s_mode_stands_nothing():
+def test_the_paper_s_mode_has_no_comparison():
     assert paper_beside(SolveOptions(mode="paper")) is None
     assert way_of(SolveOptions(mode="paper")) == "the paper's mode"
 
@@ -177,13 +177,13 @@ def test_a_hand_of_a_picture_is_kept_quiet(stroke, tmp_path):
 
 
 @pytest.mark.parametrize("command", ["solve", "loop", "sweep recordings x.zarr"])
-def test_an_outline_that_nobody_looks_at_is_refused(stroke, tmp_path, command, capsys):
+def test_an_unused_palm_outline_is_refused(stroke, tmp_path, command, capsys):
     (tmp_path / "hand.toml").write_text("disc_mm = 90", encoding="utf-8")
     assert run([*command.split(), str(stroke), *SMALL[:-2], "--palm", str(tmp_path / "hand.toml")]) == 1
     assert "--palm: expected --quiet-palm or --mode finest beside it" in capsys.readouterr().err
 
 
-def test_what_is_typed_names_the_hand(tmp_path):
+def test_typed_options_name_the_palm(tmp_path):
     (tmp_path / "hand.toml").write_text("disc_mm = 90", encoding="utf-8")
     options = SolveOptions(mode="finest", palm=tmp_path / "hand.toml")
     assert options.settings().solver.quiet_palm.outline

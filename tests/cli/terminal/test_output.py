@@ -1,4 +1,4 @@
-"""What is written with a recording, and what is said of it."""
+"""Writing a recording, and printing notes and losses."""
 
 import json
 
@@ -30,14 +30,14 @@ def test_midair_s_own_file_keeps_the_pressure(tmp_path):
     np.testing.assert_array_equal(load_pressure(tmp_path / "A.H5").pressure, PRESSURE.pressure)
 
 
-def test_what_another_format_cannot_hold_is_said(tmp_path):
+def test_format_losses_are_printed(tmp_path):
     lost = write_recording(as_recording(PRESSURE), tmp_path / "a.npz", calibration=None, pressure=PRESSURE)
     assert [one.what for one in lost] == ["pressure"]
     np.testing.assert_array_equal(load(tmp_path / "a.npz").samples, PRESSURE.pressure)
     assert write_recording(as_recording(PRESSURE), tmp_path / "b.npz", calibration=None) == ()
 
 
-def test_a_program_is_told_the_same_as_a_person(capsys):
+def test_json_contains_what_is_printed(capsys):
     told = ([("frames", "3 at 1 Hz")], {"frames": 3}, ["cut"], [FormatLoss(what="rate", text="No rate.")])
     print_written(*told, simulated=True, json=True)
     assert json.loads(capsys.readouterr().out) == {
@@ -54,7 +54,7 @@ def test_a_program_is_told_the_same_as_a_person(capsys):
     assert "SIMULATED" not in "".join(capsys.readouterr())
 
 
-def test_nothing_is_written_over_unless_told(tmp_path):
+def test_nothing_is_overwritten_without_force(tmp_path):
     (tmp_path / "a").touch()
     may_write(tmp_path / "b", force=False)
     may_write(tmp_path / "a", force=True)

@@ -45,7 +45,7 @@ def test_refuses_with_an_example(text):
 
 
 @given(st.floats(1e-3, 1e3))
-def test_what_is_shown_can_be_read(value):
+def test_printed_quantities_can_be_parsed(value):
     assert parse_quantity(spell(value, "m"), "m") == pytest.approx(value, rel=1e-5)
 
 

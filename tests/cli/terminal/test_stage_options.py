@@ -88,7 +88,7 @@ def test_five_strokes_of_the_paper_in_one_command(machine, capsys):
 
 @pytest.mark.long
 @pytest.mark.usefixtures("near")
-def test_an_alarm_in_the_middle_leaves_what_came_before(machine, capsys):
+def test_an_alarm_in_the_middle_keeps_earlier_takes(machine, capsys):
     class Trap(list):
         """Puts a switch in the way once the stroke has begun: the way to its start crosses that place, too."""
 
@@ -160,7 +160,7 @@ def test_a_locked_machine_is_not_moved_but_by_home(capsys):
         (["--stage-file", "other.toml"], "30mm", "50mm/s", "where the stage goes"),
     ],
 )
-def test_what_cannot_be_is_refused_before_anything_moves(machine, capsys, more, stroke, speed, words):
+def test_impossible_strokes_are_refused_before_anything_moves(machine, capsys, more, stroke, speed, words):
     assert run(command(machine, *more, stroke=stroke, speed=speed)) in (1, 2)
     assert words in capsys.readouterr().err
     assert machine.moves == []

@@ -131,9 +131,7 @@ PASSES: Mapping[str, int] = {
     "study analyse": 1,
     "sweep report": 1,
 }
-"""How many times a command without a progress bar of its own goes through its data; `busy_bar` needs it for the time
-left.
-"""
+"""For commands without their own progress bar: how many times they go through their data, which `busy_bar` needs."""
 
 
 def command_of(tokens: Sequence[str]) -> str:

@@ -167,11 +167,11 @@ def _manual_commands(piece: _StrokePart, options: SolveOptions, paper: SolveOpti
     record = ["midair", "record", f"virtual:{piece.object_name}", "stroke.h5", "--duration", f"{_STROKE}s"]
     loop = ["midair", "loop", "stroke.h5"]
     lines = [
-        [*record, *piece.seeded()],
-        [*loop, "report.html", *piece.typed(), *options.typed(), *piece.seeded()],
+        [*record, *piece.seed_arguments()],
+        [*loop, "report.html", *piece.typed(), *options.typed(), *piece.seed_arguments()],
     ]
     if paper is not None:
-        lines.append([*loop, "paper.html", *piece.typed(), *paper.typed(), *piece.seeded()])
+        lines.append([*loop, "paper.html", *piece.typed(), *paper.typed(), *piece.seed_arguments()])
     return tuple(shlex.join(words) for words in lines)
 
 

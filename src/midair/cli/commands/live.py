@@ -203,7 +203,7 @@ def live_command(
         _watch(session, signals, quiet=json)
         ended = session
     _print_result(ended, keep, json=json)
-    # Without a duration Ctrl-C is the way to end it.
+    # Without a duration Ctrl-C is the normal end.
     if not signals.came or duration is None:
         return 0
     err().print(f"midair: stopped; {'nothing was written' if keep is None else f'kept {keep}'}")

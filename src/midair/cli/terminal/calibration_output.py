@@ -160,7 +160,7 @@ def array_rows(known: ArrayCalibration) -> list[tuple[str, str]]:
     def of(values: np.ndarray, errors: np.ndarray, unit: str, digits: int) -> str:
         some = values[alive]
         sure = 2 * float(np.median(errors[alive]))
-        return f"{some.mean():.{digits}f} {unit}, each ± {some.std():.2g}, known to {sure:.2g} {unit} (k = 2)"
+        return f"{some.mean():.{digits}f} {unit}, each ± {some.std():.2g}, uncertainty {sure:.2g} {unit} (k = 2)"
 
     quality = known.quality_uncertainty * known.quality
     dead = np.flatnonzero(known.dead)
@@ -169,7 +169,7 @@ def array_rows(known: ArrayCalibration) -> list[tuple[str, str]]:
         ("array", f"{known.array.name}, {known.array.count} transducers"),
         ("dead", f"{len(dead)}: {named}" if len(dead) else "none"),
         ("strength", of(known.strength, known.strength_uncertainty, "of the model's", 3)),
-        ("level of all", f"known to {200 * known.level_uncertainty:.2g} % (k = 2)"),
+        ("level of all", f"uncertainty {200 * known.level_uncertainty:.2g} % (k = 2)"),
         ("phase", of(known.phase, known.phase_uncertainty, "rad", 3)),
         ("resonance", of(known.resonance, known.resonance_uncertainty, "Hz", 0)),
         ("quality factor", of(known.quality, quality, "", 1)),

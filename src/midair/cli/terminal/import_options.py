@@ -86,7 +86,7 @@ class FileOptions:
     path
         Direction of the footprint: x, y or diagonal.
     turn
-        When the footprint has left the sensor: stop, come back, or start again.
+        When the footprint has left the sensor: stop, move back, or move over it again.
     """
 
     rate: Annotated[float | None, quantity("Hz")] = None

@@ -57,7 +57,7 @@ class _SettingsOptions:
     def refuse_idle_palm(self) -> None:
         """Raise InputError for --palm without a quiet palm, where the command would ignore it."""
         if getattr(self, "palm", None) is not None and _quiet_palm_weight(self.settings()) == 0:
-            raise InputError("--palm: expected --quiet-palm or --mode finest beside it, got neither")
+            raise InputError("--palm: expected --quiet-palm or --mode finest with it, got neither")
 
     def outline(self) -> Palm:
         """The palm for the evaluation; default: a disc of 85 mm."""

@@ -28,8 +28,7 @@ class PlayOptions(ExposureOptions):
     delay
         Time before the first frame.
     silencer
-        How the array smooths phase steps: auto (least simulated pressure error), off, quarter or half of a frame,
-        default (1 ms, as in the firmware).
+        How the array smooths phase steps; auto: least simulated pressure error; default: the firmware's 1 ms.
     placement
         TOML file with position and rotation of the units. [default: two by two, side by side]
     """

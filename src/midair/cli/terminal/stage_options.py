@@ -123,7 +123,7 @@ class Drawing(AbstractContextManager["Drawing"]):
             raise KeyboardInterrupt
 
     def companion(self, stopped: Stopped) -> Stroking:
-        """The stroke that runs beside a take."""
+        """The stroke that runs during a take."""
         return Stroking(self._stage, self._setup, stroke=self._stroke, speed=self._speed, stopped=stopped)
 
 

@@ -126,7 +126,7 @@ def test_a_pistonphone_and_the_shape_of_another(known):
     assert len(load_calibration("both.calibration.h5").frequency) > 400
 
 
-def test_a_recording_says_by_what_it_was_calibrated(known, capsys):
+def test_a_recording_names_its_calibration(known, capsys):
     assert run(["calibrate", "take.h5", "--calibration", "palm.calibration.h5"]) == 0
     capsys.readouterr()
     assert run(["info", "take.h5", "--json"]) == 0
@@ -146,7 +146,7 @@ def test_the_calibration_of_another_sensor_is_refused(known, capsys):
     assert Path("other.h5").read_bytes() == before
 
 
-def test_practice_writes_what_the_command_needs(capsys, monkeypatch):
+def test_practice_writes_the_inputs_of_measure(capsys, monkeypatch):
     assert practice_bench(3).model.gain == pytest.approx(practice_bench(3).model.gain)
     assert run(["calibrate", "bench", "lab", "--duration", "1s"]) == 0
     said = capsys.readouterr().out
@@ -173,7 +173,7 @@ WRONG = {
     "no pressure": (["tone", "all-a.h5"], 2, "pressure"),
     "a pressure without a unit": (["tone", "all-a.h5", "--pressure", "10"], 1, "--pressure"),
     "nothing to show": (["show", "all-a.h5"], 1, "none"),
-    "crosstalk that nobody knows": (
+    "unknown crosstalk": (
         ["all-a.h5", "--sensitivity", "20mV/Pa", "--crosstalk", "undo"],
         1,
         "press on each",
@@ -196,7 +196,7 @@ def test_wrong_input_gives_one_line_a_status_and_leaves_nothing(case, bench, cap
 @pytest.mark.slow
 def test_a_beam_on_the_virtual_rig(capsys):
     assert run(["calibrate", "beam", "--levels", "5", "--output", "a.calibration.h5", "--figure", "a.html"]) == 0
-    assert "air: 22 °C, 50 % humidity, taken since nobody stated" in capsys.readouterr().err
+    assert "air: 22 °C, 50 % humidity, assumed; state the air" in capsys.readouterr().err
     found = load_calibration("a.calibration.h5")
     assert found.linearity.levels == 5
     assert "SIMULATED" in Path("a.html").read_text(encoding="utf-8")

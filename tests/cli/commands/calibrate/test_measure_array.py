@@ -84,7 +84,7 @@ def test_the_virtual_array_is_measured_from_the_command_line(capsys):
 
 
 @pytest.mark.long
-def test_the_virtual_array_plays_on_what_was_measured(capsys):
+def test_the_virtual_array_plays_on_measured_transducers(capsys):
     """A measured array that is half as strong presses a quarter; a quarter of a turn on all of them is not heard."""
     assert run(["record", "virtual:towel", "take.h5", "--duration", "0.2s"]) == 0
     words = ["--points", "4", "--pitch", "11mm", "--method", "naive", "--mode", "paper", "--guard", "0mm"]
@@ -105,7 +105,7 @@ def test_the_virtual_array_plays_on_what_was_measured(capsys):
     assert np.linalg.norm(turned - whole) < 0.02 * heard
 
 
-def test_a_real_array_s_transducers_are_what_they_are(capsys):
+def test_array_calibration_is_refused_on_a_real_array(capsys):
     save_array_calibration(known(TransducerArray.autd3()), "b.array.h5")
     assert run(["play", "any.drive.h5", "--device", "autd3", "--array-calibration", "b.array.h5"]) == 1
     assert "--array-calibration: expected --device virtual" in capsys.readouterr().err

@@ -24,11 +24,11 @@ PROMPTS = [
     ("Press 1, 2, 3", ["2"]),
     (">", ["AB12", "Enter"]),
 ]
-"""What the last line says, and what is typed then."""
+"""Last line of the terminal, and the keys to type."""
 
 
 class Terminal:
-    """A terminal of its own, in which somebody types."""
+    """A pseudo-terminal with scripted keys."""
 
     def __init__(self, folder):
         self._commands = 0
@@ -72,7 +72,7 @@ class Terminal:
             keys = next(iter(asked), None)
             if keys and page != before:
                 answered[keys[0]] += 1
-                # What is answered within 0.2 s was not read: the plan leaves it out.
+                # An answer within 0.2 s cannot be a considered one: the plan excludes it.
                 time.sleep(0.3 * keys[0].startswith("Press"))
                 self.type(*(keys[1](page) if callable(keys[1]) else keys[1]))
                 before = page
@@ -99,7 +99,7 @@ def printed(after="One session on a virtual array"):
 
 
 class Observer:
-    """Somebody who feels what is strong enough: answers by what the log says was chosen, and the plan."""
+    """A simulated participant who feels strong stimuli; answers from the plan and the log."""
 
     def __init__(self, folder, least):
         self._folder, self._least = StudyFolder(folder), least
@@ -113,7 +113,7 @@ class Observer:
         faint = float(stimulus.levels.get("percent", self._least)) < self._least
         options = plan.design.question(name).keys
         right = "no" if faint and "no" in options.values() else right_of(plan, trial, session.chosen, name)
-        # Who feels no difference says the first.
+        # Without a difference the answer is the first.
         right = next(iter(options.values())) if faint and right != "no" else right
         return [next((key for key, answer in options.items() if answer == right), next(iter(options)))]
 

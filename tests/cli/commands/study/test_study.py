@@ -145,7 +145,7 @@ def test_refusals_are_one_clear_line(tmp_path):
 
 
 class Typist(Console):
-    """A console at which somebody types."""
+    """A console with scripted input."""
 
     def __init__(self, lines):
         super().__init__(record=True, width=200, quiet=False, file=open("/dev/null", "w"))  # noqa: SIM115
@@ -226,7 +226,7 @@ def played(folder):
 
 
 @pytest.mark.long
-def test_the_air_of_the_room_is_told_and_stored(tmp_path, monkeypatch, capsys):
+def test_the_air_of_the_room_is_printed_and_stored(tmp_path, monkeypatch, capsys):
     folder = study_of_drives(tmp_path, level=0.001)
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
     monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
@@ -319,7 +319,7 @@ def test_a_number_for_which_nothing_was_drawn_leaves_no_file(tmp_path):
     assert not (folder / "sessions").exists()
 
 
-def test_a_log_that_was_edited_is_told_by_every_command(tmp_path, done, capsys):
+def test_every_command_reports_an_edited_log(tmp_path, done, capsys):
     folder = shutil.copytree(done, tmp_path / "edited")
     log = folder / "sessions" / "sub-03.jsonl"
     log.write_bytes(log.read_bytes().replace(b'"answer": "brush"', b'"answer": "towel"', 1))

@@ -101,7 +101,7 @@ def test_a_report_of_nothing_is_one_line(capsys):
 
 
 @pytest.mark.slow
-def test_ctrl_c_is_one_line_and_what_was_solved_is_kept():
+def test_ctrl_c_is_one_line_and_results_are_kept():
     """A terminal sends it to every process of the command."""
     program = [sys.executable, "-c", "from midair.cli import main; main()", "sweep", "patterns", "s.zarr"]
     running = subprocess.Popen(
@@ -164,7 +164,7 @@ def test_recordings_under_settings(take, capsys):
     ],
     ids=str,
 )
-def test_what_cannot_be_varied_is_one_line_and_leaves_nothing(take, capsys, wrong, word):
+def test_a_wrong_variation_is_one_line_and_leaves_nothing(take, capsys, wrong, word):
     capsys.readouterr()
     assert run(["sweep", "recordings", "r.zarr", take, *wrong]) == 1
     assert word in one_line_of(capsys)
