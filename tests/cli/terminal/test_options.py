@@ -180,7 +180,7 @@ def test_a_hand_of_a_picture_is_kept_quiet(stroke, tmp_path):
 def test_an_unused_palm_outline_is_refused(stroke, tmp_path, command, capsys):
     (tmp_path / "hand.toml").write_text("disc_mm = 90", encoding="utf-8")
     assert run([*command.split(), str(stroke), *SMALL[:-2], "--palm", str(tmp_path / "hand.toml")]) == 1
-    assert "--palm: expected --quiet-palm or --mode finest beside it" in capsys.readouterr().err
+    assert "--palm: expected --quiet-palm or --mode finest with it" in capsys.readouterr().err
 
 
 def test_typed_options_name_the_palm(tmp_path):

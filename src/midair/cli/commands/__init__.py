@@ -47,7 +47,7 @@ COMMANDS: Mapping[str, tuple[str, str, str]] = {
     "show": (
         "Edit",
         "show:show_command",
-        "Show a recording, a drive or a comparison as a web page, a film or a sound.",
+        "Show a recording, a drive or a comparison as a web page, a film or a sound file.",
     ),
     "cut": ("Edit", "edit:cut_command", "Extract a part of a recording."),
     "trim": ("Edit", "edit:trim_command", "Remove silence from both ends of a recording."),

@@ -74,9 +74,9 @@ def demo_command(
     """Record a virtual towel stroke, reproduce it in the best mode and in the paper's, and write a report.
 
     Needs no hardware; all results are marked SIMULATED.
-    The virtual sensor has sixteen microphones under a gel. The virtual array has four AUTD3 units whose transducers
-    deviate from the solver's model.
-    The paper's mode uses the fast solver glide here; --mode paper alone runs its own solver, which takes minutes.
+    The virtual sensor has sixteen microphones under a gel.
+    The virtual array has four AUTD3 units whose transducers deviate from the solver's model.
+    The paper's mode uses the fast solver glide; --mode paper runs only this mode, with its own slow solver.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ def exposure_command(
         Drive to check, NAME.drive.h5.
     device
         Array that would play the drive, as in midair play. The transducer strength stored in the drive is ignored.
-        [default: AUTD3, if the drive was solved for it]
+        [default: the array that the drive was solved for]
     placement
         TOML file with position and rotation of the units. [default: two by two, side by side]
     profile

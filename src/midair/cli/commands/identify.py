@@ -34,8 +34,7 @@ def identify_command(
     """Find out which channel belongs to which cell, by taps or tones.
 
     Tap each cell when the command names it, row by row from the top left.
-    The exit status is 1 if a channel is dead, doubled or uncertain, or if the order is wrong and not written to a
-    sensor file.
+    The exit status is 1 if a channel is dead, doubled or uncertain; a different order is no error.
 
     Parameters
     ----------

@@ -48,8 +48,8 @@ def import_command(
 ) -> None:
     """Convert a file of another program to a recording.
 
-    Reads CSV, WAV (also Wave64 and RF64), FLAC, AIFF, Ogg, MP3, NPZ, NPY, MAT, XDF, TDMS, MCAP, and NetCDF and HDF5
-    of midair; effects in .ahap and .hjif are rendered to waveforms.
+    Reads CSV, NPZ, NPY, MAT, XDF, TDMS, MCAP, and NetCDF and HDF5 files of midair.
+    Reads WAV (also Wave64 and RF64), FLAC, AIFF, Ogg and MP3, and renders effects from .ahap and .hjif.
     To get pressure without a calibration, give --scale, --sensitivity or --peak.
     A single channel becomes a field with --footprint circle:20mm --speed 50mm/s.
     The command prints all assumptions that it made.

@@ -1,4 +1,4 @@
-"""The command `show`: a file as a web page, a film or a sound."""
+"""The command `show`: a recording, a drive or a comparison as a web page, a film or a sound file."""
 
 import os
 import sys
@@ -66,10 +66,10 @@ def show_command(
     no_browser: bool = False,
     force: Force = False,
 ) -> None:
-    """Show a recording, a drive or a comparison as a web page, a film or a sound.
+    """Show a recording, a drive or a comparison as a web page, a film or a sound file.
 
-    The web page is a single file that works offline. It shows traces, spectrogram, fields and phases, and can play,
-    pause and step.
+    The web page is a single file that works offline.
+    It shows traces, spectrogram, fields and phases, and can play, pause and step.
     A film shows every frame at 50 pictures per second.
 
     Parameters
@@ -153,7 +153,7 @@ def _film(write: Callable[..., None]) -> Callable[[ViewData, Path], list[tuple[s
 
 def _wave(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     if shown.samples is None:
-        raise InputError(f"{path}: expected a recording for a sound, got a drive; save a page or a film")
+        raise InputError(f"{path}: expected a recording for a sound file, got a drive; save a page or a film")
     heard = audible(shown.samples, shown.channel, shown.rate)
     with whole_file(path) as partial:
         partial.write_bytes(heard.data)

@@ -160,8 +160,7 @@ def play_command(
 ) -> None:
     """Play a drive on an array; on the virtual array, re-record the pressure.
 
-    A drive that exceeds the exposure profile is refused on an array and on its emulator, unless --override-exposure
-    names a responsible person.
+    Refuses drives above the exposure profile on arrays and emulators, unless --override-exposure is given.
     Ctrl-C stops, and so does midair stop in another terminal.
 
     Parameters
@@ -177,7 +176,7 @@ def play_command(
     output
         Re-recording of the virtual device. [default: NAME.rerecorded.h5]
     array_calibration
-        Play on the measured transducers in this NAME.array.h5; virtual device only.
+        Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.
     seed
         Random seed of the virtual rig: transducer strengths and noise.
     air
