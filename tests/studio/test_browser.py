@@ -39,7 +39,7 @@ def test_the_first_five_minutes(studio_at, look, monkeypatch):
     assert 0.5 < float(figures["correlation"]) <= 1
     assert figures["peak distance"].endswith("mm")
     assert found["simulated"]
-    page.page.get_by_role("button", name="The whole palm").click()
+    page.page.get_by_role("button", name="Simulate the palm").click()
     palm = page.until("studio.link.state.palms?.['towel-flat-01.h5']", timeout=120)
     # The best mode has a guard around the square; the paper's mode leaves more than half of the power outside.
     assert 0 < float(dict(map(tuple, palm["rows"]))["power outside the square"].removesuffix(" %")) < 10
@@ -317,7 +317,7 @@ def test_settings_and_code_are_those_of_the_drive_in_view(with_takes, look):
     assert form(page) == ["best", "", "", "", "1.5", "190"], "the solver is the mode's"
     able = "[...studio.room.inputs.method.options].filter(one => !one.disabled).map(one => one.value)"
     assert page.page.evaluate(able) == ["", "fast", "glide"]
-    assert "Solve makes another" in page.page.locator("#in-view").inner_text()
+    assert "Solve makes a new drive" in page.page.locator("#in-view").inner_text()
     assert page.page.evaluate("studio.link.state.jobs.every(job => !job.title.endsWith('solved.h5'))")
     page.page.get_by_role("button", name="Show the code").click()
     page.until("document.querySelector('#code').open")
@@ -441,10 +441,10 @@ def test_on_emulated_units_exposure_is_refused_attenuated_or_answered_for_by_nam
     page.until("document.querySelector('#exposure .buttons button')?.innerText.startsWith('Attenuate')", timeout=60)
     assert page.page.locator("#hold").is_disabled()
     assert "exceeded" in page.page.locator("#exposure p").first.inner_text()
-    page.page.get_by_role("button", name="I answer for playing").click()
+    page.page.get_by_role("button", name="on my responsibility").click()
     assert page.page.locator("#hold").is_disabled(), "without a name nobody answers"
-    page.page.get_by_label("Or answer for it yourself").fill("Ada")
-    page.page.get_by_role("button", name="I answer for playing").click()
+    page.page.get_by_label("Or play it on your own responsibility").fill("Ada")
+    page.page.get_by_role("button", name="on my responsibility").click()
     page.until("document.querySelector('#exposure p').innerText.startsWith('overridden')", timeout=60)
     page.hold_to_play()
     page.until("studio.link.state.player.said === 'played to its end'", timeout=60)

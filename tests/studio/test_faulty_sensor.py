@@ -42,7 +42,7 @@ def test_what_is_wrong_with_a_sensor_is_shown_and_in_the_file(sender, studio_at,
     page.until("studio.link.state.record?.state === 'listening'", timeout=90)
     page.page.get_by_label("Object").fill("towel")
     page.page.get_by_label("Surface").fill("")
-    page.page.get_by_label("Lasts, s").fill("")
+    page.page.get_by_label("Duration, s").fill("")
     page.page.locator("#record").click()
     page.until("studio.link.state.record.state === 'recording'")
     events = "[...document.querySelectorAll('.record .events li')].map(each => each.textContent).join('; ')"
@@ -57,7 +57,7 @@ def test_what_is_wrong_with_a_sensor_is_shown_and_in_the_file(sender, studio_at,
     page.until("studio.link.state.record.state === 'lost'", timeout=30)
     page.until("document.querySelector('#kept')?.innerText.includes('towel-01.h5')")
     said = page.page.locator("#kept").inner_text()
-    assert "what came until then is kept" in said
+    assert "recorded until then are kept" in said
     assert "clipped channels" in said
     assert "dead channels" in said
     assert "lost the sender" in page.page.locator("#sensor-lost").inner_text()
@@ -76,7 +76,7 @@ def test_what_is_wrong_with_a_sensor_is_shown_and_in_the_file(sender, studio_at,
     assert {event.channel for event in take.journal if event.kind == "clipped"} == {5}
 
     sender()
-    page.page.get_by_role("button", name="Open it again").click()
+    page.page.get_by_role("button", name="Open the sensor again").click()
     page.until("studio.link.state.record.state === 'listening'", timeout=60)
     assert page.page.locator("#sensor-lost").is_hidden()
     assert page.wrong == []

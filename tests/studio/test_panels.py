@@ -266,7 +266,7 @@ def test_taps_tell_which_channel_is_which_cell_and_a_response_is_shown(studio_at
     page.page.locator("#tap").click()
     page.until("studio.link.state.taps?.state === 'done'", timeout=90)
     assert page.page.evaluate("studio.link.state.taps.channel") == list(range(16))
-    assert "Every channel is in its place" in page.page.locator(".left").inner_text()
+    assert "Every channel belongs to its cell" in page.page.locator(".left").inner_text()
     assert page.wrong == []
 
 
@@ -318,12 +318,12 @@ def test_reproduce_by_tab_and_arrows(studio_at, look):
         )
         if names[-1].startswith("The whole take"):
             break
-    for wanted in ("STOP", "Solve", "Wanted sound", "Played sound", "Cells"):
+    for wanted in ("STOP", "Solve", "Target sound", "Played sound", "Cells"):
         assert any(wanted in name for name in names), (wanted, names)
     before = page.page.evaluate("studio.room.transport.frame")
     page.page.keyboard.press("ArrowRight")
     assert page.page.evaluate("studio.room.transport.frame") == before + 1
-    page.page.get_by_label("Wanted sound").focus()
+    page.page.get_by_label("Target sound").focus()
     page.page.keyboard.press("ArrowRight")
     page.until(
         "[...document.querySelectorAll('#box-wanted .view-said')].some(each => each.textContent.includes('Pa at'))"

@@ -1,4 +1,4 @@
-/* The page: what is always on top, which room is shown, what its address says. */
+/* The page: header, current panel, address, dialogs. */
 
 import { Link } from "/web/socket.js";
 import { TABLE, listen } from "/web/keys.js";
@@ -15,22 +15,22 @@ import { colours } from "/web/take.js";
 const ROOMS = { record: Record, calibrate: Calibrate, reproduce: Reproduce, compare: Compare, study: Study, live: Live };
 const by = (id) => document.getElementById(id);
 const link = new Link();
-for (const name of ["inferno", "twilight"]) colours(name); // asked for now, needed for the first picture
+for (const name of ["inferno", "twilight"]) colours(name); // requested early: the first picture needs them
 const main = by("main"), footer = by("transport");
-let handled = ""; // the address that was taken up last
+let handled = ""; // the address that was handled last
 
 export const studio = {
   link, main, footer,
   room: null,
   name: "",
-  /** Room, take and time as the address has them. */
+  /** Panel, take and time of the address. */
   get address() {
     const [path, query = ""] = decodeURI(location.hash.slice(1)).split("?"), [room, ...rest] = path.split("/");
     return { room: room in ROOMS ? room : "reproduce", take: rest.join("/"), time: Number(new URLSearchParams(query).get("t") ?? NaN) };
   },
-  /** Put take and time into the address, without another step for Back. */
+  /** Put take and time into the address, without an entry in the history. */
   here(take, time) {
-    // An address that leads elsewhere, whose event is still to come, is not taken back.
+    // A new address whose event is still pending must not be overwritten.
     if (location.hash !== handled) return;
     const query = Number.isFinite(time) ? `?t=${Number(time.toFixed(4))}` : "";
     history.replaceState(null, "", `#${this.name}/${encodeURI(take)}${query}`);
@@ -57,11 +57,11 @@ function show() {
 async function stop() {
   by("stop").classList.add("pressed");
   const began = performance.now();
-  try { await link.stop(); studio.silent = performance.now() - began; if (link.state.player?.state === "plays") toast("STOP: silent"); } catch { toast("STOP was not confirmed: run midair stop in a terminal, or switch the units off"); }
+  try { await link.stop(); studio.silent = performance.now() - began; if (link.state.player?.state === "plays") toast("STOP: silent"); } catch { toast("STOP was not confirmed: run midair stop in a terminal, or switch the array off"); }
   by("stop").classList.remove("pressed");
 }
 
-link.addEventListener("close", () => banner("The studio does not answer. Nothing plays. Is it still running in its terminal?"));
+link.addEventListener("close", () => banner("The studio does not respond. Nothing plays. Check that it still runs in its terminal."));
 link.addEventListener("open", () => { banner(""); studio.room?.reopened?.(); });
 
 function banner(words, ...buttons) {
@@ -72,7 +72,7 @@ function banner(words, ...buttons) {
 
 link.on("player", (player) => {
   const pill = by("state-array"), plays = player.state === "plays";
-  pill.textContent = player.state === "failed" ? `array: ${player.said}` : player.state === "starts" || player.state === "opens" ? `${player.device} opens` : plays ? `${player.device} sounds` : player.device;
+  pill.textContent = player.state === "failed" ? `array: ${player.said}` : player.state === "starts" || player.state === "opens" ? `opening ${player.device}` : plays ? `${player.device} plays` : player.device;
   pill.title = player.count ? `${player.count} transducers; ${player.units}` : "";
   pill.className = `pill ${plays ? "loud" : player.state === "ready" ? "on" : player.state === "failed" ? "bad" : ""}`;
   by("simulated").hidden = !player.simulated;
@@ -93,12 +93,12 @@ link.on("control", (control) => {
   document.body.classList.toggle("watching", !link.controls);
   if (!link.page) return;
   if (control.asking && link.controls) {
-    banner(`Page ${control.asking} asks for control.`,
-      make("button", { type: "button", onclick: () => tried(link.order("control", "give")) }, "Give it"),
-      make("button", { type: "button", onclick: () => tried(link.order("control", "refuse")) }, "Keep it"));
+    banner(`Page ${control.asking} requests control.`,
+      make("button", { type: "button", onclick: () => tried(link.order("control", "give")) }, "Give control"),
+      make("button", { type: "button", onclick: () => tried(link.order("control", "refuse")) }, "Keep control"));
   } else if (!link.controls) {
-    banner(control.holder ? "This page looks on: another page has control. STOP works here too." : "No page has control.",
-      make("button", { type: "button", id: "take-control", onclick: async () => { if ((await tried(link.order("control", "take"))) === false) toast("Something sounds: the other page was asked"); } }, "Take control"));
+    banner(control.holder ? "This page may only watch: another page has control. STOP works here too." : "No page has control.",
+      make("button", { type: "button", id: "take-control", onclick: async () => { if ((await tried(link.order("control", "take"))) === false) toast("Something plays: the other page must consent first"); } }, "Take control"));
   } else banner("");
   studio.room?.control?.();
 });
@@ -129,4 +129,4 @@ listen({
 addEventListener("hashchange", show);
 show();
 export { stop };
-globalThis.studio = studio; // for whoever looks with the browser's tools
+globalThis.studio = studio; // for the browser's developer tools

@@ -1,4 +1,4 @@
-/* Elements by hand: text is always text, never markup. */
+/* Create DOM elements; text is always inserted as text, never as markup. */
 
 /** make("button.main", {type: "button", onclick}, "Solve", ...) */
 export function make(what, properties = {}, ...children) {
@@ -14,7 +14,7 @@ export function make(what, properties = {}, ...children) {
   return made;
 }
 
-/** A panel with its title, what stands at its right, and its contents. */
+/** A panel with title, an element at the right of it, and contents. */
 export function panel(title, aside, ...children) {
   const right = aside instanceof Node ? aside : make("span", {}, aside ?? "");
   const made = make("section.panel", {}, make("header", {}, make("h2", {}, title), right), ...children);
@@ -23,14 +23,14 @@ export function panel(title, aside, ...children) {
   return made;
 }
 
-/** A label and what it belongs to. */
+/** A control with its label. */
 export function field(label, control) {
   control.id ||= `f-${++field.count}`;
   return make("div.field", {}, make("label", { htmlFor: control.id }, label), control);
 }
 field.count = 0;
 
-/** A list to choose of: [[value, words], ...]. */
+/** A select element from [[value, text], ...]. */
 export function choice(options, value, onchange) {
   const made = make("select", { onchange }, ...options.map(([key, words]) => make("option", { value: key }, words)));
   made.value = value;
@@ -42,14 +42,14 @@ export function rows(pairs) {
   return make("dl.rows", {}, ...pairs.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, String(value))]));
 }
 
-/** A short word at the bottom of the page, read aloud too. */
+/** A short message at the bottom of the page, also for screen readers. */
 export function toast(words) {
   const made = make("div.toast", {}, words);
   document.getElementById("toasts").append(made);
   setTimeout(() => made.remove(), 7000);
 }
 
-/** An order that tells what was in its way. */
+/** Await a request; show its error as a message and return null. */
 export async function tried(promise) {
   try { return await promise; } catch (wrong) { toast(wrong instanceof AggregateError ? wrong.errors[0].message : wrong.message); return null; }
 }

@@ -1,8 +1,8 @@
-/* Jobs at the edge of the page: a bar, frames a second, time left, an end at any moment. */
+/* Running jobs: progress bar, frames per second, remaining time, and a button to cancel. */
 
 import { make, tried } from "/web/dom.js";
 
-/** Order the solving of a take. Where a drive is there the studio asks, and so does the page; null where nothing was ordered. */
+/** Solve a take. If a drive exists, ask the user before it is replaced; null if nothing was solved. */
 export async function solveTake(link, given) {
   let answer = await tried(link.order("reproduce", "solve", given));
   while (answer?.asks) answer = (await mayReplace(answer.asks)) ? await tried(link.order("reproduce", "solve", { ...given, replaces: answer.asks.replaces })) : null;
@@ -14,7 +14,7 @@ function mayReplace({ files, made, new: settings }) {
   if (dialog.open) dialog.close("");
   dialog.returnValue = "";
   dialog.replaceChildren(make("h2", { id: "replace-title" }, made ? `Replace ${first}?` : `Remove ${first}?`),
-    make("div", { id: "replace-words" }, make("p", {}, made ? `${first} exists, ${made}.` : `${first} exists, made from a drive that is not there any more.`),
+    make("div", { id: "replace-words" }, make("p", {}, made ? `${first} exists, ${made}.` : `${first} exists, made from a drive that no longer exists.`),
       ...(again ? [make("p", {}, `${again}, its re-recording, is removed with it.`)] : []), make("p", {}, `The new drive: ${settings}.`)),
     make("div.buttons", {}, button("yes", made ? "Replace" : "Remove and solve"), button("", "Cancel", { autofocus: true })));
   dialog.showModal();
@@ -52,7 +52,7 @@ function build(link, { number, title }) {
     root,
     tell(job) {
       if (job.total && job.state === "runs") bar.value = job.done / job.total; else if (job.state === "done") bar.value = 1;
-      words.textContent = job.state === "failed" ? job.error : job.state === "waits" ? "waits its turn" : job.state === "runs" ? job.stage : job.state;
+      words.textContent = job.state === "failed" ? job.error : job.state === "waits" ? "waiting" : job.state === "runs" ? job.stage : job.state;
       words.className = job.state === "failed" ? "bad" : "quiet";
       state.textContent = job.state === "runs" && job.rate ? `${said(job.rate)}/s${job.left_s === null ? "" : `, ${said(job.left_s)} s left`}` : "";
       cancel.hidden = !["waits", "runs"].includes(job.state);

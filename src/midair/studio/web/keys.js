@@ -1,17 +1,17 @@
-/* The keyboard: Esc is STOP everywhere; letters act outside text fields only, and nothing that sounds hangs on one. */
+/* The keyboard: Esc is STOP everywhere; letters work outside text fields only, and none of them starts playing. */
 
 export const TABLE = [
-  ["Esc", "STOP, everywhere, in text fields too"], ["Space", "play, pause; live: freeze, Enter goes on"], ["J K L", "slower or back, stop, faster"],
-  ["1 2 3", "full speed, 1/10, 1/100"], [", .", "one frame back, on; with Shift ten; repeats while held"], ["Home End", "to the start, to the end"],
-  ["I O \\", "loop from here, to here, on or off"], ["M, Shift M", "mark, next mark"], ["R", "record, stop; live: keep the last 60 s"],
+  ["Esc", "STOP, everywhere, also in text fields"], ["Space", "play, pause; live: freeze (Enter continues)"], ["J K L", "slower or back, stop, faster"],
+  ["1 2 3", "full speed, 1/10, 1/100"], [", .", "one frame back, forward; with Shift ten; repeats while held"], ["Home End", "to the start, to the end"],
+  ["I O \\", "loop start, loop end, loop on or off"], ["M, Shift M", "mark, next mark"], ["R", "record, stop; live: keep the last 60 s"],
   ["arrows", "channel and frame; on a map: the cell"], ["F P", "magnitude, phase"], ["+ - 0", "time zoom, all"],
-  ["Alt 1 … 6", "rooms"], ["?", "this table"],
+  ["Alt 1 … 6", "panels"], ["?", "this table"],
 ];
 
 /** `acts`: {stop(), room(index), help(), record(), transport()}. */
 export function listen(acts) {
   addEventListener("keydown", (event) => {
-    if (event.key === "Escape") { acts.stop(); return; } // dialogs close by it as well
+    if (event.key === "Escape") { acts.stop(); return; } // Escape also closes dialogs
     if (event.altKey && /^[1-6]$/.test(event.key)) { event.preventDefault(); acts.room(Number(event.key) - 1); return; }
     if (event.ctrlKey || event.metaKey || event.altKey || event.isComposing) return;
     const { target } = event, within = target.closest?.("input, select, textarea, [contenteditable], dialog");

@@ -1,4 +1,4 @@
-/* Before anything sounds: what it exposes people to, what can be done about it, and a button that has to be held. */
+/* The dialog before playing: exposure, remedies if it is too high, and a button that must be held. */
 
 import { choice, field, make, tried } from "/web/dom.js";
 
@@ -13,24 +13,24 @@ export function askToPlay(studio, take) {
   let admission = 0, timer = 0;
   dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^sample:/, "").replace(/\.h5$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, table, field("Times", repeats), refused,
     make("div.buttons", {}, hold, make("button", { type: "button", onclick: () => dialog.close() }, "Close")), done,
-    make("p.quiet", {}, "It sounds while this page is in sight, half a second longer at most. Esc, STOP, or any other page of the studio silences it."));
+    make("p.quiet", {}, "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it."));
 
   async function check() {
     hold.disabled = true;
     const found = await tried(link.order("play", "check", given));
-    if (!found) { verdict.textContent = "it could not be checked"; return; }
+    if (!found) { verdict.textContent = "the exposure could not be checked"; return; }
     admission = found.number;
-    verdict.textContent = found.outcome === "exceeded" ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. It may be played here, where no sound can come out.` : found.refused || found.verdict;
+    verdict.textContent = found.outcome === "exceeded" ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. It may be played here: the array is simulated and emits no sound.` : found.refused || found.verdict;
     verdict.className = found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good";
     table.replaceChildren(make("thead", {}, make("tr", {}, ...["place", "loudest frame", "limit"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
-      make("tbody", {}, ...found.places.map((place) => make("tr", {}, make("td", {}, place.name + (place.enforced ? "" : " (advice)")), make("td.number", {}, `${place.peak_db} dB`), make("td.number", {}, `${place.limit_db} dB`)))));
+      make("tbody", {}, ...found.places.map((place) => make("tr", {}, make("td", {}, place.name + (place.enforced ? "" : " (recommended)")), make("td.number", {}, `${place.peak_db} dB`), make("td.number", {}, `${place.limit_db} dB`)))));
     hold.disabled = !admission || !link.controls;
     refused.replaceChildren();
     if (!found.refused) return;
     const name = make("input", { type: "text", autocomplete: "off", placeholder: "your name" });
-    refused.append(make("div.buttons", {}, make("button", { type: "button", onclick: () => { given.attenuate = true; given.override = ""; check(); } }, "Attenuate until it keeps the profile")),
-      field("Or answer for it yourself", name),
-      make("div.buttons", {}, make("button", { type: "button", onclick: () => { if (name.value.trim()) { given.override = name.value; given.attenuate = false; check(); } else name.focus(); } }, "I answer for playing it above the profile")));
+    refused.append(make("div.buttons", {}, make("button", { type: "button", onclick: () => { given.attenuate = true; given.override = ""; check(); } }, "Attenuate to meet the profile")),
+      field("Or play it on your own responsibility", name),
+      make("div.buttons", {}, make("button", { type: "button", onclick: () => { if (name.value.trim()) { given.override = name.value; given.attenuate = false; check(); } else name.focus(); } }, "Play above the profile on my responsibility")));
   }
   function press() {
     if (hold.disabled || timer) return;
@@ -54,7 +54,7 @@ export function askToPlay(studio, take) {
   for (const name of ["pointerup", "pointerleave", "pointercancel", "blur"]) hold.addEventListener(name, release);
   hold.addEventListener("keydown", (event) => { if ((event.key === " " || event.key === "Enter") && !event.repeat) { event.preventDefault(); press(); } });
   hold.addEventListener("keyup", release);
-  // Behind the dialog nothing moves: the page has to say that it is alive, and its word comes from the same thread.
+  // Pictures pause behind the dialog: the page must send "alive" messages from the same thread.
   studio.room?.transport?.pause();
   dialog.showModal();
   check();

@@ -1,4 +1,4 @@
-/* Calibrate: which channel is which cell, by taps; and how sure the response of each is. */
+/* Panel Calibrate: channels identified by taps, and the response of each with its uncertainty. */
 
 import { make, panel, rows, tried } from "/web/dom.js";
 
@@ -18,21 +18,21 @@ export class Calibrate {
     this.list = make("ul.takes");
     this.tap = make("button.main", { type: "button", id: "tap", onclick: () => tried(this.link.order("calibrate", "taps")) }, "Tap each cell in turn");
     this.cells = make("div.cells");
-    this.found = make("div", { role: "status", "aria-live": "polite" }, make("p.quiet", {}, "Tells which channel is which cell. Each cell is named when its turn comes; a virtual sensor is tapped by itself."));
+    this.found = make("div", { role: "status", "aria-live": "polite" }, make("p.quiet", {}, "Finds which channel belongs to which cell. The page names the next cell to tap; a virtual sensor simulates the taps."));
     this.box = make("div.box");
     this.words = make("div.card");
     this.chosen = panel("Response", "", this.box);
     this.studio.main.append(make("div.calibrate", {},
       make("div.column.left", {}, panel("Channels by tap", null, this.tap, this.found), Object.assign(panel("Sensor of a take", null, this.list), { className: "panel grow" })),
-      make("div.middle", {}, this.chosen, panel("Cells", "sensitivity at 100 Hz, and what the taps found", this.cells)),
-      panel("How sure", null, this.words)));
+      make("div.middle", {}, this.chosen, panel("Cells", "sensitivity at 100 Hz, and result of the taps", this.cells)),
+      panel("Uncertainty", null, this.words)));
     this.control();
   }
   _takes() {
     const takes = this.link.state.takes ?? [];
     this.name ||= takes[0]?.name ?? "";
     this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#calibrate/${encodeURI(row.name)}`, "aria-current": row.name === this.name ? "true" : null }, row.name.replace(/^sample:/, "").replace(/\.h5$/, ""), make("small", {}, row.sample ? "sample" : "")))));
-    // A sample is named before its file is there; a take that was recorded anew is another.
+    // A sample is listed before its file exists; a take that was recorded again has a new stamp.
     const stamp = takes.find((row) => row.name === this.name)?.stamp.split("-")[0], looked = `${this.name} ${stamp}`;
     if (this.name && stamp !== "first" && this.looked !== looked) { this.looked = looked; this._look(); }
   }
@@ -42,9 +42,9 @@ export class Calibrate {
     this.known = found;
     this._watch?.disconnect();
     this.box.replaceChildren();
-    if (!found) { this.words.replaceChildren(make("p.quiet", {}, "This take brings no calibration. midair calibrate measures one, on the bench or against a reference.")); this.box.append(make("div.nothing", {}, "not calibrated")); this._cellsShown(); return; }
+    if (!found) { this.words.replaceChildren(make("p.quiet", {}, "This take has no calibration. midair calibrate measures one on a test bench or against a reference sensor.")); this.box.append(make("div.nothing", {}, "not calibrated")); this._cellsShown(); return; }
     this.words.replaceChildren(...(found.simulated ? [make("p", {}, make("strong.simulated", {}, "SIMULATED"))] : []),
-      make("p", { className: found.dead.length ? "bad" : "good" }, found.dead.length ? `dead, or a twentieth as sensitive as the others: channel ${found.dead.join(", ")}` : "no dead channels"),
+      make("p", { className: found.dead.length ? "bad" : "good" }, found.dead.length ? `dead, or less than 5 % as sensitive as the others: channel ${found.dead.join(", ")}` : "no dead channels"),
       ...found.rows.flatMap(([name, value]) => [make("h3", {}, name), make("div", {}, value)]));
     this._cellsShown();
     const canvas = make("canvas", { role: "img", tabIndex: 0 });
@@ -68,7 +68,7 @@ export class Calibrate {
     if (!taps) return;
     if (taps.state === "listens") this.found.replaceChildren(make("p", {}, taps.cell === null ? "Touch nothing for a second …" : `Tap cell ${taps.cell} now.`));
     else if (taps.state === "failed") this.found.replaceChildren(make("p.bad", {}, taps.error));
-    else this.found.replaceChildren(make("p", { className: taps.in_order && !taps.findings.length ? "good" : "bad" }, taps.in_order && !taps.findings.length ? "Every channel is in its place and answers." : ""), ...taps.findings.map((said) => make("p.bad", {}, said)), rows([["least certain", `${Math.min(...taps.margin).toFixed(1)} dB before the next`]]));
+    else this.found.replaceChildren(make("p", { className: taps.in_order && !taps.findings.length ? "good" : "bad" }, taps.in_order && !taps.findings.length ? "Every channel belongs to its cell and responds." : ""), ...taps.findings.map((said) => make("p.bad", {}, said)), rows([["smallest margin", `${Math.min(...taps.margin).toFixed(1)} dB to the next channel`]]));
   }
   _draw() {
     const { known, canvas, box, channel } = this;

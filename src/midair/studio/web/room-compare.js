@@ -1,4 +1,4 @@
-/* Compare: the original over what came back, what differs, what skin makes of it, and a correction to apply. */
+/* Panel Compare: original and re-recording, their differences, perceptual metrics, and a correction to apply. */
 
 import { Track, TracesPicture, OverviewPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
@@ -20,9 +20,9 @@ export class Compare {
   _build() {
     this.list = make("ul.takes");
     this.compare = make("button", { type: "button", onclick: () => tried(this.link.order("compare", "compare", { take: this.name })) }, "Compare again");
-    this.report = make("button", { type: "button", id: "report", title: "the whole loop on the virtual rig, with a correction: solve, play, re-record, correct, compare", onclick: () => tried(this.link.order("compare", "report", { take: this.name, mode: "paper", method: "live", level: "auto" })) }, "Make the report");
-    this.budget = make("button", { type: "button", id: "budget", title: "what each stage of the reproduction loses on the virtual rig, of the first second: simulated, in seconds", onclick: () => tried(this.link.order("compare", "budget", { take: this.name })) }, "Where it comes from");
-    this.palm = make("button", { type: "button", id: "palm", title: "what a palm of 85 mm gets of the drive beside the cells: simulated, in seconds", onclick: () => tried(this.link.order("compare", "palm", { take: this.name })) }, "The whole palm");
+    this.report = make("button", { type: "button", id: "report", title: "runs the whole loop on the virtual rig, with a correction: solve, play, re-record, correct, compare", onclick: () => tried(this.link.order("compare", "report", { take: this.name, mode: "paper", method: "live", level: "auto" })) }, "Make the report");
+    this.budget = make("button", { type: "button", id: "budget", title: "error of each stage of the reproduction, simulated for the first second; takes some seconds", onclick: () => tried(this.link.order("compare", "budget", { take: this.name })) }, "Error budget");
+    this.palm = make("button", { type: "button", id: "palm", title: "pressure of the drive on a palm of 85 mm, simulated; takes some seconds", onclick: () => tried(this.link.order("compare", "palm", { take: this.name })) }, "Simulate the palm");
     this.pressed = make("div");
     this.spent = make("div", { id: "spent" });
     this.apply = make("button.main", { type: "button", onclick: () => this._apply() }, "Apply");
@@ -31,14 +31,14 @@ export class Compare {
     this.traces = make("div.box");
     this.spectrum = make("div.box");
     this.card = make("div");
-    this.other = make("p.bad", { id: "other-drive", role: "status", hidden: true }, "This re-recording was made from another drive than the one that is there now: play it again, in Reproduce.");
+    this.other = make("p.bad", { id: "other-drive", role: "status", hidden: true }, "This re-recording was made from an earlier drive: play the current drive in Reproduce.");
     this.tracesPanel = panel("Cells, Pa", make("span.legend", {}, make("span", {}, "original"), make("span", {}, "re-recorded")), this.traces);
     this.spectrumPanel = panel("Spectrum", "", this.spectrum);
     this.studio.main.append(make("div.compare", {},
       make("div.column.left", {}, Object.assign(panel("Takes", null, this.list), { className: "panel grow" }),
         panel("Correction", null, this.suggested, make("div.buttons", {}, this.apply)), panel("Report", null, make("div.buttons", {}, this.compare, this.budget, this.palm, this.report), this.shown)),
       make("div.middle", {}, this.tracesPanel, this.spectrumPanel),
-      panel("What differs", null, make("div.card", {}, this.other, this.spent, this.pressed, this.card))));
+      panel("Differences", null, make("div.card", {}, this.other, this.spent, this.pressed, this.card))));
   }
   control() {
     const row = this.link.state.takes?.find((each) => each.name === this.name), controls = this.link.controls;
@@ -63,20 +63,20 @@ export class Compare {
   }
   _pressed(row) {
     const palm = this.link.state.palms?.[this.name], budget = this.link.state.budgets?.[this.name];
-    this.spent.replaceChildren(...(budget && budget.stamp === row?.drive ? [make("h3", {}, "Where the error comes from ", make("strong.simulated", {}, "SIMULATED")),
+    this.spent.replaceChildren(...(budget && budget.stamp === row?.drive ? [make("h3", {}, "Error budget ", make("strong.simulated", {}, "SIMULATED")),
       make("table", {}, make("thead", {}, make("tr", {}, ...["stage", "alone", "so far"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
         make("tbody", {}, ...budget.rows.map(([name, alone, far, what]) => make("tr", { title: what }, make("td", {}, name), make("td.number", {}, alone), make("td.number", {}, far))))),
-      make("p.quiet", {}, `signal over distortion, ${budget.band[0]} to ${budget.band[1]} Hz, the first ${budget.seconds.toPrecision(2)} s; each stage with all after it perfect`)] : []));
-    // Of another drive than the one that is there now, it is told no more.
-    this.pressed.replaceChildren(...(palm && palm.stamp === row?.drive ? [make("h3", {}, "What a whole palm gets ", make("strong.simulated", {}, "SIMULATED")), rows(palm.rows),
-      make("p.quiet", {}, `${palm.palm}, ${palm.seconds.toPrecision(2)} s; signal over distortion of flat model skins, soft and stiff, on bone and deep: no person was asked`)] : []));
+      make("p.quiet", {}, `Signal-to-distortion ratio, ${budget.band[0]} to ${budget.band[1]} Hz, first ${budget.seconds.toPrecision(2)} s. Alone: output of the stage against its input. So far: output against the original, later stages ideal.`)] : []));
+    // Results of a replaced drive are not shown.
+    this.pressed.replaceChildren(...(palm && palm.stamp === row?.drive ? [make("h3", {}, "Pressure on the whole palm ", make("strong.simulated", {}, "SIMULATED")), rows(palm.rows),
+      make("p.quiet", {}, `${palm.palm}, ${palm.seconds.toPrecision(2)} s; signal-to-distortion ratio on flat model skins, soft and stiff, on bone and deep: a simulation, without participants`)] : []));
   }
   _empty(row) {
-    const words = !row ? "no takes yet" : row.played ? "not compared in this session: press Compare again" : row.solved ? "play it first, in Reproduce: what the sensor hears is compared here" : "solve it first, then play it, in Reproduce";
+    const words = !row ? "no takes yet" : row.played ? "not compared in this session: press Compare again" : row.solved ? "play it in Reproduce first: the re-recording is compared here" : "solve it and play it in Reproduce first";
     this.traces.replaceChildren(make("div.nothing", {}, words));
     this.spectrum.replaceChildren(make("div.nothing", {}, ""));
     this.card.replaceChildren(make("p.quiet", {}, words));
-    this.suggested.replaceChildren(make("span.quiet", {}, "comes with a comparison"));
+    this.suggested.replaceChildren(make("span.quiet", {}, "available after a comparison"));
   }
   async _show(found) {
     this.found = found;
@@ -84,7 +84,7 @@ export class Compare {
     this.card.replaceChildren(...(found.simulated ? [make("p", {}, make("strong.simulated", {}, "SIMULATED"))] : []), rows(found.figures),
       ...(found.verdict ? [make("h3", {}, found.verdict)] : []),
       ...found.card.map(([name, value, meaning]) => make("div", {}, make("h3", {}, `${name}: ${value}`), make("p.quiet", {}, meaning))));
-    this.suggested.replaceChildren(rows([["gain now", found.gain.toPrecision(3)], ["came back", `${found.measured_gain.toPrecision(3)} of it`], ["suggested", found.suggested_gain ?? "none"]]));
+    this.suggested.replaceChildren(rows([["current gain", found.gain.toPrecision(3)], ["re-recorded", `${found.measured_gain.toPrecision(3)} of the original`], ["suggested gain", found.suggested_gain ?? "none"]]));
     const track = (name, label) => new Track({ rate: found.rate_hz, capacity: found.frames, unit: "Pa", name, label });
     const tracks = { original: track("original", "original"), again: track("again", "re-recorded") };
     const transport = (this._transport = new Transport({ frames: found.frames, rate: found.rate_hz }));

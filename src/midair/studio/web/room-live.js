@@ -1,7 +1,7 @@
-/* Live: touch beside sound, what it takes from one to the other, and the last minute in slow motion.
+/* Panel Live: sensor signal and sound field side by side, the delay between them, and the last minute in slow motion.
 
-   The page holds 60 s of every frame by itself. Frozen, it looks at a copy of them with the transport of takes, while what
-   is felt goes on sounding and is taken in behind it. */
+   The page keeps all frames of the last 60 s. When frozen, it shows a copy of them with the transport of takes, while live
+   touch goes on and new frames are kept in the background. */
 
 import { Track, SparseTrack, FieldPicture, CellsPicture, TracesPicture, PhasesPicture, SpectrogramPicture, OverviewPicture, BarPicture, decode, KINDS } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
@@ -11,7 +11,7 @@ import { colours } from "/web/take.js";
 const KEPT = 60, HOLD = 600; // s, ms
 const MAPPINGS = [["half-wave", "half-wave"], ["slow-bias", "slow bias, 90 ms more"]];
 const ms = (list) => list.map((value) => [String(value), `${value} ms`]);
-const PARTS = { filter: "filter", "work and sending": "work", "waits its turn": "waits its turn", "rise and air": "rise, air", "jitter buffer": "jitter buffer" };
+const PARTS = { filter: "filter", "work and sending": "work", "waits its turn": "waiting", "rise and air": "rise, air", "jitter buffer": "jitter buffer" };
 
 /** The same frames, counted from 0. */
 function copied(track, frames) {
@@ -26,7 +26,7 @@ function copied(track, frames) {
   return made;
 }
 
-/** A track whose top is that of what came lately: 60 s are too many to look through at every picture. */
+/** A track whose maximum decays slowly: searching 60 s of frames for every picture would take too long. */
 class Lately extends Track {
   add(section) {
     let most = 0;
@@ -37,8 +37,8 @@ class Lately extends Track {
   get top() { return this._most ?? 1; }
 }
 
-/** A verdict for people: what is exceeded and may be played is played where nothing sounds. */
-const spoken = (verdict) => (verdict.startsWith("exceeded: ") ? `On a real array: ${verdict.slice(10)}. Here no sound can come out.` : verdict);
+/** The verdict as text; an exceeded limit may be played only on a simulated array. */
+const spoken = (verdict) => (verdict.startsWith("exceeded: ") ? `On a real array: ${verdict.slice(10)}. The simulated array emits no sound.` : verdict);
 
 export class Live {
   constructor(studio) {
@@ -48,7 +48,7 @@ export class Live {
     this.state = { frame: 0, from: 0, channel: 10, span: 1 };
     this.drawn = this.undrawn = this.ticks = 0;
     this.given = { sensor: "", mapping: "half-wave", delay_ms: 6, hold_ms: 6, gain: 1, height_mm: 200, level: 1, attenuate: false, override: "" };
-    for (const name of ["inferno", "twilight"]) colours(name); // before anything is armed
+    for (const name of ["inferno", "twilight"]) colours(name); // loaded before anything is armed
     this._build();
     this._offs = [this.link.on("live", (live) => this._live(live)), this.link.on("live_goes", (goes) => this._goes(goes)), this.link.on("live_about", (about) => this._about(about)), this.link.on("player", () => this.control())];
     this.link.frames = (bytes) => this._frames(bytes);
@@ -63,7 +63,7 @@ export class Live {
     for (const off of this._offs) off();
     this.frozen?.transport.stop();
     for (const picture of this.pictures) picture.remove();
-    // What nobody sees does not sound.
+    // A hidden panel must not play.
     if (this.link.controls && this.link.state.live?.state !== "idle") this.link.order("live", "end").catch(() => {});
     this.link.order("live", "sight", { shown: false }).catch(() => {});
   }
@@ -80,7 +80,7 @@ export class Live {
     const set = (name, number = true) => ({ target }) => { given[name] = number ? Number(target.value) : target.value; this._unchecked(); };
     const known = [["virtual:towel", "virtual: towel"], ["virtual:brush", "virtual: brush"], ["virtual:sponge", "virtual: sponge"]];
     this.named = make("input", { type: "text", value: sensor, "aria-label": "Name of the sensor", placeholder: "lsl:Skin?unit=V", hidden: known.some(([value]) => value === sensor), onchange: set("sensor", false) });
-    this.source = choice([...known, ["", "another, by name"]], known.some(([value]) => value === sensor) ? sensor : "", () => { this.named.hidden = this.source.value !== ""; given.sensor = this.source.value || this.named.value; this._unchecked(); });
+    this.source = choice([...known, ["", "other (enter its name)"]], known.some(([value]) => value === sensor) ? sensor : "", () => { this.named.hidden = this.source.value !== ""; given.sensor = this.source.value || this.named.value; this._unchecked(); });
     this.calibration = choice([["", "the sensor's own"]], "", set("calibration", false));
     this.form = make("div.column", {}, field("Sensor", this.source), this.named, field("Calibration", this.calibration), field("Mapping", choice(MAPPINGS, "half-wave", set("mapping", false))),
       field("Filter delay", choice(ms([2, 4, 6, 8, 10]), "6", set("delay_ms"))), field("Hold", choice(ms([4, 6, 8, 10, 15]), "6", set("hold_ms"))),
@@ -89,7 +89,7 @@ export class Live {
       field("Level", choice([["0.1", "0.1 of full"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]], "1", set("level"))));
     this.check = make("button", { type: "button", id: "live-check", onclick: () => this._check() }, "Check exposure");
     this.hold = make("button.main.hold", { type: "button", id: "hold", disabled: true }, "Hold to begin");
-    this.verdict = make("p.quiet", { role: "status" }, "Its exposure is checked first, for the worst that the level can do.");
+    this.verdict = make("p.quiet", { role: "status" }, "Check the exposure first. The check assumes the worst case of the level.");
     this.refused = make("div.column");
     this.share = make("input", { type: "range", min: 5, max: 100, step: 5, value: "100", "aria-label": "Loudness, per cent of the level", onchange: () => tried(this.link.order("live", "turn", { share: this.share.value / 100 })) });
     this.end = make("button", { type: "button", id: "live-end", onclick: () => tried(this.link.order("live", "end")) }, "End");
@@ -98,15 +98,15 @@ export class Live {
     const box = (name) => make("div.box", { id: `box-${name}` });
     this.boxes = Object.fromEntries(["touch", "sound", "phase", "bar", "traces", "array", "spectrogram", "overview"].map((name) => [name, box(name)]));
     const { boxes } = this;
-    this.panels = { touch: panel("Touch here", "", boxes.touch), sound: panel("Felt there", "", boxes.sound), phase: panel("Phase", "where louder than 5 %", boxes.phase), traces: panel("Cells, Pa", "the last second", boxes.traces), array: panel("Array", "phases", boxes.array), spectrogram: panel("Spectrogram", "", boxes.spectrogram) };
+    this.panels = { touch: panel("Sensor", "", boxes.touch), sound: panel("Sound field", "", boxes.sound), phase: panel("Phase", "where louder than 5 %", boxes.phase), traces: panel("Cells, Pa", "the last second", boxes.traces), array: panel("Array", "phases", boxes.array), spectrogram: panel("Spectrogram", "", boxes.spectrogram) };
     const { panels } = this;
     this.sum = make("strong.sum", {}, "– ms");
     this.parts = make("div.parts", { role: "img", "aria-label": "From touch to sound: nothing plays yet" });
     this.counted = make("p.quiet.counted", {}, "nothing plays yet");
-    this.delay = panel("From touch to sound", "the same for every frame", make("div.latency", {}, this.sum, this.parts), this.counted,
-      make("p.quiet", {}, "For stroking. Tapping is beyond it: a tap is noticed 5.5 ms late, a texture 60 ms."));
+    this.delay = panel("From touch to sound", "constant delay", make("div.latency", {}, this.sum, this.parts), this.counted,
+      make("p.quiet", {}, "Suitable for stroking, not for tapping: people notice a delay of 5.5 ms after a tap, and of 60 ms in a texture."));
     this.studio.main.append(make("div.live", {},
-      make("div.column.left", {}, panel("Begin", null, this.form, make("div.buttons", {}, this.check, this.hold), this.verdict, this.refused, this.running), panel("Safety", null, this.safety)),
+      make("div.column.left", {}, panel("Settings", null, this.form, make("div.buttons", {}, this.check, this.hold), this.verdict, this.refused, this.running), panel("Safety", null, this.safety)),
       make("div.middle", {}, make("div.trio", {}, panels.touch, panels.sound, panels.phase, panel("Pa", null, boxes.bar)), this.delay, panels.traces),
       make("div.side", {}, panels.array, panels.spectrogram)));
     this._arm();
@@ -151,8 +151,8 @@ export class Live {
     this.end.disabled = !controls || idle;
     this.keeps.disabled = !controls || !this.link.state.live_about;
     this.freezes.disabled = !this.track;
-    this.safety.replaceChildren(rows([["Array", plays ? (player?.emitting ? "sounding" : "plays, silent now") : live?.state === "opens" ? "opens" : "silent"], ["This page", controls ? "in control" : "looks on"],
-      ["Silent without it after", "0.5 s"], ["Units by themselves after", "0.05 s"]]));
+    this.safety.replaceChildren(rows([["Array", plays ? (player?.emitting ? "emits sound" : "plays, silent now") : live?.state === "opens" ? "opening" : "silent"], ["This page", controls ? "in control" : "may only watch"],
+      ["Stops without this page after", "0.5 s"], ["Units go silent without data after", "0.05 s"]]));
   }
   _live(live) {
     if (!live || !this.keeps) return;
@@ -160,27 +160,27 @@ export class Live {
     this.calibration.replaceChildren(make("option", { value: "" }, "the sensor's own"), ...live.calibrations.map((name) => make("option", { value: name }, name)));
     this.calibration.value = had;
     this.share.value = String(Math.round(100 * live.share));
-    if (live.state === "opens") this._say("it opens sensor and array …");
-    else if (live.state === "plays") this._say(spoken(this.link.state.live_about?.exposure ?? "it plays"));
-    else if (live.said) this._say(live.said, /in order/.test(live.said) ? "" : "bad");
+    if (live.state === "opens") this._say("opening sensor and array …");
+    else if (live.state === "plays") this._say(spoken(this.link.state.live_about?.exposure ?? "playing"));
+    else if (live.said) this._say(live.said, /ended normally/.test(live.said) ? "" : "bad");
     if (live.take) this.kept.replaceChildren(`${live.take.name}: ${live.take.duration_s.toFixed(1)} s `, make("a", { href: `#reproduce/${encodeURI(live.take.name)}`, id: "to-reproduce" }, "open in Reproduce"));
     this.control();
   }
   _say(words, className = "quiet") { this.verdict.textContent = words; this.verdict.className = className; }
-  _unchecked() { this.admission = 0; this.refused.replaceChildren(); this._say("changed: check its exposure again"); this.control(); }
+  _unchecked() { this.admission = 0; this.refused.replaceChildren(); this._say("settings changed: check the exposure again"); this.control(); }
   async _check() {
     this.admission = 0;
     this._say("checking …");
     const found = await tried(this.link.order("live", "check", this.given));
-    if (!found) { this._say("it could not be checked", "bad"); return; }
+    if (!found) { this._say("the exposure could not be checked", "bad"); return; }
     this.admission = found.number;
     this._say(found.refused || spoken(found.verdict), found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good");
     this.refused.replaceChildren();
     if (found.refused) {
       const name = make("input", { type: "text", autocomplete: "off", placeholder: "your name" });
       const again = (changes) => { Object.assign(this.given, changes); this._check(); };
-      this.refused.append(make("button", { type: "button", onclick: () => again({ attenuate: true, override: "" }) }, "Attenuate until it keeps the profile"), field("Or answer for it", name),
-        make("button", { type: "button", onclick: () => { if (name.value.trim()) again({ attenuate: false, override: name.value }); else name.focus(); } }, "I answer for playing it above the profile"));
+      this.refused.append(make("button", { type: "button", onclick: () => again({ attenuate: true, override: "" }) }, "Attenuate to meet the profile"), field("Or play it on your own responsibility", name),
+        make("button", { type: "button", onclick: () => { if (name.value.trim()) again({ attenuate: false, override: name.value }); else name.focus(); } }, "Play above the profile on my responsibility"));
     }
     this.control();
   }
@@ -216,7 +216,7 @@ export class Live {
     this.pictures = [this.touchPicture, this.soundPicture, this.phasePicture, this.scale, this.traces, this.spectrum, this.arrayPicture];
     const side = this.soundPicture.down.length / about.grid_rows;
     panels.touch.aside.textContent = `${about.rows} × ${about.columns} cells, Pa`;
-    panels.sound.aside.textContent = `${about.simulated ? "simulated" : "worked out"}, ${side} × ${side}`;
+    panels.sound.aside.textContent = `${about.simulated ? "simulated" : "computed"}, ${side} × ${side}`;
     panels.array.aside.textContent = `phases of ${about.transducers}`;
     panels.traces.querySelector("h2").textContent = `${about.rows * about.columns} cells, Pa`;
     this.studio.shownLive = about.sensor;
@@ -242,7 +242,7 @@ export class Live {
     }
     this.arrived ??= performance.now();
     this.fresh = true;
-    if (this.frozen) this._credit(); // what is taken in behind the picture needs no drawing
+    if (this.frozen) this._credit(); // frames that arrive while frozen are not drawn
   }
   _credit() { this.link.drew(this.undrawn); this.undrawn = 0; }
   _draw() {
@@ -257,7 +257,7 @@ export class Live {
     this.soundPicture.draw({ ...state });
     this.phasePicture.draw({ ...state, phase: true });
     const moving = { ...state, from: middle, frame: middle };
-    // What moves slowly is drawn less often: phases come 15 times a second.
+    // Pictures that change slowly are drawn less often: phases arrive 15 times per second.
     if (this.drawn % 2 === 0) this.traces.draw(moving);
     if (this.drawn % 4 === 1) this.arrayPicture.draw({ ...state });
     if (this.drawn % 6 === 0) { this.spectrum.draw(moving); this.scale.draw({ ...state }); }
@@ -268,7 +268,7 @@ export class Live {
     if (this.arrived) { this.delays = [...(this.delays ?? []).slice(-499), performance.now() - this.arrived]; this.arrived = undefined; }
     this._credit();
   }
-  /** Hold the last minute still, and look at it as at a take; or go on. */
+  /** Freeze the last minute and show it like a take, or go back to live. */
   freeze() {
     if (this.frozen) {
       this.frozen.transport.stop();
@@ -311,13 +311,13 @@ export class Live {
     this.touchPicture.top = track.top;
     this.panels.traces.aside.textContent = head ? "around the playhead" : "the last second";
   }
-  /** R: keep. */
+  /** Key R: save the last minute as a take. */
   async record() {
     if (this.keeps.disabled) return;
     this.keeps.disabled = true;
     const found = await tried(this.link.order("live", "keep"));
     this.keeps.disabled = false;
-    if (found) toast(`${found.name}: ${found.duration_s.toFixed(1)} s of what was felt and played`);
+    if (found) toast(`${found.name}: saved ${found.duration_s.toFixed(1)} s of sensor signal and drive`);
   }
   _goes(goes) {
     if (!goes?.parts || !this.parts) return;
@@ -326,9 +326,9 @@ export class Live {
     this.parts.style.gridTemplateColumns = goes.parts.map(([, value]) => `minmax(1.9em, ${Math.max(value, 0.01)}fr)`).join(" ");
     this.parts.setAttribute("aria-label", `From touch to sound ${goes.latency.toFixed(1)} ms: ${goes.parts.map(([name, value]) => `${name} ${value.toFixed(1)}`).join(", ")} ms`);
     const work = goes.work_ms, left = goes.left_ms, of = (value) => (value === null ? "–" : value.toFixed(2));
-    this.counted.textContent = `${goes.frames} frames, ${goes.played} sounded; ${goes.late} late, the one before stood; ${goes.lost} lost, concealed by the last good one; ${goes.hurried} hurried; ${goes.gaps} gaps`;
-    this.counted.title = "late: ready after its instant; lost: the sensor never gave it; hurried: solved in half the time; gap: 20 ms without a frame, so that it faded";
-    this.delay.aside.textContent = `work ${of(work.half)} ms a frame, 99.9 % below ${of(work["99.9%"])}; sent within ${of(left["99.9%"])}`;
+    this.counted.textContent = `${goes.frames} frames, ${goes.played} played; ${goes.late} late (previous frame held); ${goes.lost} lost (last good frame repeated); ${goes.hurried} hurried; ${goes.gaps} gaps`;
+    this.counted.title = "late: ready after its deadline; lost: missing from the sensor; hurried: solved in half the time; gap: 20 ms without a frame, followed by a fade-out";
+    this.delay.aside.textContent = `computation ${of(work.half)} ms per frame, 99.9 % below ${of(work["99.9%"])} ms; 99.9 % sent within ${of(left["99.9%"])} ms`;
     this.counted.className = `counted ${goes.late + goes.lost + goes.gaps ? "" : "quiet"}`;
   }
   _code() {

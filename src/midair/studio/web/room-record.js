@@ -1,10 +1,10 @@
-/* Record: what the sensor says now, one big button, and what was wrong with a take in words. */
+/* Panel Record: current signal of the sensor, a record button, and the problems of the last take. */
 
 import { Track, TracesPicture, SpectrogramPicture, decode } from "/web/view.js";
 import { choice, field, make, panel, rows, tried } from "/web/dom.js";
 import { colours } from "/web/take.js";
 
-const SOURCES = [["virtual:towel", "virtual: towel"], ["virtual:brush", "virtual: brush"], ["virtual:sponge", "virtual: sponge"], ["virtual:towel+groove", "virtual: towel, grooved"], ["virtual:am-i", "virtual: modulated focus"], ["", "another, by its name"]];
+const SOURCES = [["virtual:towel", "virtual: towel"], ["virtual:brush", "virtual: brush"], ["virtual:sponge", "virtual: sponge"], ["virtual:towel+groove", "virtual: towel, grooved"], ["virtual:am-i", "virtual: modulated focus"], ["", "other (enter its name)"]];
 const KEPT = 60; // seconds
 
 export class Record {
@@ -36,15 +36,15 @@ export class Record {
     const subject = this.link.state.record?.subject ?? {};
     this.notes = Object.fromEntries(["object", "surface", "speed", "operator"].map((name) => [name, make("input", { type: "text", value: subject[name] ?? "", maxLength: 100, autocomplete: "off" })]));
     this.duration = make("input", { type: "number", min: 0.1, max: 3600, step: 0.1, value: "1.6" });
-    this.begins = choice([["at once", "at once"], ["touch", "at a touch"]], "at once", () => this._fields());
+    this.begins = choice([["at once", "at once"], ["touch", "on touch"]], "at once", () => this._fields());
     this.level = make("input", { type: "number", min: 0, step: "any", value: "0.02" });
     this.pre = make("input", { type: "number", min: 0, max: 60, step: 0.1, value: "0.2" });
     this.repeats = make("input", { type: "number", min: 1, max: 100, value: "1" });
     this.big = make("button.main.big", { type: "button", id: "record", onclick: () => this.record() }, "Record ", make("kbd", {}, "R"));
-    this.touched = make("div.column", {}, field("Level", this.level), field("Kept before it, s", this.pre));
+    this.touched = make("div.column", {}, field("Level", this.level), field("Pre-roll, s", this.pre));
     this.done = make("div", { role: "status", id: "kept" });
     this.lost = make("div.column", { role: "alert", id: "sensor-lost", hidden: true });
-    this.again = make("button", { type: "button", onclick: () => this._listen(this.link.state.record.sensor) }, "Open it again");
+    this.again = make("button", { type: "button", onclick: () => this._listen(this.link.state.record.sensor) }, "Open the sensor again");
     this.events = make("ol.events", { "aria-live": "polite" });
     this.about = make("div");
     this.meters = make("div.meters", { role: "img", "aria-label": "Meters" });
@@ -54,10 +54,10 @@ export class Record {
     this.studio.main.append(make("div.record", {},
       make("div.column.left", {},
         panel("Sensor", null, field("Source", this.source), this.named, this.lost, this.about),
-        panel("What", null, ...Object.entries(this.notes).map(([name, input]) => field(name[0].toUpperCase() + name.slice(1), input))),
-        panel("How", null, field("Begins", this.begins), this.touched, field("Lasts, s", this.duration), field("Takes", this.repeats), this.big, this.done)),
-      make("div.middle", {}, this.tracesPanel, panel("Spectrogram", "of the chosen channel", this.spectrum)),
-      make("div.column", {}, panel("Level of each cell", "rms, and clipping", this.meters), panel("What happened", "lost, clipped, dead", this.events))));
+        panel("Notes", null, ...Object.entries(this.notes).map(([name, input]) => field(name[0].toUpperCase() + name.slice(1), input))),
+        panel("Recording", null, field("Start", this.begins), this.touched, field("Duration, s", this.duration), field("Takes", this.repeats), this.big, this.done)),
+      make("div.middle", {}, this.tracesPanel, panel("Spectrogram", "selected channel", this.spectrum)),
+      make("div.column", {}, panel("Level of each cell", "rms, and clipping", this.meters), panel("Events", "lost frames, clipping, dead channels", this.events))));
     this._fields();
   }
   control() { this._record(this.link.state.record); }
@@ -76,10 +76,10 @@ export class Record {
     const { state, about, take } = record, runs = state === "recording" || state === "waiting";
     this.big.disabled = !this.link.controls || !(runs || state === "listening");
     this.big.classList.toggle("on", runs);
-    this.big.replaceChildren(state === "recording" ? `Stop: ${record.name} ` : state === "waiting" ? "Waits for a touch; begin now " : state === "opens" ? "The sensor opens … " : "Record ", make("kbd", {}, "R"));
+    this.big.replaceChildren(state === "recording" ? `Stop: ${record.name} ` : state === "waiting" ? "Waiting for a touch; start now " : state === "opens" ? "Opening the sensor … " : "Record ", make("kbd", {}, "R"));
     this.source.disabled = this.named.disabled = runs || !this.link.controls;
     this.events.replaceChildren(...(record.events ?? []).map((event) => make("li", { className: event.event === "trigger" ? "" : "bad" }, event.said)));
-    if (!record.events?.length) this.events.replaceChildren(make("li.quiet", {}, "nothing to tell"));
+    if (!record.events?.length) this.events.replaceChildren(make("li.quiet", {}, "no events"));
     this.lost.hidden = state !== "lost";
     this.again.disabled = !this.link.controls;
     this.lost.replaceChildren(...(state === "lost" ? [make("p.bad", {}, record.error), this.again] : []));
@@ -88,8 +88,8 @@ export class Record {
   }
   _take(take) {
     const broken = take.end === "failure";
-    return [make(`p${broken ? ".bad" : ""}`, {}, `${broken ? "The take broke off; what came until then is kept. " : ""}${take.name}: ${take.duration_s.toFixed(2)} s, ${take.frames} frames, ${take.lost} lost`), rows(take.problems),
-      make("a", { href: `#reproduce/${encodeURI(take.name)}`, id: "to-reproduce" }, "Look at it in Reproduce")];
+    return [make(`p${broken ? ".bad" : ""}`, {}, `${broken ? "The take ended early; the frames recorded until then are kept. " : ""}${take.name}: ${take.duration_s.toFixed(2)} s, ${take.frames} frames, ${take.lost} lost`), rows(take.problems),
+      make("a", { href: `#reproduce/${encodeURI(take.name)}`, id: "to-reproduce" }, "Open in Reproduce")];
   }
   async _pictures(about) {
     const inferno = await colours("inferno");
@@ -106,7 +106,7 @@ export class Record {
   }
   _fresh({ rate_hz: rate, unit }) {
     this.track = new Track({ rate, capacity: Math.round(KEPT * rate), unit, name: "samples" });
-    // The scale is that of what came lately: 60 s are too many to look through at every picture.
+    // The scale decays slowly: searching 60 s of frames for every picture would take too long.
     Object.defineProperty(this.track, "top", { get: () => this.scale || 1 });
     for (const picture of this.pictures) picture.track = this.track;
     this.scale = 0;
@@ -115,7 +115,7 @@ export class Record {
   _frames(bytes) {
     if (!this.track) { this.link.drew(1); return; }
     for (const section of decode(bytes)) {
-      if (section.first < this.track.last) this._fresh({ rate_hz: this.track.rate, unit: this.track.unit }); // the sensor was started anew
+      if (section.first < this.track.last) this._fresh({ rate_hz: this.track.rate, unit: this.track.unit }); // the sensor was restarted
       this.track.add(section);
       let most = 0;
       for (const value of section.values) most = Math.max(most, Math.abs(value));

@@ -1,4 +1,4 @@
-/* Reproduce: wanted beside played, in Pa, frame by frame; how it is made; playing it. */
+/* Panel Reproduce: target and played field in Pa, frame by frame; settings; playing. */
 
 import { FieldPicture, TracesPicture, PhasesPicture, SpectrogramPicture, OverviewPicture, BarPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
@@ -7,11 +7,11 @@ import { solveTake } from "/web/jobs.js";
 import { TakeView, chosen, colours } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
 
-const MAPPINGS = [["", "of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"]];
-const METHODS = [["", "of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
+const MAPPINGS = [["", "default of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"]];
+const METHODS = [["", "default of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
 const MODES = [["best", "best"], ["finest", "finest, slow"], ["quick", "quick"], ["paper", "paper"]];
-const HEIGHTS = [["", "of the mode"], ["150", "150 mm"], ["180", "180 mm"], ["200", "200 mm"], ["230", "230 mm"]];
-const LEVELS = [["", "of the mode"], ["auto", "auto"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]];
+const HEIGHTS = [["", "default of the mode"], ["150", "150 mm"], ["180", "180 mm"], ["200", "200 mm"], ["230", "230 mm"]];
+const LEVELS = [["", "default of the mode"], ["auto", "auto"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]];
 const USUAL = { mode: "best", mapping: "", method: "", level: "", gain: 1, height_mm: "" };
 
 export class Reproduce {
@@ -46,7 +46,7 @@ export class Reproduce {
     this.about = make("div.quiet");
     const set = (name) => ({ target }) => {
       const value = target.value === "" || Number.isNaN(Number(target.value)) ? target.value : Number(target.value);
-      // The solver of one mode may not take the terms of another.
+      // The solver of one mode may not support the terms of another.
       this._fill({ ...this.made, [name]: value, ...(name === "mode" ? { method: "" } : {}) });
     };
     this.inputs = { mode: choice(MODES, "", set("mode")), mapping: choice(MAPPINGS, "", set("mapping")), method: choice(METHODS, "", set("method")), level: choice(LEVELS, "", set("level")),
@@ -55,18 +55,18 @@ export class Reproduce {
     this.form.append(...Object.values(this.inputs).map((input, i) => field(["Mode", "Mapping", "Solver", "Level", "Gain", "Height"][i], input)), this.view);
     const left = make("div.column.left", {},
       Object.assign(panel("Takes", this.add, this.list, file), { className: "panel grow" }),
-      panel("How it is made", null, this.form, make("div.buttons", {}, this.solve, this.play)), panel("This frame", null, this.frame, this.about));
+      panel("Settings", null, this.form, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about));
     const box = (name) => make("div.box", { id: `box-${name}` });
     this.boxes = Object.fromEntries(["wanted", "played", "bar", "traces", "phase", "array", "spectrogram", "overview"].map((name) => [name, box(name)]));
     const { boxes } = this;
-    this.panels = { wanted: panel("Wanted", "", boxes.wanted), played: panel("Played", "", boxes.played), traces: panel("Cells", "", boxes.traces), phase: panel("Phase", "where louder than 5 %", boxes.phase), array: panel("Array", "", boxes.array), spectrogram: panel("Spectrogram", "", boxes.spectrogram) };
+    this.panels = { wanted: panel("Target", "", boxes.wanted), played: panel("Played", "", boxes.played), traces: panel("Cells", "", boxes.traces), phase: panel("Phase", "where louder than 5 %", boxes.phase), array: panel("Array", "", boxes.array), spectrogram: panel("Spectrogram", "", boxes.spectrogram) };
     const { panels } = this;
     this.problem = make("section.panel.problem", { id: "problem", role: "alert", hidden: true });
     this.pictures = [make("div.middle", {}, make("div.pair", {}, panels.wanted, panels.played, panel("Pa", null, boxes.bar)), panels.traces), make("div.side", {}, panels.phase, panels.array, panels.spectrogram)];
     this.studio.main.append(make("div.reproduce", {}, left, ...this.pictures, this.problem));
     this._fill(USUAL);
   }
-  /** Show settings in the form; a value that it does not offer is added. */
+  /** Show settings in the form; a value that is not among its options is added. */
   _fill(made) {
     this.made = { ...USUAL, ...made };
     for (const [name, input] of Object.entries(this.inputs)) {
@@ -83,12 +83,12 @@ export class Reproduce {
     const comes = this.take?.stamp === "first";
     this.solve.disabled = !controls || !this.take || comes;
     const facts = this.take?.facts, settings = facts?.drive?.settings, other = settings && JSON.stringify(chosen({ ...USUAL, ...settings })) !== JSON.stringify(chosen(this.made));
-    this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "it does not tell its settings"}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes another, with the settings above." : ""}`;
+    this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "its settings are not stored in the file"}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes a new drive with the settings above." : ""}`;
     this.play.disabled = !controls || !row?.solved || facts.part || player?.state !== "ready";
     this.play.title = !row?.solved ? "solve it first" : facts.part ? "the drive is being solved" : player?.state !== "ready" ? "the array is not ready" : "";
     this.add.disabled = !controls;
     const solving = (this.link.state.jobs ?? []).find((job) => job.room === "reproduce" && ["runs", "waits"].includes(job.state) && this.take && job.title.endsWith(this.take.name));
-    if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : comes ? "comes in a moment" : "not solved yet: press Solve";
+    if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : comes ? "available in a moment" : "not solved yet: press Solve";
   }
   _row(name) { return this.link.state.takes?.find((row) => row.name === name); }
   _takes(takes) {
@@ -96,7 +96,7 @@ export class Reproduce {
       make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, row.sample ? "sample" : row.compared ? "compared" : row.played ? "played" : row.solved ? "solved" : "")))));
     const name = this.wish || (takes.find((row) => row.sample) ?? takes[0])?.name, row = this._row(name);
     if (name && (row ? this.take?.name !== name || this.take.stamp !== row.stamp : takes.length && !this.take && !name.startsWith("sample:"))) this._open(name, this.transport ? this.transport.time : this.studio.address.time);
-    if (!takes.length) this.about.textContent = "samples are being made …";
+    if (!takes.length) this.about.textContent = "computing the samples …";
     this.control();
   }
   async _open(name, time) {
@@ -105,7 +105,7 @@ export class Reproduce {
     this._opening = opening;
     this.wish = name;
     for (const link of this.list.querySelectorAll("a")) if (link.hash === `#reproduce/${encodeURI(name)}`) link.setAttribute("aria-current", "true"); else link.removeAttribute("aria-current");
-    // What is in view is never that of another name, not even while the named one comes.
+    // Never show pictures of another take, not even while the named one loads.
     if (this.take?.name !== name) this._nothing(`opening ${shortly(name)} …`);
     let facts, inferno, twilight;
     try {
@@ -113,7 +113,7 @@ export class Reproduce {
       [inferno, twilight] = await Promise.all([colours("inferno"), colours("twilight")]);
     } catch (wrong) {
       if (over()) return;
-      if (this.link.open) this._refused(name, wrong.message); else this._opening = ""; // asked for again with the next state
+      if (this.link.open) this._refused(name, wrong.message); else this._opening = ""; // requested again with the next state
       return;
     }
     if (over()) return;
@@ -133,7 +133,7 @@ export class Reproduce {
     transport.run((state) => this._draw(state));
     this._takes(this.link.state.takes ?? []);
   }
-  /** No take: neither pictures nor what was told of the one before. */
+  /** Remove pictures and texts of the previous take. */
   _nothing(words) {
     this._close();
     this.studio.footer.hidden = true;
@@ -144,7 +144,7 @@ export class Reproduce {
     this.nothing = this.played = this.phase = null;
     this.control();
   }
-  /** A take that cannot be opened: why stands where its pictures would be, until another is opened or it is closed. */
+  /** Show the reason why a take cannot be opened, in place of its pictures. */
   _refused(name, reason) {
     this._nothing("");
     for (const picture of this.pictures) picture.hidden = true;
@@ -159,7 +159,7 @@ export class Reproduce {
     const side = drive?.rows ?? 16, place = { pitch: drive?.pitch_mm ?? 11 / 3, x: drive?.x_mm ?? 0, y: drive?.y_mm ?? 0 };
     const map = { rows: side, columns: drive?.columns ?? side, place, unit: "Pa", colours: inferno, phaseColours: twilight };
     const fine = drive ? { down: Float32Array.from(drive.down), across: Float32Array.from(drive.across) } : {};
-    this.wanted = new FieldPicture(boxes.wanted, { ...map, label: "Wanted sound", track: take.wanted, cells });
+    this.wanted = new FieldPicture(boxes.wanted, { ...map, label: "Target sound", track: take.wanted, cells });
     this.bar = new BarPicture(boxes.bar, { label: "Scale", colours: inferno, phaseColours: twilight, unit: "Pa" });
     take.pictures = [this.wanted, this.bar,
       new TracesPicture(boxes.traces, { label: "Cells", track: take.samples, choose, seek }),
@@ -174,7 +174,7 @@ export class Reproduce {
       this.played = this.phase = null;
       this.nothing = make("div.nothing", { role: "status" }, "");
       boxes.played.append(this.nothing);
-      for (const name of ["phase", "array"]) boxes[name].append(make("div.nothing", {}, "comes with the drive"));
+      for (const name of ["phase", "array"]) boxes[name].append(make("div.nothing", {}, "available after solving"));
     }
     panels.wanted.aside.textContent = `${map.rows} × ${map.columns}, ${facts.rows} × ${facts.columns} cells`;
     panels.played.aside.textContent = drive ? `simulated, ${fine.down.length / map.rows} × ${fine.across.length / map.columns}` : "";
@@ -248,7 +248,7 @@ export class Reproduce {
     const said = await answer.json();
     if (said.error) tried(Promise.reject(new Error(said.error))); else this.studio.go("reproduce", said.ok);
   }
-  /** How the drive in view was made; without one, how Solve would make it. */
+  /** Show the code for the drive in view or, without one, for the settings of the form. */
   async _code() {
     const { name, facts } = this.take, sample = name.startsWith("sample:"), file = sample ? `${name.slice(7)}.h5` : name, stem = file.replace(/\.\w+$/, ""), seconds = (facts.frames / facts.rate_hz).toFixed(1);
     const made = facts.drive?.settings ?? (await tried(this.link.order("reproduce", "code", { take: name, ...chosen(this.made) })));

@@ -1,8 +1,8 @@
-/* Study: the experimenter's page, and the participant's: one question a page, large targets, "I want to stop". */
+/* Panel Study: the experimenter's page, and the participant's with one question at a time. */
 
 import { choice, field, make, panel, rows, tried } from "/web/dom.js";
 
-const TEMPLATES = [["paper", "the paper's experiment"], ["detection", "threshold of a vibration"], ["intervals", "two intervals"], ["paired", "paired comparison"]];
+const TEMPLATES = [["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
 
 export class Study {
   constructor(studio) {
@@ -42,38 +42,38 @@ export class Study {
     const left = make("div.column.left");
     if (!session) {
       const name = make("input", { type: "text", value: "touch", maxLength: 60 }), template = choice(TEMPLATES, "paper"), people = make("input", { type: "number", min: 1, max: 500, value: "10" });
-      left.append(panel("Studies", null, ...(studies.length ? [choice(studies.map((each) => [each.name, each.title]), study.name, ({ target }) => { this.chosen = target.value; this.shown = ""; this._show(); })] : [make("p.quiet", {}, "none in this folder yet")])),
-        panel("A new one", null, field("Name", name), field("Kind", template), field("People", people),
-          make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "new-study", onclick: async () => { if (await tried(this.link.order("study", "new", { name: name.value.trim(), template: template.value, participants: Number(people.value) || 1 }))) this.chosen = name.value.trim(); } }, "Draw its plan"))));
+      left.append(panel("Studies", null, ...(studies.length ? [choice(studies.map((each) => [each.name, each.title]), study.name, ({ target }) => { this.chosen = target.value; this.shown = ""; this._show(); })] : [make("p.quiet", {}, "no studies in this folder yet")])),
+        panel("New study", null, field("Name", name), field("Kind", template), field("Participants", people),
+          make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "new-study", onclick: async () => { if (await tried(this.link.order("study", "new", { name: name.value.trim(), template: template.value, participants: Number(people.value) || 1 }))) this.chosen = name.value.trim(); } }, "Draw the plan"))));
     } else {
       const { step } = session, over = ["done", "stopped"].includes(step.kind);
       left.append(panel(session.title, session.pilot ? make("strong.simulated", {}, "PILOT") : `participant ${session.participant}`,
         make("progress", { max: step.total || 1, value: over ? step.total || 1 : Math.max(0, step.number - 1), "aria-label": "progress" }),
         rows([["Trial", step.total ? `${step.number} of ${step.total}` : "–"], ["Now", { show: "reads a text", present: "a stimulus is due", ask: "answers", rest: "rests", done: "done", stopped: "stopped" }[step.kind]]]),
-        ...(session.due ? [make("p", {}, make("strong", { id: "due" }, session.due)), make("button.main", { type: "button", id: "presented", disabled: !controls, onclick: () => tried(this.link.order("study", "presented")) }, "It was presented")] : []),
+        ...(session.due ? [make("p", {}, make("strong", { id: "due" }, session.due)), make("button.main", { type: "button", id: "presented", disabled: !controls, onclick: () => tried(this.link.order("study", "presented")) }, "Stimulus presented")] : []),
         ...(session.error ? [make("p.bad", {}, session.error)] : []),
         make("div.buttons", {}, make("button", { type: "button", onclick: () => this.studio.go("study", "participant") }, "Participant's page here"),
-          make("button", { type: "button", onclick: () => open("/#study/participant", "participant", "popup,width=1100,height=760") }, "In a window of its own")),
-        make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "end-session", onclick: () => tried(this.link.order("study", "end")) }, over ? "Close the session" : "Leave it: it can be taken up again"))));
+          make("button", { type: "button", onclick: () => open("/#study/participant", "participant", "popup,width=1100,height=760") }, "Participant's page in a new window")),
+        make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "end-session", onclick: () => tried(this.link.order("study", "end")) }, over ? "Close the session" : "Leave the session (it can be resumed)"))));
     }
     const right = make("div.column");
     if (session) right.append(panel("Log", "newest last; no condition is shown", make("ol.events", {}, ...session.log.map((said) => make("li", {}, said)))));
     else if (study) {
-      const pilot = make("input", { type: "checkbox", id: "pilot" }), noise = choice([["default", "this computer's sound output"], ["none", "none: the array may be heard"]], "default"), answers = make("input", { type: "text", maxLength: 200, autocomplete: "off", placeholder: "nobody" });
-      right.append(panel(study.title, study.name, make("p.quiet", {}, "Pilot runs have a coloured frame and are stored apart, where no analysis reads them."), make("div", {}, pilot, " ", make("label", { htmlFor: "pilot" }, "as a pilot")),
+      const pilot = make("input", { type: "checkbox", id: "pilot" }), noise = choice([["default", "this computer's sound output"], ["none", "none (the array may be audible)"]], "default"), answers = make("input", { type: "text", maxLength: 200, autocomplete: "off", placeholder: "name" });
+      right.append(panel(study.title, study.name, make("p.quiet", {}, "Pilot runs have a coloured frame and are stored in pilot/, which no analysis reads."), make("div", {}, pilot, " ", make("label", { htmlFor: "pilot" }, "pilot run")),
         ...(this.said ? [make(`p${this.wrong ? ".bad" : ".quiet"}`, { id: "begins", role: "status" }, this.said)] : []),
-        ...(study.drives ? [field("Above the exposure profile: who answers for it", answers)] : []),
-        ...(study.noise ? [field("Noise in the headphones", noise), make("p.quiet", {}, `While the array presents: ${study.noise}.`)] : []),
+        ...(study.drives ? [field("Person responsible for playing above the exposure profile", answers)] : []),
+        ...(study.noise ? [field("Noise in the headphones", noise), make("p.quiet", {}, `During each presentation: ${study.noise}.`)] : []),
         make("div.card", {}, make("table", {}, make("thead", {}, make("tr", {}, ...["participant", "trials", ""].map((words) => make("th", { scope: "col" }, words)))),
           make("tbody", {}, ...study.participants.map((each) => make("tr", {}, make("td", {}, String(each.number)), make("td", {}, `${each.done} of ${each.total}`),
-            make("td", {}, make("button", { type: "button", disabled: !controls, "data-participant": each.number, onclick: () => this._begin({ study: study.name, participant: each.number, pilot: pilot.checked, noise: noise.value, override: answers.value.trim() }) }, each.done === 0 ? "Begin" : each.done < each.total ? "Go on" : "Open")))))))));
-    } else right.append(panel("No study", null, make("p.quiet", {}, "Draw a plan at the left: trials, their order and what is asked come from it.")));
+            make("td", {}, make("button", { type: "button", disabled: !controls, "data-participant": each.number, onclick: () => this._begin({ study: study.name, participant: each.number, pilot: pilot.checked, noise: noise.value, override: answers.value.trim() }) }, each.done === 0 ? "Begin" : each.done < each.total ? "Resume" : "Open")))))))));
+    } else right.append(panel("No study", null, make("p.quiet", {}, "Draw a study plan in the first column. It defines the trials, their order and the questions.")));
     this.studio.main.replaceChildren(make("div.study", {}, left, right));
   }
 
-  /** Drives are checked before, which takes a moment; what was in the way stays to be read. */
+  /** Begin a session. Drives are checked first, which takes a moment; an error stays visible. */
   async _begin(order) {
-    Object.assign(this, { said: "drives and headphones are checked …", wrong: false, shown: "" });
+    Object.assign(this, { said: "checking drives and headphones …", wrong: false, shown: "" });
     this._show();
     try { await this.link.order("study", "begin", order); this.said = ""; } catch (wrong) { Object.assign(this, { said: wrong.message, wrong: true, shown: "" }); this._show(); }
   }
@@ -87,11 +87,11 @@ export class Study {
     const stop = make("button.stop", { type: "button", id: "want-stop", onclick: () => this._stop() }, "I want to stop ", make("kbd", {}, "Esc"));
     if (!session) main.append(make("p", {}, "Please wait."), make("a", { href: "#study" }, "experimenter's page"));
     else if (step.kind === "show") main.append(...step.text.split("\n").map((line) => make("p", {}, line)), next(step.consent ? "I have read this, and take part" : "Next", () => tried(this.link.order("study", "acknowledge"))));
-    else if (step.kind === "present") main.append(make("p", {}, session.busy ? session.cue || "Feel it now." : step.text || "Put your hand where it belongs."), ...(session.busy ? [] : [next("I am ready", () => tried(this.link.order("study", "present")))]));
+    else if (step.kind === "present") main.append(make("p", {}, session.busy ? session.cue || "Feel it now." : step.text || "Please put your hand in place."), ...(session.busy ? [] : [next("I am ready", () => tried(this.link.order("study", "present")))]));
     else if (step.kind === "rest") {
       const go = next(`A break of ${Math.ceil(step.rest_s)} s`, () => tried(this.link.order("study", "acknowledge")));
       go.disabled = true;
-      setTimeout(() => { go.disabled = false; go.textContent = "Go on"; }, 1000 * step.rest_s);
+      setTimeout(() => { go.disabled = false; go.textContent = "Continue"; }, 1000 * step.rest_s);
       main.append(make("p", {}, "Please rest."), go);
     } else if (step.kind === "ask") main.append(...this._question(step));
     else main.append(make("p", {}, step.kind === "done" ? "That was all. Thank you." : "Stopped. Thank you."), make("a", { href: "#study" }, "experimenter's page"));
@@ -119,7 +119,7 @@ export class Study {
     this.answers = question.answers.map((text) => make("button", { type: "button", onclick: () => answer(text) }, text));
     return [make("div", {}, title, ends), make("div.answers", { role: "group", "aria-labelledby": "question" }, ...this.answers)];
   }
-  /** The participant's keys: the answers by their number, or by their first letter. */
+  /** The participant's keys: the number selects an answer, Escape stops. */
   _key(event) {
     if (!this.participant || event.ctrlKey || event.altKey || event.metaKey || event.repeat || event.target.closest?.("input")) return;
     if (event.key === "Escape") { this._stop(); return; }

@@ -1,8 +1,8 @@
-/* The one socket: state comes whole and then as numbered changes; orders go out and are answered; frames come as bytes.
+/* The WebSocket: receives the state and numbered changes of it, answers, and frames as bytes; sends requests.
 
-   link.state          sections by name, as the server has them
-   link.on(name, act)  calls act(section) when it changes, and once at the beginning if it is there
-   link.order(room, order, with)  a promise of the answer; its error has words for people
+   link.state          sections of the server's state by name
+   link.on(name, act)  calls act(section) at once if it exists, and at every change
+   link.order(room, order, with)  a promise of the answer; its error has a message for the user
    link.stop()         STOP, two ways at once */
 
 export class Link extends EventTarget {
@@ -18,7 +18,7 @@ export class Link extends EventTarget {
     this.open = false;
     this._drew = 0;
     this._connect();
-    // From the main thread, so that a page that hangs says nothing; and only while somebody can see it.
+    // Sent from the main thread, so that a page that hangs sends nothing.
     setInterval(() => this._alive(), 100);
     document.addEventListener("visibilitychange", () => this._alive());
     addEventListener("pagehide", () => this._socket.close());
@@ -32,7 +32,7 @@ export class Link extends EventTarget {
   }
   order(room, order, given = {}) {
     return new Promise((resolve, reject) => {
-      if (!this.open) { reject(new Error("the studio does not answer; is it still running in its terminal?")); return; }
+      if (!this.open) { reject(new Error("the studio does not respond; check that it still runs in its terminal")); return; }
       const id = ++this._ids;
       this._waiting.set(id, { resolve, reject });
       this._send({ id, room, order, with: given });
@@ -41,12 +41,12 @@ export class Link extends EventTarget {
   stop() {
     const { stop_port: port, stop_token: token } = this.state.studio ?? {};
     const answers = [this.order("play", "stop")];
-    // The player's own port answers when the server hangs.
+    // The player's own port responds even if the server hangs.
     if (port) answers.push(fetch(`http://127.0.0.1:${port}/stop`, { method: "POST", body: token, signal: AbortSignal.timeout(6000) })
-      .then((answer) => { if (!answer.ok) throw new Error("the player refused"); return true; }));
+      .then((answer) => { if (!answer.ok) throw new Error("the player refused the request"); return true; }));
     return Promise.any(answers);
   }
-  /** Give credit back for messages that were drawn. */
+  /** Return credit for messages that were drawn. */
   drew(count) { if (count && this.open) this._send({ drew: count }); }
   _alive() { if (this.open) this._send({ alive: document.visibilityState === "visible" }); }
   _send(said) { if (this._socket.readyState === WebSocket.OPEN) this._socket.send(JSON.stringify(said)); }
@@ -58,7 +58,7 @@ export class Link extends EventTarget {
     this._socket.onclose = () => {
       const was = this.open;
       this.open = false;
-      for (const { reject } of this._waiting.values()) reject(new Error("the studio hung up"));
+      for (const { reject } of this._waiting.values()) reject(new Error("the studio closed the connection"));
       this._waiting.clear();
       if (was) this.dispatchEvent(new Event("close"));
       setTimeout(() => this._connect(), 1000);
@@ -73,7 +73,7 @@ export class Link extends EventTarget {
       return;
     }
     if (said.set) {
-      if (said.number !== this._number + 1) { this._send({ whole: true }); return; } // something was missed
+      if (said.number !== this._number + 1) { this._send({ whole: true }); return; } // a change was missed
       this._number = said.number;
       Object.assign(this.state, said.set);
       for (const name of Object.keys(said.set)) for (const act of this._acts.get(name) ?? []) act(said.set[name]);

@@ -1,4 +1,4 @@
-/* A take in the page: its facts, and its frames as they come, a second at a time. */
+/* A take in the page: its facts and its frames, loaded second by second. */
 
 import { Track, Colours, decode } from "/web/view.js";
 
@@ -31,7 +31,7 @@ export class TakeView {
         }));
     } catch (wrong) { if (wrong.name !== "AbortError") this.problem = wrong.message; this.changed(); }
   }
-  /** Phases of a frame's transducers as counts, as the picture of the array takes them. */
+  /** Phases of the transducers as counts, for the picture of the array. */
   get phaseRows() {
     const { phases } = this;
     return { at(frame) {
@@ -42,12 +42,12 @@ export class TakeView {
   }
 }
 
-/** Of settings as the studio tells them, or as the form has them, what an order names: what is not the mode's. */
+/** The settings that differ from the mode, as a request needs them. */
 export function chosen({ mode, mapping, method, level, gain, height_mm }) {
   return Object.fromEntries(Object.entries({ mode, mapping, method, level, gain, height_mm }).filter(([, value]) => value !== "" && value !== undefined));
 }
 
-/** One second of a stream. */
+/** Load one second of a stream. */
 export async function sections(stream, take, second, signal) {
   const answer = await fetch(`/frames/${stream}/${second}?take=${encodeURIComponent(take)}`, { signal });
   if (!answer.ok) throw new Error((await answer.text()).trim());
