@@ -32,7 +32,7 @@ def test_while_something_sounds_only_the_holder_gives_it_away(control):
     sounding[0] = True
     assert not control.take(2)
     control.check(1)
-    with pytest.raises(DeviceStateError, match="this page only looks on"):
+    with pytest.raises(DeviceStateError, match="this page may only watch"):
         control.give(2, to=2)
     control.give(1, to=2)
     control.check(2)
@@ -43,14 +43,14 @@ def test_the_holder_may_keep_it(control):
     sounding[0] = True
     control.take(2)
     control.refuse(1)
-    with pytest.raises(DeviceStateError, match="asks for it"):
+    with pytest.raises(DeviceStateError, match="requests it"):
         control.give(1, to=2)
 
 
 def test_nobody_has_control_after_its_page_went_until_somebody_takes_it(control):
     control, sounding = control
     assert control.leave(1)
-    with pytest.raises(DeviceStateError, match="nobody has control"):
+    with pytest.raises(DeviceStateError, match="no page has control"):
         control.check(2)
     sounding[0] = True
     assert control.take(2)

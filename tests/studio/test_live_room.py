@@ -49,10 +49,10 @@ def ask(socket, order, **given):
     ("order", "given", "words"),
     [
         ("begin", {"admission": 1}, "just checked"),
-        ("turn", {"share": 0.5}, "begin first"),
+        ("turn", {"share": 0.5}, "start it first"),
         ("turn", {"share": 1.5}, "less than or equal to 1"),
         ("turn", {"share": 0}, "greater than 0"),
-        ("keep", {}, "begin first"),
+        ("keep", {}, "start live touch first"),
         ("keep", {"seconds": 61}, "less than or equal to 60"),
         ("check", {"sensor": "virtual:towel", "delay_ms": 1}, "greater than or equal to 2"),
         ("check", {"sensor": "/etc/passwd"}, "match pattern"),
@@ -69,7 +69,7 @@ def test_a_page_that_looks_on_sees_it_and_can_change_nothing(client, studio):
     with page(client) as _, page(client) as second:
         assert ask(second, "sight", shown=True)["ok"]
         for order, given in (("begin", {"admission": 1}), ("turn", {"share": 0.5}), ("keep", {}), ("end", {})):
-            assert "only looks on" in ask(second, order, **given)["error"]
+            assert "may only watch" in ask(second, order, **given)["error"]
         assert ask(second, "sight", shown=False)["ok"]
     assert studio.live.feed.waiting == 0
 
@@ -99,7 +99,7 @@ def test_a_page_that_hides_cannot_begin(client, studio):
     studio.live._checked = {3: _wish()}
     with page(client) as socket:
         socket.send_text(json.dumps({"alive": False}))
-        assert "in sight" in ask(socket, "begin", admission=3)["error"]
+        assert "to be visible" in ask(socket, "begin", admission=3)["error"]
     assert not studio.playing.permit.armed
 
 

@@ -8,7 +8,7 @@ from midair.study.design import MaskingNoise
 def test_without_a_sound_output_nothing_is_presented_that_wants_noise():
     """A participant who hears the array is not blind."""
     noise = NoiseProcess()
-    with pytest.raises(DeviceError, match="they are not"), noise.over(True):
+    with pytest.raises(DeviceError, match="expected an open sound output"), noise.over(True):
         raise AssertionError("presented without noise")
     assert noise.take(None, "") == ""
     ran = []

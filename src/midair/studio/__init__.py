@@ -1,4 +1,4 @@
-"""The studio: what the command line does, to be seen and touched in the browser. Needs the extra `studio`."""
+"""The studio: a web application that records, solves, plays and compares takes (extra `studio`)."""
 
 from midair.studio.application import Studio, StudioPlan
 from midair.studio.server import open_studio

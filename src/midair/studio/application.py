@@ -1,4 +1,4 @@
-"""The studio as a web application: its pages, its files, one socket."""
+"""The studio as an ASGI application: pages, files and one WebSocket."""
 
 import asyncio
 import contextlib
@@ -44,40 +44,32 @@ from midair.view import TABLES, WEB, colour_table
 
 OWN = Path(__file__).parent / "web"
 AFTER = 0.5
-"""Seconds from the first page on until the array is opened: its picture comes first."""
+"""Delay in s between the first page and the opening of the array, so that the first picture comes first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudioPlan:
-    """What a studio is opened with.
-
-    Attributes
-    ----------
-    folder : Path
-        The one folder that it reads and writes.
-    device, sensor : str
-        Names of array and sensor; both virtual where nobody named others.
-    seed : int
-        Of the virtual rig.
-    """
+    """Folder and devices of a studio."""
 
     folder: Path
+    """The only folder that the studio reads and writes."""
     device: str = "virtual"
+    """Name of the array."""
     sensor: str = "virtual:towel"
+    """Name of the sensor."""
     seed: int = 0
+    """Random seed of the virtual rig."""
 
 
 class Studio:
-    """Everything that lives as long as the server does.
+    """The panels, job queues and state that live as long as the server.
 
     Parameters
     ----------
-    plan : StudioPlan
-        What to open.
     samples : Path
-        A folder for this session alone.
+        Folder of this session for the samples and the files made from them.
     port : int
-        On which it will be reached.
+        Port of the server.
     """
 
     def __init__(self, plan: StudioPlan, samples: Path, port: int) -> None:
@@ -118,22 +110,22 @@ class Studio:
 
     @property
     def origins(self) -> tuple[str, ...]:
-        """Pages of this studio."""
+        """Origins (scheme, host, port) of the studio's own pages."""
         return tuple(f"http://{name}:{self.keys.port}" for name in ("127.0.0.1", "localhost", "[::1]"))
 
     def later(self, act: Callable[..., Any], *values: Any) -> None:
-        """Have something done on the event loop, from any thread."""
+        """Run `act(*values)` on the event loop; may be called from any thread."""
         if self.loop is not None and not self.loop.is_closed():
             self.loop.call_soon_threadsafe(act, *values)
 
     @asynccontextmanager
     async def running(self, _: Starlette) -> AsyncGenerator[None]:
-        """Processes are started as the server is, and ended with it."""
+        """Start the worker processes with the server and end them with it."""
         self.loop = asyncio.get_running_loop()
         self.reading.start()
-        # Takes a moment to load, while the browser opens.
+        # Loading takes a moment; meanwhile the browser opens.
         tables = asyncio.gather(*(asyncio.to_thread(colour_table, name) for name in TABLES))
-        # The first one is shown, and solved, while the others are made.
+        # The first sample is shown and solved while the others are computed.
         for thing in ("towel", "brush", "sponge"):
             order = (str(self.takes.samples), thing)
             self.reading.add(f"sample {thing}", make_sample, order, ended=lambda _: self.later(self._sampled))
@@ -149,7 +141,7 @@ class Studio:
             self.reading.close()
 
     def application(self) -> RequestGuard:
-        """The ASGI application, guarded."""
+        """Return the ASGI application behind the request guard."""
         routes = [
             Route("/", self._index),
             Route("/favicon.ico", self._icon),
@@ -164,7 +156,7 @@ class Studio:
         return RequestGuard(app, self.keys, stop_port=self.playing.port)
 
     def _begin(self) -> None:
-        """Somebody looks: the array is opened, after the picture that is seen first."""
+        """Open the array after the first page has loaded, once per session."""
         if self.loop is not None and not self._began:
             self._began = True
             self.loop.call_later(AFTER, self.playing.start, self.origins)
@@ -199,12 +191,12 @@ class Studio:
         name = request.path_params["name"]
         if name not in TABLES:
             return PlainTextResponse("not there\n", 404)
-        # The first one takes a second to load, and "alive" must not wait for it.
+        # The first table takes a second to load; "alive" messages must not wait for it.
         table = await asyncio.to_thread(colour_table, name)
         return Response(table.tobytes(), media_type="application/octet-stream")
 
     async def _frames(self, request: Request) -> Response:
-        """A second of a stream of a take, as sections."""
+        """One second of a stream of a take, as sections."""
         stream, second = request.path_params["stream"], request.path_params["second"]
         take = request.query_params.get("take", "")
         if stream not in ("samples", "wanted", "played", "phases", "original", "again"):
@@ -225,7 +217,7 @@ class Studio:
         return Response(self._kept[key], media_type="application/octet-stream")
 
     async def _file(self, request: Request) -> Response:
-        """A file of the folder; a report as a page that can do nothing."""
+        """A file of the folder; a report is served in a sandbox."""
         name = request.path_params["name"]
         try:
             if name.startswith("sample:"):
@@ -245,7 +237,7 @@ class Studio:
         return FileResponse(path, media_type="application/octet-stream", headers=disposition)
 
     async def _upload(self, request: Request) -> Response:
-        """A recording that somebody drops on the page."""
+        """Store a recording that was dropped on the page."""
         name = unquote(request.headers.get("x-name", ""))
         try:
             page = int(request.headers.get("x-page", "0"))
@@ -257,7 +249,7 @@ class Studio:
         return JSONResponse({"ok": path.name})
 
     async def _socket(self, socket: WebSocket) -> None:
-        """One page, until it goes."""
+        """Serve one page until it disconnects."""
         await socket.accept()
         page = self.desk.enter(socket)
         self._begin()
@@ -268,7 +260,7 @@ class Studio:
                 text = await socket.receive_text()
                 if len(text) > LARGEST_ORDER:
                     break
-                # An order may take as long as a drive plays; "alive" must not wait for it.
+                # A request may take as long as a drive plays; "alive" messages must not wait for it.
                 task = asyncio.create_task(self.desk.hear(page, text))
                 orders.add(task)
                 task.add_done_callback(orders.discard)
@@ -284,11 +276,11 @@ class Studio:
 
 
 def _nobody(_: StudioJob) -> None:
-    """Reading is quick, and shows by what it gives."""
+    """Ignore changes of quick jobs; only their results are shown."""
 
 
 async def _send(page: Page) -> None:
-    """State, in its order."""
+    """Send the queued state messages in order."""
     with contextlib.suppress(Exception):
         while True:
             await page.wire.send_text(await page.waiting.get())

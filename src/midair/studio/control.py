@@ -1,4 +1,4 @@
-"""One controller: of all pages that look at a studio, one may change things; every one may stop."""
+"""Control of the studio: one page may change things, every page may press STOP."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,27 +8,20 @@ from midair.errors import DeviceStateError
 
 @dataclass(slots=True, kw_only=True)
 class Control:
-    """Which page has control, and which one asks for it.
-
-    Attributes
-    ----------
-    sounding : callable
-        Whether something sounds now: control then changes hands by consent only.
-    holder, asking : int
-        Numbers of pages; 0 for none.
-    """
+    """Numbers of the page that has control and of the page that requests it; 0 for none."""
 
     sounding: Callable[[], bool]
+    """True while something plays; control then changes only with consent of its holder."""
     holder: int = 0
     asking: int = 0
 
     def enter(self, page: int) -> None:
-        """A page came: the first one has control."""
+        """Give control to a new page if no page has it."""
         if not self.holder:
             self.holder = page
 
     def leave(self, page: int) -> bool:
-        """A page went; whether it had control, which nobody has then until somebody takes it."""
+        """Remove a page; True if it had control, which is then free."""
         if self.asking == page:
             self.asking = 0
         if self.holder != page:
@@ -39,11 +32,11 @@ class Control:
     def check(self, page: int) -> None:
         """Raise DeviceStateError unless a page has control."""
         if self.holder != page:
-            who = "another page has control" if self.holder else "nobody has control"
-            raise DeviceStateError(f"this page only looks on: {who}; take control first")
+            who = "another page has control" if self.holder else "no page has control"
+            raise DeviceStateError(f"this page may only watch: {who}; take control first")
 
     def take(self, page: int) -> bool:
-        """A page wants control; whether it has it now. While something sounds, the holder is asked."""
+        """Give control to a page and return True, or ask the holder first while something plays."""
         if self.holder == page:
             return True
         if self.holder and self.sounding():
@@ -53,19 +46,13 @@ class Control:
         return True
 
     def give(self, page: int, *, to: int) -> None:
-        """The holder consents.
-
-        Raises
-        ------
-        DeviceStateError
-            If this page has no control to give, or that one does not ask for it any more.
-        """
+        """Hand control to the page that requested it; DeviceStateError if it no longer requests it."""
         self.check(page)
         if to != self.asking or not to:
-            raise DeviceStateError("control: expected a page that asks for it, got none")
+            raise DeviceStateError("control: expected a page that requests it, got none")
         self.holder, self.asking = to, 0
 
     def refuse(self, page: int) -> None:
-        """The holder keeps it."""
+        """Keep control and drop the request."""
         self.check(page)
         self.asking = 0

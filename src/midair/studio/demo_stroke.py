@@ -1,7 +1,6 @@
-"""The stroke that a page shows first, kept with the program: nothing has to be simulated before there is a picture.
+"""The stroke that a page shows before the samples are computed, stored with the program.
 
-It is the beginning of the sample that the studio makes meanwhile, frame by frame the same. ``python -m
-midair.studio.demo_stroke`` makes the file anew.
+It is the beginning of a sample, with identical frames. ``python -m midair.studio.demo_stroke`` computes the file again.
 """
 
 import json
@@ -17,27 +16,21 @@ from midair.files import whole_file
 KEPT = Path(__file__).parent / "first-stroke.xz"
 
 FIRST = "towel"
-"""The sample that it is of."""
+"""Name of the sample that the stroke is taken from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoStroke:
-    """What a page asks of a take, answered before the take is there.
-
-    Attributes
-    ----------
-    facts : mapping
-        As `scenes.facts` tells them.
-    streams : mapping of (str, int) to bytes
-        Sections of the samples and of what is wanted, by stream and second.
-    """
+    """Facts and frames of the stroke, as a page requests them."""
 
     facts: Mapping[str, Any]
+    """As returned by `take_data.facts`."""
     streams: Mapping[tuple[str, int], bytes]
+    """Packed sections by name of the stream ("samples", "wanted") and second."""
 
     @classmethod
     def load(cls, path: Path = KEPT) -> Self:
-        """The one that is kept with the program."""
+        """Load the stroke that is stored with the program."""
         head, _, rest = lzma.decompress(path.read_bytes()).partition(b"\n")
         said, at = json.loads(head), 0
         streams: dict[tuple[str, int], bytes] = {}
@@ -47,7 +40,7 @@ class DemoStroke:
         return cls(facts=said["facts"], streams=streams)
 
     def save(self, path: Path = KEPT) -> None:
-        """Keep it."""
+        """Write the stroke as a compressed file."""
         sizes = [[stream, second, len(data)] for (stream, second), data in self.streams.items()]
         head = json.dumps({"facts": self.facts, "streams": sizes}).encode()
         with whole_file(path) as partial:
@@ -55,13 +48,13 @@ class DemoStroke:
 
 
 def demo_stroke() -> DemoStroke:
-    """Record the sample, and keep what a page asks of it; what is wanted in 8 bits, since it is soon replaced."""
+    """Record the sample; its target has only 8 bits, since the page replaces it soon."""
     from midair.studio.take_data import TakeData, facts, frames_of
     from midair.studio.work import make_sample
     from midair.view import counted, pack, unpack
 
     with tempfile.TemporaryDirectory() as folder:
-        make_sample((folder, FIRST), _untold)
+        make_sample((folder, FIRST), _no_progress)
         scene = TakeData(take=str(Path(folder) / f"{FIRST}.h5"))
         about = facts(scene)
         streams: dict[tuple[str, int], bytes] = {}
@@ -75,8 +68,8 @@ def demo_stroke() -> DemoStroke:
     return DemoStroke(facts=about, streams=streams)
 
 
-def _untold(stage: str, done: int, total: int) -> None:
-    """Nobody looks on."""
+def _no_progress(stage: str, done: int, total: int) -> None:
+    """Ignore the progress."""
 
 
 if __name__ == "__main__":

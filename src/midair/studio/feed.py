@@ -1,7 +1,7 @@
-"""Frames on their way to the pages: as they come, and never more under way than a page draws.
+"""Frames of a sensor for the pages, with flow control.
 
-A page gives back the number of messages that it drew; where it falls behind, its frames wait and are joined, so that a
-slow page is late and never ever later.
+A page returns credit for each message that it drew. Frames for a slow page wait and are joined into one message, so
+that its delay does not grow.
 """
 
 import asyncio
@@ -17,20 +17,14 @@ from midair.studio.studio_state import Page
 from midair.view import Kind, counted, pack
 
 LOOK = 0.05
-"""Seconds after which is looked whether a page that was behind has room again, where nothing comes any more."""
+"""Seconds between two checks for new credit while no frames arrive."""
 
 KEPT = 60.0
-"""Seconds of frames that wait for a page that is behind; the oldest are left out then, which it sees as a gap."""
+"""Seconds of frames that wait for a slow page; older ones are dropped, and the page shows a gap."""
 
 
 class Feed:
-    """Blocks of samples in, messages out.
-
-    Parameters
-    ----------
-    pages : callable
-        Gives the pages that look on now.
-    """
+    """Sends blocks of samples as binary messages to the pages that `pages()` returns."""
 
     def __init__(self, pages: Callable[[], Iterable[Page]]) -> None:
         self._pages = pages
@@ -44,7 +38,7 @@ class Feed:
         self._run = 0
 
     def start(self, rate: float) -> None:
-        """Frames of this rate will come, from 0 on."""
+        """Start at frame 0 with this rate in Hz."""
         self._rate = rate
         self._blocks.clear()
         self._sent.clear()
@@ -53,7 +47,7 @@ class Feed:
             self._task = asyncio.ensure_future(self._go())
 
     def add(self, first: int, rows: NDArray[np.float32]) -> None:
-        """Frames that were taken just now; a first one before the last is a sensor that was started anew."""
+        """Append new frames; a number below the last one means that the sensor was restarted."""
         if first < self._end:
             self._blocks.clear()
             self._sent.clear()
@@ -64,19 +58,18 @@ class Feed:
             self._blocks.popleft()
 
     def leave(self, page: Page) -> None:
-        """A page is gone."""
+        """Forget a page that has gone."""
         self._sent.pop(page.number, None)
         self._numbers.pop(page.number, None)
 
     def close(self) -> None:
-        """Send no more."""
+        """Stop sending."""
         if self._task is not None:
             self._task.cancel()
             self._task = None
 
     async def _go(self) -> None:
-        # The sensor's process gives 120 blocks a second. A clock of our own would beat against them, and against the
-        # page's pictures.
+        # The sensor process sends 120 blocks/s. A second clock would beat against them and the page's frame rate.
         while True:
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._fresh.wait(), LOOK)
@@ -86,7 +79,7 @@ class Feed:
                     await self._send(page)
 
     async def _send(self, page: Page) -> None:
-        """What this page has not got yet, as one message, if it has credit."""
+        """Send the page's missing frames as one message, if it has credit."""
         if page.credit <= 0 or not self._blocks:
             return
         begin = self._sent.get(page.number, max(0, self._end - round(0.1 * self._rate)))
@@ -100,7 +93,7 @@ class Feed:
             if first < 0:
                 first = max(start, begin)
             elif start != first + sum(map(len, parts)):
-                break  # lost frames: the rest goes with the next message, whose number tells the gap
+                break  # lost frames: the rest is sent with the next message, whose frame number shows the gap
             parts.append(rows[max(0, first - start) :] if not parts else rows)
         if not parts:
             return

@@ -1,4 +1,4 @@
-"""A job whose result somebody waits for on the event loop."""
+"""Await the result of a job on the event loop."""
 
 import asyncio
 from contextlib import suppress
@@ -9,10 +9,7 @@ from midair.studio.jobs import Jobs, StudioJob, Work
 
 
 async def result_of(jobs: Jobs, title: str, work: Work, order: Any, *, first: bool = True) -> Any:
-    """What a job gives; InputError with what was in its way.
-
-    It goes before what waits already: somebody looks at an empty picture meanwhile.
-    """
+    """Add a job before the waiting ones and return its result; InputError with its message if it fails."""
     loop = asyncio.get_running_loop()
     done: asyncio.Future[Any] = loop.create_future()
 
@@ -25,7 +22,7 @@ async def result_of(jobs: Jobs, title: str, work: Work, order: Any, *, first: bo
             done.set_exception(InputError(job.error or f"{title}: {job.state}"))
 
     def ended(job: StudioJob) -> None:
-        # The studio may have ended meanwhile.
+        # The event loop may be closed by now.
         with suppress(RuntimeError):
             loop.call_soon_threadsafe(settle, job)
 

@@ -1,4 +1,4 @@
-"""Long work in a process of its own: one job after the other, with a bar, the time left, and an end at any moment."""
+"""A job queue with one worker process: progress, remaining time and cancellation at any moment."""
 
 import contextlib
 import itertools
@@ -17,48 +17,35 @@ from midair.errors import MidairError
 JobState = Literal["waits", "runs", "done", "failed", "cancelled"]
 
 Progressed = Callable[[str, int, int], None]
-"""Called with what is being done, how much of it is, and how much there is."""
+"""Called with the name of the current stage, the steps done, and the number of steps."""
 
 Work = Callable[[Any, Progressed], Any]
-"""What a worker does: takes an order and where to tell how far it is, and gives its result. A function of a module."""
+"""A module-level function that takes the input of a job and a `Progressed` callback, and returns the result."""
 
 
 @dataclass(slots=True, kw_only=True)
 class StudioJob:
-    """A piece of work, as it stands.
-
-    Attributes
-    ----------
-    number : int
-        From 1 on.
-    title : str
-        What it does, for people.
-    room : str
-        That ordered it.
-    state : {"waits", "runs", "done", "failed", "cancelled"}
-    stage, done, total
-        How far it is.
-    error : str
-        What was in its way.
-    result : Any
-        What came of it.
-    """
+    """State of one job."""
 
     number: int
+    """Counts from 1."""
     title: str
+    """Description that the page shows."""
     room: str
+    """Name of the panel that added the job."""
     state: JobState = "waits"
     stage: str = ""
     done: int = 0
     total: int = 0
     error: str = ""
+    """Message, if it failed."""
     result: Any = None
     began: float = 0.0
     stage_began: float = 0.0
     ended: Callable[["StudioJob"], None] = field(default=lambda _: None, repr=False)
 
     def told(self, now: float) -> dict[str, Any]:
-        """For the page: also the frames a second and the time left, once both are known."""
+        """Return the state for the page, with rate (steps/s) and remaining time in s once they are known."""
         spent = now - self.stage_began
         rate = self.done / spent if self.state == "runs" and self.done and spent > 0.2 else 0.0
         left = (self.total - self.done) / rate if rate else None
@@ -77,16 +64,9 @@ class StudioJob:
 
 
 class Jobs:
-    """A queue of jobs for one worker process, which is started when there is something to do, and again if it dies.
+    """A queue of jobs for one worker process, which starts on demand and restarts if it dies.
 
-    Parameters
-    ----------
-    changed : callable
-        Called, from a thread of this queue, when something is to be shown.
-    name : str
-        Of the process.
-    warm : callable, optional
-        What the process does first of all, such as loading what it will need.
+    `changed` is called from a thread of the queue whenever a job changes; `warm` runs first in the worker process.
     """
 
     def __init__(
@@ -102,7 +82,7 @@ class Jobs:
         self._closed = False
 
     def start(self) -> None:
-        """Have the process there before there is something to do."""
+        """Start the worker process before the first job."""
         with self._lock:
             self._ready()
 
@@ -116,7 +96,7 @@ class Jobs:
         ended: Callable[[StudioJob], None] = lambda _: None,
         first: bool = False,
     ) -> StudioJob:
-        """Put a job into the queue, at its end or at its head."""
+        """Add a job at the end of the queue, or before the waiting ones if `first`."""
         with self._lock:
             job = StudioJob(number=next(self._numbers), title=title, room=room, ended=ended)
             self._waiting.insert(0 if first else len(self._waiting), (job, work, order))
@@ -125,12 +105,12 @@ class Jobs:
         return job
 
     def unfinished(self) -> list[StudioJob]:
-        """What runs and what waits, in this order."""
+        """Return the running job, then the waiting ones."""
         with self._lock:
             return [*([self._running] if self._running is not None else []), *(entry[0] for entry in self._waiting)]
 
     def cancel(self, number: int) -> bool:
-        """End a job, waiting or running; whether there was one. What it had begun to write is not left half-written."""
+        """Cancel a waiting or running job; False if there is none with this number. No file is left half written."""
         with self._lock:
             for entry in self._waiting:
                 if entry[0].number == number:
@@ -140,14 +120,14 @@ class Jobs:
             if self._running is None or self._running.number != number:
                 return False
             job, self._running = self._running, None
-            # A solver does not look up from its work: its process ends, and the next job gets a new one.
+            # A solver cannot be interrupted: its process ends, and the next job gets a new one.
             self._drop()
             self._end(job, "cancelled")
             self._next()
             return True
 
     def close(self) -> None:
-        """End the process and everything that waits for it."""
+        """End the process and drop all jobs."""
         with self._lock:
             self._closed = True
             self._waiting.clear()
@@ -156,7 +136,7 @@ class Jobs:
 
     @property
     def process(self) -> int:
-        """Number of the worker process; 0 where there is none."""
+        """Process ID of the worker; 0 if there is none."""
         return self._process.pid if self._process is not None else 0
 
     def _ready(self) -> Connection:
@@ -173,7 +153,7 @@ class Jobs:
         return self._pipe
 
     def _next(self) -> None:
-        """Hand over the next job, under the lock."""
+        """Start the next job; the lock must be held."""
         if self._running is not None or not self._waiting or self._closed:
             return
         job, work, order = self._waiting.pop(0)
@@ -184,7 +164,7 @@ class Jobs:
         pipe.send((job.number, work, order))
 
     def _listen(self, pipe: Connection) -> None:
-        """Take what the worker says, until it is gone."""
+        """Handle messages of the worker until it ends."""
         while True:
             try:
                 number, kind, value = pipe.recv()
@@ -210,13 +190,13 @@ class Jobs:
                 self._next()
 
     def _lost(self, pipe: Connection) -> None:
-        """The worker died: its job failed, the next one gets a new process."""
+        """Mark the job of a dead worker as failed, and start the next job in a new process."""
         with self._lock:
             if pipe is not self._pipe or self._closed:
                 return
             self._pipe, job, self._running = None, self._running, None
             if job is not None:
-                job.error = "the process that did it ended; there may be too little memory for it"
+                job.error = "the worker process ended unexpectedly; there may be too little memory"
                 self._end(job, "failed")
             self._next()
 
@@ -239,8 +219,8 @@ class Jobs:
 
 
 def serve_jobs(pipe: Connection, warm: Callable[[], None] | None) -> None:
-    """What runs in a worker process: one order after the other, until nobody sends any."""
-    # Ctrl-C in the terminal is for the studio, which ends this process.
+    """Main loop of the worker process: run one job after the other until the pipe is closed."""
+    # Ctrl-C in the terminal reaches the studio, which then ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(AttributeError, OSError):
         os.nice(5)
@@ -255,7 +235,7 @@ def serve_jobs(pipe: Connection, warm: Callable[[], None] | None) -> None:
 
         def progress(stage: str, done: int, total: int, number: int = number, last: list[float] = last) -> None:
             now = time.monotonic()
-            # A page shows ten steps a second at most.
+            # The page shows at most ten updates per second.
             if now - last[0] > 0.1 or done >= total:
                 last[0] = now
                 pipe.send((number, "progress", (stage, done, total)))

@@ -1,7 +1,7 @@
-"""Sections on their way to the pages as they come, never more under way than a page draws.
+"""Packed sections of live touch for the pages, with flow control.
 
-A page gives back the number of messages that it drew; where it falls behind, its sections wait and go as one message,
-so that a slow page is late and never ever later, and no page waits for another.
+A page returns credit for each message that it drew. Sections for a slow page wait and are joined into one message, so
+that its delay does not grow and no page waits for another.
 """
 
 import asyncio
@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from midair.studio.studio_state import Page
 
 KEPT = 60.0
-"""Seconds of sections that wait for a page that is behind; the oldest are left out then, which it sees as a gap."""
+"""Seconds of sections that wait for a slow page; older ones are dropped, and the page shows a gap."""
 
 
 @dataclass(slots=True, eq=False)
@@ -26,7 +26,7 @@ class _Looking:
 
 
 class LiveFeed:
-    """Packed sections in, messages out."""
+    """Sends packed sections to the pages."""
 
     def __init__(self) -> None:
         self._blocks: deque[list[bytes]] = deque()
@@ -36,41 +36,41 @@ class LiveFeed:
 
     @property
     def waiting(self) -> int:
-        """Blocks that some page has not got yet."""
+        """Number of blocks that some page has not received yet."""
         return len(self._blocks)
 
     def enter(self, page: Page) -> None:
-        """A page looks on from now on."""
+        """Send to this page from now on."""
         self.leave(page)
         looking = self._looking[page.number] = _Looking(page, self._first + len(self._blocks))
         looking.task = asyncio.ensure_future(self._go(looking))
 
     def leave(self, page: Page) -> None:
-        """A page is gone, or looks elsewhere."""
+        """Stop sending to a page."""
         looking = self._looking.pop(page.number, None)
         if looking is not None and looking.task is not None:
             looking.task.cancel()
         self._forget()
 
     def add(self, sections: list[bytes]) -> None:
-        """Sections that follow those before."""
+        """Append the next sections."""
         self._blocks.append(sections)
         self._forget()
         for looking in self._looking.values():
             looking.fresh.set()
 
     def remind(self, page: Page) -> None:
-        """A page was heard: it may have room for what waits."""
+        """Send waiting sections to a page that may have returned credit."""
         if page.number in self._looking:
             self._looking[page.number].fresh.set()
 
     def close(self) -> None:
-        """Send no more."""
+        """Stop sending."""
         for looking in list(self._looking.values()):
             self.leave(looking.page)
 
     def _forget(self) -> None:
-        """What every page has got, and what is too old."""
+        """Drop the blocks that every page has received and those that are too old."""
         end = self._first + len(self._blocks)
         wanted = max(min((each.next for each in self._looking.values()), default=end), end - self._most)
         while self._first < wanted:
@@ -78,7 +78,7 @@ class LiveFeed:
             self._first += 1
 
     async def _go(self, looking: _Looking) -> None:
-        # A page that hangs up is told to leave by whoever hears of it.
+        # A closed socket is handled where it is read; that code calls `leave`.
         with suppress(Exception):
             while True:
                 await looking.fresh.wait()
@@ -95,6 +95,6 @@ class LiveFeed:
 
 
 def numbered(blocks: list[list[bytes]], number: int) -> bytes:
-    """All sections of some blocks as one message, each with the message's number (bytes 4 to 8 of its header)."""
+    """Join the sections of some blocks, each with the message number in bytes 4 to 8 of its header."""
     told = (number % 2**32).to_bytes(4, "little")
     return b"".join(section[:4] + told + section[8:] for block in blocks for section in block)

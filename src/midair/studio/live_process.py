@@ -1,7 +1,7 @@
-"""The process that looks after live touch for the studio: it starts the loop, reads what it did, remembers it.
+"""The process that supervises live touch for the studio: starts the loop, reads its frames, keeps the last minute.
 
-The loop is a process of its own below this one, so that nothing here can hold it up; without this one it is silent, and
-this one ends with the studio. What the page shows of the sound is worked out here, not in the server.
+The loop is a child process, so that nothing here can delay it; it goes silent when this process ends, and this process
+ends with the studio. The sound field that the page shows is computed here, not in the server.
 """
 
 import os
@@ -43,18 +43,18 @@ from midair.studio.player import exposed
 from midair.view import Kind, Section, counted, finer, pack
 
 EVERY = 1 / 120
-"""Seconds of frames that are handed on at once: two 60 Hz clocks would beat against each other."""
+"""Seconds of frames per message: two 60 Hz clocks would beat against each other."""
 
 PHASES = 15.0
-"""How often the phases of the array are handed on, per second: a page draws no more of them."""
+"""Messages with the phases of the array per second; the page draws no more."""
 
 REMEMBERED = 60.0
-"""Seconds that can be kept as a take afterwards."""
+"""Seconds that can be saved as a take afterwards."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveRequest:
-    """Live touch as somebody wants it; names and units as in `midair.live`."""
+    """Settings of live touch; names and units as in `midair.live`."""
 
     sensor: str
     device: str
@@ -71,7 +71,7 @@ class LiveRequest:
     seed: int = 0
 
     def session(self, permit: Any = None, leave: LeaseToken | None = None) -> LiveSession:
-        """What this means, not yet begun; InputError where it means nothing."""
+        """Create the session without starting it; InputError if a setting is invalid."""
         choices = ExposureChoices(
             profile=profile_named(self.profile or DEFAULT_PROFILE),
             attenuate=self.attenuate,
@@ -95,18 +95,10 @@ class LiveRequest:
 
 
 def run_live(pipe: Connection, permit: PlayLease) -> None:
-    """What runs in the process, until its studio is gone.
-
-    Parameters
-    ----------
-    pipe : Connection
-        Orders come by it; answers, frames and how it goes leave by it.
-    permit : Permit
-        Without whose leave nothing sounds.
-    """
+    """Main function of the process, which ends with its studio; `pipe` carries requests, frames and status."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(AttributeError, OSError):
-        # The loop does not wait for the one who looks on; pages may wait for both.
+        # The loop does not wait for this process; pages may wait for both.
         os.nice(5)
     threading.Thread(target=_end_with_the_studio, args=(permit,), name="studio", daemon=True).start()
     with one_blas_thread():
@@ -119,21 +111,13 @@ def _end_with_the_studio(permit: PlayLease) -> None:
         return
     connection.wait([studio.sentinel])
     permit.stop()
-    # The loop finds that out within a millisecond, and is silent; then the rest ends too, whatever it does.
+    # The loop reads the stop within a millisecond and goes silent; then this process ends, whatever it does.
     time.sleep(1.0)
     os._exit(0)
 
 
 class RecentFrames:
-    """The last minute of a run, for a take that is wanted only afterwards.
-
-    Parameters
-    ----------
-    channels, transducers : int
-        Of a frame.
-    most : int
-        Frames that are kept.
-    """
+    """The last `most` frames of a run, which can be saved as a take afterwards."""
 
     def __init__(self, channels: int, transducers: int, most: int) -> None:
         self._kept = np.dtype(
@@ -149,7 +133,7 @@ class RecentFrames:
         self._blocks: deque[NDArray[Any]] = deque()
 
     def add(self, found: NDArray[Any]) -> None:
-        """Frames of the ring."""
+        """Append frames of the ring."""
         block = np.zeros(len(found), self._kept)
         block["samples"] = found["samples"][:, : self._channels]
         for name in ("phases", "intensity", "flags", "instant"):
@@ -160,35 +144,29 @@ class RecentFrames:
             self.frames -= len(self._blocks.popleft())
 
     def clear(self) -> None:
-        """Frames were missed: what came before them does not go on here."""
+        """Drop all frames: some were missed, and the earlier ones are not contiguous with the next."""
         self._blocks.clear()
         self.frames = 0
 
     def last(self, frames: int) -> "LastMinute":
-        """The last frames, whatever comes after them."""
+        """Return a copy of the last frames."""
         blocks = list(self._blocks)
         return LastMinute(np.concatenate(blocks)[-frames:] if blocks else np.zeros(0, self._kept))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LastMinute:
-    """Frames that were remembered, as a take reads them: all at once."""
+    """Kept frames with the interface that `LiveTake` reads."""
 
     frames: NDArray[Any]
 
     def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
-        """As `TouchRing.since`."""
+        """As `TouchRing.since`; returns all frames at once."""
         return self.frames[seen:], len(self.frames), 0
 
 
 class LiveView:
-    """Frames of the ring as sections for the page.
-
-    Parameters
-    ----------
-    order : LiveOrder
-        What is played.
-    """
+    """Converts frames of the ring to sections for the page."""
 
     def __init__(self, order: LiveSettings) -> None:
         self.array: TransducerArray = (order.placement or Placement.grid()).array()
@@ -198,16 +176,16 @@ class LiveView:
         self._matrix = np.ascontiguousarray(matrix.T, np.complex64)
         self._turns = np.exp(2j * np.pi * np.arange(256) / 256).astype(np.complex64)
         self._strength = amplitude_of(np.arange(256, dtype=np.uint8)).astype(np.float32)
-        # Of the frame before: what was late let it stand on.
+        # Field of the previous frame: the array held it if the next frame was late.
         self._before = np.zeros((1, self.grid.count), np.complex64)
         self._phases_due = 0
 
     def found(self, opened: LoopStarted) -> None:
-        """Know the sensor, once it is open."""
+        """Set rate and number of channels once the sensor is open."""
         self._rate, self._channels = opened.rate, opened.sensor.count
 
     def about(self) -> dict[str, Any]:
-        """What the page has to know to draw the sections."""
+        """Return the geometry that the page needs to draw the sections."""
         fine = finer(self.grid, self.array, acoustics=self._acoustics)
         return {
             "grid_rows": self.grid.rows,
@@ -221,7 +199,7 @@ class LiveView:
         }
 
     def sections(self, found: NDArray[Any]) -> list[Section]:
-        """What was felt, in Pa, and the sound made of it, frame by frame; now and then the phases that made it."""
+        """Return pressure (Pa) and sound field of the frames; 15 times per second also the phases."""
         first = int(found["number"][0])
         pressure = found["pressure"][:, : self._channels]
         made = [
@@ -238,7 +216,7 @@ class LiveView:
         return made
 
     def sound(self, found: NDArray[Any]) -> NDArray[np.complex64]:
-        """Complex pressure at the control points, shape (frame, point), in Pa; of a late frame, that before it."""
+        """Complex sound pressure in Pa at the control points, shape (frame, point); a late frame repeats the last."""
         q = self._turns[found["phases"]] * self._strength[found["intensity"]][:, None]
         field = np.asarray(q @ self._matrix, np.complex64)
         for frame in np.flatnonzero(found["flags"] & (LATE | HELD)):
@@ -248,7 +226,7 @@ class LiveView:
 
 
 class _LiveWatch:
-    """Serves the studio's orders, and one run of live touch at a time."""
+    """Serves the requests of the studio, and one run of live touch at a time."""
 
     def __init__(self, pipe: Connection, permit: PlayLease) -> None:
         self._pipe, self._permit = pipe, permit
@@ -258,7 +236,7 @@ class _LiveWatch:
         self._past: tuple[LiveSettings, LoopStarted, RecentFrames] | None = None
 
     def serve(self) -> None:
-        """One order after the other."""
+        """Handle one request after the other."""
         while True:
             try:
                 order: dict[str, Any] = self._pipe.recv()
@@ -276,20 +254,20 @@ class _LiveWatch:
                 case "keep":
                     self._keep(order)
                 case _:
-                    pass  # to end what has ended
+                    pass  # the run to be ended is over already
         except MidairError as wrong:
             self._tell("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
-        except Exception as wrong:  # noqa: BLE001  # the process stays, whatever an order does
+        except Exception as wrong:  # noqa: BLE001  # a failed request must not end the process
             said = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
             self._tell("wrong", id=order["id"], error=said, of="unforeseen")
 
     def _check(self, wish: LiveRequest) -> dict[str, Any]:
-        """What the worst of the level would expose people to; a number by which it may be begun."""
+        """Return the worst-case exposure of the level, with a number by which the run may be started."""
         order = wish.session().order
         try:
             admission = live_clearance(order)
         except ExposureError as wrong:
-            # The page shows by how much, and what can be done about it.
+            # The page shows the excess and the possible remedies.
             array = (order.placement or Placement.grid()).array()
             profile = order.exposure.profile
             airs = airs_of_room(order.exposure.room, profile.places, array)
@@ -307,13 +285,13 @@ class _LiveWatch:
         }
 
     def _begin(self, order: Mapping[str, Any]) -> None:
-        """Play by a leave until it ends, for whatever reason; answered as soon as it plays."""
+        """Play with a lease token until the run ends; the answer is sent as soon as it plays."""
         wish = self._checked.pop(order["admission"], None)
         if wish is None:
-            raise DeviceStateError("live: expected a level that was just checked; check its exposure again")
+            raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         self._past = None
         session = wish.session(self._permit, order["leave"])
-        # Before the first frame: those that came meanwhile would come all at once.
+        # Created before the first frame: otherwise frames of that time would arrive all at once.
         sight = LiveView(session.order)
         about = sight.about()
         error = ""
@@ -330,7 +308,7 @@ class _LiveWatch:
             if order:
                 raise
             error = str(wrong)
-        # What the loop wrote last, before it was silent.
+        # Last frames that the loop wrote before it went silent.
         if self._past is not None:
             self._hand_on(session, sight, self._past[2])
         self._tell("ended", error=error, goes=_goes(session))
@@ -351,7 +329,7 @@ class _LiveWatch:
                 self._do(order)
 
     def _hand_on(self, session: LiveSession, sight: LiveView, kept: RecentFrames) -> NDArray[Any]:
-        """Frames that are new, shown and remembered."""
+        """Send new frames to the page and keep them."""
         found, self._seen, missed = session.since(self._seen)
         if missed:
             kept.clear()
@@ -361,9 +339,9 @@ class _LiveWatch:
         return found
 
     def _keep(self, order: Mapping[str, Any]) -> None:
-        """The last seconds as a take, written while it plays on."""
+        """Save the last seconds as a take while the run goes on."""
         if self._past is None or not self._past[2].frames:
-            raise InputError("keep: expected something that was felt, nothing was yet; begin first")
+            raise InputError("keep: expected recorded frames, there are none yet; start live touch first")
         known, opened, kept = self._past
         moment = kept.last(round(order["seconds"] * opened.rate))
 
@@ -411,7 +389,7 @@ def _found(session: LiveSession) -> dict[str, Any]:
 
 
 def _goes(session: LiveSession) -> dict[str, Any]:
-    """How it goes, for the page: the hold as what was worked in it and what was waited."""
+    """Return the statistics for the page; the hold time is split into work and waiting."""
     try:
         told = session.statistics.plain()
     except DeviceStateError:

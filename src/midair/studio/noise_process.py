@@ -1,4 +1,4 @@
-"""White noise in the headphones of a participant while the player presents, so that nobody hears the array."""
+"""White noise in the participant's headphones during a presentation, which masks the sound of the array."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -8,26 +8,13 @@ from midair.errors import DeviceError
 
 
 class NoiseProcess:
-    """The sound output of a session, held by the player's process."""
+    """Sound output of a session, held by the player process."""
 
     def __init__(self) -> None:
         self._held: Any = None
 
     def take(self, noise: Any, device: str) -> str:
-        """Hold an output for noise from now on, or none; what it gives, in words.
-
-        Parameters
-        ----------
-        noise : MaskingNoise or None
-            Of the plan.
-        device : str
-            Name of the sound output.
-
-        Raises
-        ------
-        DeviceError, MissingExtraError
-            If there is no such output.
-        """
+        """Open the named output for the noise of a plan, or close it if there is none; returns a description."""
         self.close()
         if noise is None:
             return ""
@@ -39,25 +26,19 @@ class NoiseProcess:
         return noise.said
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the output."""
         held, self._held = self._held, None
         if held is not None:
             held.__exit__(None, None, None)
 
     @contextmanager
     def over(self, wanted: bool) -> Generator[None]:
-        """Noise while something is presented, where it is wanted.
-
-        Raises
-        ------
-        DeviceError
-            If it is wanted, and the output is gone.
-        """
+        """Play noise within the block if `wanted`; DeviceError if the output is not open."""
         if not wanted:
             yield
             return
         if self._held is None:
-            raise DeviceError("headphones: expected them to be open, they are not; leave the session and go on with it")
+            raise DeviceError("headphones: expected an open sound output, got none; leave the session and resume it")
         self._held.on()
         try:
             yield

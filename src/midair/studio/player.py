@@ -1,7 +1,7 @@
-"""The player: a process that alone has the array, and lets nothing sound without the permit.
+"""The player: the only process that opens the array; it plays nothing without a valid lease.
 
-It looks at the permit before every frame or switch of banks and, by a thread, two hundred times a second in between. It
-has a port of its own for STOP. When the studio is gone it silences and ends.
+It checks the lease before every frame or bank switch, and from a thread 200 times per second in between. It has its own
+port for STOP. When the studio process ends, it silences the array and ends too.
 """
 
 import os
@@ -21,46 +21,25 @@ from midair.studio.noise_process import NoiseProcess
 from midair.studio.stop_port import StopPort
 
 TRIALS = 32
-"""Drives of a session that stay admitted, so that each is presented as soon as the others."""
+"""Checked drives of a session that are kept, so that later trials start as quickly as the first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayerPlan:
-    """What a player is started with.
-
-    Attributes
-    ----------
-    device : str
-        Name of the array, as in ``midair play --device``.
-    seed : int
-        Of a virtual rig.
-    token : str
-        Word for the stop port.
-    origins : tuple of str
-        Pages that may use it.
-    """
+    """Settings of the player process."""
 
     device: str = "virtual"
+    """Name of the array, as in ``midair play --device``."""
     seed: int = 0
     token: str = ""
+    """Secret for the stop port."""
     origins: tuple[str, ...] = ()
+    """Origins of the pages that may use the stop port."""
 
 
 def run_player(pipe: Connection, permit: Any, listening: socket.socket, plan: PlayerPlan) -> None:
-    """What runs in the player's process, until its studio is gone.
-
-    Parameters
-    ----------
-    pipe : Connection
-        Orders come by it, answers go by it.
-    permit : Permit
-        Without whose leave nothing sounds.
-    listening : socket
-        For STOP.
-    plan : PlayerPlan
-        The devices.
-    """
-    # Ctrl-C in the terminal ends the studio, whose end ends this.
+    """Main function of the player process, which ends with its studio."""
+    # Ctrl-C in the terminal ends the studio, and this process with it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     player = _Player(pipe, permit, plan)
     port = StopPort(listening, plan.token, plan.origins, player.stop)
@@ -82,7 +61,7 @@ class _Player:
     emits: bool = False
 
     def serve(self) -> None:
-        """One order after the other."""
+        """Handle one request after the other."""
         from midair.errors import LinkLostError, MidairError
 
         self._tell("ready", process=os.getpid())
@@ -106,7 +85,7 @@ class _Player:
                         case "quiet":
                             self._tell("answer", id=order["id"], value=self._quiet(order))
                         case "let go":
-                            # Another process plays on it for a while.
+                            # Another process uses the array for a while.
                             held.close()
                             self.array = None
                             self._tell("answer", id=order["id"], value=True)
@@ -114,24 +93,24 @@ class _Player:
                             return
                 except MidairError as wrong:
                     if isinstance(wrong, LinkLostError):
-                        # Units that stopped answering are opened anew for the next drive.
+                        # Units that stopped answering are opened again for the next drive.
                         self.array = None
                         with suppress(Exception):
                             held.close()
                     self._tell("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
-                except Exception as wrong:  # noqa: BLE001  # the player stays, whatever an order does
+                except Exception as wrong:  # noqa: BLE001  # a failed request must not end the player
                     said = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
                     self._tell("wrong", id=order["id"], error=said, of="unforeseen")
 
     def stop(self) -> None:
-        """STOP: from any thread, at any time; returns when the array is silent."""
+        """STOP, from any thread; returns when the array is silent."""
         self.permit.stop()
         if self.array is not None:
             self.array.silence()
         self._tell("stopped", by="the page, at the player's own port")
 
     def end_with_the_studio(self) -> None:
-        """Wait for the studio's end; then silence, and end too."""
+        """Wait for the end of the studio, then silence the array and end the process."""
         studio = parent_process()
         if studio is None:
             return
@@ -141,12 +120,12 @@ class _Player:
         with suppress(Exception):
             if self.array is not None:
                 self.array.silence()
-        # What plays in the main thread finds the permit stopped, silences too and closes the device; not for ever.
+        # The main thread reads the stopped lease and closes the device; wait for that, but not forever.
         time.sleep(2.0)
         os._exit(0)
 
     def _open(self, held: ExitStack) -> dict[str, Any]:
-        """Open the array, unless it is; what it says of itself. The virtual one is made anew for each drive."""
+        """Open the array if necessary and describe it; the virtual one is created again for each drive."""
         from midair.rig import VirtualRig, array_named
 
         if self.plan.device == "virtual":
@@ -164,7 +143,7 @@ class _Player:
         }
 
     def _admit(self, order: Mapping[str, Any], held: ExitStack) -> dict[str, Any]:
-        """Measure the exposure of a drive's file on this array, before any sound, and keep the admission."""
+        """Check the exposure of a drive file on this array, and keep the clearance."""
         from midair.devices import ExposureChoices, check_exposure
         from midair.errors import ExposureError
         from midair.files import load_solution, profile_named
@@ -174,7 +153,7 @@ class _Player:
             return self.trials[trial]
         drive = load_solution(path).drive
         if (share := order.get("share", 1.0)) != 1.0:
-            # Radiation pressure goes with the square of the sound's, which goes with the level.
+            # Radiation pressure is proportional to the square of the sound pressure, hence of the level.
             drive = replace(drive, level=drive.level * share**0.5)
         if self.plan.device != "virtual" and self.array is None:
             self._open(held)
@@ -184,7 +163,7 @@ class _Player:
         try:
             admission = check_exposure(drive, array, choices, repeats=order["repeats"])
         except ExposureError as wrong:
-            # The page shows by how much, and what can be done about it: measured once more, for nobody's playing.
+            # The page shows the excess and the possible remedies, so the exposure is measured again.
             return {"number": 0, "refused": str(wrong), **exposed(_measured(drive, array, profile))}
         self.number += 1
         kept = {found["number"] for found in self.trials.values()} if order.get("keep") else set[int]()
@@ -203,7 +182,7 @@ class _Player:
         return found
 
     def _virtual(self, drive: Any) -> Any:
-        """A virtual rig for a drive: its array, its cells, its height and its band."""
+        """Create a virtual rig with the array, cells, height and band of a drive."""
         from midair.rig import VirtualRig
         from midair.settings import Settings
         from midair.targets import cells_of
@@ -218,7 +197,7 @@ class _Player:
         return rig.hearing(known.calibration.band)
 
     def _play(self, order: Mapping[str, Any]) -> dict[str, Any]:
-        """Play an admission, by a leave; where a sensor hears it, write what it heard."""
+        """Play a checked drive with a lease token; a virtual rig re-records it."""
         from midair.errors import DeviceStateError
 
         kept = any(trial["number"] == order["admission"] for trial in self.trials.values())
@@ -229,7 +208,7 @@ class _Player:
             return self._let_sound(order, *found)
 
     def _quiet(self, order: Mapping[str, Any]) -> bool:
-        """A stimulus of silence: as long as the others, and with the same noise."""
+        """Present silence for as long as the other stimuli, with the same noise."""
         with self.noise.over(order["masked"]):
             end = time.monotonic() + order["seconds"]
             while time.monotonic() < end:
@@ -261,11 +240,11 @@ class _Player:
         return {"output": Path(output).name if output else "", "frames": admission.drive.frames}
 
     def _progress(self, leave: Any, paced: float = 0.0) -> Any:
-        """Tell how far it is; a virtual array is held back to the pace of a real one, so that it sounds as long."""
+        """Return a callback that reports progress; a virtual array is slowed down to real time."""
         began, told = time.monotonic(), [0.0]
 
         def progress(done: int, total: int) -> None:
-            # What was worked out is what sounds now; looked at as often as a real array's banks are.
+            # The lease is checked as often as for the banks of a real array.
             while paced and time.monotonic() < began + done / paced:
                 self.permit.check(leave, "virtual")
                 time.sleep(0.002)
@@ -290,7 +269,7 @@ def _measured(drive: Any, array: Any, profile: Any) -> Any:
 
 
 def exposed(found: Any) -> dict[str, Any]:
-    """An exposure for the page: each place with its level and limit, in dB."""
+    """Return an exposure for the page: level and limit of each place in dB."""
     place, _ = found.worst
     return {
         "worst": place.name,
@@ -310,16 +289,9 @@ def exposed(found: Any) -> dict[str, Any]:
 
 
 class PlayerProcess:
-    """The player, seen from the studio.
+    """The player process, as the studio uses it.
 
-    Parameters
-    ----------
-    permit : Permit
-        Held here.
-    plan : PlayerPlan
-        The devices.
-    heard : callable
-        Called, from a thread, with everything that the player says.
+    `heard` is called from a thread with each message of the player.
     """
 
     def __init__(self, permit: Any, plan: PlayerPlan, heard: Any) -> None:
@@ -331,12 +303,12 @@ class PlayerProcess:
 
     @property
     def port(self) -> int:
-        """For STOP; open from the beginning, and the same when the player had to be started again."""
+        """Port for STOP; it stays the same when the player is restarted."""
         return self._listening.getsockname()[1]
 
     @property
     def process(self) -> int:
-        """Number of the process; 0 where there is none."""
+        """Process ID; 0 if there is no process."""
         return self._process.pid if self._process is not None and self._process.is_alive() else 0
 
     def start(self, origins: tuple[str, ...]) -> None:
@@ -352,7 +324,7 @@ class PlayerProcess:
         threading.Thread(target=self._listen, args=(self._pipe, origins), name="player", daemon=True).start()
 
     def send(self, order: dict[str, Any]) -> None:
-        """Hand over an order; DeviceStateError where there is nobody to take it."""
+        """Send a request; DeviceStateError if the process does not run."""
         from midair.errors import DeviceStateError
 
         try:
@@ -360,10 +332,12 @@ class PlayerProcess:
                 raise OSError
             self._pipe.send(order)
         except OSError as wrong:
-            raise DeviceStateError("player: expected it to be there, it is not yet, or no more; try again") from wrong
+            raise DeviceStateError(
+                "player: expected a running process, it is starting or has ended; try again"
+            ) from wrong
 
     def close(self) -> None:
-        """Silence, and end it."""
+        """Silence the array and end the process."""
         self._closed = True
         self._permit.stop()
         with suppress(Exception):
@@ -383,6 +357,6 @@ class PlayerProcess:
                 break
         if not self._closed:
             self._heard({"kind": "gone"})
-            # Its array's failsafe has silenced it; a new one is there for the next order, with the permit taken back.
+            # The failsafe of the array has silenced it. The lease is revoked, and a new process starts.
             self._permit.stop()
             self.start(origins)

@@ -1,7 +1,7 @@
-"""Who may speak to the studio: its own page in this computer's browser, after a link that works once.
+"""Access control: only the studio's own page in this computer's browser, after a login link that works once.
 
-The array can hurt ears. A page of somebody else, open in the same browser, can send requests to this computer, and with
-its own name pointed here (DNS rebinding) even read the answers; so every request is held against what only ours has.
+The array can harm hearing. A website that is open in the same browser can send requests to this computer and, with DNS
+rebinding, even read the answers; so every request must have the Host, Origin and cookie of the studio's own page.
 """
 
 import secrets
@@ -19,28 +19,19 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 ENTRY = "/enter"
-"""Where the one-time link leads."""
+"""Path of the login link."""
 
 NAMES = ("127.0.0.1", "localhost", "[::1]")
-"""By which this computer may be addressed."""
+"""Host names that requests may use."""
 
 
 @dataclass(slots=True, kw_only=True)
 class LoginTokens:
-    """The one-time link and the cookie that it is changed for.
-
-    Attributes
-    ----------
-    port : int
-        Of the studio.
-    lasts : float
-        For how long the link works, in s.
-    clock : callable
-        Seconds that never go back.
-    """
+    """The login link and the session cookie that replaces it."""
 
     port: int
     lasts: float = 300.0
+    """Seconds for which the link works."""
     clock: Callable[[], float] = time.monotonic
     session: str = field(default_factory=lambda: secrets.token_urlsafe(32))
     _link: str = ""
@@ -48,23 +39,23 @@ class LoginTokens:
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie: two studios on one computer must not take each other's."""
+        """Name of the cookie; it has the port, so that two studios on one computer do not share it."""
         return f"midair-{self.port}"
 
     def link(self) -> str:
-        """A new link, which works once; one that was made before works no more."""
+        """Create a link that works once; earlier links become invalid."""
         self._link, self._until = secrets.token_urlsafe(32), self.clock() + self.lasts
         return f"http://127.0.0.1:{self.port}{ENTRY}?key={self._link}"
 
     def take(self, key: str) -> bool:
-        """Whether this is the key of the link, which is used up by that."""
+        """True if this is the key of the link, which is then used up."""
         right = bool(self._link) and self.clock() < self._until and compare_digest(key.encode(), self._link.encode())
         if right:
             self._link = ""
         return right
 
     def known(self, cookies: str) -> bool:
-        """Whether a Cookie header has our session."""
+        """True if a Cookie header contains the session."""
         try:
             found = SimpleCookie(cookies).get(self.cookie)
         except CookieError:
@@ -73,23 +64,16 @@ class LoginTokens:
 
 
 class RequestGuard:
-    """An ASGI application in front of another: refuses with 403 what is not our own page, and sets our headers.
+    """ASGI middleware that refuses requests of other pages with 403 and sets the security headers.
 
-    Parameters
-    ----------
-    app : callable
-        That answers what is let through.
-    keys : DoorKeys
-        Of this studio.
-    stop_port : int
-        Where the player listens for STOP: the one other place to which the page may speak; 0 for none.
+    `stop_port` is the player's port for STOP, the only other address that the page may use; 0 for none.
     """
 
     def __init__(self, app: App, keys: LoginTokens, *, stop_port: int = 0) -> None:
         self._app, self._keys, self._stop_port = app, keys, stop_port
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or hand on."""
+        """Refuse the request or pass it on."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
@@ -102,15 +86,15 @@ class RequestGuard:
             await self._app(scope, receive, self._with_headers(send))
 
     def refusal(self, scope: Scope) -> str:
-        """Why a request is not let through; empty for our own page.
+        """Reason to refuse a request; empty for the studio's own page.
 
-        What stands in the raw headers counts, twice the same header is refused, and nothing is put together from them:
-        frameworks build an address from a Host that the sender chose.
+        Only the raw headers count, and a header that occurs twice is refused: frameworks build an address from a Host
+        that the sender chose.
         """
         headers = _Headers(scope["headers"])
         port = self._keys.port
         if headers.one("host") not in {f"{name}:{port}" for name in NAMES}:
-            return "this address is not the studio's"
+            return "expected the address of the studio, got another host"
         if scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD"):
             if headers.one("origin") != f"http://{headers.one('host')}":
                 return "this came from another page"
@@ -121,25 +105,25 @@ class RequestGuard:
         if scope["type"] == "http" and scope["path"] == ENTRY:
             return ""
         if not self._keys.known(headers.one("cookie")):
-            return "the studio does not know this browser: open the link that it printed, which works once"
+            return "this browser is not logged in: open the link that midair studio printed; it works once"
         return ""
 
     def _sites(self, scope: Scope) -> tuple[str, ...]:
-        # The link may be clicked wherever it was printed: it carries its own proof, and leads to the start page alone.
+        # The link may be opened from any page: its key is the proof, and it leads only to the start page.
         if scope["type"] == "http" and scope["path"] == ENTRY:
             return ("none", "same-origin", "cross-site", "same-site")
         return ("none", "same-origin")
 
     async def _enter(self, scope: Scope, send: Send) -> None:
-        """Change a link for the cookie."""
+        """Exchange the key of a link for the cookie."""
         given = parse_qs(scope["query_string"].decode("latin-1")).get("key", [""])
         if self._keys.known(_Headers(scope["headers"]).one("cookie")) and scope["method"] == "GET":
-            # Who came in by it before finds the link in the terminal again, and is known: no reason to turn them away.
+            # A browser that is logged in may open the used link again.
             await send({"type": "http.response.start", "status": 200, "headers": [*self._headers(), _HTML]})
             await send({"type": "http.response.body", "body": _ONWARDS})
             return
         if scope["method"] != "GET" or len(given) != 1 or not self._keys.take(given[0]):
-            why = "this link was used, or is older than five minutes: start midair studio again for a new one"
+            why = "this link was used before or is older than five minutes: start midair studio again for a new one"
             await _refuse(scope, send, why, self._headers())
             return
         cookie = f"{self._keys.cookie}={self._keys.session}; Path=/; HttpOnly; SameSite=Strict"
@@ -169,7 +153,7 @@ class RequestGuard:
             if message["type"] == "http.response.start":
                 given = list(message.get("headers", []))
                 names = {name.lower() for name, _ in given}
-                # What answers may narrow the policy of its own page, as the report's does.
+                # A response may set a stricter policy, as that of the report does.
                 message = {**message, "headers": [*given, *(each for each in ours if each[0] not in names)]}
             await send(message)
 
@@ -177,7 +161,7 @@ class RequestGuard:
 
 
 class _Headers:
-    """The raw headers of a request."""
+    """Raw headers of a request."""
 
     def __init__(self, raw: Iterable[tuple[bytes, bytes]]) -> None:
         self._all: dict[str, list[str]] = {}
@@ -188,21 +172,21 @@ class _Headers:
         return name in self._all
 
     def one(self, name: str) -> str:
-        """Its value; empty where there is none, or more than one."""
+        """Return the value; empty if the header is missing or occurs twice."""
         values = self._all.get(name, [])
         return values[0] if len(values) == 1 else ""
 
 
 _ONWARDS = b"""<!doctype html><html lang="en"><meta charset="utf-8"><title>midair studio</title>
 <meta http-equiv="refresh" content="0; url=/"><p><a href="/">midair studio</a></p>"""
-"""Sends itself on: after a click elsewhere, a redirect would come without the new, strict cookie."""
+"""Loads the start page by itself: after a click on another site, a redirect would not carry the new strict cookie."""
 
 _HTML = (b"content-type", b"text/html; charset=utf-8")
 
 
 async def _refuse(scope: Scope, send: Send, why: str, headers: list[tuple[bytes, bytes]]) -> None:
     if scope["type"] == "websocket":
-        # Closed before it was accepted: the browser gets 403.
+        # Closing before acceptance makes the server answer 403.
         await send({"type": "websocket.close", "code": 1008, "reason": ""})
         return
     plain = (b"content-type", b"text/plain; charset=utf-8")

@@ -1,4 +1,4 @@
-"""The sensor's process: listens all the time, shows what it hears, and writes takes; it alone touches the sensor."""
+"""The sensor process: it reads the sensor all the time, sends its frames, and writes takes."""
 
 import contextlib
 import os
@@ -34,20 +34,13 @@ from midair.rig import (
 )
 
 STEP = 1 / 120
-"""Seconds of samples that are handed on at once: two 60 Hz clocks would beat against each other."""
+"""Seconds of samples per message: two 60 Hz clocks would beat against each other."""
 
 
 class StrokesAgain(SensorDevice):
-    """What a virtual sensor says of one stroke, again and again, as if somebody went on stroking.
+    """Repeats one stroke (`duration` in s) of an open virtual sensor endlessly.
 
-    A virtual sensor works out all that pressed on it since it was started: without end that would take ever longer.
-
-    Parameters
-    ----------
-    sensor : SensorDevice
-        Virtual; open.
-    duration : float
-        Of what is repeated, in s.
+    A virtual sensor computes everything since its start, which would take longer and longer.
     """
 
     def __init__(self, sensor: SensorDevice, duration: float = 1.6) -> None:
@@ -59,11 +52,11 @@ class StrokesAgain(SensorDevice):
         self._next = 0
 
     def open(self) -> None:
-        """Take hold of the other sensor."""
+        """Open the wrapped sensor."""
         self._sensor.open()
 
     def start(self) -> None:
-        """Begin with the beginning of a stroke."""
+        """Start at the beginning of the stroke."""
         if self._samples is None:
             self._sensor.start()
             self._samples = np.array(self._sensor.read(round(self._duration * self.rate)).samples)
@@ -71,7 +64,7 @@ class StrokesAgain(SensorDevice):
         self._next = 0
 
     def read(self, frames: int) -> FrameBlock:
-        """The next frames."""
+        """Return the next frames."""
         if self._samples is None:
             self.start()
         kept = np.zeros((1, *self.grid.shape)) if self._samples is None else self._samples
@@ -81,26 +74,16 @@ class StrokesAgain(SensorDevice):
         return FrameBlock(samples=samples, first=first, device_time=now, host_time=now)
 
     def stop(self) -> None:
-        """Nothing to end."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Let go of the other sensor."""
+        """Close the wrapped sensor."""
         self._sensor.close()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeRequest:
-    """A take that somebody ordered.
-
-    Attributes
-    ----------
-    path : str
-        Where it goes.
-    start : {"at once", "key", "touch"}
-    duration, level, pre_roll, post_roll
-        As in `TakePlan`.
-    notes : mapping of str to str
-    """
+    """A take to record into the file `path`; the fields are those of `TakePlan`."""
 
     path: str
     start: Any = "at once"
@@ -112,16 +95,9 @@ class TakeRequest:
 
 
 def run_listening(pipe: Connection, name: str, seed: int) -> None:
-    """What runs in the sensor's process, until its studio is gone.
+    """Main function of the sensor process, which ends with its studio.
 
-    Parameters
-    ----------
-    pipe : Connection
-        Orders come by it: a `TakeRequest`, "toggle", "quit", "taps"; frames, levels and words go by it.
-    name : str
-        Of the sensor.
-    seed : int
-        Of a virtual one.
+    The pipe carries a `TakeRequest`, "toggle", "quit" or "taps" in, and frames, levels and messages out.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
@@ -146,7 +122,7 @@ def _named(name: str, seed: int) -> SensorDevice:
 
 
 class _Tap(SensorDevice):
-    """A sensor whose frames somebody else sees as well."""
+    """Wraps an open sensor and sends a copy of its frames to the page."""
 
     def __init__(self, sensor: SensorDevice, pipe: Connection) -> None:
         self._sensor, self._pipe = sensor, pipe
@@ -156,33 +132,30 @@ class _Tap(SensorDevice):
         self._rest: NDArray[np.float64] | None = None
 
     def open(self) -> None:
-        """Open already."""
+        """Do nothing: the sensor is open."""
 
     def start(self) -> None:
-        """Start the sensor."""
         self._sensor.start()
 
     def read(self, frames: int) -> FrameBlock:
-        """Its frames, shown on the way."""
         block = self._sensor.read(frames)
         if len(block.samples):
             rows = block.samples.reshape(len(block.samples), -1)
             mean = rows.mean(axis=0)
-            # Traces are drawn around rest: a slow mean, so that an offset is no signal.
+            # Traces are drawn around a slow mean, so that an offset does not show as signal.
             rest = self._rest = mean if self._rest is None else 0.99 * self._rest + 0.01 * mean
             _say(self._pipe, "frames", first=block.first, rows=(rows - rest).astype(np.float32))
         return block
 
     def stop(self) -> None:
-        """Stop the sensor."""
         self._sensor.stop()
 
     def close(self) -> None:
-        """Closed by whoever opened it."""
+        """Do nothing: the owner of the sensor closes it."""
 
 
 class _Listening:
-    """Orders, frames, takes."""
+    """Main loop: requests in, frames and takes out."""
 
     def __init__(self, pipe: Connection, sensor: SensorDevice, name: str, seed: int) -> None:
         self._pipe, self._sensor, self._name, self._seed = pipe, sensor, name, seed
@@ -190,7 +163,7 @@ class _Listening:
         self._pending: list[Any] = []
 
     def run(self) -> None:
-        """Listen; make the takes that are ordered."""
+        """Read the sensor and record the requested takes."""
         sensor = self._sensor
         _say(
             self._pipe,
@@ -215,7 +188,7 @@ class _Listening:
                 self._take(wish)
 
     def _wait(self) -> Any:
-        """Show what the sensor says, until somebody orders something: a take that only waits, and is never begun."""
+        """Send frames until a request comes; uses a take that waits for a key and is never begun."""
         watcher = _Watching(self._pipe, self._sensor, idle=True)
         nowhere = Path(os.devnull)
         while watcher.wish is None:
@@ -223,7 +196,7 @@ class _Listening:
                 record_take(_Tap(self._sensor, self._pipe), TakePlan(path=nowhere, start="key", block=STEP), watcher)
             except MidairError as wrong:
                 _say(self._pipe, "lost", error=str(wrong))
-                # A sensor that was pulled may come back.
+                # A sensor that was unplugged may come back.
                 if self._pipe.poll(1.0):
                     return self._pipe.recv()
         return watcher.wish
@@ -250,7 +223,7 @@ class _Listening:
             self._pending.append(watcher.wish)
 
     def _taps(self) -> None:
-        """Which channel is which cell, by taps; on a virtual sensor by the taps that it knows to make."""
+        """Identify the channel of each cell by taps; a virtual sensor simulates them."""
         sensor = self._sensor
         try:
             if self._name.startswith("virtual:"):
@@ -277,7 +250,7 @@ class _Listening:
 
 
 class _Watching:
-    """Looks on at a take: orders in, levels and words out."""
+    """Observer of a take: requests in, levels and messages out."""
 
     def __init__(self, pipe: Connection, sensor: SensorDevice, *, idle: bool = False) -> None:
         self._pipe, self._sensor, self._idle = pipe, sensor, idle
@@ -285,7 +258,7 @@ class _Watching:
         self.wish: Any = None
 
     def order(self) -> TakeOrder | None:
-        """What was ordered since the last time."""
+        """Return the request that came since the last call."""
         if not self._pipe.poll():
             return None
         said = self._pipe.recv()
@@ -298,7 +271,7 @@ class _Watching:
         return "quit"
 
     def show(self, view: View) -> None:
-        """Levels, fifteen times a second."""
+        """Send the levels 15 times per second."""
         now = time.monotonic()
         if now - self._shown < 1 / 15:
             return
@@ -315,7 +288,7 @@ class _Watching:
         )
 
     def tell(self, event: Event, drift: Drift | None = None) -> None:
-        """Something happened."""
+        """Send an event."""
         said = event_message(event, self._sensor.rate, self._sensor.grid, drift)
         _say(self._pipe, "event", event=event.kind, channel=event.channel, said=said)
 

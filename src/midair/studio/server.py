@@ -1,4 +1,4 @@
-"""The studio's server: loopback alone, one link on one line, a browser that opens it, silence at the end."""
+"""The studio's web server on the loopback interface, with its login link."""
 
 import os
 import socket
@@ -15,19 +15,11 @@ from midair.studio.studio_state import LARGEST_ORDER
 
 
 def listen(port: int) -> socket.socket:
-    """A socket on the loopback interface; there is no option for any other.
-
-    Raises
-    ------
-    InputError
-        If the port is no port.
-    DeviceError
-        If it is taken.
-    """
+    """Bind a TCP socket to the loopback interface; InputError for an invalid port, DeviceError if it is in use."""
     if not 0 <= port < 65536:
         raise InputError(f"--port: expected 0 (any that is free) to 65535, got {port}")
-    # With its protocol named: asyncio sends small messages at once only where it can read that it is TCP. Otherwise
-    # each waits until the page has answered the one before, which it does when it draws.
+    # IPPROTO_TCP is explicit: asyncio sets TCP_NODELAY only then. Otherwise each small message waits until the page has
+    # acknowledged the one before, which it does when it draws.
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     if sys.platform != "win32":
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -42,27 +34,27 @@ def listen(port: int) -> socket.socket:
 def open_studio(
     plan: StudioPlan, *, port: int = 0, browser: bool = True, say: Callable[[str], None] | None = None
 ) -> None:
-    """Serve a studio until it is ended, by Ctrl-C or a signal.
+    """Serve a studio until Ctrl-C or a signal ends it.
 
     Parameters
     ----------
-    plan : StudioPlan
-        Folder and devices.
     port : int
-        On which to listen; any that is free if 0.
+        Port of the server; 0 chooses a free one.
     browser : bool
-        Whether to open the link in the browser.
+        Open the login link in the browser.
     say : callable, optional
-        Takes the one line with the link; printed and flushed if None.
+        Receives the login link; printed if None.
 
     Raises
     ------
-    InputError, DeviceError
-        As `listen`.
+    InputError
+        If the port is invalid.
+    DeviceError
+        If the port is in use.
     MissingFileError
-        If there is no such folder.
+        If the folder does not exist.
     """
-    # One BLAS thread in every process that is started from here: several spin, and hold up the feed for seconds.
+    # One BLAS thread in each child process: several of them spin and delay the feed for seconds.
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     with listen(port) as listening, folder_of_session() as samples:
@@ -93,13 +85,13 @@ def _announce(link: str, browser: bool, say: Callable[[str], None] | None) -> No
 
 
 class _Server(uvicorn.Server):
-    """Says the link when it answers, not before."""
+    """Calls `ready` when the server accepts requests."""
 
     def __init__(self, config: uvicorn.Config, ready: Callable[[], None]) -> None:
         super().__init__(config)
         self._ready = ready
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Answer, then say so."""
+        """Start, then call `ready`."""
         await super().startup(sockets=sockets)
         self._ready()

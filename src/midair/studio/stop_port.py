@@ -1,6 +1,6 @@
-"""The player's own port for STOP: a page reaches it also when the studio's server hangs.
+"""The player's own port for STOP: a page reaches it even when the studio's server hangs.
 
-Imports the standard library alone, so that it answers before the rest of the player is loaded.
+It imports only the standard library, so that it answers before the rest of the player is loaded.
 """
 
 import socket
@@ -13,18 +13,9 @@ SILENT = b"silent\n"
 
 
 class StopPort:
-    """Answers POST /stop with the right word in its body: silences, then says so.
+    """Answers POST /stop, with the token in its body, after the array is silent.
 
-    Parameters
-    ----------
-    listening : socket
-        That somebody else has opened on the loopback interface.
-    token : str
-        Which the page knows and nobody else.
-    origins : tuple of str
-        Pages that may ask.
-    silence : callable
-        Returns when the array is silent; raises if it cannot be told so.
+    `listening` is a bound socket on the loopback interface; `silence` returns when the array is silent, or raises.
     """
 
     def __init__(
@@ -45,7 +36,7 @@ class StopPort:
                     return
                 try:
                     silence()
-                except Exception as wrong:  # noqa: BLE001  # whoever asks for silence has to be told, whatever it was
+                except Exception as wrong:  # noqa: BLE001  # the page must learn of any failure
                     self._say(500, f"not known to be silent: {wrong}\n".encode(), origin)
                 else:
                     self._say(200, SILENT, origin)
@@ -63,7 +54,7 @@ class StopPort:
                 self.close_connection = True
 
             def log_message(self, format: str, *args: object) -> None:  # the name is the base class's
-                """Nothing on the terminal."""
+                """Print nothing."""
 
         class Server(ThreadingHTTPServer):
             daemon_threads = True
@@ -74,14 +65,14 @@ class StopPort:
                 self.socket = listening
 
             def handle_error(self, request: object, client_address: object) -> None:
-                """A caller who hangs up is nobody's trouble."""
+                """Ignore clients that disconnect."""
 
         self._server = Server()
 
     def start(self) -> None:
-        """Answer from a thread of its own."""
+        """Serve in a thread."""
         threading.Thread(target=self._server.serve_forever, args=(0.2,), name="stop port", daemon=True).start()
 
     def close(self) -> None:
-        """Answer no more."""
+        """Stop serving."""
         self._server.shutdown()

@@ -1,4 +1,4 @@
-"""The desk: what is known now, which pages look at it, and what they order. Lives on the server's one event loop."""
+"""State of the studio, the pages that show it, and their requests; all on the server's event loop."""
 
 import asyncio
 import json
@@ -15,14 +15,14 @@ from midair.errors import MidairError
 from midair.studio.control import Control
 
 LARGEST_ORDER = 2**20
-"""Bytes of an order, at most."""
+"""Largest request in bytes."""
 
 ORDERS_A_SECOND = 100
-"""Of one page; "alive" and credits are not counted."""
+"""Limit for one page; "alive" and credit messages are not counted."""
 
 
 class Envelope(BaseModel):
-    """Around every order."""
+    """Fields of every request."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -33,7 +33,7 @@ class Envelope(BaseModel):
 
 
 class Wire(Protocol):
-    """The socket of a page."""
+    """The WebSocket of a page."""
 
     async def send_text(self, data: str) -> None:
         """Send state."""
@@ -46,67 +46,43 @@ class Wire(Protocol):
 
 @dataclass(slots=True, eq=False)
 class Page:
-    """A page that is open.
-
-    Attributes
-    ----------
-    number : int
-        From 1 on.
-    wire : Wire
-        Its socket.
-    visible : bool
-        Whether somebody can see it, by its own word.
-    room : str
-        Where it is.
-    heard : float
-        When it said last that it is alive.
-    credit : int
-        Messages of frames that may still be under way.
-    """
+    """An open page."""
 
     number: int
+    """Counts from 1."""
     wire: Wire
     visible: bool = True
+    """False for a hidden page, as the page itself reports."""
     room: str = ""
+    """Name of the panel that it shows."""
     heard: float = 0.0
+    """Time of its last "alive" message, in s of the monotonic clock."""
     credit: int = 24
+    """Number of frame messages that may still be sent before the page confirms some."""
     recent: deque[float] = field(default_factory=lambda: deque[float](maxlen=ORDERS_A_SECOND))
     waiting: "asyncio.Queue[str]" = field(default_factory=lambda: asyncio.Queue[str](256))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequestKind:
-    """An order that a room knows.
-
-    Attributes
-    ----------
-    model : type of BaseModel
-        What comes with it.
-    act : callable
-        Does it: given the page and the checked model, gives what to answer.
-    watchers : bool
-        Whether a page without control may order it.
-    """
+    """A kind of request that a panel handles."""
 
     model: type[BaseModel]
+    """Its arguments."""
     act: Callable[[Page, Any], Awaitable[Any] | Any]
+    """Handles it: takes the page and the checked arguments, and returns the answer."""
     watchers: bool = False
+    """True if a page without control may send it."""
 
 
 class NoArguments(BaseModel):
-    """An order that comes alone."""
+    """A request without arguments."""
 
     model_config = ConfigDict(extra="forbid")
 
 
 class StudioState:
-    """State, pages and orders.
-
-    Parameters
-    ----------
-    sounding : callable
-        Whether something sounds now.
-    """
+    """State, pages and requests; `sounding` returns True while something plays."""
 
     def __init__(self, sounding: Callable[[], bool]) -> None:
         self.control = Control(sounding=sounding)
@@ -127,11 +103,11 @@ class StudioState:
         *,
         watchers: bool = False,
     ) -> None:
-        """Take orders of a kind from now on."""
+        """Register the handler of a kind of request."""
         self._orders[room, order] = RequestKind(model=model, act=act, watchers=watchers)
 
     def put(self, **sections: Any) -> None:
-        """Change sections of the state, and tell every page."""
+        """Change sections of the state and send the changes to all pages."""
         changed = {name: value for name, value in sections.items() if self.state.get(name) != value}
         if not changed:
             return
@@ -140,7 +116,7 @@ class StudioState:
         self._tell(json.dumps({"number": self._number, "set": changed}))
 
     def enter(self, wire: Wire) -> Page:
-        """A page is there; it gets the whole state first."""
+        """Add a page and send it the whole state."""
         self._pages += 1
         page = Page(number=self._pages, wire=wire, heard=time.monotonic())
         self.pages[page.number] = page
@@ -150,7 +126,7 @@ class StudioState:
         return page
 
     def leave(self, page: Page) -> None:
-        """A page is gone."""
+        """Remove a page."""
         self.pages.pop(page.number, None)
         had = self.control.leave(page.number)
         for tell in self.left:
@@ -158,16 +134,16 @@ class StudioState:
         self.show_control()
 
     def whole(self, page: Page) -> None:
-        """Send everything that is known, for a page that came or missed something."""
+        """Send the whole state to a page that is new or missed a change."""
         self._queue(page, json.dumps({"number": self._number, "page": page.number, "whole": self.state}))
 
     def show_control(self) -> None:
-        """Tell who has control."""
+        """Send which page has control."""
         control = self.control
         self.put(control={"holder": control.holder, "asking": control.asking, "pages": sorted(self.pages)})
 
     async def hear(self, page: Page, text: str) -> None:
-        """Take what a page said."""
+        """Handle a message of a page."""
         try:
             said = json.loads(text)
         except ValueError:
@@ -193,14 +169,14 @@ class StudioState:
         try:
             now = time.monotonic()
             if len(page.recent) == ORDERS_A_SECOND and now - page.recent[0] < 1:
-                answer["error"] = f"expected at most {ORDERS_A_SECOND} orders a second, got more; slow down"
+                answer["error"] = f"expected at most {ORDERS_A_SECOND} requests per second, got more; send fewer"
             else:
                 page.recent.append(now)
                 answer["ok"] = await self._act(page, said)
         except ValidationError as wrong:
             first = wrong.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
-            answer["error"] = f"order: {where}: {first['msg']}".replace(": :", ":")
+            answer["error"] = f"request: {where}: {first['msg']}".replace(": :", ":")
         except MidairError as wrong:
             answer["error"], answer["kind"] = str(wrong), type(wrong).__name__
         except OSError as wrong:
@@ -213,7 +189,7 @@ class StudioState:
         if kind is None:
             from midair.errors import InputError
 
-            raise InputError(f"order: expected one that this studio knows, got {order.room}.{order.order}")
+            raise InputError(f"request: expected one that this studio handles, got {order.room}.{order.order}")
         model = kind.model.model_validate(order.with_)
         if not kind.watchers:
             self.control.check(page.number)
@@ -228,7 +204,7 @@ class StudioState:
         try:
             page.waiting.put_nowait(text)
         except asyncio.QueueFull:
-            # A page that takes nothing is told everything anew when it comes back to it.
+            # A page that reads nothing gets the whole state again once it reads.
             with suppress(asyncio.QueueEmpty):
                 while True:
                     page.waiting.get_nowait()

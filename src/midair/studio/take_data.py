@@ -1,6 +1,6 @@
-"""What the page shows of a take: facts about it, and its frames as binary sections, a second at a time.
+"""Facts and frames of a take for the page; frames are binary sections of one second.
 
-Runs in a worker process: it reads files, of which the server itself opens none.
+These functions run in a worker process; the server itself reads no such files.
 """
 
 from dataclasses import dataclass
@@ -25,33 +25,23 @@ from midair.view import Kind, Section, counted, finer, pack, phase_counts
 Streams = Literal["samples", "wanted", "played", "phases", "original", "again"]
 
 LONGEST = 120.0
-"""Seconds of a take that a page can hold; of a longer one it shows the beginning, and says so."""
+"""Longest take in s that a page can hold; of a longer one it shows the first part."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeData:
-    """Which files belong together.
-
-    Attributes
-    ----------
-    take : str
-        Path of the recording.
-    drive : str
-        Path of the drive that was solved for it; empty for none.
-    comparison : str
-        Path of the pressures that were compared; empty for none.
-    stamp : str
-        Changes when one of the files does.
-    """
+    """Paths of the files of one take; an empty path means that there is none."""
 
     take: str
     drive: str = ""
     comparison: str = ""
+    """Pressures of the comparison."""
     stamp: str = ""
+    """Changes when one of the files changes."""
 
 
 def facts(scene: TakeData) -> dict[str, Any]:
-    """What there is to know of a scene before its frames come."""
+    """Return the properties of a take, without its frames."""
     take = _take(scene.take, scene.stamp)
     recording = take.recording
     shown = min(recording.frames, round(LONGEST * recording.rate))
@@ -111,7 +101,7 @@ def _drive_facts(scene: TakeData, shown: int) -> dict[str, Any]:
 
 
 def told_settings(settings: Settings) -> dict[str, Any]:
-    """Settings for the page: values of its form ("" where they are the mode's), one line, and the same as code."""
+    """Return settings as form values ("" for the default of the mode), as one line, and as code."""
     near = over_mode(settings)
     mode, chosen = near or ("paper", {})
     form: dict[str, Any] = {name: chosen.get(name, "") for name in ("mapping", "method", "level")}
@@ -145,22 +135,18 @@ def told_settings(settings: Settings) -> dict[str, Any]:
 
 
 def made_with(path: str) -> str:
-    """What a drive was made with, in one line."""
+    """Return the settings of a drive in one line."""
     try:
         known = Settings.of(load_solution(path, streamed=True).drive.provenance)
     except MidairError:
         return "a file that cannot be read"
-    return "made with settings that it does not tell" if known is None else f"made with {told_settings(known)['line']}"
+    return (
+        "made with settings that it does not contain" if known is None else f"made with {told_settings(known)['line']}"
+    )
 
 
 def frames_of(order: tuple[TakeData, Streams, int]) -> bytes:
-    """One second of a stream as sections; from which second on is told.
-
-    Raises
-    ------
-    InputError
-        If the scene has no such stream.
-    """
+    """Return one second of a stream as sections; InputError if the take has no such stream."""
     scene, stream, second = order
     if stream in ("original", "again"):
         return _compared(scene, stream, second)
@@ -192,7 +178,7 @@ def frames_of(order: tuple[TakeData, Streams, int]) -> bytes:
 
 
 def _frames_of(solution: Solution, target: AmplitudeFrames, rate: float, first: int, count: int) -> NDArray[np.intp]:
-    """The frames of a drive that stand beside frames of the recording, its lead left out."""
+    """Indices of the drive frames at the times of recording frames; its fade-in is left out."""
     drive = solution.drive
     inside = piece_of(target.provenance, drive.frames, drive.rate)
     begin = _begin_of(target) * drive.rate
@@ -201,13 +187,13 @@ def _frames_of(solution: Solution, target: AmplitudeFrames, rate: float, first: 
 
 
 def _begin_of(target: AmplitudeFrames) -> float:
-    """Where in the recording the drive begins, in s."""
+    """Time in s at which the drive begins in the recording."""
     start = target.provenance.last("cut").get("start_s")
     return float(start) if isinstance(start, int | float) else 0.0
 
 
 def _wanted_early(scene: TakeData, first: int, count: int, rate: float) -> Section:
-    """What will be wanted in the paper's way, for a take that was not solved yet."""
+    """Target of the paper's mode, for a take that is not solved yet."""
     wanted = _wanted(scene.take, scene.stamp)
     places = np.minimum(np.rint(np.arange(first, first + count) / rate * wanted.rate), wanted.frames - 1)
     return counted(wanted.amplitude[places.astype(np.intp)], Kind.FIELD, dtype="<i2", first=first, rate=rate)
@@ -231,7 +217,7 @@ def _take(path: str, stamp: str) -> OpenedTake:
 
 @lru_cache(maxsize=4)
 def _rest(path: str, stamp: str) -> NDArray[np.float64]:
-    """The resting value of each channel, which traces are drawn around."""
+    """Median of each channel; the traces are drawn around it."""
     samples = np.asarray(_take(path, stamp).recording.samples)
     return np.median(samples.reshape(len(samples), -1), axis=0)
 

@@ -1,4 +1,4 @@
-"""Which takes there are: those of the studio's folder, and the samples that came along; and what belongs to each."""
+"""The takes of the studio's folder and the samples, with the files that belong to each."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,32 +11,26 @@ from midair.studio.take_data import TakeData
 from midair.studio.work import stamp_of
 
 SAMPLE = "sample:"
-"""Begins the name of a take that is no file of the folder's."""
+"""Prefix of the names of samples, which are not files of the folder."""
 
 _ENDINGS = (".drive.h5", ".rerecorded.h5", ".calibration.h5", ".array.h5")
-"""Of files that are no takes."""
+"""Endings of files that are not takes."""
 
 _NOT_YET = ("solved", "drive", "played", "compared", "report")
-"""What can be said of a take that is not there."""
+"""Properties of a take that are false until its file exists."""
 
 
 @dataclass(frozen=True, slots=True)
 class TakesList:
-    """The studio's takes.
-
-    Attributes
-    ----------
-    folder : OneFolder
-        That the person opened.
-    samples : Path
-        Where the samples of this session are, and what was made of them; gone when the studio ends.
-    """
+    """The takes of a studio."""
 
     folder: OneFolder
+    """Folder that the user opened."""
     samples: Path
+    """Folder of this session for samples and derived files; removed when the studio ends."""
 
     def rows(self) -> list[dict[str, Any]]:
-        """One row a take: samples last."""
+        """Return one row per take, samples last."""
         own = [name for name in self.folder.names(".h5") if not name.endswith(_ENDINGS)]
         own += [name for ending in (".csv", ".wav", ".npz") for name in self.folder.names(ending)]
         samples = [SAMPLE + path.stem for path in self._sample_files()]
@@ -46,19 +40,11 @@ class TakesList:
         return [*rows, *(self._row(name) for name in samples)]
 
     def comes(self, name: str) -> bool:
-        """Whether this is the sample of which the first stroke is shown until its file is there."""
+        """True for the sample that the demo stroke replaces until its file exists."""
         return name == SAMPLE + FIRST and not (self.samples / f"{FIRST}.h5").exists()
 
     def path(self, name: str) -> Path:
-        """The recording of a name.
-
-        Raises
-        ------
-        InputError
-            If the name leads elsewhere.
-        MissingFileError
-            If there is none.
-        """
+        """Return the path of a recording; InputError or MissingFileError if the name is not valid."""
         if name.startswith(SAMPLE):
             found = {SAMPLE + path.stem: path for path in self._sample_files()}
             if name not in found:
@@ -67,20 +53,20 @@ class TakesList:
         return self.folder.find(name)
 
     def beside(self, name: str, ending: str) -> Path:
-        """A file that belongs to a take, whether it is there or not: its drive, its re-recording, its report."""
+        """Return the path of a file that belongs to a take (drive, re-recording, report), existing or not."""
         path = self.path(name)
         return path.with_name(path.name.removesuffix(path.suffix) + ending)
 
     def kept(self, name: str) -> Path:
-        """Where the pressures of a comparison are kept for this session."""
+        """Return the path of the pressures of a comparison, kept for this session."""
         return self.samples / ("compared-" + name.replace(":", "-").replace("/", "-") + ".npz")
 
     def part(self, name: str) -> str:
-        """Where the drive of the second that is in sight goes, until the whole one is there."""
+        """Return the path of a drive that has only the visible second, used until the whole drive is solved."""
         return str(self.samples / ("in-sight-" + name.replace(":", "-").replace("/", "-") + ".drive.h5"))
 
     def scene(self, name: str) -> TakeData:
-        """Everything that the page shows of a take; the second in sight, where only that was solved anew."""
+        """Return the files of a take; the drive is that of the visible second if only that was solved again."""
         path, drive, kept = self.path(name), self.beside(name, ".drive.h5"), self.kept(name)
         part = Path(self.part(name))
         if part.exists():

@@ -1,4 +1,4 @@
-"""The files of the page, read once and kept, packed for the way."""
+"""Static files of the page, loaded and compressed once."""
 
 import gzip
 from collections.abc import Iterable
@@ -14,19 +14,14 @@ _TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".
 
 @dataclass(frozen=True, slots=True)
 class WebFiles:
-    """Pages, scripts and styles by their names: no path is put together from what was sent.
-
-    Attributes
-    ----------
-    files : dict of str to (str, bytes, bytes)
-        Type, contents, and contents packed by gzip.
-    """
+    """Pages, scripts and styles by name; no path is built from a request."""
 
     files: dict[str, tuple[str, bytes, bytes]]
+    """Media type, contents, and contents compressed by gzip."""
 
     @classmethod
     def of(cls, folders: Iterable[Path]) -> Self:
-        """All that some folders have."""
+        """Load all web files of some folders."""
         found: dict[str, tuple[str, bytes, bytes]] = {}
         for path in (path for folder in folders for path in folder.iterdir() if path.suffix in _TYPES):
             contents = path.read_bytes()
@@ -34,7 +29,7 @@ class WebFiles:
         return cls(found)
 
     def answer(self, request: Request, name: str) -> Response:
-        """A file, packed where the browser takes it so."""
+        """Return a file, compressed if the browser accepts gzip."""
         if name not in self.files:
             return PlainTextResponse("not there\n", 404)
         kind, plain, packed = self.files[name]

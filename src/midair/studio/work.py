@@ -1,4 +1,4 @@
-"""What the worker process does for the rooms: solve, compare, report, make samples. Orders are plain, results too."""
+"""Functions that run in the worker process: solve, compare, report, make samples and studies."""
 
 import secrets
 from dataclasses import dataclass, replace
@@ -35,35 +35,27 @@ from midair.targets import led_in
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolveRequest:
-    """What to solve, how, and where to.
-
-    Attributes
-    ----------
-    take, drive : str
-        Paths of the recording, and of the drive to make.
-    mode : {"paper", "best", "quick", ...}
-    choices : tuple of pairs
-        Name of a choice of the settings, and its value, over the mode's.
-    start, duration : float or None
-        Which part, in s; all of it if there is no duration.
-    replaces : str
-        Stamp of the drive that may be replaced; empty where none may be there.
-    outdated : tuple of (str, str)
-        Paths and stamps of files made from that drive, which are removed with it.
-    """
+    """Paths and settings of one solve."""
 
     take: str
+    """Path of the recording."""
     drive: str
+    """Path of the drive to write."""
     mode: Mode = "paper"
     choices: tuple[tuple[str, Any], ...] = ()
+    """Names and values of settings that differ from those of the mode."""
     start: float = 0.0
+    """Start in s of the part to solve."""
     duration: float | None = None
+    """Length in s of the part to solve; the whole take if None."""
     replaces: str = ""
+    """Stamp of the drive that may be replaced; empty if no drive may exist."""
     outdated: tuple[tuple[str, str], ...] = ()
+    """Paths and stamps of files made from the replaced drive, which are removed with it."""
 
 
 def stamp_of(path: str | Path) -> str:
-    """Names the content of a file by its time of change; empty where there is no file."""
+    """Return the modification time of a file as text; empty if there is no file."""
     try:
         return f"{Path(path).stat().st_mtime_ns:x}"
     except FileNotFoundError:
@@ -71,13 +63,7 @@ def stamp_of(path: str | Path) -> str:
 
 
 def settings_of(order: SolveRequest) -> Settings:
-    """The settings of an order.
-
-    Raises
-    ------
-    InputError
-        If a choice is unknown, its value is out of range, or the solver does not take a term of the mode.
-    """
+    """Return the settings of a request; InputError if one is unknown, out of range or not taken by the solver."""
     settings = MODES[order.mode]()
     known = {choice.name: choice for choice in CHOICES}
     for name, value in order.choices:
@@ -89,7 +75,7 @@ def settings_of(order: SolveRequest) -> Settings:
 
 
 def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
-    """Solve a take into a drive's file; how well it is met."""
+    """Solve a take, write its drive, and return its error and level."""
     settings, take = settings_of(order), open_take(order.take)
     progress("reading the take", 0, 1)
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
@@ -101,11 +87,11 @@ def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
     fresh = drive.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")
     try:
         save_solutions(parts, fresh, frames=target.frames, target=target)
-        # A command, or another studio, may have written one in the minutes since the question was answered.
+        # A command or another studio may have written a drive in the minutes since the request.
         if stamp_of(drive) != order.replaces:
             found = "another one" if drive.exists() else "none"
             expected = "the drive that was to be replaced" if order.replaces else "no drive of this name"
-            raise InputError(f"{drive.name}: expected {expected}, found {found} since; it is as it was, solve again")
+            raise InputError(f"{drive.name}: expected {expected}, found {found} since; it was not changed, solve again")
         fresh.replace(drive)
     finally:
         fresh.unlink(missing_ok=True)
@@ -126,7 +112,7 @@ def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
 
 
 def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dict[str, Any]:
-    """A re-recording against its original: figures, what skin makes of it, and a gain that would mend the level."""
+    """Compare a re-recording with its original: figures, perceptual metrics, and a gain that corrects the level."""
     original, again, kept, drive = order
     stamp = stamp_of(drive)
     progress("comparing", 0, 3)
@@ -168,13 +154,13 @@ def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dic
 
 
 def _made_from(drive: str, provenance: Provenance) -> bool:
-    """Whether a re-recording is of this drive, by the steps that both tell."""
+    """True if the provenance of a re-recording begins with that of the drive."""
     steps = load_solution(drive, streamed=True).drive.provenance.steps
     return provenance.steps[: len(steps)] == steps
 
 
 def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]:
-    """What a palm of 85 mm gets of a take's drive on the virtual rig, of its first seconds if it is long."""
+    """Simulate the pressure of a drive on an 85 mm palm on the virtual rig, for at most 2 s."""
     take, file = order
     stamp = stamp_of(file)
     drive = load_solution(file).drive
@@ -200,7 +186,7 @@ def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]
 
 
 def budget_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]:
-    """Where the error of a take's drive comes from, stage by stage, on the virtual rig: of its first second."""
+    """Compute the error budget of a drive, stage by stage on the virtual rig, for at most 1 s."""
     take, file = order
     stamp = stamp_of(file)
     drive = load_solution(file, streamed=True).drive
@@ -220,10 +206,10 @@ def budget_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, An
 
 
 _BUDGET_SECONDS = 1.0
-"""Of a take, which is solved and played anew for it."""
+"""The take is solved and played again for each stage."""
 
 _PALM_SECONDS = 2.0
-"""Of a drive: a palm has a thousand points."""
+"""A palm has a thousand points."""
 
 
 def _felt(take: str, settings: Settings) -> PressureFrames:
@@ -232,7 +218,7 @@ def _felt(take: str, settings: Settings) -> PressureFrames:
 
 
 def report_loop(order: tuple[SolveRequest, str], progress: Progressed) -> dict[str, Any]:
-    """Solve, play, re-record, correct, compare on the virtual rig, and write the report of it."""
+    """Solve, play, re-record, correct and compare on the virtual rig, and write the report."""
     solve, path = order
     settings, take = settings_of(solve), open_take(solve.take)
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
@@ -245,7 +231,7 @@ def report_loop(order: tuple[SolveRequest, str], progress: Progressed) -> dict[s
 
 
 def make_sample(order: tuple[str, str], progress: Progressed) -> str:
-    """A stroke of the virtual sensor, recorded into a folder; its name."""
+    """Record a stroke of the virtual sensor into a folder; returns the file name."""
     folder, thing = order
     path = Path(folder) / f"{thing}.h5"
     progress("making a sample", 0, 1)
@@ -255,7 +241,7 @@ def make_sample(order: tuple[str, str], progress: Progressed) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyRequest:
-    """A study to draw: one that is shipped, for some people, into a folder that is not there yet."""
+    """A study plan to draw from a template, into a new folder."""
 
     path: str
     template: Template
@@ -263,7 +249,7 @@ class StudyRequest:
 
 
 def draw_study(wish: StudyRequest, progress: Progressed) -> str:
-    """Draw the plan of a study, and make its drives of virtual strokes; the name of its folder."""
+    """Draw the plan of a study and solve its drives from virtual strokes; returns the folder name."""
     text, path = template_text(wish.template), Path(wish.path)
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum()) or "study"
     design = read_design(text, name=kept, participants=wish.participants)
@@ -277,7 +263,7 @@ def draw_study(wish: StudyRequest, progress: Progressed) -> str:
 
 
 def methods_of_modes() -> dict[Mode, list[str]]:
-    """The solvers that take all terms of each mode, in the order of `TAKES`."""
+    """Return the solvers that take all terms of each mode, in the order of `TAKES`."""
     return {
         mode: [name for name, taken in TAKES.items() if taken >= terms_of(**make().solver.arguments())]
         for mode, make in MODES.items()
@@ -285,7 +271,7 @@ def methods_of_modes() -> dict[Mode, list[str]]:
 
 
 def _spectra(before: PressureFrames, after: PressureFrames) -> dict[str, Any]:
-    """Power spectra of the strongest cell, original and again, in dB re 1 Pa2/Hz."""
+    """Power spectra of the strongest cell in dB re 1 Pa2/Hz, original and re-recorded."""
     from midair.dsp import welch
 
     rms = np.sqrt((before.pressure**2).mean(axis=0))
@@ -310,7 +296,7 @@ def _stage(name: str, progress: Progressed) -> Progress:
 
 
 def warm_up() -> None:
-    """Load what solving needs, so that the first order does not wait for it."""
+    """Import the modules for solving, so that the first job does not wait for them."""
     import importlib
     from contextlib import suppress
 

@@ -1,4 +1,4 @@
-"""The folders of a studio: the one that a person opened, and the one of the session."""
+"""The folder that the user opened, and the temporary folder of the session."""
 
 from midair.studio.folders.one_folder import LARGEST, READABLE, OneFolder
 from midair.studio.folders.session_folder import PREFIX, folder_of_session, sweep

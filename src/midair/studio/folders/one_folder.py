@@ -1,4 +1,4 @@
-"""The one folder that a studio reads and writes: names that lead out of it are refused, whoever sends them."""
+"""The only folder that a studio reads and writes; names that lead out of it are refused."""
 
 import os
 import re
@@ -11,73 +11,51 @@ from midair.files import whole_file
 from midair.rig import Subject
 
 LARGEST = 256 * 2**20
-"""Bytes of an upload, at most."""
+"""Largest upload in bytes."""
 
 READABLE = (".h5", ".csv", ".wav", ".mat", ".npz", ".npy", ".json", ".html")
-"""Endings of what may come in or go out."""
+"""Endings of files that may be uploaded or downloaded."""
 
 
 @dataclass(frozen=True, slots=True)
 class OneFolder:
-    """A folder and what is in it, by names relative to it.
-
-    Attributes
-    ----------
-    path : Path
-        Absolute, with links resolved.
-    """
+    """A folder (absolute, links resolved) whose files have names relative to it."""
 
     path: Path
 
     @classmethod
     def at(cls, path: Path) -> "OneFolder":
-        """The folder at a path.
-
-        Raises
-        ------
-        MissingFileError
-            If there is none.
-        """
+        """Return the folder at a path; MissingFileError if there is none."""
         if not path.is_dir():
             raise MissingFileError(f"{path}: expected a folder, found none; make it first")
         return cls(path.resolve())
 
     def find(self, name: str) -> Path:
-        """A file or folder that is there.
-
-        Raises
-        ------
-        InputError
-            If the name leads out of the folder: by .., from the root, through a link, or with a character that no name
-            has.
-        MissingFileError
-            If there is nothing of this name.
-        """
+        """Return the path of an existing file or folder; InputError as `place`, MissingFileError if there is none."""
         path = self.place(name)
         if not path.exists():
             raise MissingFileError(f"{name}: expected a file in {self.path}, found none")
         return path
 
     def place(self, name: str) -> Path:
-        """Where something of this name is, or would be.
+        """Return the path of a name, existing or not.
 
-        Raises
-        ------
-        InputError
-            As `find`.
+        InputError if the name leads out of the folder (by .., an absolute path or a link) or has a forbidden character.
         """
         if not name or len(name) > 1000 or any(ord(letter) < 32 for letter in name) or "\\" in name or ":" in name:
-            raise InputError("name: expected one of a file in the studio's folder, got one with letters that none has")
+            raise InputError(
+                "name: expected the name of a file in the studio's folder, got one with forbidden characters"
+            )
         if name.startswith("/") or any(part in ("..", ".", "") for part in name.split("/")):
             raise InputError(f"{name}: expected a name inside the studio's folder, got one that leads out of it")
-        # Links are followed first: what lies elsewhere is elsewhere, whatever it is called here.
+        # Links are resolved first, so that a link cannot lead out of the folder.
         path = Path(os.path.realpath(self.path / name))
         if not path.is_relative_to(self.path):
             raise InputError(f"{name}: expected a name inside the studio's folder, got one that leads out of it")
         return path
 
     def names(self, ending: str) -> list[str]:
-        """Names of the files of an ending, hidden ones and those behind links to elsewhere left out, newest first."""
+        """Names of the files with an ending, newest first, without hidden ones and links that lead out."""
         found: list[tuple[float, str]] = []
         for path in self.path.iterdir():
             if not path.name.endswith(ending) or path.name.startswith("."):
@@ -90,7 +68,7 @@ class OneFolder:
         return [name for _, name in sorted(found, reverse=True)]
 
     def free(self, stem: str, ending: str) -> Path:
-        """A path of no file that is there, made of a name that somebody sent; ours, whatever they wrote."""
+        """Return an unused path for a name that a page sent; characters other than letters and digits are replaced."""
         own = re.sub(r"\.+", "_", Subject(object=stem).stem)
         number = 1
         while (path := self.path / f"{own}-{number:02d}{ending}").exists():
@@ -98,13 +76,7 @@ class OneFolder:
         return path
 
     async def receive(self, name: str, parts: AsyncIterator[bytes], *, largest: int = LARGEST) -> Path:
-        """Write what is sent, as it comes, under a name of our own.
-
-        Raises
-        ------
-        InputError
-            If it is larger than it may be, or of no kind that midair reads; nothing of it is left then.
-        """
+        """Write an upload under a new name; InputError, and no file, if it is too large or not a recording."""
         ending = Path(name).suffix.lower()
         if ending not in READABLE or ending == ".html":
             raise InputError(f"upload: expected a recording ({' '.join(READABLE[:-2])}), got {ending or 'no ending'}")

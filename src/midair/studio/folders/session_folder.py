@@ -1,4 +1,4 @@
-"""The folder of one session, gone when the studio ends; what a killed one left goes at the next start."""
+"""Temporary folder of one session, removed when the studio ends or, after a crash, at the next start."""
 
 import os
 import shutil
@@ -13,29 +13,23 @@ from midair.files import hold_open
 
 PREFIX = "midair-studio-"
 _HELD = "held"
-"""A file in the folder that its studio holds: the lock goes with the process, however it dies."""
+"""File that the studio locks; the operating system releases the lock when the process ends."""
 
 _YOUNG = 60.0
-"""Seconds for which a folder without that file may belong to a studio that is just starting."""
+"""Seconds for which a folder without that file may belong to a studio that is starting."""
 
 
 @contextmanager
 def folder_of_session(where: Path | None = None) -> Generator[Path]:
-    """A new folder, removed at the end; what dead studios left is removed now.
-
-    Parameters
-    ----------
-    where : Path, optional
-        In which to make it; the system's place for such things if None.
-    """
+    """Make a folder in `where` (by default the system's temporary folder); remove those of dead studios."""
     place = where or Path(tempfile.gettempdir())
     sweep(place)
     with tempfile.TemporaryDirectory(prefix=PREFIX, dir=place, ignore_cleanup_errors=True) as name:
         made, folder = Path(name) / f".{_HELD}", Path(name)
         handle = os.open(made, os.O_RDWR | os.O_CREAT, 0o600)
         try:
-            hold_open(handle, f"{folder}: expected it to be ours")
-            # It has its name only when it is held, so that nobody finds it free before.
+            hold_open(handle, f"{folder}: expected to lock it")
+            # The file gets its name after it is locked, so that no other process finds it unlocked.
             made.rename(folder / _HELD)
             yield folder
         finally:
@@ -43,10 +37,10 @@ def folder_of_session(where: Path | None = None) -> Generator[Path]:
 
 
 def sweep(place: Path) -> list[Path]:
-    """Remove the folders of studios that are dead; which they were. Those of other people are left alone."""
+    """Remove the folders of dead studios of this user; returns those removed."""
     gone: list[Path] = []
     for folder in place.glob(f"{PREFIX}*"):
-        # Somebody else may be sweeping too, or be the one whose folder it is.
+        # Another process may own this folder or be removing it too.
         with suppress(OSError, DeviceStateError):
             if not folder.is_symlink() and folder.is_dir() and _ours(folder) and _left(folder):
                 shutil.rmtree(folder)
@@ -59,7 +53,7 @@ def _ours(folder: Path) -> bool:
 
 
 def _left(folder: Path) -> bool:
-    """Whether nobody holds it; DeviceStateError or OSError where somebody does."""
+    """True if no process holds the lock; DeviceStateError or OSError otherwise."""
     held = folder / _HELD
     if not held.exists():
         return time.time_ns() / 1e9 - folder.stat().st_mtime > _YOUNG  # noqa: TID251  # compared with a file's time
@@ -68,6 +62,6 @@ def _left(folder: Path) -> bool:
         hold_open(handle, f"{folder}: a studio has it")
     finally:
         os.close(handle)
-    # Where there are no such locks, as on Windows, a file that is open cannot be removed.
+    # Without such locks, as on Windows, an open file cannot be removed.
     held.unlink()
     return True

@@ -1,4 +1,4 @@
-"""The rooms of the studio, a file each: what a page can order there, and what it is told."""
+"""The panels of the studio: the requests that each handles and the state that it shows."""
 
 from midair.studio.panels.calibrate_panel import CalibratePanel
 from midair.studio.panels.compare_panel import ComparePanel

@@ -1,4 +1,4 @@
-"""Room Calibrate: how sure a sensor's response is. Which channel is which cell is found out by `RecordPanel.taps`."""
+"""Panel Calibrate: response and uncertainty of a sensor. Channels are identified by `RecordPanel.taps`."""
 
 from typing import Any
 
@@ -14,32 +14,22 @@ from midair.studio.takes_list import TakesList
 
 
 class CalibratePanel:
-    """Calibrations of takes, and in files of their own.
-
-    Parameters
-    ----------
-    desk : Desk
-        Orders come from it.
-    takes : TakesList
-        What there is.
-    reading : Jobs
-        The queue of quick looks into files.
-    """
+    """Calibrations of takes and calibration files."""
 
     def __init__(self, desk: StudioState, takes: TakesList, reading: Jobs) -> None:
         self._takes, self._reading = takes, reading
         desk.offer("calibrate", "look", self.look, TakeNamed, watchers=True)
 
     async def look(self, _: Page, order: TakeNamed) -> Any:
-        """What is known of the response of a take's sensor; None where the take brings no calibration."""
+        """Return the calibration of a take's sensor, or None if the take has none."""
         path = str(self._takes.path(order.take))
         return await result_of(self._reading, f"calibration of {order.take}", calibration_facts, path)
 
 
 def calibration_facts(path: str, _: Progressed) -> dict[str, Any] | None:
-    """A calibration for the page: rows in words, and the response of every channel with its uncertainty.
+    """Return a calibration for the page: table rows, and the response of every channel with its uncertainty.
 
-    Frequencies are thinned out to 160, evenly in octaves: a screen shows no more.
+    The frequencies are reduced to 160 on a logarithmic axis; a screen shows no more.
     """
     held = load_calibration(path) if path.endswith(".calibration.h5") else open_take(path).calibration
     if held is None:

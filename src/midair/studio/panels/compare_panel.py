@@ -1,4 +1,4 @@
-"""Room Compare: the original over what came back, figures of it, and a correction that can be applied."""
+"""Panel Compare: original and re-recording, their figures, and a correction that can be applied."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,21 +12,7 @@ from midair.studio.work import budget_of_take, compare_takes, palm_of_take
 
 
 class ComparePanel:
-    """Comparisons of this session.
-
-    Parameters
-    ----------
-    desk : Desk
-        Orders come from it.
-    takes : TakesList
-        Originals and re-recordings.
-    jobs : Jobs
-        The queue of long work.
-    played : list
-        Whom to tell when something was played and re-recorded.
-    later : callable
-        Has something done on the desk's loop, from any thread.
-    """
+    """Comparisons of this session; runs after each play."""
 
     def __init__(self, desk: StudioState, takes: TakesList, jobs: Jobs, played: Any, later: Any) -> None:
         self._desk, self._takes, self._jobs, self._later = desk, takes, jobs, later
@@ -40,19 +26,19 @@ class ComparePanel:
         desk.put(comparisons={}, palms={}, budgets={})
 
     def compare(self, _: Page, order: TakeNamed) -> dict[str, int]:
-        """Compare a take with what was re-recorded of it."""
+        """Compare a take with its re-recording."""
         again = self._takes.beside(order.take, ".rerecorded.h5")
         if not again.exists():
             raise InputError(f"{order.take}: expected a take that was played and re-recorded; play it first")
         return {"job": self._start(order.take).number}
 
     def palm(self, _: Page, order: TakeNamed) -> dict[str, int]:
-        """Simulate what a whole palm gets of a take's drive."""
-        return self._simulate(order.take, f"the palm under {order.take}", palm_of_take, self._pressed)
+        """Simulate the pressure of a take's drive on a whole palm."""
+        return self._simulate(order.take, f"palm simulation of {order.take}", palm_of_take, self._pressed)
 
     def budget(self, _: Page, order: TakeNamed) -> dict[str, int]:
-        """Find out where the error of a take's drive comes from."""
-        return self._simulate(order.take, f"where the error of {order.take} comes from", budget_of_take, self._told)
+        """Compute the error budget of a take's drive."""
+        return self._simulate(order.take, f"error budget of {order.take}", budget_of_take, self._told)
 
     def _simulate(self, take: str, title: str, work: Work, told: Callable[[str, StudioJob], None]) -> dict[str, int]:
         drive = self._takes.beside(take, ".drive.h5")
@@ -73,7 +59,7 @@ class ComparePanel:
             self._desk.put(palms=self._palms)
 
     def _played(self, take: str) -> None:
-        """What was just played is compared without being asked."""
+        """Compare a take after it was played."""
         if self._takes.beside(take, ".rerecorded.h5").exists():
             self._start(take)
         self._desk.put(takes=self._takes.rows())

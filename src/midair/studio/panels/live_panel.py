@@ -1,4 +1,4 @@
-"""Room Live: what the sensor feels now is played now; the check, the arming, what pages are shown, what is kept."""
+"""Panel Live: plays the sensor's signal as it comes, after an exposure check and a held button."""
 
 import asyncio
 import contextlib
@@ -22,7 +22,7 @@ from midair.studio.takes_list import TakesList
 
 
 class CheckLive(BaseModel):
-    """What to check before it is felt."""
+    """Settings to check before live touch starts."""
 
     model_config = ConfigDict(extra="forbid")
     sensor: str = Field(min_length=3, max_length=300, pattern=r"^[a-z]+:")
@@ -39,44 +39,28 @@ class CheckLive(BaseModel):
 
 
 class BeginLive(BaseModel):
-    """To begin what was checked: the button was held."""
+    """Start checked settings, after the button was held."""
 
     model_config = ConfigDict(extra="forbid")
     admission: int
 
 
 class SetLevel(BaseModel):
-    """How much of the admitted level is wanted now."""
+    """Share of the checked level to play now."""
 
     model_config = ConfigDict(extra="forbid")
     share: float = Field(gt=0, le=1)
 
 
 class KeepLast(BaseModel):
-    """What was felt and played lately, as a take."""
+    """Save the last seconds as a take."""
 
     model_config = ConfigDict(extra="forbid")
     seconds: float = Field(default=REMEMBERED, gt=0, le=REMEMBERED)
 
 
 class LivePanel:
-    """The desk of live touch.
-
-    Parameters
-    ----------
-    desk : Desk
-        Orders come from it.
-    takes : TakesList
-        Where takes go.
-    playing : PlayingRoom
-        Has the array and the permit, and lends both.
-    record : RecordRoom
-        Has the sensor, and lets go of it.
-    seed : int
-        Of a virtual rig.
-    later, taken : callable
-        Has something done on the desk's loop, from any thread; called when there is a new take.
-    """
+    """Live touch: borrows the array from `playing` and the sensor from `record`."""
 
     def __init__(
         self,
@@ -109,7 +93,7 @@ class LivePanel:
         desk.put(live=self._state)
 
     def sight(self, page: Page, order: VisibleRange) -> bool:
-        """A page begins, or ceases, to look on."""
+        """Start or stop sending frames to a page."""
         if order.shown:
             page.credit = 24
             self.feed.enter(page)
@@ -119,11 +103,11 @@ class LivePanel:
         return True
 
     def left(self, page: Page) -> None:
-        """A page is gone."""
+        """Stop sending frames to a page that has gone."""
         self.feed.leave(page)
 
     async def check(self, _: Page, order: CheckLive) -> Any:
-        """What the worst that a level can do exposes people to."""
+        """Return the worst-case exposure of a level."""
         self._idle()
         given = order.model_dump(exclude={"delay_ms", "hold_ms", "height_mm", "calibration", "override"})
         calibration = str(self._takes.folder.find(order.calibration)) if order.calibration else ""
@@ -143,11 +127,11 @@ class LivePanel:
         return found
 
     async def begin(self, page: Page, order: BeginLive) -> Any:
-        """Take array and sensor, arm, begin; answers when it plays."""
+        """Borrow array and sensor, arm, and start; answers when it plays."""
         self._idle()
         wish = self._checked.pop(order.admission, None)
         if wish is None:
-            raise DeviceStateError("live: expected a level that was just checked; check its exposure again")
+            raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         await self._record.release()
         leave = await self._playing.lend(page, f"live {wish.sensor}")
         self._show(state="opens", said="", share=1.0, take=None)
@@ -158,24 +142,24 @@ class LivePanel:
             await self._over(str(wrong))
             raise
         about["wish"] = {name: value for name, value in asdict(wish).items() if name not in ("calibration", "override")}
-        # Pages begin their pictures anew when they are told of it: the same settings again are something new too.
+        # A new number makes the pages clear their pictures, also when the settings are the same.
         about["run"] = next(self._numbers)
         self._desk.put(live_about=about)
         self._show(state="plays")
         return True
 
     def turn(self, _: Page, order: SetLevel) -> bool:
-        """Softer, or as loud again as was admitted; never louder."""
+        """Set the share of the checked level; it can never be louder."""
         self._plays()
         self._playing.permit.turn(order.share)
         self._show(share=order.share)
         return True
 
     async def keep(self, _: Page, order: KeepLast) -> Any:
-        """The last seconds as a take, which Reproduce opens."""
+        """Save the last seconds as a take that Reproduce opens."""
         about = self._desk.state.get("live_about")
         if self._process is None or not about:
-            raise InputError("keep: expected something that was felt, nothing was yet; begin first")
+            raise InputError("keep: expected recorded frames, there are none yet; start live touch first")
         notes = Subject(object="live", surface=about["sensor"].partition(":")[2][:40])
         path = take_path(self._takes.folder.path, notes, repeats=1)
         found = await self._ask(do="keep", seconds=order.seconds, path=str(path), notes=dict(notes.notes))
@@ -184,7 +168,7 @@ class LivePanel:
         return found
 
     def end(self, _: Page, __: NoArguments) -> bool:
-        """End in order: it fades."""
+        """Fade out and end."""
         if self._state["state"] == "opens":
             self._playing.permit.stop()
         elif self._state["state"] == "plays":
@@ -208,17 +192,17 @@ class LivePanel:
 
     def _idle(self) -> None:
         if self._state["state"] != "idle":
-            raise DeviceStateError("live: expected silence first, it plays; end it, then begin anew")
+            raise DeviceStateError("live: expected no running live touch, one is running; end it, then start again")
 
     def _plays(self) -> None:
         if self._state["state"] != "plays":
-            raise DeviceStateError("live: expected it to play, it does not; begin first")
+            raise DeviceStateError("live: expected running live touch, none is running; start it first")
 
     def _start(self) -> None:
         context = get_context("spawn")
         self._pipe, there = context.Pipe()
         arguments = (there, self._playing.permit)
-        # Not a daemon: it starts the loop. It ends when its studio does.
+        # Not a daemon, since it has a child process. It ends when its studio does.
         self._process = context.Process(target=run_live, args=arguments, name="midair live watch")
         self._process.start()
         there.close()
@@ -230,7 +214,7 @@ class LivePanel:
                 raise OSError
             self._pipe.send(order)
         except OSError as wrong:
-            raise DeviceStateError("live: expected its process to be there, it is not; begin again") from wrong
+            raise DeviceStateError("live: expected a running process, it has ended; start again") from wrong
 
     async def _ask(self, **order: Any) -> Any:
         if self._process is None:
@@ -255,7 +239,7 @@ class LivePanel:
             self._later(self._hear, pipe, {"kind": "gone"})
 
     def _hear(self, pipe: Connection, said: dict[str, Any]) -> None:
-        """What the process says."""
+        """Handle a message of the process."""
         if pipe is not self._pipe:
             return
         match said["kind"]:
@@ -273,13 +257,13 @@ class LivePanel:
             case "ended":
                 if said["goes"]:
                     self._desk.put(live_goes={**(self._desk.state.get("live_goes") or {}), **said["goes"]})
-                self._do(self._over(said["error"] or "ended in order, and faded"))
+                self._do(self._over(said["error"] or "ended normally, with a fade-out"))
             case _:
                 self._gone()
 
     def _gone(self) -> None:
         self._process = self._pipe = None
-        gone = "live: its process ended; the loop below it is silent without it, begin again"
+        gone = "live: the process ended, so the loop went silent; start again"
         for waits in self._waiting.values():
             if not waits.done():
                 waits.set_exception(DeviceStateError(gone))

@@ -1,4 +1,4 @@
-"""Who makes the stimuli of a session felt: the studio's own player, or the experimenter, who is told on the page."""
+"""Presents the stimuli of a session: drives by the player, objects by the experimenter."""
 
 import threading
 from collections.abc import Callable
@@ -10,36 +10,28 @@ from midair.study import Stimulus
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class PagePresenter:
-    """Presents what a session asks for: drives by the player, objects by the experimenter, who is told on his page.
-
-    Attributes
-    ----------
-    play : callable
-        Plays the drive of a path at a share of its pressure; returns when it is over.
-    wait : callable
-        Lets the player present silence for a while.
-    quiet_s : float
-        How long a stimulus of silence lasts, in s: as long as the drives, or the end of the wait would tell. 0 where
-        the experimenter presents everything.
-    stop : callable
-        STOP, from any thread.
-    tell : callable
-        Shows the experimenter what to do.
-    folder : Path
-        Of the study, in which its drives are.
-    """
+    """Plays drives, and shows the experimenter which object to present."""
 
     play: Callable[[Path, float], None]
+    """Plays the drive of a path at a share of its pressure; returns when it is over."""
     wait: Callable[[float], None]
+    """Presents silence for some seconds."""
     quiet_s: float = 0.0
+    """Length of a silent stimulus in s, equal to that of the drives, so that its end reveals nothing.
+
+    0 if the experimenter presents everything.
+    """
     stop: Callable[[], None]
+    """STOP, from any thread."""
     tell: Callable[[str], None]
+    """Shows an instruction to the experimenter."""
     folder: Path
+    """Folder of the study, which has its drives."""
     done: threading.Event = field(default_factory=threading.Event)
     ended: threading.Event = field(default_factory=threading.Event)
 
     def present(self, stimulus: Stimulus) -> None:
-        """Present it; return when it is over."""
+        """Present a stimulus; return when it is over."""
         if stimulus.kind == "drive":
             self.play(self.folder / stimulus.source, stimulus.share)
             return
@@ -54,6 +46,6 @@ class PagePresenter:
         self.tell("")
 
     def silence(self) -> None:
-        """End it at once."""
+        """Stop at once."""
         self.ended.set()
         self.stop()

@@ -1,4 +1,4 @@
-"""Playing, wherever it is ordered: the exposure check, arming by a held button, the permit's renewal, STOP."""
+"""Playing from any panel: exposure check, arming by a held button, renewal of the lease, STOP."""
 
 import asyncio
 import itertools
@@ -17,14 +17,14 @@ from midair.studio.studio_state import NoArguments, Page, StudioState
 from midair.studio.takes_list import TakesList
 
 ATTEMPTS = 3
-"""How often an array that does not answer is opened."""
+"""Number of attempts to open an array that does not answer."""
 
 ALIVE = 0.5
-"""How long the permit lasts after the controlling page was heard, in s."""
+"""Seconds for which the lease lasts after the last "alive" message of the page in control."""
 
 
 class CheckExposure(BaseModel):
-    """What to check before it is played."""
+    """Drive and settings to check before playing."""
 
     model_config = ConfigDict(extra="forbid")
     take: str = Field(max_length=1000)
@@ -35,28 +35,14 @@ class CheckExposure(BaseModel):
 
 
 class PlayNow(BaseModel):
-    """To play what was checked: the button was held."""
+    """Play a checked drive, after the button was held."""
 
     model_config = ConfigDict(extra="forbid")
     admission: int
 
 
 class PlayPanel:
-    """The player's desk.
-
-    Parameters
-    ----------
-    desk : Desk
-        Orders come from it.
-    takes : TakesList
-        Drives, and where re-recordings go.
-    plan : PlayerPlan
-        The devices.
-    later : callable
-        Has something done on the desk's loop, from any thread.
-    profile : str
-        Name of the exposure profile where nobody names one.
-    """
+    """The player process and the lease that it needs to play; `profile` names the default exposure profile."""
 
     def __init__(self, desk: StudioState, takes: TakesList, plan: PlayerPlan, later: Any, *, profile: str) -> None:
         self._desk, self._takes, self._later, self._profile = desk, takes, later, profile
@@ -93,12 +79,12 @@ class PlayPanel:
 
     @property
     def port(self) -> int:
-        """The player's own, for STOP."""
+        """The player's port for STOP."""
         return self._player.port
 
     @property
     def sounding(self) -> bool:
-        """Whether something sounds, or may at any moment."""
+        """True if something plays or may start to at any moment."""
         return self.permit.armed or self._state["emitting"]
 
     @property
@@ -108,7 +94,7 @@ class PlayPanel:
 
     @property
     def process(self) -> int:
-        """Number of the player's process."""
+        """Process ID of the player."""
         return self._player.process
 
     def start(self, origins: tuple[str, ...]) -> None:
@@ -116,11 +102,11 @@ class PlayPanel:
         self._player.start(origins)
 
     def close(self) -> None:
-        """Silence, and end the player."""
+        """Silence the array and end the player."""
         self._player.close()
 
     async def check(self, _: Page, order: CheckExposure) -> Any:
-        """Have a drive admitted; what it exposes people to."""
+        """Check the exposure of a drive and return it."""
         drive = self._takes.beside(order.take, ".drive.h5")
         if not drive.exists():
             raise InputError(f"{order.take}: expected a take that was solved; solve it first")
@@ -138,7 +124,7 @@ class PlayPanel:
         return found
 
     async def play(self, page: Page, order: PlayNow) -> Any:
-        """Arm, and play; answers when it is over."""
+        """Arm and play; answers when it is over."""
         self._busy()
         self._seen(page)
         take = self._checked.pop(order.admission, None)
@@ -155,13 +141,7 @@ class PlayPanel:
         return report
 
     async def admit_trial(self, path: Path, share: float, *, override: str = "") -> dict[str, Any]:
-        """Check a drive of a study, and keep it at hand for its trials.
-
-        Raises
-        ------
-        ExposureError
-            If it is louder than the profile and nobody answers for that by name.
-        """
+        """Check a drive of a study and keep it for its trials; ExposureError above the profile without an override."""
         how = {"profile": self._profile, "attenuate": False, "override": override, "repeats": 1, "share": share}
         found = await self._ask(do="admit", path=str(path), keep=True, **how)
         if not found["number"]:
@@ -169,40 +149,36 @@ class PlayPanel:
         return found
 
     async def mask(self, noise: Any, device: str) -> str:
-        """Have the player hold a sound output for the noise of a study; none lets go of it. What it gives, in words."""
+        """Open a sound output for the noise of a study, or close it if there is none; returns a description."""
         return await self._ask(do="mask", noise=noise, device=device)
 
     async def present(self, path: Path, share: float, *, masked: bool = False) -> dict[str, Any]:
-        """Play a drive for a study, while the page in control is in sight; answers when it is over.
-
-        Raises
-        ------
-        SilentFramesError
-            If the array was silent where it should have sounded.
-        """
+        """Play a drive of a study while the controlling page is visible; SilentFramesError if frames were late."""
         page = self._experimenter()
         found = await self.admit_trial(path, share)
         report = await self._sound(page, path.name, do="play", admission=found["number"], output="", masked=masked)
         if report.get("gap"):
             raise SilentFramesError(
                 f"array: expected every frame in time, {report['late']} were late after {report['gap']:.3f} s of "
-                "silence; close other programs"
+                "silence; close other programs and present it again"
             )
         return report
 
     async def quiet(self, seconds: float, *, masked: bool = False) -> None:
-        """A stimulus of silence, as long as the others and with the same noise."""
+        """Present silence of the given length with the same noise."""
         await self._sound(self._experimenter(), "silence", do="quiet", seconds=seconds, masked=masked)
 
     def _experimenter(self) -> Page:
         self._busy()
         page = self._desk.pages.get(self._desk.control.holder)
         if page is None or not page.visible or time.monotonic() - page.heard > ALIVE:
-            raise DeviceStateError("play: expected the experimenter's page to be in sight, it is hidden or gone")
+            raise DeviceStateError(
+                "play: expected the experimenter's page to be visible, it is hidden or closed; show it"
+            )
         return page
 
     async def _sound(self, page: Page, what: str, **order: Any) -> Any:
-        """Arm for a page, have the player do it, and disarm whatever comes of it."""
+        """Arm for a page, run a request of the player, and disarm in any case."""
         self._controls = page.number
         leave = self.permit.arm(lasts=ALIVE)
         self._show(state="plays", take=what, done=0, total=0, said="")
@@ -217,13 +193,7 @@ class PlayPanel:
         return report
 
     async def lend(self, page: Page, what: str) -> LeaseToken:
-        """Let another process have the array, and arm it for a page; `take_back` when it has ended.
-
-        Raises
-        ------
-        DeviceStateError
-            If something plays, or the page is not in sight.
-        """
+        """Lend the array to another process and arm it, until `take_back`; DeviceStateError if something plays."""
         self._busy()
         self._seen(page)
         self._show(state="plays", take=what, done=0, total=0, said="")
@@ -237,33 +207,33 @@ class PlayPanel:
         return self.permit.arm(lasts=ALIVE)
 
     async def take_back(self, said: str) -> None:
-        """What had the array has ended."""
+        """Open the array again after the process that borrowed it has ended."""
         self.permit.disarm()
         self._show(state="opens", emitting=False)
         await self._open()
         self._show(said=said)
 
     def emits(self, emitting: bool) -> None:
-        """Whether what has the array sounds now."""
+        """Show whether a borrowed array emits sound."""
         self._show(emitting=emitting)
 
     def _seen(self, page: Page) -> None:
         if not page.visible or time.monotonic() - page.heard > ALIVE:
-            raise DeviceStateError("play: expected the page to be in sight, it is hidden or has not been heard")
+            raise DeviceStateError("play: expected the page to be visible, it is hidden or does not respond; show it")
 
     def stop(self, _: Page, __: NoArguments) -> bool:
-        """STOP, from any page: the permit is over, and the player's thread silences within milliseconds."""
+        """STOP, from any page: revokes the lease; the player's thread silences the array within milliseconds."""
         self.permit.stop()
         return True
 
     def take_control(self, page: Page, _: NoArguments) -> bool:
-        """A page wants control."""
+        """Request control for a page."""
         had = self._desk.control.take(page.number)
         self._desk.show_control()
         return had
 
     def give_control(self, page: Page, _: NoArguments) -> bool:
-        """The holder consents; what it had armed is over."""
+        """Hand over control; anything that the former holder armed ends."""
         control = self._desk.control
         control.give(page.number, to=control.asking)
         self.permit.stop()
@@ -271,7 +241,7 @@ class PlayPanel:
         return True
 
     def refuse_control(self, page: Page, _: NoArguments) -> bool:
-        """The holder keeps it."""
+        """Keep control."""
         self._desk.control.refuse(page.number)
         self._desk.show_control()
         return True
@@ -281,10 +251,10 @@ class PlayPanel:
 
     def _busy(self) -> None:
         if self._state["state"] == "plays":
-            raise DeviceStateError("play: expected silence first, something plays; press STOP or wait for its end")
+            raise DeviceStateError("play: expected an idle array, something plays; press STOP or wait for its end")
 
     def _alive(self, page: Page) -> None:
-        """The controlling page was heard: what it armed may go on, if somebody can see it."""
+        """Renew the lease for the page in control while it is visible."""
         if page.number != self._controls or page.number != self._desk.control.holder:
             return
         if page.visible:
@@ -293,7 +263,7 @@ class PlayPanel:
             self.permit.stop()
 
     def _left(self, page: Page, _: bool) -> None:
-        """A page went: what it had armed is over, at once."""
+        """Stop at once if the page that armed has gone."""
         if page.number == self._controls:
             self.permit.stop()
 
@@ -311,7 +281,7 @@ class PlayPanel:
         self._later(self._hear, said)
 
     def _hear(self, said: dict[str, Any]) -> None:
-        """What the player says."""
+        """Handle a message of the player."""
         match said["kind"]:
             case "ready":
                 self._show(state="opens")
@@ -329,8 +299,10 @@ class PlayPanel:
             case _:
                 for waits in self._waiting.values():
                     if not waits.done():
-                        waits.set_exception(DeviceStateError("player: it ended; its array's failsafe has silenced it"))
-                self._show(state="starts", emitting=False, said="the player ended, and is started again")
+                        waits.set_exception(
+                            DeviceStateError("player: the process ended; the failsafe of the array has silenced it")
+                        )
+                self._show(state="starts", emitting=False, said="the player ended unexpectedly and is starting again")
 
     async def _open(self) -> None:
         for left in reversed(range(ATTEMPTS)):
@@ -338,7 +310,7 @@ class PlayPanel:
                 found = await self._ask(do="open")
                 break
             except LinkLostError as wrong:
-                # Units, and emulated ones above all, may answer late while the computer is busy with our own start.
+                # Units, in particular emulated ones, may answer late while the studio is starting.
                 if not left:
                     self._show(state="failed", said=str(wrong))
                     return
@@ -356,6 +328,6 @@ class PlayPanel:
 
 
 def _as_it_was(name: str) -> type[MidairError]:
-    """The kind of an error that was told by its name: who waits for it may have to go on by what it was."""
+    """Return the error class of a name, so that callers can distinguish errors of the player."""
     kind = getattr(errors, name, InputError)
     return kind if isinstance(kind, type) and issubclass(kind, MidairError) else InputError

@@ -1,4 +1,4 @@
-"""Room Record: what the sensor says now, and takes of it."""
+"""Panel Record: current signal of the sensor, and takes."""
 
 import asyncio
 import contextlib
@@ -19,14 +19,14 @@ from midair.studio.takes_list import TakesList
 
 
 class Listen(BaseModel):
-    """Which sensor to listen to."""
+    """Name of the sensor to read."""
 
     model_config = ConfigDict(extra="forbid")
     sensor: str = Field(min_length=3, max_length=300, pattern=r"^[a-z]+:")
 
 
 class MakeTake(BaseModel):
-    """A take, or several."""
+    """Record one take or several."""
 
     model_config = ConfigDict(extra="forbid")
     object: str = Field(default="", max_length=100)
@@ -42,28 +42,14 @@ class MakeTake(BaseModel):
 
 
 class VisibleRange(BaseModel):
-    """Whether this page shows the room now."""
+    """Whether a page shows the panel now."""
 
     model_config = ConfigDict(extra="forbid")
     shown: bool
 
 
 class RecordPanel:
-    """The sensor's desk.
-
-    Parameters
-    ----------
-    desk : Desk
-        Orders come from it.
-    takes : TakesList
-        Where takes go.
-    sensor : str
-        Name of the sensor where nobody chose another.
-    seed : int
-        Of a virtual one.
-    later, taken : callable
-        Has something done on the desk's loop; called when there is a new take.
-    """
+    """The sensor process and its takes; `taken` is called after each new take."""
 
     def __init__(self, desk: StudioState, takes: TakesList, sensor: str, seed: int, later: Any, taken: Any) -> None:
         self._desk, self._takes, self._sensor, self._seed = desk, takes, sensor, seed
@@ -92,7 +78,7 @@ class RecordPanel:
         desk.put(levels=None, taps=None)
 
     def sight(self, page: Page, order: VisibleRange) -> bool:
-        """A page begins, or ceases, to look on; the sensor is opened for the first one."""
+        """Start or stop sending frames to a page; the first page opens the sensor."""
         if order.shown:
             page.credit = 24
             self._looking[page.number] = page
@@ -104,25 +90,25 @@ class RecordPanel:
         return True
 
     def left(self, page: Page) -> None:
-        """A page is gone, or looks elsewhere."""
+        """Stop sending frames to a page that has gone or shows another panel."""
         self._looking.pop(page.number, None)
         self._feed.leave(page)
 
     async def listen(self, _: Page, order: Listen) -> bool:
-        """Take another sensor, or the same anew."""
+        """Open another sensor, or the same one again."""
         if self._state["state"] in ("recording", "waiting"):
-            raise DeviceStateError("sensor: expected the take to be over first; stop it, then choose another sensor")
+            raise DeviceStateError("sensor: expected no running take; stop it, then choose another sensor")
         self._sensor = order.sensor
-        # The one before may take a second to end, and pages are heard meanwhile.
+        # The old process may take a second to end; the event loop must go on meanwhile.
         await asyncio.to_thread(self._close)
         if self._process is None:
             self._open()
         return True
 
     def take(self, _: Page, order: MakeTake) -> str:
-        """Begin a take, or several, one after the other."""
+        """Record a take, or several in sequence."""
         if self._pipe is None or self._state["state"] != "listening":
-            raise DeviceStateError(f"record: expected a sensor that listens, its state is {self._state['state']}")
+            raise DeviceStateError(f"record: expected an open sensor that is idle, its state is {self._state['state']}")
         if order.start == "touch" and order.level is None:
             raise DeviceStateError("trigger: expected a level for a take that waits for a touch, got none")
         self._left_to_do = [order] * order.repeats
@@ -130,13 +116,13 @@ class RecordPanel:
         return self._next()
 
     def toggle(self, _: Page, __: NoArguments) -> bool:
-        """End the take that runs, or begin the one that waits."""
+        """End the running take, or begin the one that waits."""
         self._left_to_do = self._left_to_do if self._state["state"] == "waiting" else []
         self._send("toggle")
         return True
 
     def taps(self, _: Page, __: NoArguments) -> bool:
-        """Find out which channel is which cell."""
+        """Identify which channel belongs to which cell."""
         if self._process is None:
             self._open()
         self._desk.put(taps={"state": "listens", "cell": None})
@@ -144,22 +130,16 @@ class RecordPanel:
         return True
 
     async def release(self) -> None:
-        """Let go of the sensor, for whoever feels with it now; it is opened again when somebody looks here.
-
-        Raises
-        ------
-        DeviceStateError
-            If a take runs.
-        """
+        """Close the sensor for another process, until a page shows this panel; DeviceStateError during a take."""
         if self._state["state"] in ("recording", "waiting"):
-            raise DeviceStateError("sensor: expected the take to be over first; stop it, then begin")
+            raise DeviceStateError("sensor: expected no running take; stop it, then start again")
         if self._process is not None:
             self._show(state="closed")
-            # It may take a second to end, and pages are heard meanwhile.
+            # It may take a second to end; the event loop must go on meanwhile.
             await asyncio.to_thread(self._close)
 
     def close(self) -> None:
-        """End the sensor's process."""
+        """End the sensor process."""
         self._feed.close()
         self._close()
 
@@ -213,7 +193,7 @@ class RecordPanel:
                 raise OSError
             self._pipe.send(what)
         except OSError as wrong:
-            raise DeviceStateError("sensor: expected it to be open, it is not; choose it again") from wrong
+            raise DeviceStateError("sensor: expected an open sensor, it is closed; choose it again") from wrong
 
     def _listen(self, pipe: Connection) -> None:
         while True:
@@ -257,7 +237,7 @@ class RecordPanel:
         elif kind == "gone":
             self._process = self._pipe = None
             if self._state["state"] not in ("lost", "closed"):
-                self._show(state="lost", error="the sensor's process ended; choose the sensor again")
+                self._show(state="lost", error="the sensor process ended unexpectedly; choose the sensor again")
 
     def _show(self, **changes: Any) -> None:
         self._state = {**self._state, **changes}

@@ -1,4 +1,4 @@
-"""Room Reproduce: takes, how a drive is made of one, and the job that makes it."""
+"""Panel Reproduce: the takes, the settings of their drives, and the jobs that solve them."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,14 +18,14 @@ from midair.studio.work import SolveRequest, report_loop, settings_of, solve_tak
 
 
 class TakeNamed(BaseModel):
-    """A take."""
+    """Name of a take."""
 
     model_config = ConfigDict(extra="forbid")
     take: str = Field(max_length=1000)
 
 
 class SolveForm(BaseModel):
-    """How a drive is to be made; what is None is the mode's."""
+    """Settings of a drive; None means the default of the mode."""
 
     model_config = ConfigDict(extra="forbid")
     take: str = Field(max_length=1000)
@@ -40,7 +40,7 @@ class SolveForm(BaseModel):
     replaces: str = Field(default="", max_length=100)
 
     def choices(self) -> tuple[tuple[str, Any], ...]:
-        """What was chosen over the mode, in the settings' own units."""
+        """Return the settings that differ from the mode, in their own units."""
         given = {
             "mapping": self.mapping,
             "method": self.method,
@@ -53,28 +53,14 @@ class SolveForm(BaseModel):
 
 
 class JobNumber(BaseModel):
-    """A job."""
+    """Number of a job."""
 
     model_config = ConfigDict(extra="forbid")
     number: int
 
 
 class ReproducePanel:
-    """Takes and drives.
-
-    Parameters
-    ----------
-    desk : Desk
-        Orders come from it.
-    takes : TakesList
-        What there is.
-    jobs, reading : Jobs
-        The queue of long work, and that of quick looks into files.
-    later : callable
-        Has something done on the desk's loop, from any thread.
-    first : mapping
-        Facts of the stroke that is shown before there is a sample.
-    """
+    """Takes and drives; `first` has the facts of the demo stroke."""
 
     def __init__(
         self, desk: StudioState, takes: TakesList, jobs: Jobs, reading: Jobs, later: Any, first: Mapping[str, Any]
@@ -89,11 +75,11 @@ class ReproducePanel:
         self.show()
 
     def show(self) -> None:
-        """Tell which takes there are."""
+        """Send the list of takes."""
         self._desk.put(takes=self._takes.rows())
 
     async def open(self, _: Page, order: TakeNamed) -> Any:
-        """Facts of a take."""
+        """Return the facts of a take."""
         if self._takes.comes(order.take):
             return {"stamp": "first", **self._first}
         scene = self._takes.scene(order.take)
@@ -101,17 +87,16 @@ class ReproducePanel:
         return {"stamp": scene.stamp, "part": scene.drive == self._takes.part(order.take), **found}
 
     def code(self, _: Page, order: SolveForm) -> dict[str, Any]:
-        """The settings of an order, as a drive that is made with them tells them."""
+        """Return the settings of a form as commands and Python."""
         return told_settings(settings_of(self._wish(order)))
 
     async def solve(self, _: Page, order: SolveForm) -> dict[str, Any]:
-        """Put the solving of a take into the queue; of a long one, first of the second that is in sight.
+        """Add the solving of a take to the queue, the visible second first.
 
-        Where a drive is there, or a re-recording, the answer is a question instead, and nothing is done; the order
-        that has its stamp as `replaces` is the consent.
+        If a drive or a re-recording exists, the answer is a question instead; `replaces` with its stamp is the consent.
         """
         wish = self._wish(order)
-        new = told_settings(settings_of(wish))["line"]  # refused now, rather than when its turn comes
+        new = told_settings(settings_of(wish))["line"]  # raises now rather than in the job
         there = [path for path in (wish.drive, *(path for path, _ in wish.outdated)) if stamp_of(path)]
         stamp = "-".join(map(stamp_of, there))
         if there and order.replaces != stamp:
@@ -144,7 +129,7 @@ class ReproducePanel:
         return self._jobs.add(title, solve_take, whole, room="reproduce", ended=self._ended(order.take, title))
 
     def solve_sample(self) -> None:
-        """Solve the first sample, so that there is something to see and to play from the first moment on."""
+        """Solve the first sample, so that there is something to show and play at once."""
         rows = [row for row in self._takes.rows() if row["sample"] and not self._takes.comes(row["name"])]
         if rows and not rows[0]["solved"] and not self._sampled:
             self._sampled = True
@@ -152,7 +137,7 @@ class ReproducePanel:
             self._solve(sample, self._wish(sample))
 
     def report(self, _: Page, order: SolveForm) -> dict[str, int]:
-        """Put the whole loop on the virtual rig, and its report, into the queue."""
+        """Run the whole loop on the virtual rig and write its report, as a job."""
         target = self._takes.beside(order.take, ".report.html")
         take = str(self._takes.path(order.take))
         solve = SolveRequest(take=take, drive="", mode=order.mode, choices=order.choices())
@@ -162,18 +147,18 @@ class ReproducePanel:
         return {"job": job.number}
 
     def cancel(self, _: Page, order: JobNumber) -> bool:
-        """End a job."""
+        """Cancel a job."""
         if not self._jobs.cancel(order.number):
-            raise InputError(f"job {order.number}: expected one that waits or runs; it has ended")
+            raise InputError(f"job {order.number}: expected a waiting or running job, it has ended")
         return True
 
     def _ended(self, take: str, title: str) -> Any:
         def ended(job: StudioJob) -> None:
-            # The second in sight is shown until the whole drive is there, or will not come.
+            # The visible second is shown until the whole drive exists or has failed.
             if title not in [each.title for each in self._jobs.unfinished()]:
                 Path(self._takes.part(take)).unlink(missing_ok=True)
             if job.title == title and job.state == "done":
-                # It was compared with what the drive before gave.
+                # The comparison was made with the previous drive.
                 self._takes.kept(take).unlink(missing_ok=True)
             self._solved(job)
 
@@ -184,10 +169,10 @@ class ReproducePanel:
 
 
 def facts_of(scene: TakeData, _: Progressed) -> Any:
-    """Facts of a scene, in the worker."""
+    """Return the facts of a take, in the worker."""
     return facts(scene)
 
 
 def made_with_of(drive: str, _: Progressed) -> str:
-    """What a drive was made with, in the worker."""
+    """Return the settings of a drive in one line, in the worker."""
     return made_with(drive)

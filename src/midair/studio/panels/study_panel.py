@@ -1,4 +1,4 @@
-"""Room Study: a participant's session, with a page for the experimenter and one for the participant."""
+"""Panel Study: a participant's session, with a page for the experimenter and one for the participant."""
 
 import asyncio
 from collections.abc import Callable, Coroutine
@@ -27,7 +27,7 @@ from midair.study import (
 
 
 class NewStudy(BaseModel):
-    """A study to draw, from one that is shipped."""
+    """Draw a study plan from a template."""
 
     model_config = ConfigDict(extra="forbid")
     name: str = Field(min_length=1, max_length=60, pattern=r"^\w[\w -]*$")
@@ -36,7 +36,7 @@ class NewStudy(BaseModel):
 
 
 class BeginSession(BaseModel):
-    """Whose session."""
+    """Study, participant and settings of a session."""
 
     model_config = ConfigDict(extra="forbid")
     study: str = Field(min_length=1, max_length=200)
@@ -47,7 +47,7 @@ class BeginSession(BaseModel):
 
 
 class AnswerGiven(BaseModel):
-    """What the participant said."""
+    """Answer of the participant."""
 
     model_config = ConfigDict(extra="forbid")
     turn: int
@@ -56,34 +56,20 @@ class AnswerGiven(BaseModel):
 
 
 class Reason(BaseModel):
-    """Why a session is stopped."""
+    """Reason for stopping a session."""
 
     model_config = ConfigDict(extra="forbid")
     reason: str = Field(max_length=200)
 
 
 class StudyPanel:
-    """Studies of the folder, and the one session that runs.
-
-    Parameters
-    ----------
-    desk : Desk
-        Orders come from it.
-    folder : OneFolder
-        Studies are folders in it.
-    jobs : Jobs
-        The queue of long work.
-    playing : PlayingRoom
-        The player's desk.
-    later : callable
-        Has something done on the desk's loop, from any thread.
-    """
+    """Studies of the folder, and the running session."""
 
     def __init__(self, desk: StudioState, folder: OneFolder, jobs: Jobs, playing: PlayPanel, later: Any) -> None:
         self._desk, self._folder, self._jobs, self._playing, self._later = desk, folder, jobs, playing, later
         self._session: Session | None = None
         self._presenter: PagePresenter | None = None
-        # A session is asked and told by one thread alone, which may wait for a stimulus.
+        # All calls of a session run in this thread, which may wait for a stimulus.
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="session")
         self._loop: asyncio.AbstractEventLoop | None = None
         self._about: dict[str, Any] = {}
@@ -93,7 +79,7 @@ class StudyPanel:
         desk.offer("study", "begin", self.begin, BeginSession)
         desk.offer("study", "presented", self.presented, NoArguments)
         desk.offer("study", "end", self.end, NoArguments)
-        # The participant may sit at a page of its own, which looks on at all else.
+        # The participant may use a second page, which has no control.
         desk.offer("study", "acknowledge", self.acknowledge, NoArguments, watchers=True)
         desk.offer("study", "present", self.present, NoArguments, watchers=True)
         desk.offer("study", "answer", self.answer, AnswerGiven, watchers=True)
@@ -101,16 +87,16 @@ class StudyPanel:
         desk.put(studies=[], session=None)
 
     async def list(self, _: Page, __: NoArguments) -> bool:
-        """Look which studies there are."""
+        """Send the list of studies."""
         found = await asyncio.to_thread(self._studies)
         self._desk.put(studies=found)
         return True
 
     def new(self, _: Page, order: NewStudy) -> dict[str, int]:
-        """Have a study drawn, and its drives made."""
+        """Draw a study plan and solve its drives, as a job."""
         path = self._folder.place(order.name)
         if path.exists():
-            raise InputError(f"{order.name}: expected a new name, this one is there already")
+            raise InputError(f"{order.name}: expected a new name, this one exists already")
         wish = StudyRequest(path=str(path), template=order.template, participants=order.participants)
         job = self._jobs.add(f"draw the study {order.name}", draw_study, wish, room="study", ended=self._drawn)
         return {"job": job.number}
@@ -119,9 +105,9 @@ class StudyPanel:
         self._later(lambda: self._desk.put(studies=self._studies()))
 
     async def begin(self, _: Page, order: BeginSession) -> bool:
-        """Begin a participant's session, or go on with one that was interrupted."""
+        """Begin a participant's session, or resume an interrupted one."""
         if self._session is not None:
-            raise DeviceStateError("study: expected the session that runs to be over first; end it")
+            raise DeviceStateError("study: expected no running session; end it first")
         study = StudyFolder(self._folder.find(order.study))
         plan = await asyncio.to_thread(study.plan)
         if order.participant > plan.design.participants:
@@ -131,7 +117,7 @@ class StudyPanel:
         quiet = await self._get_ready(study, plan, order)
         log = study.log(order.participant)
         if order.pilot:
-            # A file of its own, in a folder that no analysis reads: a pilot cannot be taken for data.
+            # A folder that no analysis reads, so that pilot data cannot be mistaken for data of the study.
             log = study.path / "pilot" / log.name
         self._presenter = PagePresenter(
             play=self._play,
@@ -172,10 +158,7 @@ class StudyPanel:
         return True
 
     async def _get_ready(self, study: StudyFolder, plan: Plan, order: BeginSession) -> float:
-        """What has to be known of drives and headphones before somebody sits down; how long the longest drive is, in s.
-
-        Every drive is the one of the plan, and keeps the exposure profile.
-        """
+        """Check digests and exposure of all drives and open the headphones; returns the longest drive in s."""
         drives = dict.fromkeys((one.source, one.share) for one in plan.design.stimuli if one.kind == "drive")
         self._masked = False
         if not drives:
@@ -189,16 +172,16 @@ class StudyPanel:
         return max(each["duration_s"] for each in found)
 
     async def acknowledge(self, _: Page, __: NoArguments) -> bool:
-        """The text was read, or the break is over."""
+        """Continue after a text or a break."""
         await self._do(self._open().acknowledge)
         self._show()
         return True
 
     async def present(self, _: Page, __: NoArguments) -> bool:
-        """Make the stimulus that is due felt; answers when it is over."""
+        """Present the next stimulus; answers when it is over."""
         session = self._open()
         if self._about["busy"]:
-            raise DeviceStateError("study: expected the presentation to be over first")
+            raise DeviceStateError("study: expected no running presentation; wait for its end")
         number = session.step.number
         self._show(busy=True, error="")
         try:
@@ -213,33 +196,33 @@ class StudyPanel:
         return True
 
     async def answer(self, _: Page, order: AnswerGiven) -> bool:
-        """Store an answer; when this is answered it is on disk."""
+        """Store an answer; the reply is sent after it is on disk."""
         session = self._open()
         if order.turn != self._turn:
-            raise DeviceStateError("study: expected an answer to the question that is due; it has moved on")
+            raise DeviceStateError("study: expected an answer to the current question, got one to an earlier question")
         await self._do(lambda: session.answer(Reply(text=order.text, reaction_s=order.reaction_s)))
         self._note(f"trial {session.step.number or '–'}: answered")
         self._show()
         return True
 
     def presented(self, _: Page, __: NoArguments) -> bool:
-        """The experimenter has presented the object."""
+        """Confirm that the experimenter has presented the object."""
         self._open()
         if self._presenter is not None:
             self._presenter.done.set()
         return True
 
     async def stop(self, _: Page, order: Reason) -> bool:
-        """The participant, or the experimenter, wants to stop: silence first, then a line in the log."""
+        """Stop the session: silence first, then a line in the log."""
         session = self._open()
-        # Not by the session's thread, which may be waiting for a stimulus to end.
+        # Not in the session's thread, which may be waiting for a stimulus to end.
         await asyncio.to_thread(session.stop, order.reason)
         self._note(f"stopped: {order.reason}")
         self._show()
         return True
 
     async def end(self, page: Page, _: NoArguments) -> bool:
-        """Leave the session; it can be taken up again."""
+        """Leave the session; it can be resumed."""
         session = self._open()
         if session.step.kind not in ("done", "stopped"):
             await asyncio.to_thread(session.stop, "left by the experimenter")
@@ -251,7 +234,7 @@ class StudyPanel:
         return await self.list(page, NoArguments())
 
     def close(self) -> None:
-        """The studio ends: the session is left as if it had been interrupted."""
+        """Stop the session as an interrupted one, when the studio ends."""
         session, self._session = self._session, None
         if session is not None:
             session.stop("the studio was ended")
@@ -281,29 +264,29 @@ class StudyPanel:
         return rows
 
     async def _do(self, act: Callable[[], Any]) -> Any:
-        """Have the session's thread do something."""
+        """Run a function in the session's thread."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, act)
 
     def _open(self) -> Session:
         if self._session is None:
-            raise DeviceStateError("study: expected a session, none was begun")
+            raise DeviceStateError("study: expected a running session, there is none; begin one")
         return self._session
 
     def _play(self, path: Path, share: float) -> None:
-        """In the session's thread: have the player play, and wait."""
+        """Play a drive and wait; runs in the session's thread."""
         self._present(lambda: self._playing.present(path, share, masked=self._masked))
 
     def _wait(self, seconds: float) -> None:
-        """In the session's thread: have the player present silence."""
+        """Present silence and wait; runs in the session's thread."""
         self._present(lambda: self._playing.quiet(seconds, masked=self._masked))
 
     def _present(self, begin: Callable[[], Coroutine[Any, Any, Any]]) -> None:
         if self._loop is None:
-            raise StoppedError("study: the studio ends")
+            raise StoppedError("study: the studio is closing")
         asyncio.run_coroutine_threadsafe(begin(), self._loop).result()
 
     def _cue(self, text: str) -> None:
-        """What the participant is told as a stimulus begins."""
+        """Show a text to the participant as a stimulus begins."""
         self._later(lambda: self._show(cue=text))
 
     def _tell(self, said: str) -> None:
@@ -320,7 +303,7 @@ class StudyPanel:
         step = session.step
         question = step.question
         if step is not self._shown_step:
-            # Two questions of a form have nothing else by which an answer that was given twice could be told.
+            # The turn identifies a question, so that an answer that was sent twice is refused.
             self._turn, self._shown_step = self._turn + 1, step
         self._desk.put(
             session={
