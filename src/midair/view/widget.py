@@ -1,4 +1,4 @@
-"""The view in a notebook: a widget whose canvases are the studio's, and a page for where no widget can run."""
+"""The view as a notebook widget, and as a page for notebooks without widgets."""
 
 from functools import cache
 from html import escape
@@ -11,7 +11,7 @@ from midair.view.view_data import ViewData
 
 
 def in_notebook(showing: ViewData) -> Any:
-    """A widget of what is shown, for the last line of a cell; its `frame` is the playhead, to be read and set.
+    """Return a widget for the last line of a cell; its attribute `frame` is the playhead, readable and writable.
 
     Raises
     ------
@@ -22,19 +22,19 @@ def in_notebook(showing: ViewData) -> Any:
 
 
 def framed_page(showing: ViewData, *, height: int = 900) -> str:
-    """The view's page in a frame of its own: it works where there is no widget, such as in an exported notebook."""
+    """Return the page of a view in an iframe, for notebooks without widgets, such as exported ones."""
     page = escape(show_page(showing), quote=True)
     return f'<iframe srcdoc="{page}" sandbox="allow-scripts" width="100%" height="{height}" style="border: 0"></iframe>'
 
 
 @cache
 def _kind() -> Any:
-    """The class, made where somebody asks for it: midair does without notebooks."""
+    """Create the widget class on demand, since anywidget is optional."""
     try:
         import anywidget
         import traitlets
     except ImportError as wrong:
-        raise MissingExtraError("a widget needs anywidget: pip install 'midair[notebook]'") from wrong
+        raise MissingExtraError("a widget needs the package anywidget: pip install 'midair[notebook]'") from wrong
 
     class ViewWidget(anywidget.AnyWidget):
         _esm = one_module("widget.js")
