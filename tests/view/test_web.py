@@ -67,7 +67,7 @@ def test_a_known_focus_is_where_it_was_put(opened):
     true = np.abs(propagate(focus_drive(), finer_points(GRID))[2])
     shown = np.array(played["shown"])
     assert np.linalg.norm(shown - true) / np.linalg.norm(true) < 0.02
-    assert np.argmax(picture(page, "Wanted")["shown"]) == 9 * 16 + 6
+    assert np.argmax(picture(page, "Target")["shown"]) == 9 * 16 + 6
 
 
 def test_phase_is_masked_where_it_is_quiet_and_right_where_it_is_not(opened):
@@ -97,7 +97,7 @@ def test_a_part_has_the_time_of_the_whole(opened):
     assert "0.2990 s, frame 299" in page.locator(".view-where").text_content()
     held(page, 223)
     assert picture(page, "recorded")["shown"][6] == pytest.approx(abs(np.sin(2 * np.pi * 22.3)), abs=1e-3)
-    assert page.get_by_role("slider", name="The whole").get_attribute("aria-valuemin") == "200"
+    assert page.get_by_role("slider", name="Whole take").get_attribute("aria-valuemin") == "200"
 
 
 def test_another_table_of_colours(opened):
@@ -224,7 +224,7 @@ def test_pictures_have_names_and_say_values_under_the_arrows(opened):
     said = page.locator(".view-map .view-said").nth(1)
     assert "Pa at" in said.text_content()
     assert said.get_attribute("aria-live") == "polite"
-    assert page.get_by_role("slider", name="The whole").get_attribute("aria-valuemax") == "7"
+    assert page.get_by_role("slider", name="Whole take").get_attribute("aria-valuemax") == "7"
 
 
 def test_the_spectrogram_finds_a_tone(opened):
@@ -292,8 +292,8 @@ def test_everything_can_be_reached_by_tab(all_of_it):
         page.keyboard.press("Tab")
         seen.add(page.evaluate("document.activeElement.ariaLabel || document.activeElement.textContent"))
     names = {each.split(":")[0] for each in seen if each}
-    fields = {"Wanted", "Played, simulated", "Phase of the field", "Array"}
-    felt = {"original", "re-recorded", "Every channel, Pa", "Spectrogram", "The whole"}
+    fields = {"Target", "Played, simulated", "Phase of the field", "Array"}
+    felt = {"original", "re-recorded", "Every channel, Pa", "Spectrogram", "Whole take"}
     assert fields | felt | {"play (Space)", "Loop", "1×", "1/10", "1/100"} <= names
 
 

@@ -94,7 +94,7 @@ def test_a_notebook_keeps_a_widget_that_a_page_shows_offline(notebook, chromium,
     page.evaluate("model.set('frame', 123)")
     assert "frame 123" in page.locator(".view-where").text_content()
     page.screenshot(path=str(tmp_path / "notebook.png"), full_page=True)
-    page.get_by_role("slider", name="The whole").focus()
+    page.get_by_role("slider", name="Whole take").focus()
     page.keyboard.press("ArrowRight")
     assert page.evaluate("saved.frame") == 124
     page.evaluate("done()")

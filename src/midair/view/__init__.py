@@ -1,4 +1,4 @@
-"""The view: frames on canvases, the same in the studio, in notebooks and in pages that stand alone."""
+"""Interactive views of frames, used by the studio, notebooks and standalone pages; also films and sound files."""
 
 from midair.view.audio import AudibleChannel, audible, heard_together
 from midair.view.colours import TABLES, colour_table

@@ -1,4 +1,4 @@
-"""What a channel sounds like: its samples as a sound file that any player takes."""
+"""A channel as a WAV file that can be played in a browser."""
 
 import base64
 import io
@@ -14,51 +14,39 @@ from midair.view.view_data import Channels, ViewData
 Array = NDArray[np.float64]
 
 RATE = 48000.0
-"""Of the sound, in Hz: players refuse the rates of sensors."""
+"""Sampling rate of the sound in Hz; players refuse the rates of sensors."""
 
 _PEAK = 0.9
-"""Of full scale, at the loudest sample."""
+"""Loudest sample as a share of full scale."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AudibleChannel:
-    """A channel as sound.
-
-    Attributes
-    ----------
-    data : bytes
-        A WAV file: one channel, 16 bits.
-    full_scale : float
-        What full scale is, in the unit of the channel.
-    """
+    """A channel as sound."""
 
     data: bytes
+    """A WAV file, mono, 16 bits."""
     full_scale: float
+    """Full scale in the unit of the channel."""
 
     @property
     def source(self) -> str:
-        """The file as a data address, for an ``audio`` element."""
+        """The file as a data URL, for an ``audio`` element."""
         return "data:audio/wav;base64," + base64.b64encode(self.data).decode()
 
 
 def audible(
     channels: Channels, channel: int, rate: float, *, sound_rate: float = RATE, full_scale: float | None = None
 ) -> AudibleChannel:
-    """One channel as sound: resampled, without its mean, 10 ms of fading at both ends, its peak near full scale.
+    """Convert a channel to sound, without its mean, with 10 ms fades at both ends and its peak near full scale.
 
     Parameters
     ----------
-    channels : Channels
-        Whose.
-    channel : int
-        Which.
-    rate : float
-        Of the channels, in Hz.
-    sound_rate : float
-        Of the sound, in Hz.
+    rate, sound_rate : float
+        Sampling rate of the channels and of the sound, in Hz.
     full_scale : float, optional
-        What full scale is, in the unit of the channel, so that two can be heard beside each other: what is above it is
-        cut. What makes the loudest sample nine tenths of it if None.
+        Full scale in the unit of the channel, for comparable loudness; larger values are clipped. If None, the loudest
+        sample is at 0.9 of full scale.
 
     Raises
     ------
@@ -74,7 +62,7 @@ def audible(
 
 
 def heard_together(showing: ViewData, *, sound_rate: float = 8000.0) -> tuple[tuple[str, AudibleChannel], ...]:
-    """The chosen channel of what was felt, and of what was felt again, with what to call them: both at one scale."""
+    """Return label and sound of the selected channel, original and re-recorded, at one scale."""
     both = [each for each in (showing.samples, showing.again) if each is not None]
     alone = [audible(each, showing.channel, showing.rate, sound_rate=sound_rate) for each in both]
     scale = max((each.full_scale for each in alone), default=1.0)

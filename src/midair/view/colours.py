@@ -1,4 +1,4 @@
-"""Colour tables, from Matplotlib when they are asked for."""
+"""Colour tables, loaded from Matplotlib on demand."""
 
 from typing import Literal
 
@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 Table = Literal["inferno", "cividis", "twilight"]
 TABLES: tuple[Table, ...] = ("inferno", "cividis", "twilight")
-"""For magnitudes (the zero of inferno is the ground; cividis for people who see no red or green), and for phases."""
+"""Two for magnitudes (zero is dark in inferno; cividis suits colour-blind people) and a cyclic one for phases."""
 
 
 def colour_table(name: str) -> NDArray[np.uint8]:
-    """256 colours from the lowest value to the highest, shape (256, 3): red, green, blue."""
+    """Return 256 RGB colours from the lowest to the highest value, shape (256, 3)."""
     from matplotlib import colormaps
 
     return np.asarray(colormaps[name](np.arange(256) / 255, bytes=True)[:, :3], np.uint8)

@@ -1,4 +1,4 @@
-"""A film of a take in slow motion: one picture a frame, with scale, units, time, and SIMULATED."""
+"""A slow-motion film of a take: one picture per frame, with scale, units, time, and a mark if simulated."""
 
 import shutil
 import subprocess
@@ -23,59 +23,45 @@ Array = NDArray[np.float64]
 Report = Callable[[int, int], None]
 
 PICTURES_A_SECOND = 50
-"""The most that every viewer of GIF shows; frames of 1 kHz go by 20 times slower."""
+"""Highest picture rate that every GIF viewer supports; frames at 1 kHz play 20 times slower."""
 
 MOST_OF_A_GIF = 2000
-"""Pictures: a GIF is held in memory by whoever looks at it."""
+"""Limit of pictures in a GIF, which viewers keep in memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tile:
-    """A map that changes from frame to frame.
-
-    Attributes
-    ----------
-    title : str
-        Above it.
-    values : callable
-        Takes a frame, gives (row, column); NaN where there is nothing.
-    top : float
-        Value of the last colour.
-    unit : str
-        Of the values.
-    width : float
-        Of the map's longer side, in m.
-    share : float
-        Of the map's side that the values cover, around its middle.
-    low : float
-        Value of the first colour.
-    square : tuple of float or None
-        Half the sides of a rectangle to be drawn around the middle, along x and y, in m.
-    """
+    """A map that changes from frame to frame."""
 
     title: str
     values: Callable[[int], Array]
+    """Takes a frame number and returns an array (row, column); NaN where there is no value."""
     top: float
+    """Value of the last colour."""
     unit: str
     width: float
+    """Length of the map's longer side in m."""
     share: float = 1.0
+    """Share of the map's side that the values cover, around its middle."""
     low: float = 0.0
+    """Value of the first colour."""
     square: tuple[float, float] | None = None
+    """Half the sides (x, y) of a rectangle to draw around the middle, in m."""
 
 
 class Film:
-    """The pictures of a film, made one after another.
+    """The pictures of a film, computed one after another.
 
     Parameters
     ----------
-    showing : Showing
-        What it shows: fields of sound where there are some, the cells of the sensor where those are.
+    showing : ViewData
+        Sound fields and cells of the sensor, where it has them.
     side : int
-        Of each map, in pixels.
+        Side of each map in pixels.
     groups : sequence of sequences of Tile, optional
-        Maps that share a scale, in place of the showing's own.
+        Maps that share a scale, instead of those of `showing`.
     table : str
-        Colours of `colour_table`.
+        Name for `colour_table`.
     """
 
     def __init__(
@@ -97,19 +83,19 @@ class Film:
 
     @property
     def slower(self) -> float:
-        """How many times slower than it was."""
+        """Ratio of playing time to real time."""
         return self._showing.rate / PICTURES_A_SECOND
 
     @property
     def seconds(self) -> float:
-        """How long it lasts."""
+        """Duration of the film in s."""
         return len(self) / PICTURES_A_SECOND
 
     def __iter__(self) -> "Iterator[Image.Image]":
         return (self.picture(frame) for frame in range(len(self)))
 
     def picture(self, frame: int) -> "Image.Image":
-        """The picture of one frame, red, green and blue."""
+        """Return the RGB picture of one frame."""
         from PIL import Image, ImageDraw
 
         picture = self._ground.copy()
@@ -134,7 +120,7 @@ class Film:
         tiles = sum(len(group) for group in self._groups)
         width = _EDGE + tiles * (self._side + _EDGE) + len(self._groups) * (_BAR + _EDGE)
         height = self._side + 90
-        # Video is stored in squares of 2 x 2.
+        # Video codecs need even sizes.
         return width + width % 2, height + height % 2
 
     @cached_property
@@ -156,7 +142,7 @@ class Film:
 
     @cached_property
     def _ground(self) -> "Image.Image":
-        """What is the same in every picture."""
+        """Parts that are the same in every picture."""
         from PIL import Image, ImageDraw
 
         picture = Image.new("RGB", self._size, _GROUND)
@@ -176,7 +162,7 @@ class Film:
         return picture
 
     def _length(self, draw: Any, left: int, width: float) -> None:
-        """A round length of up to a third of the map, below it."""
+        """Draw a scale bar below a map, at most a third of its width."""
         length = max(each for each in _LENGTHS if each <= width / 3 or each == _LENGTHS[0])
         end, level = left + round(self._side * length / width), 42 + self._side
         draw.line([(left, level - 4), (left, level), (end, level), (end, level - 4)], fill="white")
@@ -192,18 +178,18 @@ class Film:
 _EDGE, _BAR = 14, 74
 
 _LENGTHS = [figure * 10.0**power for power in range(-4, 1) for figure in (1, 2, 5)]
-"""Lengths that may stand below a map, in m."""
+"""Lengths of scale bars in m."""
 
 _GROUND, _LINE = (13, 17, 23), (110, 115, 120)
 
 
 def write_gif(film: Film, path: Path, *, progress: Report | None = None) -> None:
-    """The film as an animated GIF that begins again at its end.
+    """Write the film as a looping GIF.
 
     Raises
     ------
     InputError
-        If it has too many pictures for one.
+        If it has more than 2000 pictures.
     """
     if len(film) > MOST_OF_A_GIF:
         raise InputError(
@@ -216,14 +202,14 @@ def write_gif(film: Film, path: Path, *, progress: Report | None = None) -> None
 
 
 def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None:
-    """The film as a video, by ffmpeg.
+    """Write the film as a video with ffmpeg.
 
     Raises
     ------
     MissingExtraError
-        If there is no ffmpeg.
+        If ffmpeg is not installed.
     InputError
-        If it cannot write the film; its own words say why.
+        If ffmpeg fails, with its message.
     """
     program = ffmpeg()
     wide, high = film.picture(0).size
@@ -235,7 +221,7 @@ def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None
             for picture in _told(film, progress):
                 _into(running).write(picture.tobytes())
         except BrokenPipeError:
-            pass  # ffmpeg ended; what it said comes below
+            pass  # ffmpeg ended; its message is read below
         except BaseException:
             running.kill()
             raise
@@ -247,16 +233,16 @@ def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None
 
 
 def ffmpeg() -> str:
-    """The program that makes videos.
+    """Return the path of ffmpeg.
 
     Raises
     ------
     MissingExtraError
-        If there is none.
+        If it is not installed.
     """
     found = shutil.which("ffmpeg")
     if found is None:
-        raise MissingExtraError("an .mp4 needs ffmpeg, and there is none here: install it, or save a .gif")
+        raise MissingExtraError("an .mp4 file needs ffmpeg, which is not installed: install it, or save a .gif")
     return found
 
 
@@ -272,7 +258,7 @@ def _told(film: Film, progress: Report | None) -> "Iterator[Image.Image]":
 
 
 def _indexed(picture: "Image.Image", table: NDArray[np.uint8]) -> "Image.Image":
-    """The picture in 256 colours: those of the table, every second of them, and those of words."""
+    """Convert a picture to 256 colours: every second one of the table, and those of text and lines."""
     from PIL import Image
 
     palette = Image.new("P", (1, 1))
@@ -283,7 +269,7 @@ def _indexed(picture: "Image.Image", table: NDArray[np.uint8]) -> "Image.Image":
 
 
 def _groups(showing: ViewData) -> Iterator[Sequence[Tile]]:
-    """Maps that share a scale."""
+    """Return groups of maps that share a scale."""
     if showing.sound is not None and (fields := list(_fields(showing.sound))):
         yield fields
     felt = [each for each in (showing.samples, showing.again) if each is not None]
@@ -299,18 +285,18 @@ def _fields(sound: Sound) -> Iterator[Tile]:
         def asked(frame: int) -> Array:
             return wanted[frame].reshape(shape)
 
-        yield Tile(title="Wanted, sound", values=asked, top=top, unit="Pa", width=width)
+        yield Tile(title="Target sound", values=asked, top=top, unit="Pa", width=width)
     if (played := sound.played) is not None:
 
         def made(frame: int) -> Array:
             field = played[frame].reshape(shape)
             return np.abs(field if sound.finer is None else sound.finer(field))
 
-        yield Tile(title="Played, sound", values=made, top=top, unit="Pa", width=width, share=_covered(sound))
+        yield Tile(title="Played sound", values=made, top=top, unit="Pa", width=width, share=_covered(sound))
 
 
 def _covered(sound: Sound) -> float:
-    """Share of the map's side that the finer points' squares cover: they lie from the first point to the last."""
+    """Share of the map's side that the interpolated points cover, which lie from the first grid point to the last."""
     if sound.finer is None or sound.grid.columns == 1:
         return 1.0
     points, finer = sound.grid.columns, len(sound.finer.across)
@@ -326,5 +312,5 @@ def _cells(channels: Channels, sensor: SensorGrid, top: float) -> Tile:
 
 
 def _short(value: float) -> str:
-    """Three digits, without powers of ten."""
+    """Format three digits without an exponent."""
     return f"{float(f'{value:.3g}'):g}"

@@ -1,7 +1,7 @@
-"""Frames on their way to a page: binary sections back to back, little-endian, the same over a socket and in a file.
+"""Binary encoding of frames for a page: consecutive sections, little-endian, the same in a WebSocket and in a file.
 
 ====== ========= ==================================================================================================
-offset type      what
+offset type      content
 ====== ========= ==================================================================================================
 0      u8 x 4    0x6D; version 1; kind (1 samples, 2 field, 3 phases, 4 meters, 5 marks);
                  type (1 i8, 2 i16, 3 f32, 4 u8)
@@ -13,9 +13,9 @@ offset type      what
 32               values
 ====== ========= ==================================================================================================
 
-A field of n points is 2 n values a frame (real, imaginary, point by point), or n where it is a magnitude alone. Phases
-are one count a transducer, of 2 pi / 256 rad. A mark is one value a frame: its frame, counted from the first.
-`web/view.js` reads the same table.
+A complex field of n points has 2 n values per frame (real and imaginary part of each point), a magnitude has n. Phases
+have one count of 2 pi / 256 rad per transducer. A mark has one value per frame: its frame number relative to the first.
+`web/view.js` reads this format.
 """
 
 import struct
@@ -30,19 +30,19 @@ from numpy.typing import NDArray
 from midair.errors import InputError, ShapeError
 
 HEADER = struct.Struct("<4BIdQHHf")
-"""The first 32 bytes of a section."""
+"""The 32-byte header of a section."""
 
 MAGIC, VERSION = 0x6D, 1
 
 TYPES: dict[int, np.dtype[Any]] = {1: np.dtype("i1"), 2: np.dtype("<i2"), 3: np.dtype("<f4"), 4: np.dtype("u1")}
-"""Of the values, by the number that stands in the header."""
+"""Data types by their number in the header."""
 
 LONGEST = 2**16 - 1
-"""Frames of a section, and values of a frame."""
+"""Largest number of frames in a section, and of values in a frame."""
 
 
 class Kind(IntEnum):
-    """What the values of a section are."""
+    """Kind of values in a section."""
 
     SAMPLES = 1
     FIELD = 2
@@ -53,30 +53,19 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Section:
-    """Frames that follow each other.
-
-    Attributes
-    ----------
-    kind : Kind
-        What they are.
-    values : ndarray of int8, int16, float32 or uint8, shape (frame, value)
-        Counts of `unit`.
-    unit : float
-        What one count is: V, Pa, rad.
-    first : int
-        Number of the first frame.
-    time : float
-        Of the newest frame, in s.
-    number : int
-        Of the message, from 0; a page answers with it.
-    """
+    """Consecutive frames."""
 
     kind: Kind
     values: NDArray[Any]
+    """Counts of `unit`, int8, int16, float32 or uint8, shape (frame, value)."""
     unit: float = 1.0
+    """Size of one count in V, Pa or rad."""
     first: int = 0
+    """Number of the first frame."""
     time: float = 0.0
+    """Time of the newest frame in s."""
     number: int = 0
+    """Number of the message, from 0."""
 
     def __post_init__(self) -> None:
         if self.values.ndim != 2 or max(self.values.shape) > LONGEST:
@@ -85,46 +74,46 @@ class Section:
 
 
 def pack(sections: Iterable[Section]) -> bytes:
-    """Sections as bytes, back to back.
+    """Encode sections as bytes.
 
     Raises
     ------
     InputError
-        If a number does not fit its place in the header.
+        If a number does not fit into the header.
     """
     return b"".join(_packed(section) for section in sections)
 
 
 def unpack(data: bytes | bytearray | memoryview) -> list[Section]:
-    """The sections that these bytes are.
+    """Decode sections.
 
     Raises
     ------
     InputError
-        If they are anything else: another version, a kind or type that is not in the table, or not whole.
+        If version, kind or type is unknown, or the data is incomplete.
     """
     return list(_sections(memoryview(data)))
 
 
 def counted(values: NDArray[Any], kind: Kind, *, dtype: str = "<i2", first: int = 0, rate: float) -> Section:
-    """Numbers as a section of counts, whose unit is the smallest in which the largest of them fits.
+    """Encode values as integer counts; the unit is the smallest in which the largest value fits.
 
     Parameters
     ----------
     values : ndarray, shape (frame, value)
-        In V, Pa or whatever the page is to show; complex numbers become pairs.
+        Real or complex values; complex numbers become pairs.
     dtype : {"i1", "<i2", "<f4", "u1"}
-        Of the counts. Half a count is the largest error, in "<f4" none but rounding.
+        Type of the counts; the largest error is half a count ("<f4": rounding only).
     first : int
         Number of the first frame.
     rate : float
-        Frames per second, in Hz: frame i is at i / rate.
+        Frame rate in Hz: frame i is at i / rate.
     """
     pairs = np.ascontiguousarray(values, np.complex128).view(np.float64) if np.iscomplexobj(values) else values
     time, kept = (first + len(values) - 1) / rate, np.dtype(dtype)
     if kept.kind == "f":
         return Section(kind=kind, values=np.asarray(pairs, kept), first=first, time=time)
-    # As the header keeps it, so that both sides multiply by the same number.
+    # Rounded to float32 as in the header, so that both sides multiply by the same number.
     unit = float(np.float32(np.abs(pairs).max(initial=0) / np.iinfo(kept).max)) or 1.0
     least, most = max(np.iinfo(kept).min, -np.iinfo(kept).max), np.iinfo(kept).max
     counts = np.clip(np.rint(pairs / unit), least, most)
@@ -132,7 +121,7 @@ def counted(values: NDArray[Any], kind: Kind, *, dtype: str = "<i2", first: int 
 
 
 def phase_counts(phase: NDArray[np.float64], *, first: int = 0, rate: float) -> Section:
-    """Phases in rad, shape (frame, transducer), as the firmware holds them: 256 steps a turn."""
+    """Encode phases in rad, shape (frame, transducer), as the firmware does: 256 steps per cycle."""
     steps = np.mod(np.rint(phase / (2 * np.pi) * 256), 256).astype(np.uint8)
     time = (first + len(phase) - 1) / rate
     return Section(kind=Kind.PHASES, values=steps, unit=2 * np.pi / 256, first=first, time=time)

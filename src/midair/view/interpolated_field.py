@@ -1,7 +1,7 @@
-"""A field at more points than it was worked out for: one real matrix on each side.
+"""Interpolation of a complex field to a finer grid, with one real matrix for rows and one for columns.
 
-The complex pressure of a plane is smooth to half a wavelength, its magnitude is not: interpolated magnitudes miss by a
-tenth where interpolated fields miss by a hundredth.
+The complex pressure in a plane is smooth on the scale of half a wavelength, its magnitude is not: interpolating
+magnitudes gives errors of 10 %, interpolating complex fields 1 %.
 """
 
 from dataclasses import dataclass
@@ -18,28 +18,22 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InterpolatedField:
-    """The field on a control grid at the points of `finer_grid`: ``down @ field @ across.T``.
-
-    Attributes
-    ----------
-    down : ndarray, shape (finer row, row)
-        Real.
-    across : ndarray, shape (finer column, column)
-        Real.
-    """
+    """Interpolation from a control grid to `finer_points`: ``down @ field @ across.T``."""
 
     down: Array
+    """Real, shape (finer row, row)."""
     across: Array
+    """Real, shape (finer column, column)."""
 
     def __call__(self, field: Complex) -> Complex:
-        """The field (..., row, column) at (..., finer row, finer column)."""
+        """Map a field (..., row, column) to (..., finer row, finer column)."""
         return np.asarray(self.down @ field @ self.across.T, np.complex128)
 
 
 def finer_points(grid: ControlGrid, times: int = 4) -> Array:
-    """The places of the finer field, row by row, shape (finer point, 3), in m.
+    """Return the positions of the finer field, row by row, shape (finer point, 3), in m.
 
-    `times` as many along each side, evenly from the first point to the last: they tell nothing of what lies beyond.
+    Each side has `times` as many points, equally spaced from the first control point to the last.
     """
     x, y = np.meshgrid(_between(grid.x, times) + grid.centre[0], _between(grid.y, times) + grid.centre[1])
     return np.stack([x.ravel(), y.ravel(), np.full(x.size, grid.height)], axis=1)
@@ -54,24 +48,22 @@ def finer(
     lines: int = 4,
     noise: float = 0.003,
 ) -> InterpolatedField:
-    """The two matrices that miss least, on average over every field that the array can make with random phases.
+    """Fit the two matrices with the smallest mean error over all fields of the array with random phases.
 
-    Least squares over what each transducer makes on some lines of the grid, at the points and between them.
+    Least squares over the fields of the single transducers on some lines of the grid.
 
     Parameters
     ----------
     grid : ControlGrid
-        Where the field is known.
-    array : TransducerArray
-        What makes it.
+        Points with known field.
     acoustics : Acoustics, optional
-        Air and directivity; the paper's if None.
+        Air and directivity; those of the paper if None.
     times : int
-        How many times as many points along each side, from the first to the last.
+        Ratio of points per side, finer to known.
     lines : int
-        Rows, and columns, that are looked at.
+        Number of rows, and of columns, for the fit.
     noise : float
-        How well the field is known, as a part of its rms: about what 8 bits leave of it.
+        Relative rms error of the known field; the default is about that of 8-bit counts.
     """
     x, y = grid.x + grid.centre[0], grid.y + grid.centre[1]
     fine_x, fine_y = _between(x, times), _between(y, times)
@@ -90,25 +82,25 @@ def finer(
 
 
 def _between(places: Array, times: int) -> Array:
-    """`times` as many places, evenly from the first to the last."""
+    """Return `times` as many equally spaced values from the first to the last."""
     return np.linspace(places[0], places[-1], times * len(places))
 
 
 def _spread(count: int, some: int) -> NDArray[np.intp]:
-    """Numbers of some lines out of `count`, from the first to the last."""
+    """Return indices of some lines, evenly from the first to the last."""
     return np.unique(np.linspace(0, count - 1, min(some, count)).round().astype(np.intp))
 
 
 def _fitted(known: Complex, wanted: Complex, noise: float) -> Array:
-    """The real matrix that makes lines of (line, finer place, transducer) of those of (line, place, transducer)."""
+    """Real matrix that maps lines (line, place, transducer) to (line, finer place, transducer)."""
     before, after = _real_lines(known), _real_lines(wanted)
     moments = before @ before.T
-    # Known to a part `noise` of its rms only: without it the matrix makes the steps of 8 bits hundreds of times larger.
+    # Regularised by the noise: otherwise the matrix amplifies the steps of 8 bits several hundred times.
     held = moments + noise**2 * np.trace(moments) / len(moments) * np.eye(len(moments))
     return np.asarray(np.linalg.solve(held, before @ after.T).T, np.float64)
 
 
 def _real_lines(lines: Complex) -> Array:
-    """(place, line): all lines beside each other; real and imaginary parts are two of them to a real matrix."""
+    """Concatenate all lines to (place, line), with real and imaginary parts as separate lines."""
     beside = lines.swapaxes(0, 1).reshape(lines.shape[1], -1)
     return np.hstack([beside.real, beside.imag])

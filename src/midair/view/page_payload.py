@@ -1,4 +1,4 @@
-"""What a page is told: a few words and numbers, and the frames of each track as sections."""
+"""Data of a view for a page: metadata as JSON, and the frames of each track as binary sections."""
 
 import base64
 from collections.abc import Iterator
@@ -14,17 +14,17 @@ from midair.view.interpolated_field import InterpolatedField
 from midair.view.view_data import Channels, Sound, ViewData
 
 CHUNK = 250
-"""Frames of a section: each has its own unit, so that quiet frames keep their fine steps."""
+"""Frames per section; each section has its own unit, so that quiet frames keep a fine resolution."""
 
 PHASE_ROWS = 1000
-"""Frames of which a page keeps the phases; of longer drives every second, third ..."""
+"""Largest number of frames with phases in a page; longer drives are thinned out."""
 
 FINE_FRAMES = 1500
-"""Up to which a field is kept in 16 bits, which show a focus to .01 %, and above in 8, to 1 %."""
+"""Fields of at most so many frames have 16 bits (0.01 % of the maximum), longer ones 8 bits (1 %)."""
 
 
 def metadata(showing: ViewData) -> dict[str, object]:
-    """What stands beside the frames, for JSON: lengths in mm, tables and matrices as base64 text."""
+    """Return metadata for JSON: lengths in mm, tables and matrices as base64 text."""
     told: dict[str, object] = {
         "title": showing.title,
         "simulated": showing.simulated,
@@ -46,7 +46,7 @@ def metadata(showing: ViewData) -> dict[str, object]:
 
 
 def sections(showing: ViewData) -> dict[str, bytes]:
-    """The frames of each track, packed."""
+    """Return the packed frames of each track."""
     packed: dict[str, bytes] = {}
     for name, channels in _channels(showing):
         packed[name] = _counts(channels.values, Kind.SAMPLES, "<i2", showing)
@@ -62,7 +62,7 @@ def sections(showing: ViewData) -> dict[str, bytes]:
 
 
 def size_of(showing: ViewData) -> int:
-    """Bytes of all sections, about, without making them."""
+    """Estimate the size of all sections in bytes, without packing them."""
     width, sound = 0, showing.sound
     for _, channels in _channels(showing):
         width += 2 * channels.values.shape[1]
@@ -75,7 +75,7 @@ def size_of(showing: ViewData) -> int:
 
 
 def check_size(showing: ViewData, *, most: int = 64 * 2**20) -> None:
-    """Refuse what is too much for one page.
+    """Check that a view fits into one page.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def check_size(showing: ViewData, *, most: int = 64 * 2**20) -> None:
     size = size_of(showing)
     if size > most:
         raise InputError(
-            f"page: expected at most {most / 1e6:.3g} MB of frames, which a browser opens, got {size / 1e6:.3g} MB; "
+            f"page: expected at most {most / 1e6:.3g} MB of frames for a browser, got {size / 1e6:.3g} MB; "
             "show a part (--start-at, --duration)"
         )
 
@@ -104,7 +104,7 @@ def _tracks(showing: ViewData) -> Iterator[dict[str, object]]:
     if sound is None:
         return
     if sound.wanted is not None:
-        yield {"name": "wanted", "unit": "Pa", "label": "wanted"}
+        yield {"name": "wanted", "unit": "Pa", "label": "target"}
     if sound.played is not None:
         yield {"name": "played", "unit": "Pa", "label": "played"}
     if sound.drive is not None:
@@ -146,7 +146,7 @@ def _counts(values: NDArray[np.float64] | NDArray[np.complex128], kind: Kind, dt
 
 
 def _phases(sound: Sound, showing: ViewData) -> Iterator[Section]:
-    """A section a frame, so that frames may be left out."""
+    """Return one section per frame, since frames may be left out."""
     if sound.drive is None:
         return
     for frame in range(0, showing.frames, _every(showing.frames)):
@@ -155,7 +155,7 @@ def _phases(sound: Sound, showing: ViewData) -> Iterator[Section]:
 
 
 def _every(frames: int) -> int:
-    """Of how many frames a page keeps the phases of one."""
+    """Interval between the frames whose phases a page keeps."""
     return -(-frames // PHASE_ROWS)
 
 

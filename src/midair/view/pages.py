@@ -1,4 +1,4 @@
-"""Pages that stand alone: the view with its frames inside, which asks nobody for anything."""
+"""Standalone HTML pages of a view, which load nothing from elsewhere."""
 
 import base64
 import hashlib
@@ -14,29 +14,29 @@ from midair.view.page_payload import metadata, sections
 from midair.view.view_data import ViewData
 
 WEB = Path(__file__).parent / "web"
-"""Folder of view.js (canvases), transport.js (time), page.js (both) and widget.js (for notebooks): ES modules."""
+"""Folder of the ES modules view.js (canvases), transport.js (time), page.js (both) and widget.js (notebooks)."""
 
 
 Tables = Sequence[tuple[str, Sequence[Sequence[str]]]]
-"""A title, and rows of text, each."""
+"""Title and rows of text of each table."""
 
 
 def one_module(*more: str) -> str:
-    """view.js, transport.js, page.js and more as one module, for where there is no second file to ask for."""
+    """Return view.js, transport.js, page.js and further files as one module, for use inside a single page."""
     names = ("view.js", "transport.js", "page.js", *more)
     parts = [(WEB / name).read_text(encoding="utf-8") for name in names]
     return "\n".join(re.sub(r'^import .* from "\./\w+\.js";$', "", part, flags=re.MULTILINE) for part in parts)
 
 
 def style() -> str:
-    """How the view looks."""
+    """Return the style sheet of the view."""
     return (WEB / "page.css").read_text(encoding="utf-8")
 
 
 def inlined(showing: ViewData) -> dict[str, str]:
-    """What a page holds of a view: ``style``, ``module`` (its script), ``sounds``, and ``blocks``, the frames.
+    """Return the parts of a page: ``style``, ``module`` (script), ``sounds``, and ``blocks`` (the frames).
 
-    The script shows every element of class ``midair-view`` from the blocks inside it.
+    The script mounts every element of class ``midair-view`` with the blocks inside it.
     """
     held = {"about": json.dumps(metadata(showing), ensure_ascii=True).replace("<", "\\u003c")}
     held |= {name: base64.b64encode(data).decode() for name, data in sections(showing).items()}
@@ -48,7 +48,7 @@ def inlined(showing: ViewData) -> dict[str, str]:
 
 
 def _sounds(showing: ViewData) -> str:
-    """Players of the chosen channel; nothing where there is none."""
+    """Return audio players of the selected channel; empty if there is none."""
     players = [
         f'<label>{escape(name.capitalize())} <audio controls loop preload="auto" src="{sound.source}"></audio></label>'
         for name, sound in heard_together(showing)
@@ -57,16 +57,14 @@ def _sounds(showing: ViewData) -> str:
 
 
 def show_page(showing: ViewData, *, commands: tuple[str, ...] = (), tables: Tables = ()) -> str:
-    """The view as HTML that needs nothing from outside, and whose browser lets it ask for nothing.
+    """Render a view as HTML that loads nothing from elsewhere, enforced by its content security policy.
 
     Parameters
     ----------
-    showing : Showing
-        What it shows.
     commands : tuple of str
-        With which the same can be made again.
+        Commands that produce the same page.
     tables : sequence of (str, rows)
-        Further words below it, each with its title: rows of text, one cell after another.
+        Further tables below the view: title, and rows of text cells.
     """
     page = render_page(
         "view/show.html.j2",
@@ -82,16 +80,16 @@ def show_page(showing: ViewData, *, commands: tuple[str, ...] = (), tables: Tabl
 
 
 def sealed(page: str) -> str:
-    """The page with a content policy of its own: its scripts and styles by their sums, pictures and sound inside it."""
+    """Add a content security policy to a page: it allows only its own scripts and styles (by hash) and data URLs."""
 
     def sums(element: str, given: str) -> str:
-        # What a browser does not run, such as the frames, needs no leave.
+        # Elements that a browser does not run, such as the frames, need no hash.
         found = re.findall(rf"<{element}{given}>(.*?)</{element}>", page, re.DOTALL)
         return " ".join(
             f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'" for text in found
         )
 
-    # A sum lets a style element pass, never an attribute; neither can ask for anything.
+    # A hash allows style elements, never style attributes; neither can load anything.
     styles = "'unsafe-inline'" if ' style="' in page else sums("style", "")
     policy = f"default-src 'none'; img-src data:; media-src data:; style-src {styles}"
     scripts = sums("script", ' type="module"')

@@ -1,4 +1,4 @@
-"""A film of a palm: pressure on it and how its skin moves, moment by moment, wanted beside played."""
+"""A film of a palm: pressure and skin displacement over time, target and played."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,24 +15,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PalmMaps:
-    """Maps of one quantity that share a scale.
-
-    Attributes
-    ----------
-    maps : Mapping of str to ndarray, shape (frame, row, column)
-        By what stands over each, in `unit`; either sign, NaN where there is no skin.
-    unit : str
-        Of the values.
-    pitch : float
-        Between the points, in m.
-    square : tuple of float
-        Half the sides of the square that the sensor covers, along x and y, in m.
-    """
+    """Maps of one quantity on one colour scale."""
 
     maps: Mapping[str, Array]
+    """Signed values in `unit` by title, shape (frame, row, column); NaN where there is no skin."""
     unit: str
     pitch: float
+    """Distance of the points in m."""
     square: tuple[float, float]
+    """Half the sides (x, y) of the area that the sensor covers, in m."""
 
     def __post_init__(self) -> None:
         shape = ("frame", "row", "column")
@@ -43,25 +34,21 @@ class PalmMaps:
 def film_of_palm(
     groups: Sequence[PalmMaps], *, rate: float, title: str = "palm", simulated: bool = True, side: int = 256
 ) -> Film:
-    """The film of these maps, all of as many frames.
+    """Make a film of maps that have the same number of frames.
 
     Parameters
     ----------
     groups : sequence of PalmMaps
         From left to right.
     rate : float
-        Frames per second, in Hz.
-    title : str
-        What it is.
-    simulated : bool
-        Whether any of it was simulated.
+        Frame rate in Hz.
     side : int
-        Of each map, in pixels.
+        Side of each map in pixels.
     """
     frames = min(len(each) for group in groups for each in group.maps.values())
     shown = ViewData(title=title, rate=rate, frames=frames, simulated=simulated)
-    # Red pushes, blue lets go, white is still. What leaks may press many times harder than what is wanted: by roots
-    # both are seen.
+    # Red is positive, blue negative pressure. Leakage may be many times stronger than the target: on a square-root
+    # scale both are visible.
     return Film(shown, side=side, groups=[_tiles(group) for group in groups], table="RdBu_r")
 
 
@@ -78,8 +65,8 @@ def _tile(name: str, frames: Array, group: PalmMaps, top: float) -> Tile:
 
     def values(frame: int) -> Array:
         roots = np.sign(frames[frame]) * np.sqrt(np.abs(frames[frame]) * top)
-        # As wide as high, or it would be drawn out.
+        # Padded to a square, so that the map keeps its aspect ratio.
         return np.pad(roots, beside, constant_values=np.nan)
 
-    unit, width = f"{group.unit},\nby roots", side * group.pitch
+    unit, width = f"{group.unit},\nsquare root", side * group.pitch
     return Tile(title=name, values=values, top=top, low=-top, unit=unit, width=width, square=group.square)

@@ -1,4 +1,4 @@
-"""What a view shows of a recording, a target, a drive or a comparison: frames by name, and where they lie."""
+"""Data of a view: frames and geometry of a recording, a target, a drive or a comparison."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -17,34 +17,27 @@ from midair.view.interpolated_field import InterpolatedField, finer
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Part = tuple[float, float | None]
-"""From where, in s, and how long; to the end if None."""
+"""Start in s and duration in s; to the end if the duration is None."""
 
 WHOLE: Part = (0.0, None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Channels:
-    """Samples of the cells of a sensor.
-
-    Attributes
-    ----------
-    values : ndarray, shape (frame, channel)
-        In `unit`.
-    unit : str
-        V, count or Pa.
-    label : str
-        What to call them beside others.
-    """
+    """Samples of the cells of a sensor."""
 
     values: Array
+    """In `unit`, shape (frame, channel)."""
     unit: str
+    """V, count or Pa."""
     label: str
+    """Name of these samples in the view."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", frozen_array(self.values, "samples", ("frame", "channel")))
 
     def check(self, channel: int) -> int:
-        """The channel, if there is one of this number."""
+        """Return the number of a channel; InputError if there is none."""
         count = self.values.shape[1]
         if not 0 <= channel < count:
             raise InputError(f"channel: expected 0 to {count - 1}, got {channel}")
@@ -52,37 +45,26 @@ class Channels:
 
     @property
     def loudest(self) -> int:
-        """The channel with the largest rms about its mean."""
+        """Channel with the largest standard deviation."""
         return int(self.values.std(axis=0).argmax())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sound:
-    """Sound in a plane, wanted and played, and what the array is told.
-
-    Attributes
-    ----------
-    grid : ControlGrid
-        The points.
-    wanted : ndarray or None, shape (frame, point)
-        Peak, in Pa.
-    played : ndarray of complex or None, shape (frame, point)
-        Peak, in Pa, as if each frame lasted for ever.
-    drive : Drive or None
-        What plays.
-    finer : Finer or None
-        Makes more points of those of `played`.
-    """
+    """Target and played sound field in a plane, and the drive."""
 
     grid: ControlGrid
     wanted: Array | None = None
+    """Target: peak sound pressure in Pa, shape (frame, point)."""
     played: Complex | None = None
+    """Complex sound pressure in Pa (peak), steady state of each frame, shape (frame, point)."""
     drive: Drive | None = None
     finer: InterpolatedField | None = None
+    """Interpolation of `played` to more points."""
 
     @property
     def top(self) -> float:
-        """Largest amplitude of all frames, in Pa."""
+        """Largest amplitude of all frames in Pa."""
         return max(
             float(np.abs(each).max(initial=0)) for each in (self.wanted, self.played, np.zeros(1)) if each is not None
         )
@@ -90,43 +72,26 @@ class Sound:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ViewData:
-    """What a view shows.
-
-    Attributes
-    ----------
-    title : str
-        What it is.
-    rate : float
-        Frames per second, in Hz.
-    frames : int
-        Number of frames.
-    simulated : bool
-        Whether any of it was simulated.
-    sensor : SensorGrid or None
-        The cells.
-    samples, again : Channels or None
-        What they felt; what they felt of the reproduction.
-    sound : Sound or None
-        Wanted and played.
-    facts : mapping of str to str
-        In words.
-    first : int
-        Number of the first frame in the whole of which this is a part.
-    chosen : int or None
-        The channel to begin with; the loudest if None.
-    """
+    """Frames and metadata of a view."""
 
     title: str
     rate: float
+    """Frame rate in Hz."""
     frames: int
     simulated: bool
+    """True if any of it was simulated."""
     sensor: SensorGrid | None = None
     samples: Channels | None = None
+    """Recorded samples."""
     again: Channels | None = None
+    """Re-recorded samples of the reproduction."""
     sound: Sound | None = None
     facts: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Further properties as text."""
     first: int = 0
+    """Number of the first frame in the whole take."""
     chosen: int | None = None
+    """Channel that is selected first; the loudest one if None."""
 
     def __post_init__(self) -> None:
         if self.chosen is None:
@@ -137,19 +102,19 @@ class ViewData:
 
     @property
     def channel(self) -> int:
-        """The channel to begin with."""
+        """Channel that is selected first."""
         if self.chosen is not None:
             return self.chosen
         return 0 if self.samples is None else self.samples.loudest
 
     @property
     def duration(self) -> float:
-        """In s."""
+        """Duration in s."""
         return self.frames / self.rate
 
 
 def show_recording(recording: Recording, *, pressure: PressureFrames | None = None, part: Part = WHOLE) -> ViewData:
-    """Channels of a recording; calibrated, where its pressure is given."""
+    """View of a recording, or of its calibrated pressure if given."""
     shown = _channels_of(recording) if pressure is None else _felt(pressure, "calibrated")
     rate = recording.rate if pressure is None else pressure.rate
     first, last = stretch(part, len(shown.values), rate)
@@ -166,7 +131,7 @@ def show_recording(recording: Recording, *, pressure: PressureFrames | None = No
 
 
 def show_target(target: AmplitudeFrames, *, part: Part = WHOLE) -> ViewData:
-    """Sound that is wanted at the control points."""
+    """View of target amplitudes at the control points."""
     first, last = stretch(part, target.frames, target.rate)
     return ViewData(
         title=_named(target.provenance.notes, target.provenance.source),
@@ -180,9 +145,9 @@ def show_target(target: AmplitudeFrames, *, part: Part = WHOLE) -> ViewData:
 
 
 def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = None, part: Part = WHOLE) -> ViewData:
-    """What a drive plays, beside what it was asked for, and the phases of its array.
+    """View of the field that a drive plays, beside its target, and of the phases of its array.
 
-    Where there is no target, the plane is the usual one, 200 mm above the array.
+    Without a target, the plane is the default grid, 200 mm above the array.
     """
     whole = solution.drive if isinstance(solution, Solution) else solution
     first, last = stretch(part, whole.frames, whole.rate)
@@ -190,13 +155,13 @@ def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = N
     grid = ControlGrid() if target is None else target.grid
     facts = {"array": f"{drive.array.name}, {drive.array.count} transducers", "plane": _plane(grid)}
     if isinstance(solution, Solution) and (plays := solution.plays[first:last]).any():
-        facts["E"] = f"{100 * solution.error[first:last][plays].mean():.1f} % of what is wanted, on average"
+        facts["E"] = f"{100 * solution.error[first:last][plays].mean():.1f} % of the target, on average"
     return ViewData(
         title=_named(drive.provenance.notes, drive.provenance.source),
         rate=drive.rate,
         frames=drive.frames,
         first=first,
-        # Nobody has measured it: the field is what the model of the array makes of the phases.
+        # The field is computed from the phases by the model of the array, not measured.
         simulated=True,
         sound=Sound(
             grid=grid,
@@ -212,12 +177,12 @@ def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = N
 def show_comparison(
     original: PressureFrames, again: PressureFrames, *, sound: Sound | None = None, part: Part = WHOLE
 ) -> ViewData:
-    """A re-recording over its original, and the sound between them where it is given, of as many frames.
+    """View of a re-recording over its original, with the sound field between them if given.
 
     Raises
     ------
     RateError
-        If the two are not at one rate.
+        If the rates differ.
     """
     if not np.isclose(original.rate, again.rate, rtol=1e-9):
         raise RateError(f"comparison: expected both at one rate, got {original.rate:g} and {again.rate:g} Hz")
@@ -238,24 +203,18 @@ def show_comparison(
 
 
 def stretch(part: Part, frames: int, rate: float) -> tuple[int, int]:
-    """First frame of a part, and the one after its last.
-
-    Raises
-    ------
-    InputError
-        If no frame is in it.
-    """
+    """Return the first frame of a part and the frame after its last; InputError if it has no frames."""
     start, duration = part
     first = round(start * rate)
     last = frames if duration is None else min(frames, first + round(duration * rate))
     if not 0 <= first < last:
         asked = f"{start:g} s on" if duration is None else f"{start:g} to {start + duration:g} s"
-        raise InputError(f"part: expected one of 0 to {frames / rate:.4g} s, got {asked}")
+        raise InputError(f"part: expected a part of 0 to {frames / rate:.4g} s, got {asked}")
     return first, last
 
 
 def played_field(drive: Drive, grid: ControlGrid) -> Complex:
-    """The field of each frame as if it lasted for ever, shape (frame, point), in Pa; a stretch of frames at a time."""
+    """Complex steady-state field of each frame in Pa, shape (frame, point); computed 512 frames at a time."""
     G = transfer_matrix(grid, drive.array, acoustics=drive.acoustics).T
     field = np.empty((drive.frames, grid.count), np.complex128)
     for first in range(0, drive.frames, 512):

@@ -1,7 +1,7 @@
 import { BarPicture, CellsPicture, Colours, FieldPicture, OverviewPicture, PhasesPicture, SparseTrack, SpectrogramPicture, Track, TracesPicture, bytesOf, decode } from "./view.js";
 import { Transport, controls } from "./transport.js";
 
-/* A whole view of one take: its pictures in a grid and a transport below. `about` is what view/view_data.py tells of it,
+/* A whole view of one take: its pictures in a grid and a transport below. `about` is the metadata of view/page_payload.py,
    `bytes` the sections of each track by name: samples, again, wanted, played, phases. */
 
 export function mount(root, about, bytes) {
@@ -30,7 +30,7 @@ export function mount(root, about, bytes) {
   const { samples, again, wanted, played, phases } = tracks, { sensor, field } = about;
   const top = Math.max(wanted?.top ?? 0, played?.top ? about.top : 0), maps = { colours: colours.inferno, phaseColours: colours.twilight, top };
   if (wanted || played) group = element(grid, "div", "view-group");
-  if (wanted) show("Wanted", `${field.rows} × ${field.columns}, Pa of sound`, "map", (box, label) => new FieldPicture(box, { label, track: wanted, ...field, ...maps, cells: sensor }));
+  if (wanted) show("Target", `${field.rows} × ${field.columns}, Pa of sound`, "map", (box, label) => new FieldPicture(box, { label, track: wanted, ...field, ...maps, cells: sensor }));
   if (played) {
     const finer = { down: floats(field.down), across: floats(field.across) };
     const fine = (title, note, phase) => show(title, note, "map", (box, label) => {
@@ -59,30 +59,30 @@ export function mount(root, about, bytes) {
     transport.addEventListener("change", tell);
     tell();
   }
-  show("The whole", "press or drag to go there", "overview", (box, label) => new OverviewPicture(box, { label, track: samples ?? played ?? wanted, seek, frames: about.frames }));
+  show("Whole take", "click or drag to move the playhead", "overview", (box, label) => new OverviewPicture(box, { label, track: samples ?? played ?? wanted, seek, frames: about.frames }));
   const bar = controls(transport, root);
   if (colours.cividis) toggle(bar, "Cividis", (on) => paintIn(pictures, on ? [colours.inferno, colours.cividis] : [colours.cividis, colours.inferno]));
   keys(transport, root);
   if (about.simulated) { root.classList.add("view-simulated"); const mark = element(root, "span", "view-mark"); mark.textContent = "SIMULATED"; }
-  if (!transport.playing) transport.seek(loudest(samples ?? played ?? wanted)); // what stands still is to be seen
+  if (!transport.playing) transport.seek(loudest(samples ?? played ?? wanted)); // show a loud frame while paused
   const draw = (state) => { for (const picture of pictures) picture.draw(picture.fixed ? { ...state, ...picture.fixed } : state); };
   transport.run(draw);
   return { transport, pictures, tracks, remove() { transport.stop(); for (const picture of pictures) picture.remove(); root.replaceChildren(); } };
 }
 
-/** Everything that a page of view/pages.py holds, into its element. */
+/** Mount the data of a page of view/pages.py into its element. */
 export function mountInlined(root) {
   const held = (name) => root.querySelector(`script[data-name="${name}"]`).textContent;
   const about = JSON.parse(held("about"));
   return mount(root, about, Object.fromEntries(about.tracks.map(({ name }) => [name, bytesOf(held(name))])));
 }
 
-/** Another table in every picture that has the first of the two. */
+/** Replace the colour table in every picture that uses the first of the two. */
 function paintIn(pictures, [before, after]) {
   for (const picture of pictures) {
     if (picture.colours !== before) continue;
     picture.colours = after;
-    picture.columns?.clear?.(); // of the spectrogram, which are kept as colours
+    picture.columns?.clear?.(); // the spectrogram caches its columns as colours
     picture.draw();
   }
 }
@@ -107,7 +107,7 @@ function loudest(track) {
 
 function keys(transport, root) {
   root.tabIndex = -1;
-  const alone = root.dataset.keys === "page" ? root.ownerDocument : root; // a page of its own, or one thing among others
+  const alone = root.dataset.keys === "page" ? root.ownerDocument : root; // the whole page, or one element of a page
   alone.addEventListener("keydown", (event) => {
     const { target } = event;
     if (event.defaultPrevented || target.closest?.("input, textarea, select, [contenteditable]") || (event.key === " " && target.closest?.("button, summary, a, audio, video"))) return;

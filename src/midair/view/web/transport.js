@@ -1,11 +1,11 @@
-/* Playing, pausing, looping and stepping through frames; what a picture shows at each speed.
+/* Playing, pausing, looping and stepping through frames.
 
-   At full speed a picture stands for every frame since the last one (`from` to `frame`, shown as their rms): single
-   frames would be a strobe, under which a 60 Hz beat stands still. At 1/10 and slower it is one frame, held.
+   At full speed a picture shows the rms of all frames since the last picture (`from` to `frame`): single frames would
+   alias, so that a 60 Hz vibration would seem to stand still. At 1/10 and slower a picture shows one frame.
 
-   transport = new Transport({frames, rate, first})      "change" when what is to be shown differs
+   transport = new Transport({frames, rate, first})      "change" event when another state is shown
    transport.run(draw)                                   calls draw(state) before the screen's next picture
-   transport.press(event)                                the keys of a player; true where the key was one
+   transport.press(event)                                handles the keys of a player; true if it used the key
    controls(transport, root)                             buttons, and what is shown in words */
 
 const LADDER = [-1, -0.1, -0.01, 0.01, 0.1, 1];
@@ -16,7 +16,7 @@ export class Transport extends EventTarget {
     super();
     Object.assign(this, { frames, rate, first });
     this.frame = this.from = first;
-    this.playing = !still; // reduced motion begins paused
+    this.playing = !still; // paused at the start for users who prefer reduced motion
     this.speed = 1;
     this.span = Math.min(1, frames / rate);
     this.whole = this.span;
@@ -26,7 +26,7 @@ export class Transport extends EventTarget {
     this.loop = { from: first, to: first + frames - 1, on: true };
     this.marks = [];
     this.drawn = 0;
-    this._at = first; // between frames too
+    this._at = first; // may lie between two frames
     this._dirty = true;
   }
   get last() { return this.first + this.frames - 1; }
@@ -35,10 +35,10 @@ export class Transport extends EventTarget {
     const { frame, from, channel, span, phase, loop, marks } = this;
     return { frame, from, channel, span, phase, loop, marks };
   }
-  /** What a picture stands for, in words. */
+  /** Text that describes what a picture shows. */
   get shows() {
     const count = this.frame - this.from + 1;
-    return count > 1 ? `each picture: rms of ${count} frames` : "each picture: one frame, held";
+    return count > 1 ? `each picture: rms of ${count} frames` : "each picture: one frame";
   }
   set(changes) { Object.assign(this, changes); this._changed(); }
   seek(frame) {
@@ -46,7 +46,7 @@ export class Transport extends EventTarget {
     this._changed();
   }
   play() {
-    // At the end there is nothing left to play: from the other one.
+    // At one end, restart from the other end.
     if (!this.loop.on && this.frame === (this.speed > 0 ? this.last : this.first)) this.seek(this.speed > 0 ? this.first : this.last);
     this.playing = true;
     this._before = undefined;
@@ -56,7 +56,7 @@ export class Transport extends EventTarget {
   toggle() { if (this.playing) this.pause(); else this.play(); }
   step(count) { this.pause(); this.seek(this.frame + count); }
   setSpeed(speed) { this.speed = speed; this._changed(); }
-  /** J and L: one rung slower (or back), one faster. */
+  /** J and L: one step slower (or backwards), one faster. */
   rung(by) {
     if (!this.playing) { this.speed = by * Math.abs(this.speed); this.play(); return; }
     this.setSpeed(LADDER[Math.max(0, Math.min(LADDER.length - 1, LADDER.indexOf(this.speed) + by))]);
@@ -70,12 +70,12 @@ export class Transport extends EventTarget {
   mark() { if (!this.marks.includes(this.frame)) this.marks = [...this.marks, this.frame].sort((a, b) => a - b); this._changed(); }
   nextMark() { const next = this.marks.find((mark) => mark > this.frame) ?? this.marks[0]; if (next !== undefined) this.seek(next); }
   zoom(factor) { this.set({ span: Math.max(16 / this.rate, Math.min(this.frames / this.rate, this.span * factor)) }); }
-  /** Move on to `now` (ms); whether there is another picture to draw. */
+  /** Advance to the time `now` (ms); true if a new picture must be drawn. */
   advance(now) {
     const before = this._before ?? now;
     this._before = now;
     if (!this.playing) return this._take();
-    // A page that was away goes on where it was, not where it would be.
+    // A page that was hidden continues at the frame where it stopped.
     this._at += (Math.min(now - before, 250) / 1000) * this.rate * this.speed;
     const { loop, speed } = this, low = loop.on ? loop.from : this.first, high = loop.on ? loop.to : this.last;
     let turned = false;
@@ -102,7 +102,7 @@ export class Transport extends EventTarget {
     return this;
   }
   stop() { this._stopped = true; }
-  /** A key that was pressed outside text fields. */
+  /** Handle a key that was pressed outside text fields. */
   press({ key, shiftKey = false, ctrlKey = false, altKey = false, metaKey = false }) {
     if (ctrlKey || altKey || metaKey) return false;
     const far = shiftKey ? 10 : 1;
@@ -129,7 +129,7 @@ export class Transport extends EventTarget {
 
 const ICONS = { start: "M3 2h2v12H3zM14 2v12L6 8z", play: "M3 2l11 6-11 6z", pause: "M3 2h4v12H3zM9 2h4v12H9z" };
 
-/** Buttons in `root`, and time, frame and what a picture stands for in words. */
+/** Add buttons, time, frame number and a description of the picture to `root`. */
 export function controls(transport, root) {
   const page = root.ownerDocument, bar = page.createElement("div");
   bar.className = "view-controls";
@@ -166,14 +166,14 @@ export function controls(transport, root) {
     where.textContent = `${transport.time.toFixed(4)} s, frame ${transport.frame}`;
     shows.textContent = `${transport.shows}${transport.speed < 0 ? ", backwards" : ""}`;
   };
-  // An output is read aloud at every change: only where it stands still.
+  // Screen readers read an output at every change, so it is updated only while paused.
   transport.addEventListener("change", () => { where.setAttribute("aria-live", transport.playing ? "off" : "polite"); show(); });
   show();
   return bar;
 }
 
 function drawing(page, path) {
-  const made = page.createElement("template"); // its text is ours; the parser knows what an svg is
+  const made = page.createElement("template"); // fixed text; the template parser creates the svg element
   made.innerHTML = `<svg viewBox="0 0 16 16" width="14" height="14" aria-hidden="true"><path d="${path}" fill="currentColor"/></svg>`;
   return made.content.firstChild;
 }

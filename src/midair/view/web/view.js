@@ -1,25 +1,25 @@
-/* The view of midair: every canvas, and the frames that they draw. One file without imports, since a notebook needs one.
+/* All canvases of midair, and the tracks that they draw. One file without imports, since a notebook needs a single file.
 
-   decode(buffer)            the sections of wire.py: [{kind, type, number, time, first, frames, width, unit, values}]
-   Track                     frames of one kind that follow each other: all of a take, or the last ones of a live feed
-   SparseTrack               frames that come now and then (phases at 15 Hz): `at(frame)` is the last one up to it
-   Picture(box, {...})       a canvas as large as its box; `.draw(state)` paints; `.summary` says it in words
+   decode(buffer)            the sections of frame_encoding.py: [{kind, type, number, time, first, frames, width, unit, values}]
+   Track                     consecutive frames of one kind: a whole take, or the last frames of a live feed
+   SparseTrack               irregular frames (phases at 15 Hz): `at(frame)` is the last one up to it
+   Picture(box, {...})       a canvas as large as its box; `.draw(state)` paints; `.summary` describes it
      FieldPicture            complex field or magnitude: colours by magnitude or by phase, finer by two real matrices
-     CellsPicture            what each cell of the sensor feels
-     TracesPicture           every channel around the playhead, one track over another
-     PhasesPicture           phases of the array's transducers, where they are
+     CellsPicture            signal of each cell of the sensor
+     TracesPicture           all channels around the playhead, one track over another
+     PhasesPicture           phases of the transducers at their positions
      SpectrogramPicture      one channel, frequency over time
-     OverviewPicture         the whole take: playhead, loop, marks; scrubs
-     BarPicture              what the colours mean
+     OverviewPicture         the whole take: playhead, loop, marks; can be dragged
+     BarPicture              colour scale
 
    state: {frame, from, channel, span, phase, loop: {from, to, on}, marks}. `from` to `frame` are the frames since the last
-   picture: fields and cells show their rms, a single frame where both are the same. Every picture holds what it drew last. */
+   picture: fields and cells show their rms, or one frame if both are equal. A picture keeps its content until the next draw. */
 
 export const KINDS = { samples: 1, field: 2, phases: 3, meters: 4, marks: 5 };
 const TYPES = { 1: Int8Array, 2: Int16Array, 3: Float32Array, 4: Uint8Array };
 const HEADER = 32;
 
-/** Sections of bytes as wire.py packs them. */
+/** Decode the sections that frame_encoding.py packs. */
 export function decode(buffer) {
   const bytes = buffer instanceof ArrayBuffer ? buffer : buffer.buffer.slice(buffer.byteOffset, buffer.byteOffset + buffer.byteLength);
   const view = new DataView(bytes), sections = [];
@@ -27,17 +27,17 @@ export function decode(buffer) {
     if (bytes.byteLength - at < HEADER) throw new Error(`section at byte ${at}: expected a header of ${HEADER} bytes`);
     const kind = view.getUint8(at + 2), type = view.getUint8(at + 3), Values = TYPES[type];
     if (view.getUint8(at) !== 0x6d || view.getUint8(at + 1) !== 1 || !(kind >= 1 && kind <= 5) || !Values)
-      throw new Error(`section at byte ${at}: not of this version; reload the page`);
+      throw new Error(`section at byte ${at}: unknown version or type; reload the page`);
     const frames = view.getUint16(at + 24, true), width = view.getUint16(at + 26, true);
     const end = at + HEADER + frames * width * Values.BYTES_PER_ELEMENT;
-    if (end > bytes.byteLength) throw new Error(`section at byte ${at}: cut off`);
+    if (end > bytes.byteLength) throw new Error(`section at byte ${at}: incomplete data`);
     sections.push({
       kind, type, frames, width,
       number: view.getUint32(at + 4, true),
       time: view.getFloat64(at + 8, true),
       first: Number(view.getBigUint64(at + 16, true)),
       unit: view.getFloat32(at + 28, true),
-      // A copy: sections lie back to back, and typed arrays must begin at a multiple of their size.
+      // A copy: sections are not aligned, but typed arrays must begin at a multiple of their element size.
       values: new Values(bytes.slice(at + HEADER, end)),
     });
     at = end;
@@ -52,14 +52,14 @@ export function bytesOf(text) {
   return bytes;
 }
 
-/** Frames of one kind that follow each other; `capacity` of them are kept. A frame that never came is NaN. */
+/** Consecutive frames of one kind; the last `capacity` frames are kept. A lost frame is NaN. */
 export class Track {
   constructor({ rate, capacity, unit = "", name = "", label = "" }) {
     Object.assign(this, { rate, capacity, unit, name, label });
     this.first = this.last = 0; // kept: first to last - 1
     this.width = 0;
     this.lost = 0;
-    this.version = 0; // counts what came: a number from the beginning, or the top of nothing would be no number
+    this.version = 0; // counts the sections; a number from the start, since `top` is cached by it
   }
   add(section) {
     if (!this.values) {
@@ -83,13 +83,13 @@ export class Track {
     return this;
   }
   has(frame) { return frame >= this.first && frame < this.last; }
-  /** One value of one frame; NaN where there is none. */
+  /** One value of one frame; NaN if the frame is missing. */
   value(frame, index) {
     if (!this.has(frame)) return NaN;
     const slot = frame % this.capacity;
     return this.values[slot * this.width + index] * this.units[slot];
   }
-  /** A frame's values into `out`; false where there is none. */
+  /** Copy the values of a frame into `out`; false if it is missing. */
   read(frame, out) {
     if (!this.has(frame)) return false;
     const slot = frame % this.capacity, unit = this.units[slot], at = slot * this.width;
@@ -105,7 +105,7 @@ export class Track {
     for (let i = 0; i < this.width; i++) most = Math.max(most, Math.abs(this.values[at + i]));
     return most * this.units[slot] || 0;
   }
-  /** Largest magnitude of all frames that are kept: the top of a scale. */
+  /** Largest magnitude of all kept frames, for colour scales. */
   get top() {
     if (this._toppedAt !== this.version) {
       this._top = 0;
@@ -116,7 +116,7 @@ export class Track {
   }
 }
 
-/** Frames that come now and then. */
+/** Frames at irregular times. */
 export class SparseTrack {
   constructor({ capacity = Infinity } = {}) { this.capacity = capacity; this.rows = []; }
   add(section) {
@@ -148,7 +148,7 @@ export class Colours {
 const INK = { ink: "--view-ink", quiet: "--view-quiet", line: "--view-line", ground: "--view-ground", trace: "--view-trace", second: "--view-second", accent: "--view-accent" };
 const FALLBACK = { ink: "#1b1f24", quiet: "#57606a", line: "#8c959f", ground: "#ffffff", trace: "#0b62a8", second: "#b4500a", accent: "#b35900" };
 
-/** A canvas that is as large as its box, in the device's own pixels, and says in words what it shows. */
+/** A canvas as large as its box, in device pixels, with a text description for screen readers. */
 export class Picture {
   constructor(box, { label, role = "img" }) {
     this.box = box;
@@ -171,7 +171,7 @@ export class Picture {
     for (const scheme of this._schemes) scheme.addEventListener("change", this._repaint);
     this.canvas.addEventListener("pointermove", (event) => this._tell(event.offsetX, event.offsetY));
     this.canvas.addEventListener("pointerleave", () => { this.said.textContent = ""; });
-    this.canvas.setAttribute("aria-label", label); // what it shows is said with the first picture
+    this.canvas.setAttribute("aria-label", label); // a description is added with the first picture
   }
   /** Paint a state, or the last one again. */
   draw(state = this.state) {
@@ -179,7 +179,7 @@ export class Picture {
     if (!state || !this.canvas.width || !this.canvas.height) return;
     this.paint(this.context, this.canvas.width, this.canvas.height, state);
     const now = performance.now();
-    // Names are for people who listen: once a second at most, and the last one after that.
+    // For screen readers: update the description at most once per second.
     clearTimeout(this._later);
     if (!(now - this._named < 1000)) this._name();
     else this._later = setTimeout(() => this._name(), 1000);
@@ -192,11 +192,11 @@ export class Picture {
     this.said.remove();
   }
   get summary() { return ""; }
-  /** What stands at a place of the canvas, in CSS pixels. */
+  /** Text of the value at a position of the canvas, in CSS pixels. */
   valueAt() { return ""; }
-  /** CSS pixel in the device's. */
+  /** Device pixels per CSS pixel. */
   get ratio() {
-    // Asked for by every word of a picture; how wide the canvas is has the whole page laid out.
+    // Cached: every text needs it, and reading the width of the canvas forces a layout of the page.
     const key = `${this.canvas.width} ${devicePixelRatio}`;
     if (this._ratioOf !== key) Object.assign(this, { _ratioOf: key, _ratio: this.canvas.width / (this.canvas.clientWidth || this.canvas.width) || 1 });
     return this._ratio;
@@ -244,25 +244,25 @@ export class Picture {
   }
 }
 
-/** Share of the side of a map of `points` that `shown` pixels cover: theirs, or more of them from the first point to the last. */
+/** Share of the side of a map with `points` that `shown` pixels cover; finer pixels lie from the first point to the last. */
 const covered = (points, shown) => (shown > points && points > 1 ? (shown * (points - 1)) / (shown - 1) / points : 1);
 
 /** A map of rows and columns: pixels, cells over it, values under pointer and arrows. */
 class MapPicture extends Picture {
-  /* `place`: {pitch, x, y} in mm: of neighbours of the track's grid, and of its middle. */
+  /* `place`: {pitch, x, y} in mm: pitch of the track's grid, and position of its centre. */
   constructor(box, options) {
     super(box, options);
     const { rows, columns, place, unit = "Pa", cells = null } = options;
     Object.assign(this, { rows, columns, place, unit, cells });
     this._small = box.ownerDocument.createElement("canvas");
-    this.chosen = null; // the place that the arrows chose
+    this.chosen = null; // the cell selected with the arrow keys
     this.peak = null;
     this.canvas.addEventListener("keydown", (event) => this._arrow(event));
   }
   size(rows, columns) {
     if (this.shownRows === rows && this.shownColumns === columns) return;
     Object.assign(this, { shownRows: rows, shownColumns: columns });
-    // Finer points lie from the first point to the last: the squares around them cover a little less than those of points.
+    // Finer points lie from the first point to the last, so their pixels cover a little less than those of the points.
     this.cover = { w: covered(this.columns, columns), h: covered(this.rows, rows) };
     this._small.width = columns;
     this._small.height = rows;
@@ -270,7 +270,7 @@ class MapPicture extends Picture {
     this.pixels = new Uint32Array(this._image.data.buffer);
     this.shown = new Float32Array(rows * columns);
   }
-  /** Show `this.pixels`, as large as whole squares allow. */
+  /** Draw `this.pixels` with the largest square pixels that fit. */
   put(context, width, height) {
     const scale = Math.min(width / this.columns, height / this.rows);
     const centred = (w, h) => ({ x: (width - w) / 2, y: (height - h) / 2, w, h });
@@ -289,7 +289,7 @@ class MapPicture extends Picture {
     for (let i = 0; i < this.shown.length; i++) if (this.shown[i] > most) { most = this.shown[i]; at = i; }
     this.peak = at < 0 ? null : { value: most, row: Math.floor(at / this.shownColumns), column: at % this.shownColumns, ...this.whereIs(at % this.shownColumns, Math.floor(at / this.shownColumns)) };
   }
-  /** Place of a pixel's middle, in mm. */
+  /** Centre of a pixel in mm. */
   whereIs(column, row) {
     const { pitch, x, y } = this.place;
     return {
@@ -331,7 +331,7 @@ class MapPicture extends Picture {
     for (let i = 0; i <= rows; i++) { context.moveTo(left, top + i * pitch * scale); context.lineTo(left + columns * pitch * scale, top + i * pitch * scale); }
     context.stroke();
   }
-  /** How long 10 mm are. */
+  /** Draw a scale bar of 10 mm. */
   _ruler(context, area, scale) {
     const { ratio } = this, long = nice(Math.max((this.columns * this.place.pitch) / 8, 1e-9)), x = area.x + 8 * ratio, y = area.y + area.h - 9 * ratio;
     context.fillStyle = "#000";
@@ -357,8 +357,8 @@ class MapPicture extends Picture {
   }
 }
 
-/** The field in a plane. A track of 2 values a point is complex, of 1 a magnitude.
-    `down`, `across`: Float32Array of (finer row, row), (finer column, column); without them a pixel is a point. */
+/** The field in a plane. A track with 2 values per point is complex, with 1 a magnitude.
+    `down`, `across`: Float32Array of (finer row, row), (finer column, column); without them each point is one pixel. */
 export class FieldPicture extends MapPicture {
   constructor(box, options) {
     super(box, options);
@@ -371,12 +371,12 @@ export class FieldPicture extends MapPicture {
     const R = finer ? this.down.length / rows : rows, C = finer ? this.across.length / columns : columns;
     this.size(R, C);
     this._frame ??= new Float32Array(track.width || 2 * rows * columns);
-    // Before its frames have come a track does not say whether it is complex.
+    // A track without frames does not yet know whether it is complex.
     if (this.field?.length !== 2 * R * C) { this.field = new Float32Array(2 * R * C); this._half = null; }
     const byPhase = state.phase && this.complex && this.phaseColours, power = this.shown.fill(0);
     let count = 0;
     const first = byPhase ? state.frame : Math.min(state.from ?? state.frame, state.frame);
-    // Of many frames (67 a picture at 4 kHz) some, evenly spread: each finer field is 160 000 products.
+    // Use some evenly spaced frames of many (67 per picture at 4 kHz): each finer field needs 160 000 products.
     const step = finer ? Math.ceil((state.frame - first + 1) / this.most) : 1;
     for (let f = state.frame; f >= first; f -= step) {
       if (!track.read(f, this._frame)) continue;
@@ -417,7 +417,7 @@ export class FieldPicture extends MapPicture {
   _byPhase(top) {
     const { shown, pixels, field } = this, table = this.phaseColours.pixels, least = this.quiet * top;
     for (let i = 0; i < pixels.length; i++)
-      // Where nothing sounds there is no phase: transparent, so that the ground shows.
+      // Phase is undefined where the magnitude is small: transparent.
       pixels[i] = shown[i] > least ? table[Math.floor((Math.atan2(field[2 * i + 1], field[2 * i]) / (2 * Math.PI) + 1) * 256) & 255] : 0;
   }
   _words(column, row) {
@@ -427,7 +427,7 @@ export class FieldPicture extends MapPicture {
   }
 }
 
-/** What each cell of the sensor feels: rms of the frames since the last picture. */
+/** Signal of each cell of the sensor: rms of the frames since the last picture. */
 export class CellsPicture extends MapPicture {
   constructor(box, options) {
     super(box, options);
@@ -451,7 +451,7 @@ export class CellsPicture extends MapPicture {
   }
 }
 
-/** Every channel, `state.span` seconds around the playhead, one scale for all; a second track lies over the first. */
+/** All channels, `state.span` seconds around the playhead, on one scale; a second track is drawn over the first. */
 export class TracesPicture extends Picture {
   constructor(box, options) {
     super(box, options);
@@ -477,7 +477,7 @@ export class TracesPicture extends Picture {
   paint(context, width, height, state) {
     const { ratio, colour, track } = this, left = Math.round(34 * ratio), base = height - Math.round(18 * ratio), span = (state.span ?? 1) * track.rate;
     const w = width - left - Math.round(4 * ratio), step = w / span, lane = base / (track.width || 1), all = Math.max(track.top, this.over?.top ?? 0);
-    // What runs on runs by whole pixels, so that it can be moved; and its scale does not change with every picture.
+    // A running trace moves by whole pixels, so that its old part can be copied, and its scale rarely changes.
     const top = this.head ? all : this._steady(all), begin = this.head ? state.frame - span / 2 : Math.ceil((state.frame - span / 2) * step) / step;
     this.lanes = { left, w, lane, begin, span };
     const scale = top > 0 ? (0.48 * lane * Math.min(4, Math.max(1, track.width / 4))) / top : 0;
@@ -504,12 +504,12 @@ export class TracesPicture extends Picture {
         this.text(this.names?.[c] ?? String(c), left - 6 * ratio, (c + 0.5) * lane, c === state.channel ? { align: "right", weight: "700", colour: colour.ink } : { align: "right" });
     this._bar(context, width, top, scale, ratio);
   }
-  /** The largest value, or what was taken for it while that still fits. */
+  /** The largest value with hysteresis, so that the scale rarely changes. */
   _steady(top) {
     if (!(top <= this._top && top > this._top / 1.5)) this._top = 1.1 * top;
     return this._top;
   }
-  /** Move what was painted before to where it belongs now; gives the x from which on it has to be painted. */
+  /** Move the old part of a running trace; return the x from which new parts must be painted. */
   _moved(context, base, at, how) {
     const { left, w } = this.lanes, gone = at - this._edge, same = this._how?.every((each, i) => each === how[i]);
     this._edge = at;
@@ -522,14 +522,14 @@ export class TracesPicture extends Picture {
     context.globalCompositeOperation = "copy";
     context.drawImage(this.canvas, left + gone, 0, w - gone, base, left, 0, w - gone, base);
     context.restore();
-    // The bar does not run on with what lies below it.
+    // The scale bar does not move with the traces.
     return Math.max(left + 1, left + w - gone - Math.ceil(this._barWidth ?? 0));
   }
   _lines(context, track, colour, scale, from) {
     const { left, w, lane, begin, span } = this.lanes, { ratio } = this, step = w / span, per = Math.max(1, Math.floor(span / w / 2));
     context.strokeStyle = colour;
     context.lineJoin = "round";
-    // From a frame that the same piece began with the last time.
+    // Begin at the same frame boundaries as the last time.
     const first = Math.max(track.first, per * Math.floor((begin + (from - left) / step) / per - 2)), last = Math.min(track.last - 1, Math.ceil(begin + span));
     for (let c = 0; c < track.width; c++) {
       context.lineWidth = (c === this.state.channel ? 1.6 : 1) * ratio;
@@ -547,7 +547,7 @@ export class TracesPicture extends Picture {
       context.stroke();
     }
   }
-  /** Lines of whole times; gives where they are. */
+  /** Draw time grid lines; return their positions. */
   _axis(context, base) {
     const { rate } = this.track, { ratio, colour } = this, { left, w, begin, span } = this.lanes, step = nice((span / rate / w) * 90 * ratio), ticks = [];
     context.strokeStyle = colour.line;
@@ -564,7 +564,7 @@ export class TracesPicture extends Picture {
     context.globalAlpha = 1;
     return ticks;
   }
-  /** A bar that tells the scale. */
+  /** Draw the scale bar. */
   _bar(context, width, top, scale, ratio) {
     if (!(top > 0)) return;
     const value = nice(top / 2), h = value * scale, x = width - 8 * ratio;
@@ -595,7 +595,7 @@ export class TracesPicture extends Picture {
   }
 }
 
-/** Phases of the transducers, each where it is: `positions` is [x, y, x, y, ...] in mm, y downwards as in the maps. */
+/** Phases of the transducers at their positions: `positions` is [x, y, x, y, ...] in mm, y downwards as in the maps. */
 export class PhasesPicture extends Picture {
   constructor(box, options) {
     super(box, options);
@@ -636,7 +636,7 @@ export class SpectrogramPicture extends Picture {
   constructor(box, options) {
     super(box, options);
     const { track, colours, depth = 60, limit = 1000, head = true } = options;
-    // Windows of an eighth of a second or so, a power of two.
+    // Windows of about 1/8 s, a power of two.
     const length = 2 ** Math.max(4, Math.round(Math.log2(track.rate * 0.128))), hop = Math.max(1, length >> 4);
     Object.assign(this, { track, colours, length, hop, depth, head, limit: Math.min(limit, track.rate / 2) });
     this.columns = new Map();
@@ -690,19 +690,19 @@ export class SpectrogramPicture extends Picture {
       real[i] = value * (0.5 - 0.5 * Math.cos((2 * Math.PI * i) / length));
     }
     this._transform(real, imaginary);
-    // A full tone of the track's top is 0 dB.
+    // A sine with the amplitude `track.top` is 0 dB.
     const column = new Uint32Array(Math.round((this.limit / track.rate) * length)), full = (track.top * length) / 4 || 1;
     for (let b = 0; b < column.length; b++) {
       const level = 20 * Math.log10(Math.hypot(real[b], imaginary[b]) / full + 1e-9);
       column[b] = this.colours.pixels[Math.max(0, Math.min(255, Math.round((level / this.depth + 1) * 255)))];
     }
-    if (whole || track.last === track.capacity) this.columns.set(index, column); // what is still to come changes it
+    if (whole || track.last === track.capacity) this.columns.set(index, column); // columns that still lack frames would change
     if (this.columns.size > 4096) this.columns.delete(this.columns.keys().next().value);
     return column;
   }
 }
 
-/** The whole take: loudest of all channels, playhead, loop and marks. Scrubs; a slider to those who do not see it. */
+/** The whole take: loudest of all channels, playhead, loop and marks. Can be dragged; a slider for screen readers. */
 export class OverviewPicture extends Picture {
   constructor(box, options) {
     super(box, { ...options, role: "slider" });
@@ -766,7 +766,7 @@ export class OverviewPicture extends Picture {
       const x = Math.min(width - 1, Math.floor((i / length) * width));
       curve[x] = Math.max(curve[x], track.loudness(track.first + i));
     }
-    // Where there are fewer frames than pixels, a frame is as wide as it lasts.
+    // With fewer frames than pixels, each frame is several pixels wide.
     if (length < width) for (let x = 0; x < width; x++) curve[x] = track.loudness(track.first + Math.floor((x / width) * length));
     return curve;
   }
@@ -777,7 +777,7 @@ export class OverviewPicture extends Picture {
   }
 }
 
-/** What the colours mean: 0 to `top` in `unit`, or a turn. */
+/** Colour scale: 0 to `top` in `unit`, or one cycle of phase. */
 export class BarPicture extends Picture {
   constructor(box, options) {
     super(box, options);
@@ -798,20 +798,20 @@ export class BarPicture extends Picture {
   }
 }
 
-/** A number in as few letters as its reader needs. */
+/** Format a number with few digits. */
 export function said(value, digits = 3) {
-  if (!Number.isFinite(value)) return "–"; // nothing has come yet
+  if (!Number.isFinite(value)) return "–"; // no data yet
   if (value === 0 || Math.abs(value) < 1e-12) return "0";
   return String(Number(value.toPrecision(digits)));
 }
 
-/** 1, 2 or 5 times a power of ten: at least `value`. */
+/** The smallest of 1, 2 or 5 times a power of ten that is at least `value`. */
 export function nice(value) {
   const ten = 10 ** Math.floor(Math.log10(value));
   return [1, 2, 5, 10].map((step) => step * ten).find((step) => step >= value * (1 - 1e-9)) ?? 10 * ten;
 }
 
-/** Fourier transform in place of `length` numbers, a power of two (Cooley and Tukey 1965). */
+/** In-place FFT of `length` numbers, a power of two (Cooley and Tukey 1965). */
 export function transform(length) {
   const cosine = Float32Array.from({ length: length / 2 }, (_, i) => Math.cos((2 * Math.PI * i) / length));
   const sine = Float32Array.from({ length: length / 2 }, (_, i) => Math.sin((2 * Math.PI * i) / length));

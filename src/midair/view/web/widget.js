@@ -1,13 +1,13 @@
 import { mount } from "./page.js";
 
-/* The view as an anywidget: what view/widget.py tells it, and where it stands. */
+/* The view as an anywidget: data from view/widget.py, and the frame at the playhead. */
 export default { render({ model, el }) {
   const root = el.ownerDocument.createElement("div"), tracks = model.get("tracks");
   el.append(root);
   const view = mount(root, model.get("about"), tracks), { transport } = view;
-  let told = false; // where to stand, by Python: no need to tell it
+  let told = false; // true while Python sets the frame: no need to send it back
   if (model.get("frame")) transport.seek(model.get("frame")); else model.set("frame", transport.frame);
-  // Python is told where it stands, when it stands.
+  // Send the frame to Python, but not while playing.
   transport.addEventListener("change", () => {
     if (told || transport.playing || model.get("frame") === transport.frame) return;
     model.set("frame", transport.frame);
