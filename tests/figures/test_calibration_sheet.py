@@ -53,7 +53,7 @@ def test_every_panel_has_units(calibration):
     for axis in calibration_figure(calibration).axes[:9]:
         assert axis.get_xlabel()
         assert axis.get_ylabel()
-        assert "(" in axis.get_ylabel() or axis.get_ylabel() == "hearing channel"
+        assert "(" in axis.get_ylabel() or axis.get_ylabel() == "responding channel"
 
 
 def test_what_was_not_measured_says_so():

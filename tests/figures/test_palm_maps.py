@@ -31,7 +31,7 @@ def test_every_way_has_a_map_and_its_own_trace_whatever_its_rate():
         PalmPanel(name="slow", felt=pressed(1000.0), pressed=PALM),
     ]
     above, below = palm_figure(pressed(4000.0), ways).subfigs
-    assert [axis.get_title("left") for axis in above.axes[:3]] == ["wanted", "fast", "slow"]
+    assert [axis.get_title("left") for axis in above.axes[:3]] == ["target", "fast", "slow"]
     assert len({axis.images[0].get_clim() for axis in above.axes[:3]}) == 1
     for axis, (_, slower) in zip(below.axes, [(1, 1), (1, 4)], strict=True):
         original, felt = (line.get_xydata() for line in axis.lines)

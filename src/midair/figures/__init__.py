@@ -1,4 +1,4 @@
-"""Figures: Matplotlib figures of nouns, each with units on its axes. NoArguments here writes a file."""
+"""Matplotlib figures and HTML pages with units on every axis; nothing here writes files."""
 
 from midair.figures.calibration_sheet import calibration_figure
 from midair.figures.card_maps import card_figure

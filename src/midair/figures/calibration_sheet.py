@@ -1,4 +1,4 @@
-"""A calibration on one page: response, how sure it is, coherence, noise, crosstalk, linearity, delay."""
+"""A calibration on one page: response, uncertainty, coherence, noise, crosstalk, linearity, delay."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 def calibration_figure(calibration: Calibration, *, style: Style | None = None) -> Figure:
-    """Nine panels; what was not measured says so. Bands and bars are expanded uncertainties (k = 2)."""
+    """Draw nine panels of a calibration; bands and bars are expanded uncertainties (k = 2)."""
     style = style or Style()
     figure = new_figure(15.0, 11.0, simulated=calibration.provenance.simulated, style=style)
     axes = figure.subplots(3, 3)
@@ -53,12 +53,12 @@ def _colours(count: int) -> Array:
 
 
 def _curves(values: Array) -> Array:
-    """Values of (bin, row, column) as curves, shape (channel, bin)."""
+    """Reshape (bin, row, column) to (channel, bin)."""
     return values.reshape(len(values), -1).T
 
 
 def _line(axis: Axes, frequency: Array, values: Array, colour: Array) -> None:
-    """A curve, or a dot where there is one bin only."""
+    """Draw a curve, or a dot if there is only one bin."""
     axis.plot(
         frequency, values, color=tuple(colour), linewidth=0.8, marker="o" if len(frequency) == 1 else "", markersize=4
     )
@@ -69,7 +69,7 @@ def _band(axis: Axes, frequency: Array, low: Array, high: Array, colour: Array, 
 
 
 def _heard(calibration: Calibration) -> tuple[Array, list[int]]:
-    """Magnitude, shape (channel, bin), and the channels that hear something everywhere."""
+    """Magnitude, shape (channel, bin), and the channels that respond at all frequencies."""
     size = _curves(np.abs(calibration.response))
     return size, [channel for channel, one in enumerate(size) if (one > 0).all()]
 
@@ -89,7 +89,7 @@ def _frequency_axis(axis: Axes, calibration: Calibration, label: str, style: Sty
 
 
 def _expanded(calibration: Calibration) -> Array | None:
-    """Twice the relative uncertainty of the magnitude, shape (channel, bin)."""
+    """Expanded relative uncertainty of the magnitude (k = 2), shape (channel, bin)."""
     measured = calibration.measurement
     return None if measured is None else 2 * _curves(measured.magnitude_uncertainty)
 
@@ -101,7 +101,7 @@ def _response(axis: Axes, calibration: Calibration, style: Style) -> None:
     for channel in heard:
         _line(axis, calibration.frequency, size[channel], colours[channel])
         if wide is not None:
-            # A logarithmic axis has no 0: a band that would reach it ends just above.
+            # A logarithmic axis has no 0: bands end just above it.
             low, high = size[channel] * (1 - np.minimum(wide[channel], 0.99)), size[channel] * (1 + wide[channel])
             _band(axis, calibration.frequency, low, high, colours[channel], 0.15)
     axis.set_yscale("log")
@@ -110,7 +110,7 @@ def _response(axis: Axes, calibration: Calibration, style: Style) -> None:
 
 
 def _name_channels(axis: Axes, colours: Array, heard: Sequence[int], *, most: int = 16) -> None:
-    """Which line is which channel; of many channels every so many."""
+    """Add a legend of at most `most` channels."""
     from matplotlib.lines import Line2D
 
     named = list(heard)[:: -(-len(heard) // most) or 1]
@@ -119,7 +119,7 @@ def _name_channels(axis: Axes, colours: Array, heard: Sequence[int], *, most: in
 
 
 def _deviation(axis: Axes, calibration: Calibration, style: Style) -> None:
-    """How the channels differ: only what they do not share is uncertain here."""
+    """Draw the difference of the channels from their mean; uncertainty shared by all channels is left out."""
     _frequency_axis(axis, calibration, "re mean of the channels (dB)", style)
     size, heard = _heard(calibration)
     if not heard:
@@ -160,7 +160,7 @@ def _phase(axis: Axes, calibration: Calibration, style: Style) -> None:
 def _uncertainty(axis: Axes, calibration: Calibration, measured: Measurement | None, style: Style) -> None:
     _frequency_axis(axis, calibration, "uncertainty of the magnitude (%, k = 2)", style)
     if measured is None:
-        return _absent(axis, "stated, not measured: nobody knows", style)
+        return _absent(axis, "unknown: stated, not measured", style)
     each = 200 * _curves(measured.magnitude_uncertainty)
     axis.fill_between(
         calibration.frequency,
@@ -173,12 +173,12 @@ def _uncertainty(axis: Axes, calibration: Calibration, measured: Measurement | N
     )
     axis.plot(calibration.frequency, np.median(each, axis=0), color=style.original, lw=1, label="median")
     axis.axhline(
-        200 * measured.reference_uncertainty, color=style.reproduced, lw=1, ls="--", label="shared: the reference"
+        200 * measured.reference_uncertainty, color=style.reproduced, lw=1, ls="--", label="reference (shared by all)"
     )
-    # A few bins of a deaf channel must not flatten all others.
+    # A few bins of an insensitive channel must not compress the scale of all others.
     axis.set_ylim(0, max(1.1 * float(np.quantile(each, 0.99)), 220 * measured.reference_uncertainty, 1e-3))
     axis.legend(fontsize=8, frameon=False)
-    axis.set_title("how sure", fontsize=8, loc="left")
+    axis.set_title("uncertainty", fontsize=8, loc="left")
     return None
 
 
@@ -189,10 +189,10 @@ def _coherence(axis: Axes, calibration: Calibration, measured: Measurement | Non
     lost, colours = np.maximum(1 - _curves(measured.coherence), 1e-9), _colours(calibration.sensor.count)
     for channel in _heard(calibration)[1]:
         _line(axis, calibration.frequency, lost[channel], colours[channel])
-    # One less the coherence that `MeasureSettings` asks for by default.
+    # 1 minus the default coherence limit of `MeasureSettings`.
     axis.axhline(0.1, color=style.reproduced, lw=1, ls="--")
     axis.set_yscale("log")
-    axis.set_title("not explained by the reference; a bin above the dashed line is rejected", fontsize=8, loc="left")
+    axis.set_title("part not explained by the reference; bins above the line are rejected", fontsize=8, loc="left")
     return None
 
 
@@ -212,9 +212,9 @@ def _noise(axis: Axes, calibration: Calibration, style: Style) -> None:
 def _crosstalk(figure: Figure, axis: Axes, crosstalk: Crosstalk | None, style: Style) -> None:
     axis.tick_params(labelsize=8, color=style.faint, labelcolor=style.ink)
     axis.set_xlabel("pressed cell (channel)", fontsize=9)
-    axis.set_ylabel("hearing channel", fontsize=9)
+    axis.set_ylabel("responding channel", fontsize=9)
     if crosstalk is None:
-        return _absent(axis, "not measured: press on each cell alone", style)
+        return _absent(axis, "not measured: press each cell separately", style)
     level = 20 * np.log10(np.maximum(np.abs(crosstalk.matrix), 1e-5))
     image = axis.imshow(level, cmap=style.quantity, vmin=-60, vmax=0, origin="upper")
     bar = figure.colorbar(image, ax=axis, shrink=0.9)
@@ -223,16 +223,18 @@ def _crosstalk(figure: Figure, axis: Axes, crosstalk: Crosstalk | None, style: S
     away = ~np.eye(len(level), dtype=bool)
     if away.any():
         worst, unsure = np.abs(crosstalk.matrix[away]).max(), 2 * np.median(crosstalk.uncertainty[away])
-        axis.set_title(f"crosstalk, at most {worst:.3g}, each to {unsure:.1g} (median, k = 2)", fontsize=8, loc="left")
+        axis.set_title(
+            f"crosstalk, at most {worst:.3g}, uncertainty {unsure:.1g} (median, k = 2)", fontsize=8, loc="left"
+        )
     return None
 
 
 def _linearity(axis: Axes, linearity: Linearity | None, style: Style) -> None:
     plain(axis, style)
     axis.set_xlabel("pressure (Pa rms)", fontsize=9)
-    axis.set_ylabel("output re the line through 0 (%)", fontsize=9)
+    axis.set_ylabel("deviation from the line through 0 (%)", fontsize=9)
     if linearity is None:
-        return _absent(axis, "not measured: five levels or more", style)
+        return _absent(axis, "not measured: needs five levels or more", style)
     x, y = _curves(linearity.pressure), _curves(linearity.output)
     gain, colours = linearity.gain.ravel()[:, None], _colours(len(x))
     for channel, away in enumerate(100 * (y / np.where(gain * x == 0, 1, gain * x) - 1)):
@@ -241,7 +243,9 @@ def _linearity(axis: Axes, linearity: Linearity | None, style: Style) -> None:
     worst = int(np.argmax(np.abs(linearity.curvature)))
     bend, unsure = linearity.curvature.ravel()[worst], 2 * linearity.curvature_uncertainty.ravel()[worst]
     axis.set_title(
-        f"linearity: largest bend {100 * bend:.2g} ± {100 * unsure:.2g} % (channel {worst})", fontsize=8, loc="left"
+        f"linearity: largest curvature {100 * bend:.2g} ± {100 * unsure:.2g} % (channel {worst})",
+        fontsize=8,
+        loc="left",
     )
     return None
 

@@ -1,4 +1,4 @@
-"""A perceptual card as maps: each number on the cells it is of."""
+"""Perceptual metrics as maps over the cells."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN = ("ST-SIM", "SPQI", "Pacinian power, original", "Pacinian power, reproduced", "Pacinian power difference")
-"""The figures that have a map; the others follow from them."""
+"""Metrics that are shown as maps; the others follow from them."""
 
 
 def card_figure(card: PerceptualMetrics, *, style: Style | None = None) -> Figure:
-    """Each number of a card, cell by cell, laid out like the sensor; a dash where there is nothing to compare with."""
+    """Draw each metric cell by cell, laid out like the sensor; a dash where it is undefined."""
     style = style or Style()
     figure = new_figure(2.15 * len(SHOWN), 3.2, simulated=card.simulated, style=style)
     axes = figure.subplots(1, len(SHOWN), squeeze=False)[0]

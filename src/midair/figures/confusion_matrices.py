@@ -1,4 +1,4 @@
-"""What was taken for what: confusion matrices side by side."""
+"""Confusion matrices side by side."""
 
 from __future__ import annotations
 
@@ -17,25 +17,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConfusionPanel:
-    """One matrix.
-
-    Attributes
-    ----------
-    title : str
-        What was named, with its share of right names.
-    names : tuple of str
-        Of both axes.
-    counts : ndarray of int, shape (true, named)
-        How often each was taken for each.
-    """
+    """One confusion matrix."""
 
     title: str
+    """Title, with the share of correct answers."""
     names: tuple[str, ...]
+    """Names of the classes, for both axes."""
     counts: NDArray[np.int64]
+    """Number of answers, shape (true, named)."""
 
 
 def confusion_figures(matrices: Sequence[ConfusionPanel], *, simulated: bool, style: Style | None = None) -> Figure:
-    """Matrices in a row: rows are what it was, columns what it was taken for; the shade is the share of a row."""
+    """Draw matrices in a row: rows are the presented classes, columns the responses; shade is the share of a row."""
     style = style or Style()
     count = len(matrices[0].names)
     side = 0.9 + 0.42 * max(count, 3)
@@ -50,6 +43,6 @@ def confusion_figures(matrices: Sequence[ConfusionPanel], *, simulated: bool, st
         axis.set_title(matrix.title, fontsize=8, loc="left", color=style.ink)
         axis.set_xticks(range(count), matrix.names, rotation=45, ha="right", fontsize=7)
         axis.set_yticks(range(count), matrix.names if axis is axes[0] else [""] * count, fontsize=7)
-        axis.set_xlabel("taken for", fontsize=8)
-    axes[0].set_ylabel("what it was", fontsize=8)
+        axis.set_xlabel("response", fontsize=8)
+    axes[0].set_ylabel("presented", fontsize=8)
     return figure

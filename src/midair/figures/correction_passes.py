@@ -1,4 +1,4 @@
-"""How a loop gets nearer to its original, pass by pass."""
+"""Error of the waveform after each pass of a correction loop."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 def passes_figure(
     series: Sequence[tuple[str, Sequence[float]]], *, simulated: bool, style: Style | None = None
 ) -> Figure:
-    """Error of the waveform after each pass.
+    """Draw the error of the waveform after each pass.
 
     Parameters
     ----------
     series : sequence of (str, sequence of float)
-        What to call each loop, and ||reproduced - original|| / ||original|| of its passes.
+        Name of each loop, and ||reproduced - original|| / ||original|| of its passes.
     """
     style = style or Style()
     figure = new_figure(5.4, 3.0, simulated=simulated, style=style)

@@ -1,4 +1,4 @@
-"""An error budget as a waterfall: what has come through after each stage."""
+"""An error budget as a waterfall chart."""
 
 from __future__ import annotations
 
@@ -16,13 +16,7 @@ if TYPE_CHECKING:
 
 
 def budget_figure(budgets: Sequence[tuple[str, Budget]], *, style: Style | None = None) -> Figure:
-    """Signal over distortion and images after each stage, one row of panels for each budget.
-
-    Parameters
-    ----------
-    budgets : sequence of (str, Budget)
-        What to call each, and the budget.
-    """
+    """Draw signal-to-distortion ratio and images after each stage, one row of panels per named budget."""
     style = style or Style()
     simulated = any(each.simulated for _, each in budgets)
     figure = new_figure(8.6, 2.7 * len(budgets) + 0.5, simulated=simulated, style=style)
@@ -38,8 +32,8 @@ def budget_figure(budgets: Sequence[tuple[str, Budget]], *, style: Style | None 
         for axis in row:
             axis.set_ylim(-0.6, len(names) - 0.4)
     low, high = budgets[0][1].band
-    axes[-1, 0].set_xlabel(f"signal over distortion, {low:g} to {high:g} Hz (dB)", fontsize=9)
-    axes[-1, 1].set_xlabel("images, 530 to 1000 Hz, over the band (dB)", fontsize=9)
+    axes[-1, 0].set_xlabel(f"signal-to-distortion ratio, {low:g} to {high:g} Hz (dB)", fontsize=9)
+    axes[-1, 1].set_xlabel("images, 530 to 1000 Hz, re the band (dB)", fontsize=9)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=3, fontsize=8, frameon=False)
     return figure
@@ -51,9 +45,9 @@ def _waterfall(axis: Axes, budget: Budget, place: np.ndarray, style: Style, top:
     before = np.concatenate([[top], so_far[:-1]])
     axis.barh(place, so_far, height=0.62, color=style.before, label="so far, against the original")
     lost = np.maximum(before - so_far, 0)
-    axis.barh(place, lost, left=so_far, height=0.62, color=style.reproduced, alpha=0.3, label="lost since the last")
+    axis.barh(place, lost, left=so_far, height=0.62, color=style.reproduced, alpha=0.3, label="lost in this stage")
     axis.plot(
-        alone, place, "o", color=style.original, markersize=4, label=f"the stage alone (at {top:g}: {top:g} or more)"
+        alone, place, "o", color=style.original, markersize=4, label=f"the stage alone ({top:g} means {top:g} or more)"
     )
     for y, stage in zip(place, budget.stages, strict=True):
         axis.annotate(f"{stage.so_far.distortion_ratio:.1f}", (0.6, y), va="center", fontsize=7, color=style.ink)
@@ -64,7 +58,7 @@ def _images(axis: Axes, budget: Budget, place: np.ndarray, style: Style, floor: 
     axis.axvline(-35, color=style.faint, linewidth=1)
     for y, stage in zip(place, budget.stages, strict=True):
         if stage.so_far.images is None:
-            axis.annotate("not told", (floor, y), (3, 0), textcoords="offset points", va="center", fontsize=7)
+            axis.annotate("not available", (floor, y), (3, 0), textcoords="offset points", va="center", fontsize=7)
             continue
         value = max(floor, stage.so_far.images)
         axis.barh(y, value - floor, left=floor, height=0.62, color=style.before)

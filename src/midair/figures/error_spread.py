@@ -1,4 +1,4 @@
-"""Sweeps over recordings: how E of the frames is spread in each trial."""
+"""Spread of E over the frames of each trial of a sweep."""
 
 from __future__ import annotations
 
@@ -14,28 +14,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorSpread:
-    """E of a trial's frames.
-
-    Attributes
-    ----------
-    name : str
-        Recording and settings.
-    low, middle, high, worst : float
-        5 %, mean, 95 % and the worst frame.
-    strength : float
-        Highest peak of its targets over a full focus.
-    """
+    """E of the frames of one trial."""
 
     name: str
+    """Recording and settings."""
     low: float
+    """5 % quantile."""
     middle: float
+    """Mean."""
     high: float
+    """95 % quantile."""
     worst: float
+    """Largest value."""
     strength: float
+    """Highest peak of its targets relative to a full focus."""
 
 
 def trials_figure(spreads: Sequence[ErrorSpread], *, style: Style | None = None) -> Figure:
-    """A line a trial: mean, the middle 90 % of the frames, and the worst frame, in %; its strength at the right."""
+    """Draw a line per trial: mean, middle 90 % and worst frame in %, with its strength at the right."""
     style = style or Style()
     figure = new_figure(8.0, 1.2 + 0.26 * len(spreads), simulated=True, style=style)
     axes = plain(figure.subplots(), style)

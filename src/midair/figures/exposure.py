@@ -1,4 +1,4 @@
-"""How loud each frame of a drive is at ears and palm."""
+"""Sound pressure level of each frame of a drive at ears and palm."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def exposure_figure(exposure: Exposure, *, simulated: bool, style: Style | None = None) -> Figure:
-    """Sound pressure level of every frame at every place, each with its limit as a dashed line of the same colour."""
+    """Draw the level of every frame at every place, each with its limit as a dashed line of the same colour."""
     style = style or Style()
     figure = new_figure(8.0, 3.2, simulated=simulated, style=style)
     axis = plain(figure.subplots(), style)
@@ -22,7 +22,7 @@ def exposure_figure(exposure: Exposure, *, simulated: bool, style: Style | None 
     colours = (style.original, style.reproduced, style.before, "#009e73", "#cc79a7", "#e69f00")
     for number, place in enumerate(exposure.profile.places):
         colour = colours[number % len(colours)]
-        # Silence stands at the floor of the scale, far below all that sounds: left out, or it would rule the axis.
+        # Silent frames are left out: their level at the floor of the scale would stretch the axis.
         heard = exposure.level[:, number] > 0
         label = f"{place.name}, limit {place.limit:g} dB{'' if place.enforced else ' (advice)'}"
         axis.plot(time, np.where(heard, exposure.level[:, number], np.nan), color=colour, linewidth=0.8, label=label)

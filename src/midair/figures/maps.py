@@ -1,4 +1,4 @@
-"""Maps: pressure on the cells, sound at the control points, phases on the array."""
+"""Maps of pressure on the cells, sound at the control points, and phases of the array."""
 
 from __future__ import annotations
 
@@ -28,18 +28,16 @@ def maps_figure(
     sensor: SensorGrid | None = None,
     style: Style | None = None,
 ) -> Figure:
-    """Maps of one quantity side by side, on one colour scale.
+    """Draw maps of one quantity side by side, on one colour scale.
 
     Parameters
     ----------
     maps : sequence of (str, ndarray of shape (row, column) or (point,))
-        Title of each map, and its values.
-    grid : ControlGrid or SensorGrid
-        The grid that they lie on.
+        Title and values of each map.
     quantity : str
-        What the colours mean, with its unit.
+        Label of the colour scale, with unit.
     sensor : SensorGrid, optional
-        The sensor whose cells are marked by white circles, as in the paper's Fig. 3.
+        Mark its cells by white circles, as in the paper's Fig. 3.
     """
     style = style or Style()
     figure = new_figure(3.1 * len(maps) + 0.9, 3.3, simulated=simulated, style=style)
@@ -61,7 +59,7 @@ def maps_figure(
 
 
 def phase_figure(drive: Drive, frame: int, *, simulated: bool, style: Style | None = None) -> Figure:
-    """The array from above, each transducer coloured by its phase in one frame."""
+    """Draw the array from above, each transducer coloured by its phase in one frame."""
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle
 

@@ -1,4 +1,4 @@
-"""HTML pages that stand alone: one look for all of them."""
+"""Standalone HTML pages with a common layout."""
 
 import base64
 import struct
@@ -8,15 +8,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A figure in a page: what it shows, and its PNG.
-
-    Attributes
-    ----------
-    title, caption : str
-        Above it, and below the title.
-    data : bytes
-        The PNG file.
-    """
+    """A figure of a page as PNG, with title and caption."""
 
     title: str
     caption: str = ""
@@ -24,23 +16,23 @@ class Picture:
 
     @property
     def source(self) -> str:
-        """The picture as a data address, for an ``img`` element."""
+        """The picture as a data URL, for an ``img`` element."""
         return "data:image/png;base64," + base64.b64encode(self.data).decode()
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height in pixels, from the head of the file, where the PNG specification has them (11.2.2)."""
+        """Width and height in pixels, from the PNG header (PNG specification, 11.2.2)."""
         width, height = struct.unpack(">II", self.data[16:24])
         return width, height
 
 
 def render_page(template: str, **values: Any) -> str:
-    """A page from a template that extends this folder's page.html.j2; every value that it names must be given.
+    """Render a template that extends page.html.j2 of this folder; all values that it uses must be given.
 
     Parameters
     ----------
     template : str
-        Its place below the package, such as ``rig/correction/report.html.j2``.
+        Path below the package, such as ``rig/correction/report.html.j2``.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 

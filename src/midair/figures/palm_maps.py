@@ -1,4 +1,4 @@
-"""What reaches a palm in several ways of playing, side by side: where it presses, and one cell's pressure over time."""
+"""Pressure on a palm for several ways of playing: maps, and the time course at one cell."""
 
 from __future__ import annotations
 
@@ -23,36 +23,27 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PalmPanel:
-    """One way of playing, as it is drawn.
-
-    Attributes
-    ----------
-    name : str
-        Over its map.
-    felt : PressureFrames
-        What the sensor felt of it.
-    pressed : PressedPalm
-        Where it pressed on a palm.
-    """
+    """One way of playing."""
 
     name: str
+    """Title of its map."""
     felt: PressureFrames
+    """Pressure at the sensor."""
     pressed: PressedPalm
+    """Pressure on the palm."""
 
 
 def palm_figure(
     original: PressureFrames, ways: Sequence[PalmPanel], *, window: float = 0.1, style: Style | None = None
 ) -> Figure:
-    """Maps of the palm, what is wanted first and then each way; below them the strongest cell of each for a moment.
+    """Draw maps of the palm, target first and then each way; below them the strongest cell of each.
 
     Parameters
     ----------
     original : PressureFrames
-        What was to be felt.
-    ways : sequence of Way
-        One or more.
+        Recorded pressure.
     window : float
-        How long the moment around the strongest one is, in s.
+        Length in s of the traces around the strongest moment.
     """
     style = style or Style()
     simulated = original.provenance.simulated or any(way.felt.provenance.simulated for way in ways)
@@ -64,7 +55,7 @@ def palm_figure(
 
 
 def _draw_maps(figure: SubFigure, ways: Sequence[PalmPanel], style: Style) -> None:
-    maps = [("wanted", ways[0].pressed.wanted), *((way.name, way.pressed.delivered) for way in ways)]
+    maps = [("target", ways[0].pressed.wanted), *((way.name, way.pressed.delivered) for way in ways)]
     top = max(float(np.nanmax(values)) for _, values in maps) or 1.0
     axes = figure.subplots(1, len(maps), sharex=True, sharey=True, squeeze=False)[0]
     image: AxesImage | None = None
@@ -84,7 +75,7 @@ def _draw_palm(axis: Axes, values: Array, palm: PressedPalm, top: float, style: 
 
     rows, columns = values.shape
     x, y = (0.5e3 * palm.pitch * count for count in (columns, rows))
-    # What leaks may press many times harder than what is wanted: by roots both are seen.
+    # Leakage may be many times stronger than the target: on a square-root scale both are visible.
     roots = PowerNorm(0.5, vmin=0, vmax=top)
     image = axis.imshow(values, cmap=style.quantity, norm=roots, extent=(-x, x, y, -y), origin="upper")
     half_x, half_y = (1e3 * half for half in palm.square)
@@ -101,8 +92,11 @@ def _draw_traces(
     axes = figure.subplots(1, len(ways), sharex=True, sharey=True, squeeze=False)[0]
     for axis, way in zip(axes, ways, strict=True):
         plain(axis, style)
-        for name, frames, colour in (("original", original, style.original), ("felt", way.felt, style.reproduced)):
-            # Not every way has the original's rate.
+        for name, frames, colour in (
+            ("original", original, style.original),
+            ("re-recorded", way.felt, style.reproduced),
+        ):
+            # The rates may differ.
             part = (frames.time >= begin) & (frames.time <= begin + window)
             axis.plot(frames.time[part], frames.pressure[part, *cell], color=colour, linewidth=1, label=name)
         axis.set_title(f"{way.name}, cell {cell[0] + 1}, {cell[1] + 1}", fontsize=9, loc="left", color=style.ink)
@@ -113,7 +107,7 @@ def _draw_traces(
 
 
 def strongest_moment(frames: PressureFrames, window: float) -> tuple[tuple[int, int], float]:
-    """Row and column of the strongest cell, and where a window around its strongest moment begins, in s."""
+    """Return row and column of the strongest cell, and the start in s of the window with its largest power."""
     power = (frames.pressure**2).reshape(frames.frames, -1)
     cell = int(power.sum(axis=0).argmax())
     length = min(round(window * frames.rate), frames.frames)

@@ -1,4 +1,4 @@
-"""The paper's figures 3, 4 and 9, with both modes beside each other."""
+"""The paper's figures 3, 4 and 9, with two modes side by side."""
 
 from __future__ import annotations
 
@@ -22,28 +22,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FieldRow:
-    """A row of maps.
-
-    Attributes
-    ----------
-    name : str
-        Name of the row.
-    fields : ndarray, shape (map, point)
-        Magnitudes.
-    grid : ControlGrid
-        The grid that they lie on.
-    notes : tuple of str
-        Above each map.
-    """
+    """A row of maps."""
 
     name: str
     fields: Array
+    """Magnitudes, shape (map, point)."""
     grid: ControlGrid
     notes: tuple[str, ...]
+    """Title of each map."""
 
 
 def fields_figure(rows: Sequence[FieldRow], sensor: SensorGrid, *, quantity: str, style: Style | None = None) -> Figure:
-    """Maps in rows, all on one scale; white circles are the channels, as in the paper's Fig. 3."""
+    """Draw rows of maps on one scale; white circles are the channels, as in the paper's Fig. 3."""
     style = style or Style()
     count = len(rows[0].notes)
     figure = new_figure(1.85 * count + 1.2, 2.05 * len(rows) + 0.3, simulated=True, style=style)
@@ -76,16 +66,16 @@ def stimuli_figure(
     shown: float = 0.08,
     style: Style | None = None,
 ) -> Figure:
-    """Where and how each stimulus pressed: a column pair for each, a row for the original and for each mode.
+    """Draw rms map and traces of each stimulus (column pairs), for the original and each mode (rows).
 
     Parameters
     ----------
     stimuli : mapping of str to mapping of str to PressureFrames
-        For each stimulus, the original and what was felt of each reproduction, by name.
+        For each stimulus, the original and the re-recording of each reproduction, by name.
     channels : sequence of int
         Drawn in black, solid and dotted; the others are grey, as in the paper's Fig. 4.
     shown : float
-        How much of the time is drawn, in s.
+        Length of the traces in s.
     """
     style = style or Style()
     rows = list(next(iter(stimuli.values())))
@@ -110,7 +100,7 @@ def stimuli_figure(
 
 
 def _traces(axis: Axes, frames: PressureFrames, channels: Sequence[int], shown: float, style: Style) -> None:
-    """The middle `shown` seconds of all channels."""
+    """Draw the middle `shown` seconds of all channels."""
     count = min(frames.frames, round(shown * frames.rate))
     first = (frames.frames - count) // 2
     time = 1e3 * np.arange(count) / frames.rate
@@ -127,14 +117,14 @@ def objects_figure(
     channels: Sequence[int] = (2, 6, 10, 14),
     style: Style | None = None,
 ) -> Figure:
-    """Power spectra of objects at some channels, a row for each surface and mode, as in the paper's Fig. 9.
+    """Draw power spectra of objects at some channels, one row per surface and mode, as in the paper's Fig. 9.
 
     Parameters
     ----------
     rows : mapping of str to mapping of str to PressureFrames
-        For each row its objects, and what pushes, by name.
+        For each row its objects, and their positive pressure, by name.
     channels : sequence of int
-        The paper's four are those that the objects passed over.
+        By default the four of the paper, over which the objects passed.
     """
     style = style or Style()
     colours = (style.before, "#009e73", style.reproduced)
@@ -150,7 +140,7 @@ def objects_figure(
                 level = 10 * np.log10(np.maximum(density[1:], 1e-12))
                 top = max(top, float(level.max()))
                 axis.plot(frequency[1:], level, color=colour, linewidth=0.9, label=name)
-            # Below it the grooves add most, above it the objects differ (paper, 5.3).
+            # Grooves dominate below 300 Hz, objects differ above (paper, 5.3).
             axis.axvline(300, color=style.faint, linewidth=0.8)
             axis.set_xlim(0, 500)
             axis.set_title(f"channel {channel}" if number == 0 else "", fontsize=8, loc="left", color=style.ink)

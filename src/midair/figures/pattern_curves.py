@@ -1,4 +1,4 @@
-"""Sweeps over patterns: how E is spread, examples like the paper's Fig. 3, E over strength and over height."""
+"""Figures of sweeps over patterns: distribution of E, examples as in the paper's Fig. 3, E over strength and height."""
 
 from __future__ import annotations
 
@@ -22,27 +22,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Example:
-    """A pattern that was solved.
-
-    Attributes
-    ----------
-    name : str
-        Name of the pattern.
-    error : float
-        E.
-    target, field : ndarray, shape (point,)
-        Magnitude that was wanted and that was made, over the focus of the whole array.
-    """
+    """A solved pattern."""
 
     name: str
     error: float
+    """E."""
     target: Array
+    """Target magnitude relative to a focus of the whole array, shape (point,)."""
     field: Array
+    """Solved magnitude relative to the same focus, shape (point,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Curve:
-    """E over some quantity: mean, and the range of the middle patterns, each of shape (value,)."""
+    """E over a quantity: mean, and the range of the middle 90 % of the patterns, each of shape (value,)."""
 
     name: str
     x: Array
@@ -54,7 +47,7 @@ class Curve:
 def histogram_figure(
     errors: Sequence[tuple[str, Array]], *, published: tuple[float, float], style: Style | None = None
 ) -> Figure:
-    """How many patterns have which E.
+    """Draw the distribution of E over patterns.
 
     Parameters
     ----------
@@ -76,7 +69,7 @@ def histogram_figure(
     axes.set_xlabel("E (%)", fontsize=9)
     axes.set_ylabel("patterns", fontsize=9)
     axes.set_xlim(0, max(top, 100 * published[1]) * 1.02)
-    # Room for the legend above what it names.
+    # Space for the legend.
     axes.set_ylim(0, axes.get_ylim()[1] * 1.3)
     axes.legend(fontsize=8, frameon=False, loc="upper right")
     return figure
@@ -85,7 +78,7 @@ def histogram_figure(
 def examples_figure(
     examples: Sequence[Example], grid: ControlGrid, sensor: SensorGrid, *, title: str, style: Style | None = None
 ) -> Figure:
-    """Targets above, fields below, all on one scale; circles are the channels, as in the paper's Fig. 3."""
+    """Draw targets above, fields below, on one scale; circles are the channels, as in the paper's Fig. 3."""
     style = style or Style()
     figure = new_figure(1.75 * len(examples) + 1.2, 4.2, simulated=True, style=style)
     axes = figure.subplots(2, len(examples), sharex=True, sharey=True, squeeze=False)
@@ -109,7 +102,7 @@ def examples_figure(
 def curve_figure(
     curves: Sequence[Curve], *, quantity: str, published: tuple[float, float], style: Style | None = None
 ) -> Figure:
-    """Mean E over a quantity; shaded: the middle 90 % of the patterns."""
+    """Draw mean E over a quantity; shaded: the middle 90 % of the patterns."""
     style = style or Style()
     figure = new_figure(5.2, 3.2, simulated=True, style=style)
     axes = plain(figure.subplots(), style)

@@ -1,4 +1,4 @@
-"""How well each frame was solved."""
+"""Error E of each frame of a drive."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def error_figure(
     solution: Solution, *, simulated: bool, published: tuple[float, float] = (0.05, 0.15), style: Style | None = None
 ) -> Figure:
-    """E of every frame that plays, with the range that the paper reports for static patterns shaded."""
+    """Draw E of every frame that plays; the range that the paper reports for static patterns is shaded."""
     style = style or Style()
     figure = new_figure(8.0, 2.6, simulated=simulated, style=style)
     axis = plain(figure.subplots(), style)
@@ -27,7 +27,7 @@ def error_figure(
     axis.plot(solution.drive.time, error, color=style.reproduced, linewidth=0.8, label="this drive")
     axis.set_xlabel("time (s)", fontsize=9)
     axis.set_ylabel("E (%)", fontsize=9)
-    # Not the worst frame: faint ones can be off by several times their own size.
+    # Not scaled to the worst frame: faint frames can have errors of several hundred per cent.
     top = np.nanpercentile(error, 99) if plays.any() else 0
     axis.set_ylim(0, max(20.0, 1.2 * top))
     axis.margins(x=0)

@@ -1,4 +1,4 @@
-"""How figures look: one palette, units on every axis, and SIMULATED on what is simulated."""
+"""Common style of figures: one palette, and a mark SIMULATED on simulated data."""
 
 from __future__ import annotations
 
@@ -13,16 +13,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Style:
-    """Colours and sizes that all figures share.
+    """Colours that all figures share.
 
-    Attributes
-    ----------
-    original, reproduced, before : str
-        Line colours, told apart by people who see no red or green, too (Okabe and Ito's palette).
-    quantity, phase : str
-        Colour maps, perceptually uniform; the one of phases is cyclic.
-    ink, faint, band : str
-        Colours of text, of grids, of shaded ranges.
+    Line colours suit colour-blind people (palette of Okabe and Ito). The colour maps are perceptually uniform; that of
+    phases is cyclic.
     """
 
     original: str = "#1b1f24"
@@ -36,13 +30,13 @@ class Style:
 
 
 def new_figure(width: float, height: float, *, simulated: bool, style: Style | None = None) -> Figure:
-    """An empty figure of `width` by `height` inches, marked when what it will show is simulated."""
+    """Create an empty figure of `width` by `height` inches, with a mark if its data is simulated."""
     from matplotlib.figure import Figure
 
     style = style or Style()
     figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
     if simulated:
-        # A strip at the top is kept free, so that the mark covers nothing.
+        # A free strip at the top, so that the mark covers nothing.
         figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.24 / height))  # pyright: ignore[reportOptionalMemberAccess, reportCallIssue]
         figure.text(
             0.995, 1 - 0.05 / height, "SIMULATED", ha="right", va="top", fontsize=8, fontweight="bold", color="#a40e26"
@@ -51,7 +45,7 @@ def new_figure(width: float, height: float, *, simulated: bool, style: Style | N
 
 
 def plain(axes: Axes, style: Style) -> Axes:
-    """No box, small ticks, a faint grid behind the data."""
+    """Apply the common axes style: no box, small ticks, a faint grid behind the data."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(style.faint)
     axes.tick_params(labelsize=8, color=style.faint, labelcolor=style.ink)
@@ -61,7 +55,7 @@ def plain(axes: Axes, style: Style) -> Axes:
 
 
 def png(figure: Figure, *, dpi: int = 130) -> bytes:
-    """The figure as a PNG file's bytes."""
+    """Return the figure as PNG."""
     out = io.BytesIO()
     figure.savefig(out, format="png", dpi=dpi)
     return out.getvalue()

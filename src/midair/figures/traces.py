@@ -1,4 +1,4 @@
-"""Pressure over time and over frequency: the traces of all channels, their spectra, and the test of the beam."""
+"""Pressure over time and frequency: traces of all channels, their spectra, and the result of the beam test."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 def traces_figure(
     original: PressureFrames, reproduced: PressureFrames | None = None, *, style: Style | None = None
 ) -> Figure:
-    """Every channel's pressure, original behind and reproduction in front, on one scale, laid out like the cells."""
+    """Draw the pressure of every channel on one scale, laid out like the cells; the reproduction is in front."""
     style = style or Style()
     rows, columns = original.sensor.shape
     simulated = original.provenance.simulated or (reproduced is not None and reproduced.provenance.simulated)
@@ -60,16 +60,16 @@ def spectra_figure(
     rectified: bool = True,
     style: Style | None = None,
 ) -> Figure:
-    """Power spectra of the calibrated pressure at some channels; its positive half, as in the paper's Fig. 9, or all.
+    """Draw power spectra of the calibrated pressure at some channels.
 
     Parameters
     ----------
     series : sequence of (str, PressureFrames)
-        What to call each recording, and its pressure.
+        Name and pressure of each recording.
     channels : sequence of int
-        The paper's four are those that the objects passed over.
+        By default the four of the paper, over which the objects passed.
     rectified : bool
-        Whether only pushing counts.
+        Use only the positive pressure, as in the paper's Fig. 9.
     """
     style = style or Style()
     colours = (style.original, style.reproduced, style.before)
@@ -83,7 +83,7 @@ def spectra_figure(
             row, column = divmod(channel, frames.sensor.columns)
             pressure = frames.pressure[:, row, column]
             frequency, density = welch(np.maximum(pressure, 0) if rectified else pressure, frames.rate)
-            # Without 0 Hz, at which there is no vibration.
+            # 0 Hz is left out: it is no vibration.
             level = 10 * np.log10(np.maximum(density[1:], 1e-12))
             top = max(top, float(level.max()))
             axis.plot(frequency[1:], level, color=colour, linewidth=0.9, label=name)
@@ -100,7 +100,7 @@ def spectra_figure(
 def beam_figure(
     commanded: Array, measured: Array, *, gain: float, intercept: float, simulated: bool, style: Style | None = None
 ) -> Figure:
-    """What the sensor read of a focus at several levels, and the straight line through it."""
+    """Draw the amplitude that the sensor measured in a focus over the commanded amplitude, with the fitted line."""
     style = style or Style()
     figure = new_figure(3.6, 3.0, simulated=simulated, style=style)
     axis = plain(figure.subplots(), style)
