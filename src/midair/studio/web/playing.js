@@ -23,7 +23,7 @@ export function askToPlay(studio, take) {
     verdict.textContent = found.outcome === "exceeded" ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. It may be played here: the array is simulated and emits no sound.` : found.refused || found.verdict;
     verdict.className = found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good";
     table.replaceChildren(make("thead", {}, make("tr", {}, ...["place", "loudest frame", "limit"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
-      make("tbody", {}, ...found.places.map((place) => make("tr", {}, make("td", {}, place.name + (place.enforced ? "" : " (recommended)")), make("td.number", {}, `${place.peak_db} dB`), make("td.number", {}, `${place.limit_db} dB`)))));
+      make("tbody", {}, ...found.places.map((place) => make("tr", {}, make("td", {}, place.name + (place.enforced ? "" : " (advice)")), make("td.number", {}, `${place.peak_db} dB`), make("td.number", {}, `${place.limit_db} dB`)))));
     hold.disabled = !admission || !link.controls;
     refused.replaceChildren();
     if (!found.refused) return;
