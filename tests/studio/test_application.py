@@ -57,7 +57,7 @@ def client(studio):
     return client
 
 
-class Verbosity:
+class PageClient:
     """A page that says what it likes."""
 
     def __init__(self, socket):
@@ -85,7 +85,7 @@ class Verbosity:
 @pytest.fixture
 def talk(client):
     with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
-        yield Verbosity(socket)
+        yield PageClient(socket)
 
 
 def test_the_page_and_all_its_files_come_from_here(client):
@@ -247,7 +247,7 @@ def test_what_is_no_order_does_no_harm(talk, text):
 
 def test_who_looks_on_may_stop_and_nothing_else(client, talk):
     with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
-        watcher = Verbosity(socket)
+        watcher = PageClient(socket)
         before = talk.order("play", "stop")
         assert before["ok"]
         for room, order, given in (
@@ -296,7 +296,7 @@ def test_a_permit_is_renewed_by_the_page_that_armed_it_alone_and_only_while_it_i
 
 def test_a_page_that_goes_takes_its_arming_along(studio, client):
     with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
-        page = Verbosity(socket).page
+        page = PageClient(socket).page
         studio.playing._controls = page
         leave = studio.playing.permit.arm(lasts=5)
     assert studio.playing.permit.refusal(leave) == "stopped"

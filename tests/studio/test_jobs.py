@@ -102,5 +102,5 @@ def test_a_page_is_told_the_rate_and_the_time_left():
     jobs._next = lambda: None  # nothing is started
     job = jobs.add("work", add_one, 0, room="reproduce")
     job.state, job.stage, job.done, job.total, job.stage_began = "runs", "solving", 100, 400, 10.0
-    told = job.told(12.0)
+    told = job.as_dict(12.0)
     assert (told["rate"], told["left_s"]) == (50.0, 6.0)

@@ -81,29 +81,29 @@ def test_it_says_what_it_is_before_anything_plays(client, studio):
         assert said["whole"]["live"]["state"] == "idle"
         assert "live_about" not in said["whole"]
         ask(socket, "sight", shown=True)
-    assert studio.desk.state["live"]["calibrations"] == ["skin.calibration.h5"]
+    assert studio.store.state["live"]["calibrations"] == ["skin.calibration.h5"]
 
 
 def test_nothing_is_armed_where_the_array_cannot_be_lent(client, studio):
     """Its player is not there: what was checked is not begun, and the permit stays shut."""
-    studio.live._checked = {3: _wish()}
+    studio.live._checked = {3: _request()}
     with page(client) as socket:
         socket.send_text(json.dumps({"alive": True}))
         assert "player" in ask(socket, "begin", admission=3)["error"]
         assert "just checked" in ask(socket, "begin", admission=3)["error"], "a check is used up by what it allowed"
     assert not studio.playing.permit.armed
-    assert studio.desk.state["live"]["state"] == "idle"
+    assert studio.store.state["live"]["state"] == "idle"
 
 
 def test_a_page_that_hides_cannot_begin(client, studio):
-    studio.live._checked = {3: _wish()}
+    studio.live._checked = {3: _request()}
     with page(client) as socket:
         socket.send_text(json.dumps({"alive": False}))
         assert "to be visible" in ask(socket, "begin", admission=3)["error"]
     assert not studio.playing.permit.armed
 
 
-def _wish():
+def _request():
     from midair.studio.live_process import LiveRequest
 
     return LiveRequest(sensor="virtual:towel", device="virtual")

@@ -8,7 +8,7 @@ from midair.model import ControlGrid, Provenance, Recording, TransducerArray
 from midair.physics import propagate
 from midair.pipeline import calibrated_pressure, lead_of, reproduce
 from midair.settings import MODES, Settings
-from midair.studio.take_data import TakeData, facts, frames_of, made_with, told_settings
+from midair.studio.take_data import TakeData, describe_settings, facts, frames_of, made_with
 from midair.targets import led_in
 from midair.view import Kind, unpack
 
@@ -90,7 +90,7 @@ def test_facts_say_what_the_page_needs(scene):
     ],
 )
 def test_settings_are_told_as_the_options_and_the_python_that_give_them(settings, options):
-    told = told_settings(settings)
+    told = describe_settings(settings)
     assert told["options"] == options
     assert eval(told["python"], {"MODES": MODES, "Settings": Settings}) == settings
     assert f"{settings.solver.name}, {settings.target.rate:g} Hz" in told["line"]

@@ -24,15 +24,15 @@ def solved(tmp_path):
     life = Provenance(source="x")
     take = Recording(samples=frames.pressure, rate=frames.rate, sensor=frames.sensor, unit="Pa", provenance=life)
     save(take, tmp_path / "towel.h5")
-    wish = SolveRequest(
+    request = SolveRequest(
         take=str(tmp_path / "towel.h5"),
         drive=str(tmp_path / "towel.drive.h5"),
         choices=(("method", "naive"), ("points", 4)),
         start=0.06,
         duration=0.06,
     )
-    solve_take(wish, lambda *_: None)
-    return wish
+    solve_take(request, lambda *_: None)
+    return request
 
 
 def test_a_drive_that_appears_while_another_is_solved_stays(solved):
@@ -41,14 +41,14 @@ def test_a_drive_that_appears_while_another_is_solved_stays(solved):
     before = drive.stat().st_mtime_ns
     with pytest.raises(InputError, match=r"towel\.drive\.h5: expected no drive of this name, found another one since"):
         solve_take(solved, lambda *_: None)
-    wish = replace(solved, replaces=f"{before:x}", outdated=((f"{drive}.a", ""), (solved.take, "of another time")))
+    request = replace(solved, replaces=f"{before:x}", outdated=((f"{drive}.a", ""), (solved.take, "of another time")))
 
     def meanwhile(*_):
         os.utime(drive, ns=(5, 5))
 
     with pytest.raises(InputError, match="expected the drive that was to be replaced, found another one since"):
-        solve_take(wish, meanwhile)
-    solve_take(replace(wish, replaces="5"), lambda *_: None)
+        solve_take(request, meanwhile)
+    solve_take(replace(request, replaces="5"), lambda *_: None)
     assert drive.stat().st_mtime_ns > 5
     assert sorted(path.name for path in drive.parent.iterdir()) == ["towel.drive.h5", "towel.h5"]
 
@@ -93,16 +93,16 @@ def test_where_the_error_comes_from_is_the_budget_of_the_part_that_was_solved(so
 
 @pytest.mark.slow
 def test_the_palm_of_a_take_is_that_of_its_drive(solved):
-    wish, said = solved, []
-    found = palm_of_take((wish.take, wish.drive), lambda *told: said.append(told))
-    drive = load_solution(wish.drive).drive
+    request, said = solved, []
+    found = palm_of_take((request.take, request.drive), lambda *told: said.append(told))
+    drive = load_solution(request.drive).drive
     settings = Settings.of(drive.provenance)
-    opened = open_take(wish.take)
+    opened = open_take(request.take)
     assert found["seconds"] == pytest.approx(0.06)
     original = calibrated_pressure(opened.recording, opened.calibration, settings).cut(0.06, 0.06)
     rig = VirtualRig(cells=original.sensor, height=settings.target.grid.height).hearing(settings.calibration.band)
     heard = rerecord_drive(drive, original, led_in(original, lead_of(settings)), rig, palm=Palm.disc())
     assert found["rows"][0][0] == "power outside the square"
     assert found["rows"][0][1] == f"{100 * heard.palm.outside:.3g} %"
-    assert found["stamp"] == f"{os.stat(wish.drive).st_mtime_ns:x}"
+    assert found["stamp"] == f"{os.stat(request.drive).st_mtime_ns:x}"
     assert said[-1][0] == "pressing on a palm"

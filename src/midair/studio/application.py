@@ -78,25 +78,25 @@ class Studio:
         self.takes = TakesList(self.folder, samples)
         self.first = DemoStroke.load()
         self._files = WebFiles.of((OWN, WEB))
-        self.desk = StudioState(lambda: self.playing.sounding)
+        self.store = StudioState(lambda: self.playing.sounding)
         self.loop: asyncio.AbstractEventLoop | None = None
         self.jobs = Jobs(self._job_changed, name="work", warm=warm_up)
-        self.reading = Jobs(_nobody, name="reading")
+        self.reading = Jobs(_ignore, name="reading")
         self._shown: dict[int, StudioJob] = {}
         self._kept: dict[tuple[str, str, int], bytes] = {}
         self._began = False
         token = secrets.token_urlsafe(24)
         player = PlayerPlan(device=plan.device, seed=plan.seed, token=token)
-        self.playing = PlayPanel(self.desk, self.takes, player, self.later, profile=DEFAULT_PROFILE)
-        self.reproduce = ReproducePanel(self.desk, self.takes, self.jobs, self.reading, self.later, self.first.facts)
-        self.compare = ComparePanel(self.desk, self.takes, self.jobs, self.playing, self.later)
-        self.record = RecordPanel(self.desk, self.takes, plan.sensor, plan.seed, self.later, self.reproduce.show)
-        CalibratePanel(self.desk, self.takes, self.reading)
-        self.study = StudyPanel(self.desk, self.folder, self.jobs, self.playing, self.later)
+        self.playing = PlayPanel(self.store, self.takes, player, self.later, profile=DEFAULT_PROFILE)
+        self.reproduce = ReproducePanel(self.store, self.takes, self.jobs, self.reading, self.later, self.first.facts)
+        self.compare = ComparePanel(self.store, self.takes, self.jobs, self.playing, self.later)
+        self.record = RecordPanel(self.store, self.takes, plan.sensor, plan.seed, self.later, self.reproduce.show)
+        CalibratePanel(self.store, self.takes, self.reading)
+        self.study = StudyPanel(self.store, self.folder, self.jobs, self.playing, self.later)
         self.live = LivePanel(
-            self.desk, self.takes, self.playing, self.record, plan.seed, self.later, self.reproduce.show
+            self.store, self.takes, self.playing, self.record, plan.seed, self.later, self.reproduce.show
         )
-        self.desk.put(
+        self.store.put(
             studio={
                 "version": __version__,
                 "folder": str(self.folder.path),
@@ -176,7 +176,7 @@ class Studio:
                 break
             self._shown.pop(ended[0])
         now = time.monotonic()
-        self.desk.put(jobs=[each.told(now) for each in self._shown.values()])
+        self.store.put(jobs=[each.as_dict(now) for each in self._shown.values()])
 
     async def _index(self, request: Request) -> Response:
         return self._files.answer(request, "index.html")
@@ -204,14 +204,12 @@ class Studio:
         try:
             if self.takes.comes(take):
                 return Response(self.first.streams.get((stream, second), b""), media_type="application/octet-stream")
-            scene = self.takes.scene(take)
-            key = (f"{scene.take} {scene.stamp}", stream, second)
+            data = self.takes.data(take)
+            key = (f"{data.take} {data.stamp}", stream, second)
             if key not in self._kept:
                 while len(self._kept) > 64:
                     self._kept.pop(next(iter(self._kept)))
-                self._kept[key] = await result_of(
-                    self.reading, f"frames of {take}", _frames_of, (scene, stream, second)
-                )
+                self._kept[key] = await result_of(self.reading, f"frames of {take}", _frames_of, (data, stream, second))
         except MidairError as wrong:
             return PlainTextResponse(f"{wrong}\n", 404)
         return Response(self._kept[key], media_type="application/octet-stream")
@@ -241,7 +239,7 @@ class Studio:
         name = unquote(request.headers.get("x-name", ""))
         try:
             page = int(request.headers.get("x-page", "0"))
-            self.desk.control.check(page)
+            self.store.control.check(page)
             path = await self.folder.receive(name[:200], request.stream())
         except (MidairError, ValueError) as wrong:
             return JSONResponse({"error": str(wrong)}, 400)
@@ -251,7 +249,7 @@ class Studio:
     async def _socket(self, socket: WebSocket) -> None:
         """Serve one page until it disconnects."""
         await socket.accept()
-        page = self.desk.enter(socket)
+        page = self.store.enter(socket)
         self._begin()
         sending = asyncio.create_task(_send(page))
         orders: set[asyncio.Task[None]] = set()
@@ -261,13 +259,13 @@ class Studio:
                 if len(text) > LARGEST_ORDER:
                     break
                 # A request may take as long as a drive plays; "alive" messages must not wait for it.
-                task = asyncio.create_task(self.desk.hear(page, text))
+                task = asyncio.create_task(self.store.on_message(page, text))
                 orders.add(task)
                 task.add_done_callback(orders.discard)
         except (WebSocketDisconnect, KeyError, RuntimeError):
             pass
         finally:
-            self.desk.leave(page)
+            self.store.leave(page)
             self.record.left(page)
             self.live.left(page)
             sending.cancel()
@@ -275,7 +273,7 @@ class Studio:
                 await socket.close()
 
 
-def _nobody(_: StudioJob) -> None:
+def _ignore(_: StudioJob) -> None:
     """Ignore changes of quick jobs; only their results are shown."""
 
 

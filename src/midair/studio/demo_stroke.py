@@ -55,12 +55,12 @@ def demo_stroke() -> DemoStroke:
 
     with tempfile.TemporaryDirectory() as folder:
         make_sample((folder, FIRST), _no_progress)
-        scene = TakeData(take=str(Path(folder) / f"{FIRST}.h5"))
-        about = facts(scene)
+        data = TakeData(take=str(Path(folder) / f"{FIRST}.h5"))
+        about = facts(data)
         streams: dict[tuple[str, int], bytes] = {}
         for second in range(int(about["frames"] // about["rate_hz"]) + 1):
-            streams["samples", second] = frames_of((scene, "samples", second))
-            [wanted] = unpack(frames_of((scene, "wanted", second)))
+            streams["samples", second] = frames_of((data, "samples", second))
+            [wanted] = unpack(frames_of((data, "wanted", second)))
             values = wanted.values * wanted.unit
             streams["wanted", second] = pack(
                 [counted(values, wanted.kind, dtype="u1", first=wanted.first, rate=about["rate_hz"])]

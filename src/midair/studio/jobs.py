@@ -44,7 +44,7 @@ class StudioJob:
     stage_began: float = 0.0
     ended: Callable[["StudioJob"], None] = field(default=lambda _: None, repr=False)
 
-    def told(self, now: float) -> dict[str, Any]:
+    def as_dict(self, now: float) -> dict[str, Any]:
         """Return the state for the page, with rate (steps/s) and remaining time in s once they are known."""
         spent = now - self.stage_began
         rate = self.done / spent if self.state == "runs" and self.done and spent > 0.2 else 0.0

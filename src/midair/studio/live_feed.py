@@ -96,5 +96,5 @@ class LiveFeed:
 
 def numbered(blocks: list[list[bytes]], number: int) -> bytes:
     """Join the sections of some blocks, each with the message number in bytes 4 to 8 of its header."""
-    told = (number % 2**32).to_bytes(4, "little")
-    return b"".join(section[:4] + told + section[8:] for block in blocks for section in block)
+    header = (number % 2**32).to_bytes(4, "little")
+    return b"".join(section[:4] + header + section[8:] for block in blocks for section in block)

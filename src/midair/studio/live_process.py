@@ -230,7 +230,7 @@ class _LiveWatch:
 
     def __init__(self, pipe: Connection, permit: PlayLease) -> None:
         self._pipe, self._permit = pipe, permit
-        self._telling = threading.Lock()
+        self._sending = threading.Lock()
         self._checked: dict[int, LiveRequest] = {}
         self._number = self._seen = 0
         self._past: tuple[LiveSettings, LoopStarted, RecentFrames] | None = None
@@ -248,7 +248,7 @@ class _LiveWatch:
         try:
             match order["do"]:
                 case "check":
-                    self._tell("answer", id=order["id"], value=self._check(order["wish"]))
+                    self._send("answer", id=order["id"], value=self._check(order["request"]))
                 case "begin":
                     self._begin(order)
                 case "keep":
@@ -256,14 +256,14 @@ class _LiveWatch:
                 case _:
                     pass  # the run to be ended is over already
         except MidairError as wrong:
-            self._tell("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
+            self._send("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
         except Exception as wrong:  # noqa: BLE001  # a failed request must not end the process
             said = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
-            self._tell("wrong", id=order["id"], error=said, of="unforeseen")
+            self._send("wrong", id=order["id"], error=said, of="unforeseen")
 
-    def _check(self, wish: LiveRequest) -> dict[str, Any]:
+    def _check(self, request: LiveRequest) -> dict[str, Any]:
         """Return the worst-case exposure of the level, with a number by which the run may be started."""
-        order = wish.session().order
+        order = request.session().order
         try:
             admission = live_clearance(order)
         except ExposureError as wrong:
@@ -274,7 +274,7 @@ class _LiveWatch:
             found = greatest_exposure(array, order.level, profile, rate=1000.0, airs=airs)
             return {"number": 0, "refused": str(wrong), **exposed(found)}
         self._number += 1
-        self._checked = {self._number: wish}
+        self._checked = {self._number: request}
         return {
             "number": self._number,
             "refused": "",
@@ -286,11 +286,11 @@ class _LiveWatch:
 
     def _begin(self, order: Mapping[str, Any]) -> None:
         """Play with a lease token until the run ends; the answer is sent as soon as it plays."""
-        wish = self._checked.pop(order["admission"], None)
-        if wish is None:
+        request = self._checked.pop(order["admission"], None)
+        if request is None:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         self._past = None
-        session = wish.session(self._permit, order["leave"])
+        session = request.session(self._permit, order["leave"])
         # Created before the first frame: otherwise frames of that time would arrive all at once.
         sight = LiveView(session.order)
         about = sight.about()
@@ -301,7 +301,7 @@ class _LiveWatch:
                 sight.found(opened)
                 kept = RecentFrames(opened.sensor.count, sight.array.count, round(REMEMBERED * opened.rate))
                 self._past = session.order, opened, kept
-                self._tell("answer", id=order["id"], value={**_found(session), **about})
+                self._send("answer", id=order["id"], value={**_session_info(session), **about})
                 order = {}
                 self._watch(session, sight, kept)
         except MidairError as wrong:
@@ -311,17 +311,17 @@ class _LiveWatch:
         # Last frames that the loop wrote before it went silent.
         if self._past is not None:
             self._hand_on(session, sight, self._past[2])
-        self._tell("ended", error=error, goes=_goes(session))
+        self._send("ended", error=error, goes=_status(session))
 
     def _watch(self, session: LiveSession, sight: LiveView, kept: RecentFrames) -> None:
-        told, emitting = 0.0, False
+        sent, emitting = 0.0, False
         self._seen = 0
         while session.wait(EVERY):
             found = self._hand_on(session, sight, kept)
             emitting = bool(found["intensity"][-1]) if len(found) else emitting
-            if time.monotonic() - told > 0.25:
-                told = time.monotonic()
-                self._tell("goes", goes=_goes(session), emitting=emitting, remembered=kept.frames)
+            if time.monotonic() - sent > 0.25:
+                sent = time.monotonic()
+                self._send("goes", goes=_status(session), emitting=emitting, remembered=kept.frames)
             while self._pipe.poll():
                 order = self._pipe.recv()
                 if order["do"] == "end":
@@ -335,7 +335,7 @@ class _LiveWatch:
             kept.clear()
         if len(found):
             kept.add(found)
-            self._tell("frames", data=[pack([section]) for section in sight.sections(found)])
+            self._send("frames", data=[pack([section]) for section in sight.sections(found)])
         return found
 
     def _keep(self, order: Mapping[str, Any]) -> None:
@@ -352,19 +352,19 @@ class _LiveWatch:
                 take.run()
                 take.close()
             except MidairError as wrong:
-                self._tell("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
+                self._send("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
                 return
             value = {"name": Path(order["path"]).name, "frames": len(moment.frames)}
-            self._tell("answer", id=order["id"], value={**value, "duration_s": len(moment.frames) / opened.rate})
+            self._send("answer", id=order["id"], value={**value, "duration_s": len(moment.frames) / opened.rate})
 
         threading.Thread(target=write, name="keep").start()
 
-    def _tell(self, kind: str, **said: Any) -> None:
-        with suppress(OSError, ValueError), self._telling:
+    def _send(self, kind: str, **said: Any) -> None:
+        with suppress(OSError, ValueError), self._sending:
             self._pipe.send({"kind": kind, **said})
 
 
-def _found(session: LiveSession) -> dict[str, Any]:
+def _session_info(session: LiveSession) -> dict[str, Any]:
     opened, order = session.opened, session.order
     grid = opened.sensor
     return {
@@ -388,13 +388,13 @@ def _found(session: LiveSession) -> dict[str, Any]:
     }
 
 
-def _goes(session: LiveSession) -> dict[str, Any]:
+def _status(session: LiveSession) -> dict[str, Any]:
     """Return the statistics for the page; the hold time is split into work and waiting."""
     try:
-        told = session.statistics.plain()
+        values = session.statistics.plain()
     except DeviceStateError:
         return {}
-    parts, left = dict(told["latency_parts_ms"]), told["left_ms"]["half"]
+    parts, left = dict(values["latency_parts_ms"]), values["left_ms"]["half"]
     hold = parts.pop("hold")
     worked = min(left or 0.0, hold)
     named = []
@@ -402,4 +402,4 @@ def _goes(session: LiveSession) -> dict[str, Any]:
         if name == "rise and air":
             named += [["work and sending", worked], ["waits its turn", hold - worked]]
         named.append([name, value])
-    return {**told, "parts": [[name, round(value, 2)] for name, value in named]}
+    return {**values, "parts": [[name, round(value, 2)] for name, value in named]}

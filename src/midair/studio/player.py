@@ -64,7 +64,7 @@ class _Player:
         """Handle one request after the other."""
         from midair.errors import LinkLostError, MidairError
 
-        self._tell("ready", process=os.getpid())
+        self._send("ready", process=os.getpid())
         with ExitStack() as held:
             while True:
                 try:
@@ -74,21 +74,21 @@ class _Player:
                 try:
                     match order["do"]:
                         case "open":
-                            self._tell("answer", id=order["id"], value=self._open(held))
+                            self._send("answer", id=order["id"], value=self._open(held))
                         case "admit":
-                            self._tell("answer", id=order["id"], value=self._admit(order, held))
+                            self._send("answer", id=order["id"], value=self._admit(order, held))
                         case "play":
-                            self._tell("answer", id=order["id"], value=self._play(order))
+                            self._send("answer", id=order["id"], value=self._play(order))
                         case "mask":
                             self.trials.clear()
-                            self._tell("answer", id=order["id"], value=self.noise.take(order["noise"], order["device"]))
+                            self._send("answer", id=order["id"], value=self.noise.take(order["noise"], order["device"]))
                         case "quiet":
-                            self._tell("answer", id=order["id"], value=self._quiet(order))
+                            self._send("answer", id=order["id"], value=self._quiet(order))
                         case "let go":
                             # Another process uses the array for a while.
                             held.close()
                             self.array = None
-                            self._tell("answer", id=order["id"], value=True)
+                            self._send("answer", id=order["id"], value=True)
                         case _:
                             return
                 except MidairError as wrong:
@@ -97,17 +97,17 @@ class _Player:
                         self.array = None
                         with suppress(Exception):
                             held.close()
-                    self._tell("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
+                    self._send("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
                 except Exception as wrong:  # noqa: BLE001  # a failed request must not end the player
                     said = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
-                    self._tell("wrong", id=order["id"], error=said, of="unforeseen")
+                    self._send("wrong", id=order["id"], error=said, of="unforeseen")
 
     def stop(self) -> None:
         """STOP, from any thread; returns when the array is silent."""
         self.permit.stop()
         if self.array is not None:
             self.array.silence()
-        self._tell("stopped", by="the page, at the player's own port")
+        self._send("stopped", by="the page, at the player's own port")
 
     def end_with_the_studio(self) -> None:
         """Wait for the end of the studio, then silence the array and end the process."""
@@ -241,25 +241,25 @@ class _Player:
 
     def _progress(self, leave: Any, paced: float = 0.0) -> Any:
         """Return a callback that reports progress; a virtual array is slowed down to real time."""
-        began, told = time.monotonic(), [0.0]
+        began, sent = time.monotonic(), [0.0]
 
         def progress(done: int, total: int) -> None:
             # The lease is checked as often as for the banks of a real array.
             while paced and time.monotonic() < began + done / paced:
                 self.permit.check(leave, "virtual")
                 time.sleep(0.002)
-            if time.monotonic() - told[0] > 0.05 or done >= total:
-                told[0] = time.monotonic()
-                self._tell("sounds", done=done, total=total, emitting=bool(getattr(self.array, "emitting", True)))
+            if time.monotonic() - sent[0] > 0.05 or done >= total:
+                sent[0] = time.monotonic()
+                self._send("sounds", done=done, total=total, emitting=bool(getattr(self.array, "emitting", True)))
 
         return progress
 
-    def _tell(self, kind: str, **said: Any) -> None:
-        with suppress(OSError, ValueError), _TELLING:
+    def _send(self, kind: str, **said: Any) -> None:
+        with suppress(OSError, ValueError), _SENDING:
             self.pipe.send({"kind": kind, **said})
 
 
-_TELLING = threading.Lock()
+_SENDING = threading.Lock()
 
 
 def _measured(drive: Any, array: Any, profile: Any) -> Any:
@@ -291,11 +291,11 @@ def exposed(found: Any) -> dict[str, Any]:
 class PlayerProcess:
     """The player process, as the studio uses it.
 
-    `heard` is called from a thread with each message of the player.
+    `on_message` is called from a thread with each message of the player.
     """
 
-    def __init__(self, permit: Any, plan: PlayerPlan, heard: Any) -> None:
-        self._permit, self._plan, self._heard = permit, plan, heard
+    def __init__(self, permit: Any, plan: PlayerPlan, on_message: Any) -> None:
+        self._permit, self._plan, self._on_message = permit, plan, on_message
         self._listening = socket.create_server(("127.0.0.1", 0))
         self._process: Any = None
         self._pipe: Connection | None = None
@@ -352,11 +352,11 @@ class PlayerProcess:
     def _listen(self, pipe: Connection, origins: tuple[str, ...]) -> None:
         while True:
             try:
-                self._heard(pipe.recv())
+                self._on_message(pipe.recv())
             except (EOFError, OSError):
                 break
         if not self._closed:
-            self._heard({"kind": "gone"})
+            self._on_message({"kind": "gone"})
             # The failsafe of the array has silenced it. The lease is revoked, and a new process starts.
             self._permit.stop()
             self.start(origins)

@@ -105,7 +105,7 @@ def run_listening(pipe: Connection, name: str, seed: int) -> None:
         with sensor:
             _Listening(pipe, sensor, name, seed).run()
     except MidairError as wrong:
-        _say(pipe, "lost", error=str(wrong))
+        _send(pipe, "lost", error=str(wrong))
     except (EOFError, OSError):
         pass
     finally:
@@ -144,7 +144,7 @@ class _Tap(SensorDevice):
             mean = rows.mean(axis=0)
             # Traces are drawn around a slow mean, so that an offset does not show as signal.
             rest = self._rest = mean if self._rest is None else 0.99 * self._rest + 0.01 * mean
-            _say(self._pipe, "frames", first=block.first, rows=(rows - rest).astype(np.float32))
+            _send(self._pipe, "frames", first=block.first, rows=(rows - rest).astype(np.float32))
         return block
 
     def stop(self) -> None:
@@ -165,7 +165,7 @@ class _Listening:
     def run(self) -> None:
         """Read the sensor and record the requested takes."""
         sensor = self._sensor
-        _say(
+        _send(
             self._pipe,
             "open",
             sensor=sensor.name,
@@ -179,48 +179,48 @@ class _Listening:
             calibrated=sensor.calibration is not None,
         )
         while True:
-            wish = self._wait()
-            if wish == "quit":
+            request = self._wait()
+            if request == "quit":
                 return
-            if wish == "taps":
+            if request == "taps":
                 self._taps()
-            elif isinstance(wish, TakeRequest):
-                self._take(wish)
+            elif isinstance(request, TakeRequest):
+                self._take(request)
 
     def _wait(self) -> Any:
         """Send frames until a request comes; uses a take that waits for a key and is never begun."""
         watcher = _Watching(self._pipe, self._sensor, idle=True)
         nowhere = Path(os.devnull)
-        while watcher.wish is None:
+        while watcher.request is None:
             try:
                 record_take(_Tap(self._sensor, self._pipe), TakePlan(path=nowhere, start="key", block=STEP), watcher)
             except MidairError as wrong:
-                _say(self._pipe, "lost", error=str(wrong))
+                _send(self._pipe, "lost", error=str(wrong))
                 # A sensor that was unplugged may come back.
                 if self._pipe.poll(1.0):
                     return self._pipe.recv()
-        return watcher.wish
+        return watcher.request
 
-    def _take(self, wish: TakeRequest) -> None:
+    def _take(self, request: TakeRequest) -> None:
         plan = TakePlan(
-            path=Path(wish.path),
-            start=wish.start,
-            duration=wish.duration,
-            level=wish.level,
-            pre_roll=wish.pre_roll,
-            post_roll=wish.post_roll,
-            notes=dict(wish.notes),
+            path=Path(request.path),
+            start=request.start,
+            duration=request.duration,
+            level=request.level,
+            pre_roll=request.pre_roll,
+            post_roll=request.post_roll,
+            notes=dict(request.notes),
             block=STEP,
         )
         watcher = _Watching(self._pipe, self._sensor)
         try:
             take = record_take(_Tap(self._sensor, self._pipe), plan, watcher)
         except MidairError as wrong:
-            _say(self._pipe, "failed", error=str(wrong))
+            _send(self._pipe, "failed", error=str(wrong))
             return
-        _say(self._pipe, "taken", **_told(take, self._sensor.rate))
-        if watcher.wish is not None:
-            self._pending.append(watcher.wish)
+        _send(self._pipe, "taken", **_take_info(take, self._sensor.rate))
+        if watcher.request is not None:
+            self._pending.append(watcher.request)
 
     def _taps(self) -> None:
         """Identify the channel of each cell by taps; a virtual sensor simulates them."""
@@ -232,9 +232,9 @@ class _Listening:
             else:
                 found = identify_by_taps(sensor, TapTest(), self._prompt)
         except MidairError as wrong:
-            _say(self._pipe, "failed", error=str(wrong))
+            _send(self._pipe, "failed", error=str(wrong))
             return
-        _say(
+        _send(
             self._pipe,
             "identified",
             channel=[-1 if each is None else each for each in found.channel],
@@ -246,7 +246,7 @@ class _Listening:
         )
 
     def _prompt(self, cell: int) -> None:
-        _say(self._pipe, "tap", cell=cell)
+        _send(self._pipe, "tap", cell=cell)
 
 
 class _Watching:
@@ -255,7 +255,7 @@ class _Watching:
     def __init__(self, pipe: Connection, sensor: SensorDevice, *, idle: bool = False) -> None:
         self._pipe, self._sensor, self._idle = pipe, sensor, idle
         self._shown = 0.0
-        self.wish: Any = None
+        self.request: Any = None
 
     def order(self) -> TakeOrder | None:
         """Return the request that came since the last call."""
@@ -263,11 +263,11 @@ class _Watching:
             return None
         said = self._pipe.recv()
         if self._idle:
-            self.wish = said
+            self.request = said
             return "quit"
         if said == "toggle":
             return "toggle"
-        self.wish = said
+        self.request = said
         return "quit"
 
     def show(self, view: View) -> None:
@@ -276,7 +276,7 @@ class _Watching:
         if now - self._shown < 1 / 15:
             return
         self._shown = now
-        _say(
+        _send(
             self._pipe,
             "levels",
             state="listening" if self._idle else view.state,
@@ -290,7 +290,7 @@ class _Watching:
     def tell(self, event: Event, drift: Drift | None = None) -> None:
         """Send an event."""
         said = event_message(event, self._sensor.rate, self._sensor.grid, drift)
-        _say(self._pipe, "event", event=event.kind, channel=event.channel, said=said)
+        _send(self._pipe, "event", event=event.kind, channel=event.channel, said=said)
 
 
 def _levels(levels: Levels) -> dict[str, Any]:
@@ -304,7 +304,7 @@ def _levels(levels: Levels) -> dict[str, Any]:
     }
 
 
-def _told(take: Take, rate: float) -> dict[str, Any]:
+def _take_info(take: Take, rate: float) -> dict[str, Any]:
     return {
         "path": "" if take.path is None else str(take.path),
         "frames": take.frames,
@@ -315,5 +315,5 @@ def _told(take: Take, rate: float) -> dict[str, Any]:
     }
 
 
-def _say(pipe: Connection, kind: str, **said: Any) -> None:
+def _send(pipe: Connection, kind: str, **said: Any) -> None:
     pipe.send({"kind": kind, **said})

@@ -55,7 +55,7 @@ class Page:
     """False for a hidden page, as the page itself reports."""
     room: str = ""
     """Name of the panel that it shows."""
-    heard: float = 0.0
+    last_alive: float = 0.0
     """Time of its last "alive" message, in s of the monotonic clock."""
     credit: int = 24
     """Number of frame messages that may still be sent before the page confirms some."""
@@ -113,12 +113,12 @@ class StudioState:
             return
         self.state |= changed
         self._number += 1
-        self._tell(json.dumps({"number": self._number, "set": changed}))
+        self._broadcast(json.dumps({"number": self._number, "set": changed}))
 
     def enter(self, wire: Wire) -> Page:
         """Add a page and send it the whole state."""
         self._pages += 1
-        page = Page(number=self._pages, wire=wire, heard=time.monotonic())
+        page = Page(number=self._pages, wire=wire, last_alive=time.monotonic())
         self.pages[page.number] = page
         self.control.enter(page.number)
         self.whole(page)
@@ -129,8 +129,8 @@ class StudioState:
         """Remove a page."""
         self.pages.pop(page.number, None)
         had = self.control.leave(page.number)
-        for tell in self.left:
-            tell(page, had)
+        for callback in self.left:
+            callback(page, had)
         self.show_control()
 
     def whole(self, page: Page) -> None:
@@ -142,7 +142,7 @@ class StudioState:
         control = self.control
         self.put(control={"holder": control.holder, "asking": control.asking, "pages": sorted(self.pages)})
 
-    async def hear(self, page: Page, text: str) -> None:
+    async def on_message(self, page: Page, text: str) -> None:
         """Handle a message of a page."""
         try:
             said = json.loads(text)
@@ -151,9 +151,9 @@ class StudioState:
         if not isinstance(said, dict):
             return
         if "alive" in said:
-            page.heard, page.visible = time.monotonic(), bool(said["alive"])
-            for tell in self.alive:
-                tell(page)
+            page.last_alive, page.visible = time.monotonic(), bool(said["alive"])
+            for callback in self.alive:
+                callback(page)
             return
         if "drew" in said:
             page.credit = min(24, page.credit + int(said["drew"])) if isinstance(said["drew"], int) else page.credit
@@ -196,7 +196,7 @@ class StudioState:
         done = kind.act(page, model)
         return await done if isinstance(done, Awaitable) else done
 
-    def _tell(self, text: str) -> None:
+    def _broadcast(self, text: str) -> None:
         for page in list(self.pages.values()):
             self._queue(page, text)
 

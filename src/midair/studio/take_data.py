@@ -40,9 +40,9 @@ class TakeData:
     """Changes when one of the files changes."""
 
 
-def facts(scene: TakeData) -> dict[str, Any]:
+def facts(data: TakeData) -> dict[str, Any]:
     """Return the properties of a take, without its frames."""
-    take = _take(scene.take, scene.stamp)
+    take = _take(data.take, data.stamp)
     recording = take.recording
     shown = min(recording.frames, round(LONGEST * recording.rate))
     sensor = recording.sensor
@@ -65,16 +65,16 @@ def facts(scene: TakeData) -> dict[str, Any]:
         ],
         "drive": None,
     }
-    if scene.drive:
-        said["drive"] = _drive_facts(scene, shown)
+    if data.drive:
+        said["drive"] = _drive_facts(data, shown)
     return said
 
 
-def _drive_facts(scene: TakeData, shown: int) -> dict[str, Any]:
-    solution, target, field_of = _drive(scene.drive, scene.stamp)
+def _drive_facts(data: TakeData, shown: int) -> dict[str, Any]:
+    solution, target, field_of = _drive(data.drive, data.stamp)
     drive, grid, known = solution.drive, target.grid, Settings.of(solution.drive.provenance)
-    frames = _frames_of(solution, target, _take(scene.take, scene.stamp).recording.rate, 0, shown)
-    fine = _finer(scene.drive, scene.stamp)
+    frames = _frames_of(solution, target, _take(data.take, data.stamp).recording.rate, 0, shown)
+    fine = _finer(data.drive, data.stamp)
     error, plays = solution.error[frames], solution.plays[frames]
     focus = focus_amplitude(grid, drive.array, acoustics=drive.acoustics)
     peak = target.amplitude[frames].max(axis=1)
@@ -95,12 +95,12 @@ def _drive_facts(scene: TakeData, shown: int) -> dict[str, Any]:
         "error": np.round(error, 4).tolist(),
         "strength": np.round(peak / focus, 4).tolist(),
         "error_mean": float(error[plays].mean()) if plays.any() else 0.0,
-        "settings": None if known is None else told_settings(known),
+        "settings": None if known is None else describe_settings(known),
         "field_pa": field_of.shape[0],
     }
 
 
-def told_settings(settings: Settings) -> dict[str, Any]:
+def describe_settings(settings: Settings) -> dict[str, Any]:
     """Return settings as form values ("" for the default of the mode), as one line, and as code."""
     near = over_mode(settings)
     mode, chosen = near or ("paper", {})
@@ -141,16 +141,18 @@ def made_with(path: str) -> str:
     except MidairError:
         return "a file that cannot be read"
     return (
-        "made with settings that it does not contain" if known is None else f"made with {told_settings(known)['line']}"
+        "made with settings that it does not contain"
+        if known is None
+        else f"made with {describe_settings(known)['line']}"
     )
 
 
 def frames_of(order: tuple[TakeData, Streams, int]) -> bytes:
     """Return one second of a stream as sections; InputError if the take has no such stream."""
-    scene, stream, second = order
+    data, stream, second = order
     if stream in ("original", "again"):
-        return _compared(scene, stream, second)
-    take = _take(scene.take, scene.stamp)
+        return _compared(data, stream, second)
+    take = _take(data.take, data.stamp)
     rate = take.recording.rate
     first = round(second * rate)
     count = min(round((second + 1) * rate), take.recording.frames, round(LONGEST * rate)) - first
@@ -158,12 +160,12 @@ def frames_of(order: tuple[TakeData, Streams, int]) -> bytes:
         return b""
     if stream == "samples":
         samples = np.asarray(take.recording.samples[first : first + count]).reshape(count, -1)
-        return pack([counted(samples - _rest(scene.take, scene.stamp), Kind.SAMPLES, first=first, rate=rate)])
-    if stream == "wanted" and not scene.drive:
-        return pack([_wanted_early(scene, first, count, rate)])
-    if not scene.drive:
+        return pack([counted(samples - _rest(data.take, data.stamp), Kind.SAMPLES, first=first, rate=rate)])
+    if stream == "wanted" and not data.drive:
+        return pack([_wanted_early(data, first, count, rate)])
+    if not data.drive:
         raise InputError(f"{stream}: expected a take that was solved; solve it first")
-    solution, target, matrix = _drive(scene.drive, scene.stamp)
+    solution, target, matrix = _drive(data.drive, data.stamp)
     frames = _frames_of(solution, target, rate, first, count)
     if not len(frames):
         return b""
@@ -192,17 +194,17 @@ def _begin_of(target: AmplitudeFrames) -> float:
     return float(start) if isinstance(start, int | float) else 0.0
 
 
-def _wanted_early(scene: TakeData, first: int, count: int, rate: float) -> Section:
+def _wanted_early(data: TakeData, first: int, count: int, rate: float) -> Section:
     """Target of the paper's mode, for a take that is not solved yet."""
-    wanted = _wanted(scene.take, scene.stamp)
+    wanted = _wanted(data.take, data.stamp)
     places = np.minimum(np.rint(np.arange(first, first + count) / rate * wanted.rate), wanted.frames - 1)
     return counted(wanted.amplitude[places.astype(np.intp)], Kind.FIELD, dtype="<i2", first=first, rate=rate)
 
 
-def _compared(scene: TakeData, stream: Streams, second: int) -> bytes:
-    if not scene.comparison:
+def _compared(data: TakeData, stream: Streams, second: int) -> bytes:
+    if not data.comparison:
         raise InputError(f"{stream}: expected a take that was compared; play and compare it first")
-    with np.load(scene.comparison) as kept:
+    with np.load(data.comparison) as kept:
         rate, pressure = float(kept["rate"]), kept[stream]
     first = round(second * rate)
     part = pressure[first : first + round(rate)]

@@ -65,7 +65,7 @@ class TakesList:
         """Return the path of a drive that has only the visible second, used until the whole drive is solved."""
         return str(self.samples / ("in-sight-" + name.replace(":", "-").replace("/", "-") + ".drive.h5"))
 
-    def scene(self, name: str) -> TakeData:
+    def data(self, name: str) -> TakeData:
         """Return the files of a take; the drive is that of the visible second if only that was solved again."""
         path, drive, kept = self.path(name), self.beside(name, ".drive.h5"), self.kept(name)
         part = Path(self.part(name))
@@ -88,7 +88,7 @@ class TakesList:
             "played": self.beside(name, ".rerecorded.h5").exists(),
             "compared": self.kept(name).exists(),
             "report": self.beside(name, ".report.html").exists(),
-            "stamp": self.scene(name).stamp,
+            "stamp": self.data(name).stamp,
         }
 
     def _sample_files(self) -> list[Path]:

@@ -118,7 +118,7 @@ def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dic
     progress("comparing", 0, 3)
     take = open_take(again)
     settings = Settings.of(take.recording.provenance) or Settings()
-    pair = aligned_pair(_felt(original, settings), take, settings)
+    pair = aligned_pair(_pressure_of(original, settings), take, settings)
     before, after = pair.original, pair.piece
     progress("comparing", 1, 3)
     found = compare(before, pair.heard, first=pair.first)
@@ -165,7 +165,7 @@ def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]
     stamp = stamp_of(file)
     drive = load_solution(file).drive
     settings = Settings.of(drive.provenance) or Settings()
-    before, asked = asked_of(drive.provenance, _felt(take, settings))
+    before, asked = asked_of(drive.provenance, _pressure_of(take, settings))
     lead = (asked.frames - before.frames) // 2 / asked.rate
     judged = min(before.frames / before.rate, _PALM_SECONDS)
     played = min(round((lead + judged) * drive.rate), drive.frames)
@@ -191,7 +191,7 @@ def budget_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, An
     stamp = stamp_of(file)
     drive = load_solution(file, streamed=True).drive
     settings = Settings.of(drive.provenance) or Settings()
-    before, _ = asked_of(drive.provenance, _felt(take, settings))
+    before, _ = asked_of(drive.provenance, _pressure_of(take, settings))
     judged = min(before.frames / before.rate, _BUDGET_SECONDS)
     band = settings.calibration.band
     height = settings.target.grid.height
@@ -212,7 +212,7 @@ _PALM_SECONDS = 2.0
 """A palm has a thousand points."""
 
 
-def _felt(take: str, settings: Settings) -> PressureFrames:
+def _pressure_of(take: str, settings: Settings) -> PressureFrames:
     source = open_take(take)
     return calibrated_pressure(source.recording, source.calibration, settings)
 
@@ -248,11 +248,11 @@ class StudyRequest:
     participants: int
 
 
-def draw_study(wish: StudyRequest, progress: Progressed) -> str:
+def draw_study(request: StudyRequest, progress: Progressed) -> str:
     """Draw the plan of a study and solve its drives from virtual strokes; returns the folder name."""
-    text, path = template_text(wish.template), Path(wish.path)
+    text, path = template_text(request.template), Path(request.path)
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum()) or "study"
-    design = read_design(text, name=kept, participants=wish.participants)
+    design = read_design(text, name=kept, participants=request.participants)
 
     def drives(into: Path) -> dict[str, str]:
         made = prepare_drives(design, into, found_in=None, seed=design.seed, stage=lambda name: _stage(name, progress))

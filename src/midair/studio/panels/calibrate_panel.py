@@ -16,9 +16,9 @@ from midair.studio.takes_list import TakesList
 class CalibratePanel:
     """Calibrations of takes and calibration files."""
 
-    def __init__(self, desk: StudioState, takes: TakesList, reading: Jobs) -> None:
+    def __init__(self, store: StudioState, takes: TakesList, reading: Jobs) -> None:
         self._takes, self._reading = takes, reading
-        desk.offer("calibrate", "look", self.look, TakeNamed, watchers=True)
+        store.offer("calibrate", "look", self.look, TakeNamed, watchers=True)
 
     async def look(self, _: Page, order: TakeNamed) -> Any:
         """Return the calibration of a take's sensor, or None if the take has none."""

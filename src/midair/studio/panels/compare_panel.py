@@ -14,16 +14,16 @@ from midair.studio.work import budget_of_take, compare_takes, palm_of_take
 class ComparePanel:
     """Comparisons of this session; runs after each play."""
 
-    def __init__(self, desk: StudioState, takes: TakesList, jobs: Jobs, played: Any, later: Any) -> None:
-        self._desk, self._takes, self._jobs, self._later = desk, takes, jobs, later
+    def __init__(self, store: StudioState, takes: TakesList, jobs: Jobs, played: Any, later: Any) -> None:
+        self._store, self._takes, self._jobs, self._later = store, takes, jobs, later
         self._found: dict[str, Any] = {}
         self._palms: dict[str, Any] = {}
         self._budgets: dict[str, Any] = {}
-        desk.offer("compare", "compare", self.compare, TakeNamed)
-        desk.offer("compare", "palm", self.palm, TakeNamed)
-        desk.offer("compare", "budget", self.budget, TakeNamed)
+        store.offer("compare", "compare", self.compare, TakeNamed)
+        store.offer("compare", "palm", self.palm, TakeNamed)
+        store.offer("compare", "budget", self.budget, TakeNamed)
         played.played.append(self._played)
-        desk.put(comparisons={}, palms={}, budgets={})
+        store.put(comparisons={}, palms={}, budgets={})
 
     def compare(self, _: Page, order: TakeNamed) -> dict[str, int]:
         """Compare a take with its re-recording."""
@@ -34,35 +34,35 @@ class ComparePanel:
 
     def palm(self, _: Page, order: TakeNamed) -> dict[str, int]:
         """Simulate the pressure of a take's drive on a whole palm."""
-        return self._simulate(order.take, f"palm simulation of {order.take}", palm_of_take, self._pressed)
+        return self._simulate(order.take, f"palm simulation of {order.take}", palm_of_take, self._palm_ready)
 
     def budget(self, _: Page, order: TakeNamed) -> dict[str, int]:
         """Compute the error budget of a take's drive."""
-        return self._simulate(order.take, f"error budget of {order.take}", budget_of_take, self._told)
+        return self._simulate(order.take, f"error budget of {order.take}", budget_of_take, self._budget_ready)
 
-    def _simulate(self, take: str, title: str, work: Work, told: Callable[[str, StudioJob], None]) -> dict[str, int]:
+    def _simulate(self, take: str, title: str, work: Work, ready: Callable[[str, StudioJob], None]) -> dict[str, int]:
         drive = self._takes.beside(take, ".drive.h5")
         if not drive.exists():
             raise InputError(f"{take}: expected a take that was solved; solve it first")
         order = (str(self._takes.path(take)), str(drive))
-        job = self._jobs.add(title, work, order, room="compare", ended=lambda job: self._later(told, take, job))
+        job = self._jobs.add(title, work, order, room="compare", ended=lambda job: self._later(ready, take, job))
         return {"job": job.number}
 
-    def _told(self, take: str, job: StudioJob) -> None:
+    def _budget_ready(self, take: str, job: StudioJob) -> None:
         if job.state == "done":
             self._budgets = {**self._budgets, take: job.result}
-            self._desk.put(budgets=self._budgets)
+            self._store.put(budgets=self._budgets)
 
-    def _pressed(self, take: str, job: StudioJob) -> None:
+    def _palm_ready(self, take: str, job: StudioJob) -> None:
         if job.state == "done":
             self._palms = {**self._palms, take: job.result}
-            self._desk.put(palms=self._palms)
+            self._store.put(palms=self._palms)
 
     def _played(self, take: str) -> None:
         """Compare a take after it was played."""
         if self._takes.beside(take, ".rerecorded.h5").exists():
             self._start(take)
-        self._desk.put(takes=self._takes.rows())
+        self._store.put(takes=self._takes.rows())
 
     def _start(self, take: str) -> StudioJob:
         order = (
@@ -82,4 +82,4 @@ class ComparePanel:
     def _compared(self, take: str, job: StudioJob) -> None:
         if job.state == "done":
             self._found = {**self._found, take: {**job.result, "kept": ""}}
-            self._desk.put(comparisons=self._found, takes=self._takes.rows())
+            self._store.put(comparisons=self._found, takes=self._takes.rows())

@@ -64,7 +64,7 @@ class LivePanel:
 
     def __init__(
         self,
-        desk: StudioState,
+        store: StudioState,
         takes: TakesList,
         playing: PlayPanel,
         record: RecordPanel,
@@ -72,7 +72,7 @@ class LivePanel:
         later: Any,
         taken: Any,
     ) -> None:
-        self._desk, self._takes, self._playing, self._record = desk, takes, playing, record
+        self._store, self._takes, self._playing, self._record = store, takes, playing, record
         self._seed, self._later, self._taken = seed, later, taken
         self.feed = LiveFeed()
         self._process: Any = None
@@ -83,14 +83,14 @@ class LivePanel:
         self._checked: dict[int, LiveRequest] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
         self._state: dict[str, Any] = {"state": "idle", "said": "", "share": 1.0, "take": None, "calibrations": []}
-        desk.offer("live", "sight", self.sight, VisibleRange, watchers=True)
-        desk.offer("live", "check", self.check, CheckLive)
-        desk.offer("live", "begin", self.begin, BeginLive)
-        desk.offer("live", "turn", self.turn, SetLevel)
-        desk.offer("live", "keep", self.keep, KeepLast)
-        desk.offer("live", "end", self.end, NoArguments)
-        desk.alive.append(self.feed.remind)
-        desk.put(live=self._state)
+        store.offer("live", "sight", self.sight, VisibleRange, watchers=True)
+        store.offer("live", "check", self.check, CheckLive)
+        store.offer("live", "begin", self.begin, BeginLive)
+        store.offer("live", "turn", self.turn, SetLevel)
+        store.offer("live", "keep", self.keep, KeepLast)
+        store.offer("live", "end", self.end, NoArguments)
+        store.alive.append(self.feed.remind)
+        store.put(live=self._state)
 
     def sight(self, page: Page, order: VisibleRange) -> bool:
         """Start or stop sending frames to a page."""
@@ -111,7 +111,7 @@ class LivePanel:
         self._idle()
         given = order.model_dump(exclude={"delay_ms", "hold_ms", "height_mm", "calibration", "override"})
         calibration = str(self._takes.folder.find(order.calibration)) if order.calibration else ""
-        wish = LiveRequest(
+        request = LiveRequest(
             **given,
             device=self._playing.device,
             delay=1e-3 * order.delay_ms,
@@ -121,30 +121,32 @@ class LivePanel:
             override=order.override.strip(),
             seed=self._seed,
         )
-        found = await self._ask(do="check", wish=wish)
-        self._checked = {found["number"]: wish} if found["number"] else {}
-        self._desk.put(exposure={"take": "", **found})
+        found = await self._ask(do="check", request=request)
+        self._checked = {found["number"]: request} if found["number"] else {}
+        self._store.put(exposure={"take": "", **found})
         return found
 
     async def begin(self, page: Page, order: BeginLive) -> Any:
         """Borrow array and sensor, arm, and start; answers when it plays."""
         self._idle()
-        wish = self._checked.pop(order.admission, None)
-        if wish is None:
+        request = self._checked.pop(order.admission, None)
+        if request is None:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         await self._record.release()
-        leave = await self._playing.lend(page, f"live {wish.sensor}")
+        leave = await self._playing.lend(page, f"live {request.sensor}")
         self._show(state="opens", said="", share=1.0, take=None)
-        self._desk.put(live_goes=None)
+        self._store.put(live_goes=None)
         try:
             about = await self._ask(do="begin", admission=order.admission, leave=leave)
         except MidairError as wrong:
             await self._over(str(wrong))
             raise
-        about["wish"] = {name: value for name, value in asdict(wish).items() if name not in ("calibration", "override")}
+        about["wish"] = {
+            name: value for name, value in asdict(request).items() if name not in ("calibration", "override")
+        }
         # A new number makes the pages clear their pictures, also when the settings are the same.
         about["run"] = next(self._numbers)
-        self._desk.put(live_about=about)
+        self._store.put(live_about=about)
         self._show(state="plays")
         return True
 
@@ -157,7 +159,7 @@ class LivePanel:
 
     async def keep(self, _: Page, order: KeepLast) -> Any:
         """Save the last seconds as a take that Reproduce opens."""
-        about = self._desk.state.get("live_about")
+        about = self._store.state.get("live_about")
         if self._process is None or not about:
             raise InputError("keep: expected recorded frames, there are none yet; start live touch first")
         notes = Subject(object="live", surface=about["sensor"].partition(":")[2][:40])
@@ -234,11 +236,11 @@ class LivePanel:
                 said = pipe.recv()
             except (EOFError, OSError, TypeError):
                 break
-            self._later(self._hear, pipe, said)
+            self._later(self._on_message, pipe, said)
         if not self._closed:
-            self._later(self._hear, pipe, {"kind": "gone"})
+            self._later(self._on_message, pipe, {"kind": "gone"})
 
-    def _hear(self, pipe: Connection, said: dict[str, Any]) -> None:
+    def _on_message(self, pipe: Connection, said: dict[str, Any]) -> None:
         """Handle a message of the process."""
         if pipe is not self._pipe:
             return
@@ -246,7 +248,7 @@ class LivePanel:
             case "frames":
                 self.feed.add(said["data"])
             case "goes":
-                self._desk.put(live_goes={**said["goes"], "remembered": said["remembered"]})
+                self._store.put(live_goes={**said["goes"], "remembered": said["remembered"]})
                 self._playing.emits(said["emitting"])
             case "answer":
                 if (waits := self._waiting.get(said["id"])) is not None and not waits.done():
@@ -256,7 +258,7 @@ class LivePanel:
                     waits.set_exception(InputError(said["error"]))
             case "ended":
                 if said["goes"]:
-                    self._desk.put(live_goes={**(self._desk.state.get("live_goes") or {}), **said["goes"]})
+                    self._store.put(live_goes={**(self._store.state.get("live_goes") or {}), **said["goes"]})
                 self._do(self._over(said["error"] or "ended normally, with a fade-out"))
             case _:
                 self._gone()
@@ -282,4 +284,4 @@ class LivePanel:
 
     def _show(self, **changes: Any) -> None:
         self._state = {**self._state, **changes}
-        self._desk.put(live=self._state)
+        self._store.put(live=self._state)

@@ -44,11 +44,11 @@ class PlayNow(BaseModel):
 class PlayPanel:
     """The player process and the lease that it needs to play; `profile` names the default exposure profile."""
 
-    def __init__(self, desk: StudioState, takes: TakesList, plan: PlayerPlan, later: Any, *, profile: str) -> None:
-        self._desk, self._takes, self._later, self._profile = desk, takes, later, profile
+    def __init__(self, store: StudioState, takes: TakesList, plan: PlayerPlan, later: Any, *, profile: str) -> None:
+        self._store, self._takes, self._later, self._profile = store, takes, later, profile
         self.permit = PlayLease()
         self.token = plan.token or secrets.token_urlsafe(24)
-        self._player = PlayerProcess(self.permit, plan, self._told)
+        self._player = PlayerProcess(self.permit, plan, self._forward)
         self._waiting: dict[int, asyncio.Future[Any]] = {}
         self._numbers = itertools.count(1)
         self._controls = 0
@@ -67,14 +67,14 @@ class PlayPanel:
             "take": "",
             "said": "",
         }
-        desk.offer("play", "check", self.check, CheckExposure)
-        desk.offer("play", "play", self.play, PlayNow)
-        desk.offer("play", "stop", self.stop, NoArguments, watchers=True)
-        desk.offer("control", "take", self.take_control, watchers=True)
-        desk.offer("control", "give", self.give_control)
-        desk.offer("control", "refuse", self.refuse_control)
-        desk.left.append(self._left)
-        desk.alive.append(self._alive)
+        store.offer("play", "check", self.check, CheckExposure)
+        store.offer("play", "play", self.play, PlayNow)
+        store.offer("play", "stop", self.stop, NoArguments, watchers=True)
+        store.offer("control", "take", self.take_control, watchers=True)
+        store.offer("control", "give", self.give_control)
+        store.offer("control", "refuse", self.refuse_control)
+        store.left.append(self._left)
+        store.alive.append(self._alive)
         self._show()
 
     @property
@@ -120,7 +120,7 @@ class PlayPanel:
             repeats=order.repeats,
         )
         self._checked = {found["number"]: order.take} if found["number"] else {}
-        self._desk.put(exposure={"take": order.take, **found})
+        self._store.put(exposure={"take": order.take, **found})
         return found
 
     async def play(self, page: Page, order: PlayNow) -> Any:
@@ -136,8 +136,8 @@ class PlayPanel:
         if report.get("output") and partial.exists():
             partial.replace(output)
             report["output"] = output.name
-        for tell in self.played:
-            tell(take)
+        for callback in self.played:
+            callback(take)
         return report
 
     async def admit_trial(self, path: Path, share: float, *, override: str = "") -> dict[str, Any]:
@@ -170,8 +170,8 @@ class PlayPanel:
 
     def _experimenter(self) -> Page:
         self._busy()
-        page = self._desk.pages.get(self._desk.control.holder)
-        if page is None or not page.visible or time.monotonic() - page.heard > ALIVE:
+        page = self._store.pages.get(self._store.control.holder)
+        if page is None or not page.visible or time.monotonic() - page.last_alive > ALIVE:
             raise DeviceStateError(
                 "play: expected the experimenter's page to be visible, it is hidden or closed; show it"
             )
@@ -218,7 +218,7 @@ class PlayPanel:
         self._show(emitting=emitting)
 
     def _seen(self, page: Page) -> None:
-        if not page.visible or time.monotonic() - page.heard > ALIVE:
+        if not page.visible or time.monotonic() - page.last_alive > ALIVE:
             raise DeviceStateError("play: expected the page to be visible, it is hidden or does not respond; show it")
 
     def stop(self, _: Page, __: NoArguments) -> bool:
@@ -228,22 +228,22 @@ class PlayPanel:
 
     def take_control(self, page: Page, _: NoArguments) -> bool:
         """Request control for a page."""
-        had = self._desk.control.take(page.number)
-        self._desk.show_control()
+        had = self._store.control.take(page.number)
+        self._store.show_control()
         return had
 
     def give_control(self, page: Page, _: NoArguments) -> bool:
         """Hand over control; anything that the former holder armed ends."""
-        control = self._desk.control
+        control = self._store.control
         control.give(page.number, to=control.asking)
         self.permit.stop()
-        self._desk.show_control()
+        self._store.show_control()
         return True
 
     def refuse_control(self, page: Page, _: NoArguments) -> bool:
         """Keep control."""
-        self._desk.control.refuse(page.number)
-        self._desk.show_control()
+        self._store.control.refuse(page.number)
+        self._store.show_control()
         return True
 
     def _beside(self, output: Any) -> Any:
@@ -255,7 +255,7 @@ class PlayPanel:
 
     def _alive(self, page: Page) -> None:
         """Renew the lease for the page in control while it is visible."""
-        if page.number != self._controls or page.number != self._desk.control.holder:
+        if page.number != self._controls or page.number != self._store.control.holder:
             return
         if page.visible:
             self.permit.renew(lasts=ALIVE)
@@ -277,10 +277,10 @@ class PlayPanel:
         finally:
             self._waiting.pop(number, None)
 
-    def _told(self, said: dict[str, Any]) -> None:
-        self._later(self._hear, said)
+    def _forward(self, said: dict[str, Any]) -> None:
+        self._later(self._on_message, said)
 
-    def _hear(self, said: dict[str, Any]) -> None:
+    def _on_message(self, said: dict[str, Any]) -> None:
         """Handle a message of the player."""
         match said["kind"]:
             case "ready":
@@ -291,7 +291,7 @@ class PlayPanel:
                     waits.set_result(said["value"])
             case "wrong":
                 if (waits := self._waiting.get(said["id"])) is not None and not waits.done():
-                    waits.set_exception(_as_it_was(said["of"])(said["error"]))
+                    waits.set_exception(_error_class(said["of"])(said["error"]))
             case "sounds":
                 self._show(done=said["done"], total=said["total"], emitting=said["emitting"])
             case "stopped":
@@ -324,10 +324,10 @@ class PlayPanel:
 
     def _show(self, **changes: Any) -> None:
         self._state = {**self._state, **changes}
-        self._desk.put(player=self._state)
+        self._store.put(player=self._state)
 
 
-def _as_it_was(name: str) -> type[MidairError]:
+def _error_class(name: str) -> type[MidairError]:
     """Return the error class of a name, so that callers can distinguish errors of the player."""
     kind = getattr(errors, name, InputError)
     return kind if isinstance(kind, type) and issubclass(kind, MidairError) else InputError

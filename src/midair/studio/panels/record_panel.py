@@ -51,8 +51,8 @@ class VisibleRange(BaseModel):
 class RecordPanel:
     """The sensor process and its takes; `taken` is called after each new take."""
 
-    def __init__(self, desk: StudioState, takes: TakesList, sensor: str, seed: int, later: Any, taken: Any) -> None:
-        self._desk, self._takes, self._sensor, self._seed = desk, takes, sensor, seed
+    def __init__(self, store: StudioState, takes: TakesList, sensor: str, seed: int, later: Any, taken: Any) -> None:
+        self._store, self._takes, self._sensor, self._seed = store, takes, sensor, seed
         self._later, self._taken = later, taken
         self._looking: dict[int, Page] = {}
         self._feed = Feed(lambda: list(self._looking.values()))
@@ -61,11 +61,11 @@ class RecordPanel:
         self._left_to_do: list[MakeTake] = []
         self.heard: dict[str, Any] = {}
         self._state: dict[str, Any] = {"state": "closed", "sensor": sensor, "events": [], "take": None, "error": ""}
-        desk.offer("record", "sight", self.sight, VisibleRange, watchers=True)
-        desk.offer("record", "listen", self.listen, Listen)
-        desk.offer("record", "take", self.take, MakeTake)
-        desk.offer("record", "toggle", self.toggle, NoArguments)
-        desk.offer("calibrate", "taps", self.taps, NoArguments)
+        store.offer("record", "sight", self.sight, VisibleRange, watchers=True)
+        store.offer("record", "listen", self.listen, Listen)
+        store.offer("record", "take", self.take, MakeTake)
+        store.offer("record", "toggle", self.toggle, NoArguments)
+        store.offer("calibrate", "taps", self.taps, NoArguments)
         subject = remembered()
         self._show(
             subject={
@@ -75,7 +75,7 @@ class RecordPanel:
                 "operator": subject.operator,
             }
         )
-        desk.put(levels=None, taps=None)
+        store.put(levels=None, taps=None)
 
     def sight(self, page: Page, order: VisibleRange) -> bool:
         """Start or stop sending frames to a page; the first page opens the sensor."""
@@ -125,7 +125,7 @@ class RecordPanel:
         """Identify which channel belongs to which cell."""
         if self._process is None:
             self._open()
-        self._desk.put(taps={"state": "listens", "cell": None})
+        self._store.put(taps={"state": "listens", "cell": None})
         self._send("taps")
         return True
 
@@ -201,10 +201,10 @@ class RecordPanel:
                 said = pipe.recv()
             except (EOFError, OSError, TypeError):
                 break
-            self._later(self._hear, pipe, said)
-        self._later(self._hear, pipe, {"kind": "gone"})
+            self._later(self._on_message, pipe, said)
+        self._later(self._on_message, pipe, {"kind": "gone"})
 
-    def _hear(self, pipe: Connection, said: dict[str, Any]) -> None:
+    def _on_message(self, pipe: Connection, said: dict[str, Any]) -> None:
         if pipe is not self._pipe:
             return
         kind = said.pop("kind")
@@ -213,7 +213,7 @@ class RecordPanel:
         elif kind == "levels":
             if said["state"] != self._state["state"]:
                 self._show(state=said["state"])
-            self._desk.put(levels=said)
+            self._store.put(levels=said)
         elif kind == "open":
             self._feed.start(said["rate_hz"])
             self._show(state="listening", about=said, error="")
@@ -228,12 +228,12 @@ class RecordPanel:
         elif kind in ("lost", "failed"):
             self._left_to_do = []
             self._show(state="lost" if kind == "lost" else "listening", error=said["error"])
-            if self._desk.state.get("taps"):
-                self._desk.put(taps={"state": "failed", "error": said["error"]})
+            if self._store.state.get("taps"):
+                self._store.put(taps={"state": "failed", "error": said["error"]})
         elif kind == "tap":
-            self._desk.put(taps={"state": "listens", "cell": said["cell"]})
+            self._store.put(taps={"state": "listens", "cell": said["cell"]})
         elif kind == "identified":
-            self._desk.put(taps={"state": "done", **said})
+            self._store.put(taps={"state": "done", **said})
         elif kind == "gone":
             self._process = self._pipe = None
             if self._state["state"] not in ("lost", "closed"):
@@ -241,4 +241,4 @@ class RecordPanel:
 
     def _show(self, **changes: Any) -> None:
         self._state = {**self._state, **changes}
-        self._desk.put(record=self._state)
+        self._store.put(record=self._state)

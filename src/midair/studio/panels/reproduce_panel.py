@@ -12,7 +12,7 @@ from midair.settings import Mode
 from midair.studio.job_call import result_of
 from midair.studio.jobs import Jobs, Progressed, StudioJob
 from midair.studio.studio_state import Page, StudioState
-from midair.studio.take_data import TakeData, facts, made_with, told_settings
+from midair.studio.take_data import TakeData, describe_settings, facts, made_with
 from midair.studio.takes_list import TakesList
 from midair.studio.work import SolveRequest, report_loop, settings_of, solve_take, stamp_of
 
@@ -63,49 +63,49 @@ class ReproducePanel:
     """Takes and drives; `first` has the facts of the demo stroke."""
 
     def __init__(
-        self, desk: StudioState, takes: TakesList, jobs: Jobs, reading: Jobs, later: Any, first: Mapping[str, Any]
+        self, store: StudioState, takes: TakesList, jobs: Jobs, reading: Jobs, later: Any, first: Mapping[str, Any]
     ) -> None:
-        self._desk, self._takes, self._jobs, self._reading, self._later = desk, takes, jobs, reading, later
+        self._store, self._takes, self._jobs, self._reading, self._later = store, takes, jobs, reading, later
         self._sampled, self._first = False, first
-        desk.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
-        desk.offer("reproduce", "solve", self.solve, SolveForm)
-        desk.offer("reproduce", "code", self.code, SolveForm, watchers=True)
-        desk.offer("compare", "report", self.report, SolveForm)
-        desk.offer("jobs", "cancel", self.cancel, JobNumber)
+        store.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
+        store.offer("reproduce", "solve", self.solve, SolveForm)
+        store.offer("reproduce", "code", self.code, SolveForm, watchers=True)
+        store.offer("compare", "report", self.report, SolveForm)
+        store.offer("jobs", "cancel", self.cancel, JobNumber)
         self.show()
 
     def show(self) -> None:
         """Send the list of takes."""
-        self._desk.put(takes=self._takes.rows())
+        self._store.put(takes=self._takes.rows())
 
     async def open(self, _: Page, order: TakeNamed) -> Any:
         """Return the facts of a take."""
         if self._takes.comes(order.take):
             return {"stamp": "first", **self._first}
-        scene = self._takes.scene(order.take)
-        found = await result_of(self._reading, f"reading {order.take}", facts_of, scene)
-        return {"stamp": scene.stamp, "part": scene.drive == self._takes.part(order.take), **found}
+        data = self._takes.data(order.take)
+        found = await result_of(self._reading, f"reading {order.take}", facts_of, data)
+        return {"stamp": data.stamp, "part": data.drive == self._takes.part(order.take), **found}
 
     def code(self, _: Page, order: SolveForm) -> dict[str, Any]:
         """Return the settings of a form as commands and Python."""
-        return told_settings(settings_of(self._wish(order)))
+        return describe_settings(settings_of(self._request(order)))
 
     async def solve(self, _: Page, order: SolveForm) -> dict[str, Any]:
         """Add the solving of a take to the queue, the visible second first.
 
         If a drive or a re-recording exists, the answer is a question instead; `replaces` with its stamp is the consent.
         """
-        wish = self._wish(order)
-        new = told_settings(settings_of(wish))["line"]  # raises now rather than in the job
-        there = [path for path in (wish.drive, *(path for path, _ in wish.outdated)) if stamp_of(path)]
+        request = self._request(order)
+        new = describe_settings(settings_of(request))["line"]  # raises now rather than in the job
+        there = [path for path in (request.drive, *(path for path, _ in request.outdated)) if stamp_of(path)]
         stamp = "-".join(map(stamp_of, there))
         if there and order.replaces != stamp:
-            told = f"reading {order.take}"
-            made = await result_of(self._reading, told, made_with_of, wish.drive) if wish.replaces else ""
+            title = f"reading {order.take}"
+            made = await result_of(self._reading, title, made_with_of, request.drive) if request.replaces else ""
             return {"asks": {"files": [Path(path).name for path in there], "made": made, "new": new, "replaces": stamp}}
-        return {"job": self._solve(order, wish).number}
+        return {"job": self._solve(order, request).number}
 
-    def _wish(self, order: SolveForm) -> SolveRequest:
+    def _request(self, order: SolveForm) -> SolveRequest:
         drive, again = (self._takes.beside(order.take, ending) for ending in (".drive.h5", ".rerecorded.h5"))
         return SolveRequest(
             take=str(self._takes.path(order.take)),
@@ -134,7 +134,7 @@ class ReproducePanel:
         if rows and not rows[0]["solved"] and not self._sampled:
             self._sampled = True
             sample = SolveForm(take=rows[0]["name"], mode="paper", method="live", level="auto")
-            self._solve(sample, self._wish(sample))
+            self._solve(sample, self._request(sample))
 
     def report(self, _: Page, order: SolveForm) -> dict[str, int]:
         """Run the whole loop on the virtual rig and write its report, as a job."""
@@ -168,9 +168,9 @@ class ReproducePanel:
         self._later(self.show)
 
 
-def facts_of(scene: TakeData, _: Progressed) -> Any:
+def facts_of(data: TakeData, _: Progressed) -> Any:
     """Return the facts of a take, in the worker."""
-    return facts(scene)
+    return facts(data)
 
 
 def made_with_of(drive: str, _: Progressed) -> str:

@@ -65,8 +65,8 @@ class Reason(BaseModel):
 class StudyPanel:
     """Studies of the folder, and the running session."""
 
-    def __init__(self, desk: StudioState, folder: OneFolder, jobs: Jobs, playing: PlayPanel, later: Any) -> None:
-        self._desk, self._folder, self._jobs, self._playing, self._later = desk, folder, jobs, playing, later
+    def __init__(self, store: StudioState, folder: OneFolder, jobs: Jobs, playing: PlayPanel, later: Any) -> None:
+        self._store, self._folder, self._jobs, self._playing, self._later = store, folder, jobs, playing, later
         self._session: Session | None = None
         self._presenter: PagePresenter | None = None
         # All calls of a session run in this thread, which may wait for a stimulus.
@@ -74,22 +74,22 @@ class StudyPanel:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._about: dict[str, Any] = {}
         self._turn, self._shown_step, self._masked = 0, object(), False
-        desk.offer("study", "list", self.list, NoArguments, watchers=True)
-        desk.offer("study", "new", self.new, NewStudy)
-        desk.offer("study", "begin", self.begin, BeginSession)
-        desk.offer("study", "presented", self.presented, NoArguments)
-        desk.offer("study", "end", self.end, NoArguments)
+        store.offer("study", "list", self.list, NoArguments, watchers=True)
+        store.offer("study", "new", self.new, NewStudy)
+        store.offer("study", "begin", self.begin, BeginSession)
+        store.offer("study", "presented", self.presented, NoArguments)
+        store.offer("study", "end", self.end, NoArguments)
         # The participant may use a second page, which has no control.
-        desk.offer("study", "acknowledge", self.acknowledge, NoArguments, watchers=True)
-        desk.offer("study", "present", self.present, NoArguments, watchers=True)
-        desk.offer("study", "answer", self.answer, AnswerGiven, watchers=True)
-        desk.offer("study", "stop", self.stop, Reason, watchers=True)
-        desk.put(studies=[], session=None)
+        store.offer("study", "acknowledge", self.acknowledge, NoArguments, watchers=True)
+        store.offer("study", "present", self.present, NoArguments, watchers=True)
+        store.offer("study", "answer", self.answer, AnswerGiven, watchers=True)
+        store.offer("study", "stop", self.stop, Reason, watchers=True)
+        store.put(studies=[], session=None)
 
     async def list(self, _: Page, __: NoArguments) -> bool:
         """Send the list of studies."""
         found = await asyncio.to_thread(self._studies)
-        self._desk.put(studies=found)
+        self._store.put(studies=found)
         return True
 
     def new(self, _: Page, order: NewStudy) -> dict[str, int]:
@@ -97,12 +97,12 @@ class StudyPanel:
         path = self._folder.place(order.name)
         if path.exists():
             raise InputError(f"{order.name}: expected a new name, this one exists already")
-        wish = StudyRequest(path=str(path), template=order.template, participants=order.participants)
-        job = self._jobs.add(f"draw the study {order.name}", draw_study, wish, room="study", ended=self._drawn)
+        request = StudyRequest(path=str(path), template=order.template, participants=order.participants)
+        job = self._jobs.add(f"draw the study {order.name}", draw_study, request, room="study", ended=self._drawn)
         return {"job": job.number}
 
     def _drawn(self, _: StudioJob) -> None:
-        self._later(lambda: self._desk.put(studies=self._studies()))
+        self._later(lambda: self._store.put(studies=self._studies()))
 
     async def begin(self, _: Page, order: BeginSession) -> bool:
         """Begin a participant's session, or resume an interrupted one."""
@@ -124,7 +124,7 @@ class StudyPanel:
             wait=self._wait,
             quiet_s=quiet,
             stop=self._playing.permit.stop,
-            tell=self._tell,
+            tell=self._show_due,
             folder=study.path,
         )
         drives = any(stimulus.kind == "drive" for stimulus in plan.design.stimuli)
@@ -133,10 +133,10 @@ class StudyPanel:
             order.participant,
             log,
             self._presenter,
-            simulated=drives and bool(self._desk.state["player"]["simulated"]),
+            simulated=drives and bool(self._store.state["player"]["simulated"]),
             about={
                 "pilot": order.pilot,
-                "array": self._desk.state["player"]["device"] if drives else None,
+                "array": self._store.state["player"]["device"] if drives else None,
                 "noise_dbfs": plan.design.noise.level_dbfs if self._masked and plan.design.noise else None,
             },
         )
@@ -228,7 +228,7 @@ class StudyPanel:
             await asyncio.to_thread(session.stop, "left by the experimenter")
         await self._do(lambda: session.__exit__(None, None, None))
         self._session = self._presenter = None
-        self._desk.put(session=None)
+        self._store.put(session=None)
         if self._masked:
             await self._playing.mask(None, "")
         return await self.list(page, NoArguments())
@@ -289,7 +289,7 @@ class StudyPanel:
         """Show a text to the participant as a stimulus begins."""
         self._later(lambda: self._show(cue=text))
 
-    def _tell(self, said: str) -> None:
+    def _show_due(self, said: str) -> None:
         self._later(lambda: self._show(due=said) if self._session is not None else None)
 
     def _note(self, said: str) -> None:
@@ -305,7 +305,7 @@ class StudyPanel:
         if step is not self._shown_step:
             # The turn identifies a question, so that an answer that was sent twice is refused.
             self._turn, self._shown_step = self._turn + 1, step
-        self._desk.put(
+        self._store.put(
             session={
                 **{name: value for name, value in self._about.items() if name != "consent"},
                 "step": {
