@@ -1,4 +1,4 @@
-"""What every figure is asked: units on its axes, SIMULATED where it is, and something drawn."""
+"""Checks for every figure: units on its axes, a mark if simulated, and data."""
 
 import io
 
@@ -12,7 +12,7 @@ from midair.model import PressureFrames, Provenance
 
 @pytest.fixture(scope="package")
 def words():
-    """Everything that a figure says outside its panels."""
+    """All texts of a figure outside its panels."""
 
     def said(figure):
         texts = [text.get_text() for text in figure.texts]
@@ -25,7 +25,7 @@ def words():
 
 @pytest.fixture(scope="package")
 def check_figure(words):
-    """Holds a figure to what all are held to."""
+    """Apply the common checks to a figure."""
 
     def check(figure, *units, simulated):
         said = words(figure)

@@ -40,7 +40,7 @@ def calibration(request):
 
 
 @pytest.mark.long
-def test_is_drawn_without_a_warning_and_says_what_it_is(calibration):
+def test_figure_has_no_warning_and_a_title(calibration):
     figure = calibration_figure(calibration)
     image = np.asarray(Image.open(io.BytesIO(png(figure, dpi=40))).convert("L"))
     assert (image < 128).mean() > 0.001
@@ -56,20 +56,20 @@ def test_every_panel_has_units(calibration):
         assert "(" in axis.get_ylabel() or axis.get_ylabel() == "responding channel"
 
 
-def test_what_was_not_measured_says_so():
+def test_missing_measurements_are_stated():
     figure = calibration_figure(Calibration.flat(SensorGrid()))
     said = " ".join(text.get_text() for axis in figure.axes for text in axis.texts)
     assert said.count("not measured") == 5
 
 
-def test_what_was_measured_is_drawn(calibration):
+def test_measurements_are_drawn(calibration):
     empty = [text.get_text() for axis in calibration_figure(calibration).axes for text in axis.texts]
     complete = calibration.linearity is not None and calibration.crosstalk is not None
     assert complete == (not empty)
 
 
 @pytest.mark.parametrize(("rows", "named"), [(2, 4), (4, 16), (8, 16)])
-def test_a_reader_can_tell_the_channels_apart(rows, named):
+def test_channels_can_be_distinguished(rows, named):
     sheet = calibration_figure(Calibration.flat(SensorGrid(rows=rows, columns=rows), sensitivity=0.02))
     said = [text.get_text() for text in sheet.axes[0].get_legend().get_texts()]
     assert len(said) == named

@@ -1,11 +1,11 @@
-"""Confusion matrices: every count is written where it stands, and rows have the names of what it was."""
+"""Confusion matrices: counts in their cells, and names of the rows."""
 
 import numpy as np
 
 from midair.figures import ConfusionPanel, confusion_figures
 
 
-def test_counts_stand_in_their_cells_and_none_where_there_is_none():
+def test_counts_are_in_their_cells_and_zeros_are_blank():
     counts = np.array([[5, 1], [0, 7]])
     figure = confusion_figures([ConfusionPanel(title="original", names=("a", "b"), counts=counts)] * 2, simulated=True)
     first, second = figure.axes[:2]

@@ -1,4 +1,4 @@
-"""How a loop gets nearer to its original."""
+"""Error of the passes of a loop."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from midair.figures import passes_figure
 
 
 @pytest.mark.parametrize("simulated", [True, False])
-def test_a_line_a_loop_in_percent_from_pass_1_on(check_figure, simulated):
+def test_one_line_per_loop_in_percent(check_figure, simulated):
     figure = passes_figure([("noise", [0.5, 0.3, 0.2]), ("bursts", [0.4])], simulated=simulated)
     check_figure(figure, "pass", "error of the waveform (%)", simulated=simulated)
     (axis,) = figure.axes

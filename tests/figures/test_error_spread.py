@@ -1,4 +1,4 @@
-"""How E of the frames is spread in each trial."""
+"""Spread of E in each trial."""
 
 import pytest
 
@@ -11,7 +11,7 @@ def spread(name, middle):
     )
 
 
-def test_a_row_a_trial_from_the_top_in_percent(check_figure):
+def test_one_row_per_trial_in_percent(check_figure):
     figure = trials_figure([spread("towel", 0.05), spread("brush", 0.1)])
     check_figure(figure, "E (%)", simulated=True)
     (axis,) = figure.axes

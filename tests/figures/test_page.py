@@ -28,6 +28,6 @@ def test_a_picture_tells_its_size_and_holds_its_bytes():
 @pytest.mark.parametrize(
     "wanted", ["prefers-color-scheme: dark", "@media print", "break-inside: avoid", "max-width: 700px"]
 )
-def test_every_page_is_for_the_dark_for_paper_and_for_a_telephone(wanted):
+def test_every_page_supports_dark_mode_print_and_phones(wanted):
     page = render_page("study/report.html.j2", title="A", simulated=True, pictures=[], findings=[], notes="n")
     assert wanted in page

@@ -25,7 +25,7 @@ def test_the_window_lies_around_the_strongest_moment():
     assert begin + 0.1 >= 0.529
 
 
-def test_every_way_has_a_map_and_its_own_trace_whatever_its_rate():
+def test_every_way_has_a_map_and_a_trace_at_its_own_rate():
     ways = [
         PalmPanel(name="fast", felt=pressed(4000.0), pressed=PALM),
         PalmPanel(name="slow", felt=pressed(1000.0), pressed=PALM),

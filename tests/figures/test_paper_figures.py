@@ -12,7 +12,7 @@ def row(name, height):
     return FieldRow(name=name, fields=fields, grid=ControlGrid(), notes=("a", "b"))
 
 
-def test_fields_stand_in_rows_on_one_scale(check_figure):
+def test_fields_are_in_rows_on_one_scale(check_figure):
     figure = fields_figure([row("target", 2), row("made", 7)], SensorGrid(), quantity="sound pressure (Pa)")
     check_figure(figure, "x (mm)", "made\ny (mm)", "sound pressure (Pa)", simulated=True)
     images = [axis.images[0] for axis in figure.axes if axis.images]
@@ -21,7 +21,7 @@ def test_fields_stand_in_rows_on_one_scale(check_figure):
 
 
 @pytest.mark.parametrize("simulated", [True, False])
-def test_stimuli_show_where_and_how(tones, check_figure, simulated):
+def test_stimuli_have_maps_and_traces(tones, check_figure, simulated):
     modes = {"original": tones(simulated=simulated), "paper mode": tones(0.5, simulated=simulated)}
     figure = stimuli_figure({"i": modes}, channels=(2, 15), shown=0.05)
     check_figure(figure, "(ms)", "(Pa)", "i, rms 0 to 7 Pa", simulated=simulated)

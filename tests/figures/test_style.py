@@ -1,4 +1,4 @@
-"""How figures look: the mark on what is simulated, quiet axes, and a PNG of the stated size."""
+"""Figure style: mark of simulated data, plain axes, and size of the PNG."""
 
 import io
 
@@ -9,12 +9,12 @@ from midair.figures import Style, new_figure, plain, png
 
 
 @pytest.mark.parametrize("simulated", [True, False])
-def test_what_is_simulated_says_so(simulated):
+def test_simulated_figures_are_marked(simulated):
     figure = new_figure(3.0, 2.0, simulated=simulated)
     assert [text.get_text() for text in figure.texts] == ["SIMULATED"] * simulated
 
 
-def test_the_mark_is_not_drawn_over():
+def test_mark_is_not_covered():
     figure = new_figure(3.0, 2.0, simulated=True)
     axis = figure.subplots()
     axis.set_title("a title that would reach the top")

@@ -1,4 +1,4 @@
-"""Traces and spectra of pressure, and the test of the beam."""
+"""Traces and spectra of pressure, and the figure of the beam test."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_traces_alone_have_one_line(tones, check_figure):
     assert [len(axis.lines) for axis in figure.axes] == [1] * 16
 
 
-def test_spectra_are_of_what_pushes_and_in_db(tones, check_figure):
+def test_spectra_are_of_positive_pressure_in_db(tones, check_figure):
     figure = spectra_figure([("a", tones()), ("b", tones(0.1, simulated=False))])
     check_figure(figure, "(Hz)", "dB re 1 Pa²/Hz", "channel 2", "channel 14", simulated=True)
     strong, weak = (line.get_xydata() for line in figure.axes[0].lines)

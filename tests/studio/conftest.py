@@ -1,4 +1,4 @@
-"""A studio in its own process, and pages that look at it."""
+"""Fixtures: a studio in its own process, and browser pages on it."""
 
 import os
 import subprocess
@@ -43,7 +43,7 @@ class LoopStarted:
 
 @pytest.fixture
 def studio_at(tmp_path):
-    """Opens studios, and ends them."""
+    """Open studios and end them after the test."""
     made = []
 
     def open_studio(*words):
@@ -59,7 +59,7 @@ def studio_at(tmp_path):
 
 
 class Look:
-    """A page, what it complained of, and patience: our policy forbids Playwright's own predicates of text."""
+    """A page with its console errors and waits: the security policy forbids Playwright's own text predicates."""
 
     def __init__(self, page, root):
         self.page, self.wrong, self.elsewhere = page, [], []
@@ -72,7 +72,7 @@ class Look:
             self.elsewhere.append(url)
 
     def until(self, script, *, timeout=60.0):
-        """What a script gives, as soon as it is true."""
+        """Wait until a script returns a true value, and return it."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
             try:
@@ -86,7 +86,7 @@ class Look:
         raise AssertionError(f"{script}: not within {timeout} s; {state}; {self.wrong}")
 
     def go(self, address):
-        """Another room."""
+        """Open another panel."""
         self.page.evaluate(f"location.hash = {address!r}")
 
     def hold_to_begin(self):
@@ -106,7 +106,7 @@ class Look:
 
 @pytest.fixture
 def look(chromium):
-    """Opens pages on a studio."""
+    """Open pages on a studio."""
     contexts = []
 
     def open_page(studio, *, link=None, context=None, **how):

@@ -1,4 +1,4 @@
-"""The application without its processes: what it answers, and what it refuses."""
+"""The application without its processes: answers and refusals."""
 
 import json
 import os
@@ -18,7 +18,7 @@ from midair.studio.work import SolveRequest, solve_take
 from midair.view import unpack
 
 with warnings.catch_warnings():
-    # Starlette would rather have another client library, which is not needed otherwise.
+    # Starlette recommends another client library, which is not needed otherwise.
     warnings.simplefilter("ignore")
     from starlette.testclient import TestClient
 
@@ -58,7 +58,7 @@ def client(studio):
 
 
 class PageClient:
-    """A page that says what it likes."""
+    """A page that can send any message."""
 
     def __init__(self, socket):
         self.socket, self.number = socket, 0
@@ -88,7 +88,7 @@ def talk(client):
         yield PageClient(socket)
 
 
-def test_the_page_and_all_its_files_come_from_here(client):
+def test_page_and_files_are_served(client):
     page = client.get("/")
     assert page.status_code == 200
     assert "midair studio" in page.text
@@ -100,8 +100,8 @@ def test_the_page_and_all_its_files_come_from_here(client):
         assert client.get(name).status_code == 404
 
 
-def test_all_that_a_page_loads_is_small_and_asked_for_at_once(client):
-    """Every module is named by the page, so that none waits for another that asks for it."""
+def test_all_files_of_a_page_are_small_and_preloaded(client):
+    """The page preloads every module, so that no module waits for another one to import it."""
     page = client.get("/").text
     wanted = set(re.findall(r'(?:href|src)="(/web/[^"]+)"', page))
     scripts = {name for name in wanted if name.endswith(".js")}
@@ -115,7 +115,7 @@ def test_all_that_a_page_loads_is_small_and_asked_for_at_once(client):
     assert received < 70_000
 
 
-def test_a_stroke_is_shown_before_there_is_a_sample_and_then_the_sample(studio, client, talk):
+def test_demo_stroke_is_shown_until_the_sample_exists(studio, client, talk):
     row = talk.state["whole"]["takes"][-1]
     assert (row["name"], row["sample"], row["solved"]) == ("sample:towel", True, False)
     facts = talk.order("reproduce", "open", take="sample:towel")["ok"]
@@ -132,8 +132,8 @@ def test_a_stroke_is_shown_before_there_is_a_sample_and_then_the_sample(studio, 
 
 
 @pytest.mark.long
-def test_a_drive_and_its_re_recording_are_replaced_by_consent_alone(studio, talk):
-    """Whatever a page says: the order has to name by its stamp what it replaces, as it is now."""
+def test_drive_and_re_recording_are_replaced_only_with_consent(studio, talk):
+    """A request must contain the current stamp of the files that it replaces."""
     folder = studio.folder.path
     drive, again = folder / "towel.drive.h5", folder / "towel.rerecorded.h5"
     solve_take(
@@ -167,14 +167,14 @@ def test_a_drive_and_its_re_recording_are_replaced_by_consent_alone(studio, talk
     assert not studio.takes.kept("towel.h5").exists(), "the comparison was with the drive before"
 
 
-def test_code_of_settings_is_that_of_the_mode_with_what_was_chosen(talk):
+def test_code_shows_the_mode_and_the_chosen_settings(talk):
     made = talk.order("reproduce", "code", take="towel.h5", gain=2, height_mm=180)["ok"]
     assert made["options"] == "--mode best --gain 2 --height 180mm"
     wrong = talk.order("reproduce", "solve", take="towel.h5", mode="best", method="live")["error"]
     assert "choose fast or glide" in wrong, "refused when it is ordered, not when its turn comes"
 
 
-def test_whoever_has_no_cookie_gets_nothing(studio):
+def test_request_without_cookie_is_refused(studio):
     client = TestClient(studio.application(), base_url=ROOT)
     for path in ("/", "/web/app.js", "/file/towel.h5", "/frames/samples/0?take=towel.h5"):
         assert client.get(path).status_code == 403
@@ -183,14 +183,14 @@ def test_whoever_has_no_cookie_gets_nothing(studio):
 
 
 @pytest.mark.parametrize("name", ["../secret", "%2e%2e/secret", "/etc/passwd", "a%00b", "nothing.h5", "C:x", "..%5cx"])
-def test_files_outside_of_the_folder_are_not_given(client, studio, name):
+def test_files_outside_the_folder_are_not_served(client, studio, name):
     (studio.folder.path.parent / "secret").write_text("secret")
     answer = client.get(f"/file/{name}")
     assert answer.status_code == 404
     assert "secret\n" not in answer.text
 
 
-def test_a_file_is_given_to_be_kept_and_a_report_as_a_page_that_can_do_nothing(client, studio):
+def test_file_is_an_attachment_and_report_a_sandboxed_page(client, studio):
     (studio.folder.path / "towel.report.html").write_text("<script>alert(1)</script>")
     kept = client.get("/file/towel.h5")
     assert kept.headers["content-disposition"] == "attachment"
@@ -199,7 +199,7 @@ def test_a_file_is_given_to_be_kept_and_a_report_as_a_page_that_can_do_nothing(c
     assert "script-src" not in report.headers["content-security-policy"]
 
 
-def test_the_first_thing_a_page_hears_is_everything(talk):
+def test_first_message_to_a_page_is_the_whole_state(talk):
     whole = talk.state["whole"]
     assert whole["takes"][0]["name"] == "towel.h5"
     assert whole["studio"]["stop_port"] > 0
@@ -231,7 +231,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_an_order_that_makes_no_sense_is_refused_in_words(talk, case):
+def test_invalid_request_gets_an_error_message(talk, case):
     said, words = REFUSED[case]
     talk.socket.send_text(json.dumps({"alive": True}))
     answer = talk.say({"id": 5, **said})
@@ -240,12 +240,12 @@ def test_an_order_that_makes_no_sense_is_refused_in_words(talk, case):
 
 
 @pytest.mark.parametrize("text", ["", "x", "[]", "3", "null", '{"id": "x"}', '{"id": 0}', '{"drew": "many"}'])
-def test_what_is_no_order_does_no_harm(talk, text):
+def test_malformed_message_is_ignored(talk, text):
     talk.socket.send_text(text)
     assert talk.order("play", "stop")["ok"] is True
 
 
-def test_who_looks_on_may_stop_and_nothing_else(client, talk):
+def test_page_without_control_may_only_stop(client, talk):
     with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
         watcher = PageClient(socket)
         before = talk.order("play", "stop")
@@ -263,12 +263,12 @@ def test_who_looks_on_may_stop_and_nothing_else(client, talk):
         assert "may only watch" in talk.order("record", "take")["error"]
 
 
-def test_more_than_a_hundred_orders_a_second_are_refused(talk):
+def test_more_than_100_requests_per_second_are_refused(talk):
     answers = [talk.order("play", "stop") for _ in range(130)]
     assert sum("requests per second" in answer.get("error", "") for answer in answers) > 0
 
 
-def test_an_upload_comes_in_by_a_name_of_our_own_from_the_page_in_control(client, studio, talk):
+def test_upload_from_the_controlling_page_gets_a_new_name(client, studio, talk):
     def upload(name, data, page):
         return client.post("/upload", content=data, headers={"origin": ROOT, "x-name": name, "x-page": page})
 
@@ -281,7 +281,7 @@ def test_an_upload_comes_in_by_a_name_of_our_own_from_the_page_in_control(client
     assert client.post("/upload", content=b"x", headers={"x-name": "a.csv", "x-page": page}).status_code == 403
 
 
-def test_a_permit_is_renewed_by_the_page_that_armed_it_alone_and_only_while_it_is_seen(studio, client, talk):
+def test_lease_is_renewed_only_by_the_visible_page_that_armed_it(studio, client, talk):
     playing = studio.playing
     playing._controls = talk.page
     leave = playing.permit.arm(lasts=5)
@@ -294,7 +294,7 @@ def test_a_permit_is_renewed_by_the_page_that_armed_it_alone_and_only_while_it_i
     assert playing.permit.refusal(leave) == "stopped"
 
 
-def test_a_page_that_goes_takes_its_arming_along(studio, client):
+def test_closed_page_revokes_its_lease(studio, client):
     with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
         page = PageClient(socket).page
         studio.playing._controls = page

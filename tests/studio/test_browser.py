@@ -1,4 +1,4 @@
-"""The studio in a real browser: what a person sees, does and can rely on."""
+"""The studio in a real browser."""
 
 import json
 import os
@@ -41,7 +41,7 @@ def test_the_first_five_minutes(studio_at, look, monkeypatch):
     assert found["simulated"]
     page.page.get_by_role("button", name="Simulate the palm").click()
     palm = page.until("studio.link.state.palms?.['towel-flat-01.h5']", timeout=120)
-    # The best mode has a guard around the square; the paper's mode leaves more than half of the power outside.
+    # The best mode suppresses sound outside the square; in the paper's mode more than half of the power is outside.
     assert 0 < float(dict(map(tuple, palm["rows"]))["power outside the square"].removesuffix(" %")) < 10
     page.until("document.querySelector('.card').textContent.includes('disc of 85 mm')")
     with page.page.context.expect_page() as opened:
@@ -54,7 +54,7 @@ def test_the_first_five_minutes(studio_at, look, monkeypatch):
     assert page.elsewhere == []
 
 
-def test_no_other_page_reaches_it(studio_at, look, chromium):
+def test_other_pages_cannot_reach_the_studio(studio_at, look, chromium):
     """Foreign Host, Origin, no cookie, a used link: 403, and nothing happened."""
     studio = studio_at()
     page = look(studio)
@@ -94,7 +94,7 @@ def test_no_other_page_reaches_it(studio_at, look, chromium):
 
 @pytest.fixture
 def sounding(studio_at, look):
-    """A page on emulated units that sound; the drive is long enough to be stopped."""
+    """A page that plays on emulated units; the drive is long enough to be stopped."""
 
     def begin(device="virtual", repeats=30):
         studio = studio_at("--device", device)
@@ -122,7 +122,7 @@ def sounding(studio_at, look):
 
 
 def silent(page, within, words):
-    """The player says that it is silent, and why, in time."""
+    """The player reports in time that it is silent, and why."""
     began = time.monotonic()
     page.until("studio.ended !== ''", timeout=within + 3)
     took = time.monotonic() - began
@@ -131,7 +131,7 @@ def silent(page, within, words):
     return took
 
 
-def test_stop_by_button_by_escape_in_a_text_field_and_from_a_page_that_looks_on(sounding, look):
+def test_stop_by_button_by_escape_in_a_text_field_and_from_a_watching_page(sounding, look):
     studio, page = sounding()
     page.page.locator("#stop").click()
     silent(page, 2, "asked for silence")
@@ -151,13 +151,13 @@ def test_stop_by_button_by_escape_in_a_text_field_and_from_a_page_that_looks_on(
     silent(page, 2, "asked for silence")
     again()
     watching = look(studio, link=studio.root, context=page.page.context)
-    # The first page is behind the second one, and still in sight for a browser without windows.
+    # The first page is behind the second one, but a browser without windows reports it as visible.
     assert not watching.page.evaluate("studio.link.controls")
     watching.page.locator("#stop").click()
     silent(page, 2, "asked for silence")
 
 
-def test_a_second_page_looks_on_and_takes_over_in_silence(studio_at, look):
+def test_second_page_watches_and_takes_control_in_silence(studio_at, look):
     studio = studio_at()
     first = look(studio)
     second = look(studio, link=studio.root, context=first.page.context)
@@ -171,7 +171,7 @@ def test_a_second_page_looks_on_and_takes_over_in_silence(studio_at, look):
 
 
 def test_every_key_of_the_transport(studio_at, look):
-    """Frames, speeds, loop, marks; the address has room, take and time, and Back works."""
+    """Frames, speeds, loop, marks; the address has panel, take and time, and Back works."""
     page = look(studio_at())
     shown(page)
     press = page.page.keyboard.press
@@ -265,7 +265,7 @@ def test_every_key_of_the_transport(studio_at, look):
     assert page.wrong == []
 
 
-def test_the_code_that_is_shown_runs_as_printed(studio_at, look, tmp_path):
+def test_shown_code_runs_as_printed(studio_at, look, tmp_path):
     page = look(studio_at())
     shown(page)
     page.page.get_by_role("button", name="Show the code").click()
@@ -281,7 +281,7 @@ def test_the_code_that_is_shown_runs_as_printed(studio_at, look, tmp_path):
 
 @pytest.fixture
 def with_takes(studio_at):
-    """A studio whose folder has a take with a drive, one without, and two files that are none."""
+    """A studio whose folder has a take with a drive, one without, and two invalid files."""
     studio = studio_at()
     record("virtual:towel", 0.2, path=studio.folder / "solved.h5")
     record("virtual:brush", 0.2, path=studio.folder / "bare.h5")
@@ -301,11 +301,11 @@ def opened(page, name):
 
 
 def form(page):
-    """What the settings of Reproduce say."""
+    """Text below the settings of Reproduce."""
     return page.page.evaluate("Object.values(studio.room.inputs).map(input => input.value)")
 
 
-def test_settings_and_code_are_those_of_the_drive_in_view(with_takes, look):
+def test_settings_and_code_belong_to_the_shown_drive(with_takes, look):
     page = look(with_takes)
     shown(page)
     assert form(page) == ["paper", "", "live", "auto", "1", ""], "the sample's drive is made quickly, and tells so"
@@ -359,7 +359,7 @@ def test_solve_asks_before_it_replaces_a_drive(with_takes, look):
     page.until("!document.querySelector('#replace').open")
     assert (drive.read_bytes(), again.read_bytes()) == (before, b"heard")
     ask()
-    # While the question stands a command writes another drive: it is asked anew, about that one.
+    # A command writes another drive while the dialog is open: the page must ask again about that drive.
     os.utime(drive, ns=(7, 7))
     page.page.keyboard.press("Shift+Tab")
     assert page.page.evaluate("document.activeElement.innerText") == "Replace"
@@ -375,13 +375,13 @@ def test_solve_asks_before_it_replaces_a_drive(with_takes, look):
 
 
 @pytest.mark.parametrize("name", ["corrupt.h5", "no.h5", "gone.h5"])
-def test_a_take_that_cannot_be_opened_takes_the_place_of_the_one_before(with_takes, look, name):
+def test_take_that_cannot_be_opened_replaces_the_previous_take(with_takes, look, name):
     page = look(with_takes)
     opened(page, "solved.h5")
     page.until("studio.link.state.player.state === 'ready' && !studio.room.play.disabled", timeout=120)
     page.go(f"#reproduce/{name}")
     page.until("!document.querySelector('#problem').hidden")
-    # Words at the bottom of the page are gone after 7 s.
+    # Messages at the bottom of the page disappear after 7 s.
     page.page.wait_for_timeout(8000)
     said = page.page.locator("#problem").inner_text()
     assert f"{name.removesuffix('.h5')} cannot be opened" in said
@@ -401,8 +401,8 @@ def test_a_take_that_cannot_be_opened_takes_the_place_of_the_one_before(with_tak
     assert page.wrong == []
 
 
-def test_of_two_takes_that_are_asked_for_the_last_one_is_shown(with_takes, look):
-    """The first answer comes late, while the list of takes changes: it is not shown, and neither is the first take."""
+def test_last_of_two_requested_takes_is_shown(with_takes, look):
+    """The first answer arrives late, while the list of takes changes: the first take must not be shown."""
     page = look(with_takes, reduced_motion="reduce")
     opened(page, "bare.h5")
     page.page.evaluate(
@@ -420,7 +420,7 @@ def test_of_two_takes_that_are_asked_for_the_last_one_is_shown(with_takes, look)
     page.go("#reproduce/solved.h5")
     page.page.evaluate("studio.room._takes(studio.link.state.takes)")
     page.until("studio.room.take?.name === 'solved.h5'")
-    # The address that is typed while a take is drawn: its event comes after the picture's.
+    # An address is typed while a take is drawn: its event comes after that of the picture.
     page.page.evaluate("location.hash = '#reproduce/bare.h5'; studio.here('solved.h5', 0.1)")
     page.until("studio.late > 0 && studio.room.take?.name === 'bare.h5'")
     assert "#reproduce/bare.h5" in page.page.url
@@ -433,7 +433,7 @@ def logged(tmp_path):
     return [json.loads(line) for line in lines]
 
 
-def test_on_emulated_units_exposure_is_refused_attenuated_or_answered_for_by_name(studio_at, look, tmp_path):
+def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(studio_at, look, tmp_path):
     page = look(studio_at("--device", "autd3:emulator"))
     shown(page)
     page.until("studio.link.state.player.state === 'ready'", timeout=120)
@@ -442,7 +442,7 @@ def test_on_emulated_units_exposure_is_refused_attenuated_or_answered_for_by_nam
     assert page.page.locator("#hold").is_disabled()
     assert "exceeded" in page.page.locator("#exposure p").first.inner_text()
     page.page.get_by_role("button", name="on my responsibility").click()
-    assert page.page.locator("#hold").is_disabled(), "without a name nobody answers"
+    assert page.page.locator("#hold").is_disabled(), "a name is required"
     page.page.get_by_label("Or play it on your own responsibility").fill("Ada")
     page.page.get_by_role("button", name="on my responsibility").click()
     page.until("document.querySelector('#exposure p').innerText.startsWith('overridden')", timeout=60)

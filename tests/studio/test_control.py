@@ -13,21 +13,21 @@ def control():
     return made, sounding
 
 
-def test_the_first_page_has_control_and_the_second_looks_on(control):
+def test_first_page_has_control_and_second_page_watches(control):
     control, _ = control
     control.check(1)
     with pytest.raises(DeviceStateError, match="another page has control"):
         control.check(2)
 
 
-def test_in_silence_any_page_may_take_over(control):
+def test_any_page_may_take_control_in_silence(control):
     control, _ = control
     assert control.take(2)
     with pytest.raises(DeviceStateError):
         control.check(1)
 
 
-def test_while_something_sounds_only_the_holder_gives_it_away(control):
+def test_only_the_holder_can_give_control_while_playing(control):
     control, sounding = control
     sounding[0] = True
     assert not control.take(2)
@@ -38,7 +38,7 @@ def test_while_something_sounds_only_the_holder_gives_it_away(control):
     control.check(2)
 
 
-def test_the_holder_may_keep_it(control):
+def test_holder_may_keep_control(control):
     control, sounding = control
     sounding[0] = True
     control.take(2)
@@ -47,7 +47,7 @@ def test_the_holder_may_keep_it(control):
         control.give(1, to=2)
 
 
-def test_nobody_has_control_after_its_page_went_until_somebody_takes_it(control):
+def test_control_is_free_after_its_page_has_left(control):
     control, sounding = control
     assert control.leave(1)
     with pytest.raises(DeviceStateError, match="no page has control"):
@@ -56,7 +56,7 @@ def test_nobody_has_control_after_its_page_went_until_somebody_takes_it(control)
     assert control.take(2)
 
 
-def test_who_asked_and_went_is_not_given_it(control):
+def test_page_that_requested_and_left_cannot_get_control(control):
     control, sounding = control
     sounding[0] = True
     control.take(2)

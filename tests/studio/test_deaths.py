@@ -1,4 +1,4 @@
-"""Every way in which a studio that plays can end: silent in time, by the word of the emulated units."""
+"""All ways in which a playing studio can end; the emulated units measure the time until silence."""
 
 import shutil
 
@@ -14,13 +14,13 @@ AT_ONCE = (
     "server halted, STOP pressed",
     "server killed",
 )
-"""Somebody is there who orders silence."""
+"""A process is left that requests silence."""
 
 BY_DEADLINE = ("script hangs", "player halted", "cable to the array cut")
 """Half a second ends the others. `python -m benchmarks.studio --part deaths` has more of both."""
 
 
-def test_whatever_ends_it_is_silent_in_time():
+def test_array_is_silent_in_time_after_any_failure():
     if shutil.which("chromium") is None:
         pytest.skip("no chromium: apt-get install chromium")
     pytest.importorskip("autd3")
@@ -29,6 +29,6 @@ def test_whatever_ends_it_is_silent_in_time():
     names = [name for name in DEATHS if name in AT_ONCE + BY_DEADLINE]
     found = deaths(names, say=str)
     assert len(found) == len(AT_ONCE) + len(BY_DEADLINE)
-    # Half a second, and what a busy machine takes until the next look; the benchmark has the figures.
+    # Half a second plus the delay of a busy machine; the benchmark has the figures.
     assert {name: took for name, (took, _) in found.items() if took > 2.0} == {}
     assert {name: by for name, (_, by) in found.items() if name in AT_ONCE and "order" not in by} == {}

@@ -4,7 +4,7 @@ from midair.studio.demo_stroke import KEPT, DemoStroke, demo_stroke
 from midair.view import unpack
 
 
-def test_what_is_kept_is_what_the_sample_gives():
+def test_stored_stroke_equals_the_sample():
     kept, made = DemoStroke.load(), demo_stroke()
     assert dict(kept.facts) == dict(made.facts)
     assert kept.streams.keys() == made.streams.keys()
@@ -21,7 +21,7 @@ def test_it_is_small_and_simulated():
     assert DemoStroke.load().facts["simulated"]
 
 
-def test_it_comes_back_from_a_file_as_it_was(tmp_path):
+def test_stroke_survives_saving_and_loading(tmp_path):
     made = DemoStroke(
         facts={"frames": 2}, streams={("samples", 0): b"\n\x00a", ("wanted", 0): b"", ("wanted", 1): b"z"}
     )

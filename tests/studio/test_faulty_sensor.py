@@ -1,4 +1,4 @@
-"""Clipping, losses, a dead channel, a sensor that is pulled off while it records: on the page, and in the file."""
+"""Clipping, lost frames, a dead channel, an unplugged sensor: on the page and in the file."""
 
 import subprocess
 import sys
@@ -16,7 +16,7 @@ HERE = Path(__file__).parent
 
 @pytest.fixture
 def sender(monkeypatch):
-    """Starts a sensor with faults, of one name; it ends with the test."""
+    """Start a sensor with faults; it ends with the test."""
     pytest.importorskip("pylsl")
     monkeypatch.setenv("LSLAPICFG", str(HERE.parent / "devices" / "sensors" / "lsl_api.cfg"))
     made, name = [], f"faulty {time.monotonic_ns()}"
@@ -34,7 +34,7 @@ def sender(monkeypatch):
         each.stdout.close()
 
 
-def test_what_is_wrong_with_a_sensor_is_shown_and_in_the_file(sender, studio_at, look):
+def test_sensor_faults_are_shown_and_stored_in_the_file(sender, studio_at, look):
     name, running = sender()
     studio = studio_at("--sensor", f"lsl:{name}?counter=16&full_scale=1&timeout=1")
     page = look(studio)

@@ -41,7 +41,7 @@ def frames_of(page):
     return [frame for section in page.wire.sent for frame in range(section.first, section.first + len(section.values))]
 
 
-def test_every_frame_comes_once_and_in_its_order(feed, page):
+def test_every_frame_is_sent_once_and_in_order(feed, page):
     for first in range(0, 80, 8):
         feed.add(*block(first))
         send(feed, page)
@@ -50,7 +50,7 @@ def test_every_frame_comes_once_and_in_its_order(feed, page):
     assert np.abs(section.values * section.unit - block(72)[1]).max() <= section.unit
 
 
-def test_a_page_that_draws_nothing_is_sent_no_more_than_its_credit_and_then_all_in_one(feed, page):
+def test_slow_page_gets_its_credit_and_later_one_joined_message(feed, page):
     page.credit = 3
     for first in range(0, 80, 8):
         feed.add(*block(first))
@@ -70,7 +70,7 @@ def test_lost_frames_are_a_gap_between_two_messages(feed, page):
     assert [(section.first, len(section.values)) for section in page.wire.sent] == [(0, 8), (20, 8)]
 
 
-def test_a_sensor_that_was_started_anew_begins_anew(feed, page):
+def test_restarted_sensor_starts_again_at_frame_0(feed, page):
     feed.add(*block(64))
     send(feed, page)
     feed.add(*block(0))
@@ -78,7 +78,7 @@ def test_a_sensor_that_was_started_anew_begins_anew(feed, page):
     assert [section.first for section in page.wire.sent] == [64, 0]
 
 
-def test_what_waits_for_a_page_is_no_more_than_a_minute(feed, page):
+def test_at_most_a_minute_waits_for_a_page(feed, page):
     page.credit = 0
     for first in range(0, 100_000, 1000):
         feed.add(*block(first, 1000))

@@ -53,14 +53,14 @@ class Watch:
 
 @pytest.fixture(scope="module")
 def shared():
-    """One worker for the tests that do not end it: a process takes its time to start."""
+    """One worker for all tests that do not end it, since a process starts slowly."""
     watch = Watch()
     jobs = Jobs(watch.changed)
     yield jobs, watch
     jobs.close()
 
 
-def test_jobs_are_done_one_after_the_other_and_failures_are_told_in_words(shared):
+def test_jobs_run_in_sequence_and_failures_have_messages(shared):
     jobs, watch = shared
     jobs.add("first", add_one, 1, ended=watch.done)
     jobs.add("bad", fail, None, ended=watch.done)
@@ -74,7 +74,7 @@ def test_jobs_are_done_one_after_the_other_and_failures_are_told_in_words(shared
     assert watch.ended["last"] == ("done", 42, "")
 
 
-def test_a_running_job_is_ended_one_that_waits_too_and_the_next_gets_a_new_process(shared):
+def test_running_and_waiting_jobs_are_cancelled_and_the_next_gets_a_new_process(shared):
     jobs, watch = shared
     running = jobs.add("running", wait, None, ended=watch.done)
     waiting = jobs.add("waiting its turn", add_one, 0, ended=watch.done)
@@ -97,7 +97,7 @@ def test_a_running_job_is_ended_one_that_waits_too_and_the_next_gets_a_new_proce
     assert watch.ended["after death"] == ("done", 2, "")
 
 
-def test_a_page_is_told_the_rate_and_the_time_left():
+def test_job_reports_rate_and_remaining_time():
     jobs = Jobs(lambda _: None)
     jobs._next = lambda: None  # nothing is started
     job = jobs.add("work", add_one, 0, room="reproduce")

@@ -1,4 +1,4 @@
-"""Live sections on their way to pages."""
+"""Flow control of live sections."""
 
 import asyncio
 
@@ -11,7 +11,7 @@ from midair.view import Kind, Section, pack, unpack
 
 
 class Wire:
-    """A page that takes what it is sent, or hangs."""
+    """A page that receives messages or hangs."""
 
     def __init__(self):
         self.got, self.hangs = [], False
@@ -40,7 +40,7 @@ async def settle():
         await asyncio.sleep(0)
 
 
-def test_a_page_that_is_behind_gets_all_of_it_at_once_and_no_other_waits_for_it():
+def test_slow_page_gets_one_joined_message_and_delays_no_other_page():
     async def run():
         feed, quick, slow = LiveFeed(), Page(1, Wire()), Page(2, Wire(), credit=2)
         for page in (quick, slow):
@@ -66,7 +66,7 @@ def test_a_page_that_is_behind_gets_all_of_it_at_once_and_no_other_waits_for_it(
     asyncio.run(run())
 
 
-def test_a_page_that_hangs_holds_nobody_up_and_a_minute_is_kept_for_it_at_most():
+def test_hanging_page_delays_no_other_page_and_at_most_a_minute_is_kept():
     async def run():
         feed, quick, stuck = LiveFeed(), Page(1, Wire()), Page(2, Wire())
         stuck.wire.hangs = True
@@ -89,7 +89,7 @@ def test_a_page_that_hangs_holds_nobody_up_and_a_minute_is_kept_for_it_at_most()
 
 
 @pytest.mark.parametrize("pages", [0, 1])
-def test_a_page_that_comes_begins_with_now(pages):
+def test_new_page_starts_with_the_current_frame(pages):
     async def run():
         feed, page = LiveFeed(), Page(1, Wire())
         feed.add(block(0))

@@ -1,4 +1,4 @@
-"""The room Live in a real browser: every frame, freezing, keeping, silence."""
+"""The panel Live in a real browser: frames, freezing, saving, silence."""
 
 import time
 
@@ -31,13 +31,13 @@ def feeling(studio_at, look):
 
 
 def in_silence(page):
-    """It is silent by its own word; why."""
+    """Wait until the page reports silence; return the reason."""
     page.until("studio.link.state.live.state === 'idle'", timeout=10)
     assert not page.page.evaluate("studio.link.state.player.emitting")
     return page.page.evaluate("studio.link.state.live.said")
 
 
-def test_every_frame_comes_and_a_page_that_stalled_catches_up(feeling):
+def test_every_frame_arrives_and_a_stalled_page_catches_up(feeling):
     _, page = feeling()
     first, drawn, began = *page.page.evaluate("[studio.room.track.last, studio.room.drawn]"), time.monotonic()
     page.page.wait_for_timeout(4000)
@@ -46,7 +46,7 @@ def test_every_frame_comes_and_a_page_that_stalled_catches_up(feeling):
     assert 0.8 * 1000 * took < last - first < 1.2 * 1000 * took + 500
     assert lost == page.page.evaluate("studio.room.sound.lost") == 0
     assert more - drawn > 20
-    # It falls silent, since nobody looks on; what was felt until then comes all the same.
+    # It goes silent, since the page does not respond; earlier frames arrive anyway.
     page.page.evaluate("() => { const end = performance.now() + 3000; while (performance.now() < end); }")
     assert "did not renew its permission" in in_silence(page)
     felt = page.page.evaluate("studio.link.state.live_goes.frames")
@@ -67,7 +67,7 @@ def test_freeze_slow_motion_and_keep(feeling):
     press("Space")
     page.until("!!studio.room.frozen")
     frames = page.page.evaluate("studio.room.frozen.transport.frames")
-    # What is looked at stands still; what is felt goes on behind it.
+    # The frozen picture does not change; live touch goes on.
     before = page.page.evaluate("studio.room.track.last")
     page.until(f"studio.room.track.last > {before} + 300")
     assert page.page.evaluate("studio.room.frozen.transport.frames") == frames
@@ -108,12 +108,12 @@ def test_freeze_slow_motion_and_keep(feeling):
     assert serious == []
     page.page.locator("#to-reproduce").click()
     page.until(f"studio.room.take?.name === {kept['name']!r} && studio.room.take.samples.last > 1000", timeout=60)
-    # What nobody sees does not sound: the room was left.
+    # Leaving the panel stops live touch.
     in_silence(page)
     assert page.wrong == []
 
 
-def test_stop_and_a_closed_tab_silence_it_and_it_begins_again(feeling, look):
+def test_stop_and_a_closed_tab_silence_live_touch_which_can_restart(feeling, look):
     studio, page = feeling()
     page.page.get_by_label("Loudness, per cent").fill("30")
     page.until("studio.link.state.live.share === 0.3")

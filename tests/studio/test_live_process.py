@@ -1,4 +1,4 @@
-"""What live touch shows and remembers; that it runs is for the browser's tests."""
+"""Display and recent frames of live touch; the browser tests cover the running loop."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ SLOT = np.dtype(
 
 
 class LoopStarted:
-    """What the loop's process found, as far as it matters here."""
+    """The fields of `LoopStarted` that these tests need."""
 
     rate = 1000.0
     sensor = SensorGrid()
@@ -48,14 +48,14 @@ def sight():
     return made
 
 
-def test_the_sound_is_that_of_the_phases_in_pascal(sight):
+def test_sound_field_is_that_of_the_phases_in_pascal(sight):
     found = frames(100, 3)
     q = np.exp(2j * np.pi * found["phases"] / 256)
     expected = q @ transfer_matrix(sight.grid, sight.array).T
     assert np.abs(sight.sound(found) - expected).max() < 1e-3 * np.abs(expected).max()
 
 
-def test_what_was_late_or_held_let_the_frame_before_stand(sight):
+def test_late_and_held_frames_repeat_the_previous_field(sight):
     before = sight.sound(frames(0, 4))
     found = frames(4, 5, seed=4)
     found["flags"][[0, 3]] = SOUNDS | LATE, HELD
@@ -65,7 +65,7 @@ def test_what_was_late_or_held_let_the_frame_before_stand(sight):
     assert not np.array_equal(sound[4], sound[3])
 
 
-def test_every_frame_is_there_once_and_phases_now_and_then(sight):
+def test_every_frame_is_sent_once_and_phases_sometimes(sight):
     kinds = []
     for first in range(0, 1000, 8):
         felt, sound, *phases = sight.sections(frames(1000 + first, 8))
@@ -77,7 +77,7 @@ def test_every_frame_is_there_once_and_phases_now_and_then(sight):
     assert 13 <= len(kinds) <= 16
 
 
-def test_a_minute_is_remembered_and_no_more():
+def test_at_most_a_minute_is_kept():
     kept = RecentFrames(16, 996, 100)
     assert len(kept.last(10).frames) == 0
     for first in range(0, 400, 8):
@@ -91,6 +91,6 @@ def test_a_minute_is_remembered_and_no_more():
     assert len(kept.last(100).since(100)[0]) == 0
 
 
-def test_a_wish_that_means_nothing_is_refused():
+def test_invalid_live_request_is_refused():
     with pytest.raises(InputError, match="sound card"):
         LiveRequest(sensor="audio:0", device="virtual").session()

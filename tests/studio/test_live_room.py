@@ -1,4 +1,4 @@
-"""Room Live without its process: what it answers, and what it refuses."""
+"""Panel Live without its process: answers and refusals."""
 
 import json
 import warnings
@@ -60,12 +60,12 @@ def ask(socket, order, **given):
         ("check", {"sensor": "virtual:towel", "device": "autd3"}, "not permitted"),
     ],
 )
-def test_what_cannot_be_is_refused_in_words(client, order, given, words):
+def test_invalid_live_order_gets_an_error_message(client, order, given, words):
     with page(client) as socket:
         assert words in ask(socket, order, **given)["error"]
 
 
-def test_a_page_that_looks_on_sees_it_and_can_change_nothing(client, studio):
+def test_watching_page_sees_live_touch_and_changes_nothing(client, studio):
     with page(client) as _, page(client) as second:
         assert ask(second, "sight", shown=True)["ok"]
         for order, given in (("begin", {"admission": 1}), ("turn", {"share": 0.5}), ("keep", {}), ("end", {})):
@@ -74,7 +74,7 @@ def test_a_page_that_looks_on_sees_it_and_can_change_nothing(client, studio):
     assert studio.live.feed.waiting == 0
 
 
-def test_it_says_what_it_is_before_anything_plays(client, studio):
+def test_state_is_known_before_anything_plays(client, studio):
     (studio.folder.path / "skin.calibration.h5").write_bytes(b"")
     with page(client) as socket:
         said = json.loads(socket.receive_text())
@@ -84,8 +84,8 @@ def test_it_says_what_it_is_before_anything_plays(client, studio):
     assert studio.store.state["live"]["calibrations"] == ["skin.calibration.h5"]
 
 
-def test_nothing_is_armed_where_the_array_cannot_be_lent(client, studio):
-    """Its player is not there: what was checked is not begun, and the permit stays shut."""
+def test_nothing_is_armed_if_the_array_cannot_be_lent(client, studio):
+    """Without a player, checked settings do not start and the lease stays revoked."""
     studio.live._checked = {3: _request()}
     with page(client) as socket:
         socket.send_text(json.dumps({"alive": True}))
@@ -95,7 +95,7 @@ def test_nothing_is_armed_where_the_array_cannot_be_lent(client, studio):
     assert studio.store.state["live"]["state"] == "idle"
 
 
-def test_a_page_that_hides_cannot_begin(client, studio):
+def test_hidden_page_cannot_begin(client, studio):
     studio.live._checked = {3: _request()}
     with page(client) as socket:
         socket.send_text(json.dumps({"alive": False}))

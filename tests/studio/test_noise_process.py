@@ -5,8 +5,8 @@ from midair.studio.noise_process import NoiseProcess
 from midair.study.design import MaskingNoise
 
 
-def test_without_a_sound_output_nothing_is_presented_that_wants_noise():
-    """A participant who hears the array is not blind."""
+def test_stimulus_with_noise_needs_a_sound_output():
+    """A participant who hears the array is not blinded."""
     noise = NoiseProcess()
     with pytest.raises(DeviceError, match="expected an open sound output"), noise.over(True):
         raise AssertionError("presented without noise")
@@ -17,6 +17,6 @@ def test_without_a_sound_output_nothing_is_presented_that_wants_noise():
     assert ran == [True]
 
 
-def test_an_output_that_is_not_there_is_said_before_the_session_begins():
+def test_missing_sound_output_is_reported_before_the_session():
     with pytest.raises(MidairError, match="headphones"):
         NoiseProcess().take(MaskingNoise(level_dbfs=-60), "no such output")

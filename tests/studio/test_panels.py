@@ -1,4 +1,4 @@
-"""The rooms in a real browser: Calibrate, Study, Record's warnings; and that everybody can use all of them."""
+"""The panels in a real browser: Calibrate, Study, warnings of Record, and accessibility of all panels."""
 
 import hashlib
 import json
@@ -54,7 +54,7 @@ repetitions = 9
 
 PRESENTS = """void studio.link.on('session', session =>
     session?.due && studio.link.order('study', 'presented').catch(() => {}))"""
-"""The experimenter presents as soon as the page says what. Void: Playwright calls what a script gives."""
+"""The experimenter presents as soon as the page requests it. Void, since Playwright calls returned functions."""
 
 ROOMS = ("record", "calibrate", "reproduce", "compare", "study", "live")
 
@@ -76,7 +76,7 @@ def begin(page, *, pilot=False):
 
 
 def trials(page, count):
-    """So many trials by the keyboard alone."""
+    """Answer some trials with the keyboard only."""
     for _ in range(count):
         page.until("!!document.querySelector('#next') && studio.link.state.session.step.kind === 'present'")
         page.page.keyboard.press("Enter")
@@ -135,7 +135,7 @@ def test_a_study_of_27_trials_by_keyboard_survives_a_reload_and_a_kill(study, st
     assert second.wrong == []
 
 
-def test_a_pilot_is_seen_as_one_and_stored_apart_and_who_wants_to_stop_is_stopped(study, look):
+def test_pilot_is_marked_and_stored_apart_and_can_be_stopped(study, look):
     studio, study = study
     page = look(studio)
     begin(page, pilot=True)
@@ -198,7 +198,7 @@ questions = ["felt"]
 
 
 def drive_of(folder):
-    """A soft drive, and its digest, as a study is drawn with."""
+    """A quiet drive and its digest, for a study plan."""
     record("virtual:towel", 0.2, path=folder / "towel.h5")
     made = str(folder / "weak.drive.h5")
     choices = (("method", "naive"), ("level", 0.01))
@@ -207,8 +207,8 @@ def drive_of(folder):
     return {"weak.drive.h5": hashlib.sha256((folder / "weak.drive.h5").read_bytes()).hexdigest()}
 
 
-def test_a_trial_plays_its_drive_by_the_studio_s_own_player(studio_at, look, tmp_path):
-    """Consent, a form, a drive and as long a silence, on emulated units; the form is no trial and no question twice."""
+def test_trial_plays_its_drive_with_the_player_of_the_studio(studio_at, look, tmp_path):
+    """Consent, a form, a drive and an equally long silence on emulated units; form questions appear once."""
     studio = studio_at("--device", "autd3:emulator")
     study = StudyFolder.create(studio.folder / "felt", PLAYED, read_design(PLAYED), drives=drive_of)
     page = look(studio)
@@ -228,7 +228,7 @@ def test_a_trial_plays_its_drive_by_the_studio_s_own_player(studio_at, look, tmp
     page.page.keyboard.press("Tab")
     page.page.keyboard.press("Enter")
     page.until("document.querySelector('#question')?.innerText.startsWith('How tired')")
-    # Pressed twice, the first answer is none to the second question.
+    # After a double click, the second click must not answer the second question.
     again = (
         f"studio.link.order('study', 'answer', {{turn: {turn}, text: '7'}}).then(() => '', (wrong) => wrong.message)"
     )
@@ -257,7 +257,7 @@ def test_a_trial_plays_its_drive_by_the_studio_s_own_player(studio_at, look, tmp
     assert page.wrong == []
 
 
-def test_taps_tell_which_channel_is_which_cell_and_a_response_is_shown(studio_at, look):
+def test_taps_identify_channels_and_the_response_is_shown(studio_at, look):
     page = look(studio_at())
     page.until("studio.link.state.takes?.length > 0", timeout=120)
     page.go("#calibrate")
@@ -271,8 +271,8 @@ def test_taps_tell_which_channel_is_which_cell_and_a_response_is_shown(studio_at
 
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_everybody_can_use_every_room(studio_at, look, scheme):
-    """No serious finding of axe; nothing empty; SIMULATED is to be seen; nothing is cut off at the side."""
+def test_every_panel_is_accessible(studio_at, look, scheme):
+    """No serious finding of axe; nothing empty; SIMULATED is to be seen; nothing overflows the page."""
     page = look(studio_at(), color_scheme=scheme, reduced_motion="reduce")
     page.until("!!studio.room?.played && studio.room.take.played.last > 0", timeout=120)
     assert not page.page.evaluate("studio.room.transport.playing"), "reduced motion begins paused"
@@ -297,8 +297,8 @@ def test_everybody_can_use_every_room(studio_at, look, scheme):
     assert page.wrong == []
 
 
-def test_an_address_that_was_typed_is_not_taken_back(studio_at, look):
-    """A room tells its time in the address as often as it draws, also in the instant in which another is asked for."""
+def test_typed_address_is_not_overwritten(studio_at, look):
+    """A panel updates the time in the address at every picture, also while another panel is being opened."""
     page = look(studio_at())
     page.until("!!studio.room?.take")
     page.page.evaluate("location.hash = '#record'; studio.here('sample:towel', 0.5)")

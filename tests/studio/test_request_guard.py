@@ -26,7 +26,7 @@ async def inner(scope, receive, send):
 
 
 def asked(keys, *, path="/", method="GET", kind="http", query="", **headers):
-    """Status, headers and body of an answer; headers with _ for -, a list for the same one twice."""
+    """Status, headers and body of an answer; headers with _ for -, a list for a repeated header."""
     raw = [(b"host", f"127.0.0.1:{PORT}".encode())] if "host" not in headers else []
     for name, values in headers.items():
         each = values if isinstance(values, list) else [values]
@@ -49,7 +49,7 @@ def cookie(keys):
     return f"{keys.cookie}={keys.session}"
 
 
-def test_our_own_page_is_let_in(keys):
+def test_own_page_is_allowed(keys):
     status, headers, body = asked(keys, cookie=cookie(keys))
     assert (status, body) == (200, b"inside")
     policy = headers[b"content-security-policy"].decode()
@@ -88,12 +88,12 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_is_not_our_page_gets_403_even_with_the_cookie(keys, case):
+def test_other_pages_get_403_even_with_the_cookie(keys, case):
     assert asked(keys, cookie=cookie(keys), **REFUSED[case])[0] == 403
 
 
 @pytest.mark.parametrize("given", ["", "midair-8123=", "midair-8123=wrong", "midair-8124={}", "session={}", "a=b; =;;"])
-def test_without_the_right_cookie_nothing_is_given(keys, given):
+def test_request_with_a_wrong_cookie_is_refused(keys, given):
     headers = {"cookie": given.format(keys.session)} if given else {}
     status, _, body = asked(keys, **headers)
     assert status == 403
@@ -101,7 +101,7 @@ def test_without_the_right_cookie_nothing_is_given(keys, given):
     assert asked(keys, kind="websocket", origin=OURS, **headers)[0] == 403
 
 
-def test_a_post_and_a_socket_of_our_own_are_let_in(keys):
+def test_own_post_and_websocket_are_allowed(keys):
     assert asked(keys, method="POST", origin=OURS, cookie=cookie(keys))[0] == 200
     assert asked(keys, kind="websocket", origin=OURS, cookie=cookie(keys), sec_fetch_site="same-origin")[0] == 200
 
@@ -124,19 +124,19 @@ def test_the_link_works_for_five_minutes(keys):
 
 
 @pytest.mark.parametrize("query", ["", "key=", "key=wrong", "key=a&key=b"])
-def test_no_other_key_opens(keys, query):
+def test_wrong_key_is_refused(keys, query):
     keys.link()
     assert asked(keys, path="/enter", query=query)[0] == 403
 
 
-def test_a_key_is_not_used_up_by_a_wrong_one_or_by_a_foreign_host(keys):
+def test_key_stays_valid_after_a_wrong_key_or_a_foreign_host(keys):
     query = keys.link().partition("?")[2]
     asked(keys, path="/enter", query="key=wrong")
     asked(keys, path="/enter", query=query, host="evil.example")
     assert asked(keys, path="/enter", query=query)[0] == 200
 
 
-def test_what_answers_may_narrow_the_policy_of_its_page(keys):
+def test_response_may_set_a_stricter_policy(keys):
     async def report(scope, receive, send):
         headers = [(b"content-security-policy", b"sandbox")]
         await send({"type": "http.response.start", "status": 200, "headers": headers})
@@ -158,7 +158,7 @@ def test_what_answers_may_narrow_the_policy_of_its_page(keys):
     assert policies == [b"sandbox"]
 
 
-def test_a_used_link_leads_who_is_known_back_in_and_nobody_else(keys):
+def test_used_link_works_only_for_a_browser_that_is_logged_in(keys):
     key = keys.link().partition("?")[2]
     assert asked(keys, path="/enter", query=key)[0] == 200
     status, headers, body = asked(keys, path="/enter", query=key, cookie=cookie(keys))

@@ -6,8 +6,8 @@ import socket
 from midair.studio.server import listen
 
 
-def test_what_is_sent_to_a_page_goes_at_once():
-    """No message waits for the page's answer to the one before, which would hold samples until the next picture."""
+def test_messages_are_sent_without_delay():
+    """No message waits for the acknowledgement of the previous one, which would delay samples by a picture."""
 
     async def connected():
         took = asyncio.get_running_loop().create_future()

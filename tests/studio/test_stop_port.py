@@ -30,7 +30,7 @@ def post(port, body=b"word", **headers):
             return wrong.code, wrong.read(), wrong.headers
 
 
-def test_our_page_silences_and_is_told_so(port):
+def test_own_page_silences_and_gets_confirmation(port):
     number, silenced = port
     status, said, headers = post(number, Origin=ORIGIN)
     assert (status, said, silenced) == (200, b"silent\n", [1])
@@ -46,13 +46,13 @@ def test_our_page_silences_and_is_told_so(port):
         (b"x" * 300, {"Origin": ORIGIN}),
     ],
 )
-def test_nobody_else_is_heard(port, body, headers):
+def test_other_callers_are_refused(port, body, headers):
     number, silenced = port
     assert post(number, body, **headers)[0] == 403
     assert silenced == []
 
 
-def test_an_array_that_cannot_be_silenced_is_said():
+def test_failure_to_silence_is_reported():
     def fail():
         raise OSError("the link is lost")
 
@@ -65,7 +65,7 @@ def test_an_array_that_cannot_be_silenced_is_said():
         made.close()
 
 
-def test_a_caller_who_says_nothing_keeps_no_other_waiting(port):
+def test_silent_connection_blocks_no_other(port):
     number, silenced = port
     with socket.create_connection(("127.0.0.1", number)):
         assert post(number, Origin=ORIGIN)[0] == 200

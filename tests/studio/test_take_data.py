@@ -35,7 +35,7 @@ def stream(scene, name):
     return section, section.values * section.unit
 
 
-def test_samples_are_those_of_the_file_around_rest(scene):
+def test_samples_are_those_of_the_file_minus_the_median(scene):
     scene, _, recording = scene
     section, values = stream(scene, "samples")
     rows = recording.samples.reshape(len(recording.samples), -1)
@@ -43,7 +43,7 @@ def test_samples_are_those_of_the_file_around_rest(scene):
     assert np.abs(values - (rows - np.median(rows, axis=0))).max() <= section.unit
 
 
-def test_wanted_and_played_stand_beside_the_frames_that_they_are_of(scene):
+def test_target_and_played_field_match_the_frames_of_the_take(scene):
     scene, made, recording = scene
     lead = round(lead_of(made_settings := Settings.of(made.solution.drive.provenance)) * 1000)
     assert lead > 0
@@ -59,7 +59,7 @@ def test_wanted_and_played_stand_beside_the_frames_that_they_are_of(scene):
     assert np.abs(field - exact).max() <= 2 * section.unit + 1e-3 * np.abs(exact).max()
 
 
-def test_phases_are_those_of_the_drive_in_the_units_steps(scene):
+def test_phases_are_those_of_the_drive_in_256_steps(scene):
     scene, made, recording = scene
     section, phases = stream(scene, "phases")
     lead = (made.solution.drive.frames - recording.frames) // 2
@@ -68,7 +68,7 @@ def test_phases_are_those_of_the_drive_in_the_units_steps(scene):
     assert section.values.dtype == np.uint8
 
 
-def test_facts_say_what_the_page_needs(scene):
+def test_facts_have_all_properties_for_the_page(scene):
     scene, _, recording = scene
     said = facts(scene)
     assert (said["frames"], said["rate_hz"], said["unit"]) == (recording.frames, 1000.0, "Pa")
@@ -89,21 +89,21 @@ def test_facts_say_what_the_page_needs(scene):
         (MODES["paper"]().but(ramp=0.001), ""),
     ],
 )
-def test_settings_are_told_as_the_options_and_the_python_that_give_them(settings, options):
+def test_settings_are_described_as_options_and_python(settings, options):
     told = describe_settings(settings)
     assert told["options"] == options
     assert eval(told["python"], {"MODES": MODES, "Settings": Settings}) == settings
     assert f"{settings.solver.name}, {settings.target.rate:g} Hz" in told["line"]
 
 
-def test_what_a_drive_was_made_with_is_told_in_a_line(scene, tmp_path):
+def test_settings_of_a_drive_in_one_line(scene, tmp_path):
     scene, *_ = scene
     assert made_with(scene.drive) == "made with paper, naive, 1000 Hz, mapping slow-bias, level auto"
     (tmp_path / "a.drive.h5").write_bytes(b"no drive")
     assert made_with(str(tmp_path / "a.drive.h5")) == "a file that cannot be read"
 
 
-def test_before_it_is_solved_a_take_shows_what_will_be_wanted(scene):
+def test_unsolved_take_shows_its_future_target(scene):
     scene, _, recording = scene
     bare = TakeData(take=scene.take, stamp="2")
     _, wanted = stream(bare, "wanted")

@@ -9,7 +9,7 @@ def asked(*headers):
     return Request({"type": "http", "headers": list(headers)})
 
 
-def test_a_file_is_packed_for_who_takes_it_so_and_plain_for_others(tmp_path):
+def test_file_is_compressed_only_for_browsers_that_accept_gzip(tmp_path):
     (tmp_path / "a.js").write_text("let a = 1;\n" * 50)
     (tmp_path / "secret.key").write_text("secret")
     files = WebFiles.of([tmp_path])
@@ -24,6 +24,6 @@ def test_a_file_is_packed_for_who_takes_it_so_and_plain_for_others(tmp_path):
         assert files.answer(asked(), name).status_code == 404
 
 
-def test_packing_twice_gives_the_same(tmp_path):
+def test_compression_is_deterministic(tmp_path):
     (tmp_path / "a.css").write_text("a { color: red }")
     assert WebFiles.of([tmp_path]) == WebFiles.of([tmp_path])

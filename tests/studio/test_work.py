@@ -1,4 +1,4 @@
-"""What the worker process does, called by hand."""
+"""Functions of the worker process, called directly."""
 
 import os
 from dataclasses import replace
@@ -19,7 +19,7 @@ from midair.targets import led_in
 
 @pytest.fixture
 def solved(tmp_path):
-    """A short stroke, 60 ms of which are solved in a few points."""
+    """A short stroke with 60 ms solved at a few points."""
     frames = stroke("towel", duration=0.2)
     life = Provenance(source="x")
     take = Recording(samples=frames.pressure, rate=frames.rate, sensor=frames.sensor, unit="Pa", provenance=life)
@@ -35,8 +35,8 @@ def solved(tmp_path):
     return request
 
 
-def test_a_drive_that_appears_while_another_is_solved_stays(solved):
-    """Also where it was made by a command, minutes after the question was answered."""
+def test_drive_that_appears_during_a_solve_is_kept(solved):
+    """For example by a command, minutes after the request."""
     drive = Path(solved.drive)
     before = drive.stat().st_mtime_ns
     with pytest.raises(InputError, match=r"towel\.drive\.h5: expected no drive of this name, found another one since"):
@@ -77,7 +77,7 @@ def test_solvers_of_a_mode_are_those_that_take_its_terms():
 
 
 @pytest.mark.slow
-def test_where_the_error_comes_from_is_the_budget_of_the_part_that_was_solved(solved):
+def test_budget_is_that_of_the_solved_part(solved):
     said = []
     found = budget_of_take((solved.take, solved.drive), lambda *told: said.append(told))
     drive, opened = load_solution(solved.drive).drive, open_take(solved.take)

@@ -1,4 +1,4 @@
-"""Something small to show."""
+"""Small data to show."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ FOCUS = GRID.position[9 * 16 + 6]
 
 
 def recording(frames=60, rate=1000.0, **how):
-    """A tone of 100 Hz on channel 6 alone."""
+    """A tone of 100 Hz on channel 6 only."""
     samples = np.zeros((frames, 4, 4))
     samples[:, 1, 2] = np.sin(2 * np.pi * 100 * np.arange(frames) / rate)
     return Recording(samples=samples, rate=rate, provenance=Provenance(source="bench", notes={"object": "tone"}), **how)
@@ -33,12 +33,12 @@ def focus_drive(frames=8):
 
 
 def focus_target(frames=8):
-    """What somebody would ask for to get it."""
+    """The target that belongs to the drive."""
     amplitude = np.zeros((frames, GRID.count))
     amplitude[:-1, 9 * 16 + 6] = 3000
     return AmplitudeFrames(amplitude=amplitude, rate=1000, grid=GRID)
 
 
 def focus(frames=8):
-    """Both, to be shown."""
+    """View of drive and target."""
     return show_drive(focus_drive(frames), target=focus_target(frames))

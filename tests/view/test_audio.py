@@ -11,7 +11,7 @@ from midair.errors import InputError
 from midair.view import Channels, audible, heard_together, show_comparison, show_recording
 
 
-def test_a_tone_is_heard_at_its_pitch_and_its_peak_near_full_scale():
+def test_tone_keeps_its_frequency_and_peaks_near_full_scale():
     shown = show_recording(recording(500))
     heard = audible(shown.samples, 6, shown.rate)
     sound, rate = soundfile.read(io.BytesIO(heard.data))
@@ -28,12 +28,12 @@ def test_silence_stays_silent_and_a_rest_makes_no_click():
 
 
 @pytest.mark.parametrize("channel", [-1, 16])
-def test_a_channel_that_is_not_there(channel):
+def test_missing_channel_is_refused(channel):
     with pytest.raises(InputError, match="expected 0 to 15"):
         audible(show_recording(recording()).samples, channel, 1000)
 
 
-def test_both_are_heard_at_one_scale():
+def test_both_sounds_have_one_scale():
     (_, first), (name, second) = heard_together(show_comparison(pressure(), pressure(scale=0.5)))
     loud, soft = (np.abs(soundfile.read(io.BytesIO(each.data))[0]).max() for each in (first, second))
     assert name == "re-recorded"

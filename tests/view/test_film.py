@@ -1,4 +1,4 @@
-"""Films: one picture a frame, with what one must know to read it."""
+"""Films: one picture per frame, with scale and units."""
 
 import shutil
 import subprocess
@@ -47,7 +47,7 @@ def test_a_cell_has_the_colour_of_its_pressure():
         assert picture.getpixel((14 + 8, 30 + 8)) == colour_of(0)
 
 
-def test_the_focus_is_where_it_was_wanted():
+def test_focus_is_at_its_target():
     picture = np.asarray(Film(focus(), side=256).picture(2)).astype(int).sum(axis=2)
     wanted, played = picture[30 : 30 + 230, 14 : 14 + 256], picture[30 : 30 + 230, 284 : 284 + 256]
     for each in (wanted, played):
@@ -57,7 +57,7 @@ def test_the_focus_is_where_it_was_wanted():
 
 
 @pytest.mark.parametrize("simulated", [True, False])
-def test_simulated_is_written_on_what_is(simulated):
+def test_simulated_films_are_marked(simulated):
     shown = focus() if simulated else show_recording(recording())
     picture = Film(shown, side=64).picture(0)
     red = (np.asarray(picture) == (255, 123, 114)).all(axis=2)
@@ -74,7 +74,7 @@ def test_simulated_is_written_on_what_is(simulated):
     ],
     ids=["target", "drive", "drive and target", "comparison"],
 )
-def test_everything_that_is_shown_can_be_filmed(shown, maps):
+def test_every_view_can_be_filmed(shown, maps):
     assert Film(shown, side=64).picture(0).width == 14 + maps * 78 + 88
 
 
@@ -99,7 +99,7 @@ def test_without_ffmpeg_an_mp4_is_refused_in_one_line(tmp_path, monkeypatch):
         write_mp4(Film(show_recording(recording(3))), tmp_path / "film.mp4")
 
 
-def test_an_ffmpeg_that_fails_says_so(tmp_path, monkeypatch):
+def test_error_of_ffmpeg_is_reported(tmp_path, monkeypatch):
     false = tmp_path / "ffmpeg"
     false.write_text("#!/bin/sh\necho no such codec >&2\nexit 3\n")
     false.chmod(0o755)
@@ -114,13 +114,13 @@ def lines(picture, top):
     return int((row == 255).all(axis=1).argmin())
 
 
-def test_a_line_below_each_map_is_as_long_as_it_says():
+def test_scale_bar_has_the_stated_length():
     """10 mm of the sensor's 44; of the field's 16 points 3.67 mm apart, 10 of 58.7."""
     assert lines(Film(show_recording(recording()), side=256).picture(0), 286) == pytest.approx(256 * 10 / 44, abs=2)
     assert lines(Film(focus(), side=256).picture(0), 286) == pytest.approx(256 * 10 / (1e3 * 16 * GRID.pitch), abs=2)
 
 
-def test_played_sound_covers_what_wanted_sound_covers():
+def test_played_map_covers_the_target_map():
     """Points between the control points lie from the first to the last, half a point inside of the squares' edge."""
     picture = np.asarray(Film(focus(), side=256).picture(2))
     wanted, played = picture[30:286, 14:270], picture[30:286, 284:540]
@@ -130,7 +130,7 @@ def test_played_sound_covers_what_wanted_sound_covers():
     assert not (wanted == (13, 17, 23)).all(axis=2).any()
 
 
-def test_a_long_sensor_is_long():
+def test_long_sensor_keeps_its_aspect_ratio():
     values = np.ones((4, 2, 8))
     taken = Recording(samples=values, rate=1000.0, sensor=SensorGrid(rows=2, columns=8, name="strip"))
     picture = np.asarray(Film(show_recording(taken), side=64).picture(0))[30:94, 14:78]

@@ -1,4 +1,4 @@
-"""Sections as bytes: there and back, in Python and in the page's own reader."""
+"""Encoding and decoding of sections, in Python and in the decoder of the page."""
 
 import base64
 import json
@@ -38,24 +38,24 @@ def sections():
 
 
 def plain(section):
-    """Everything of a section, for a comparison."""
+    """All fields of a section, for a comparison."""
     kept = [section.kind, section.unit, section.first, section.time, section.number]
     return [*kept, section.values.dtype.str, section.values.tolist()]
 
 
 @given(st.lists(sections(), max_size=4))
-def test_what_is_packed_is_unpacked(some):
+def test_sections_survive_packing_and_unpacking(some):
     assert [plain(each) for each in unpack(pack(some))] == [plain(each) for each in some]
 
 
-def test_a_header_is_what_the_table_says():
+def test_header_follows_the_table():
     """Bytes that were written by hand from the table."""
     said = pack([Section(kind=Kind.FIELD, values=np.int8([[1, -1]]), unit=0.5, first=258, time=1.0, number=7)])
     assert said.hex() == "6d01020107000000000000000000f03f0201000000000000010002000000003f01ff"
 
 
 @given(st.binary(max_size=200))
-def test_anything_else_is_refused_or_whole(data):
+def test_random_bytes_are_refused_or_valid(data):
     try:
         found = unpack(data)
     except InputError:
@@ -85,7 +85,7 @@ def test_a_wrong_shape_is_refused(values):
 
 
 @pytest.mark.parametrize("wrong", [{"first": -1}, {"number": 2**32}, {"unit": 1e300}])
-def test_what_does_not_fit_the_header_is_refused(wrong):
+def test_values_that_do_not_fit_the_header_are_refused(wrong):
     with pytest.raises(InputError, match="section: expected"):
         pack([Section(kind=Kind.SAMPLES, values=np.zeros((1, 1), "i1"), **wrong)])
 
@@ -96,7 +96,7 @@ def test_a_type_that_the_table_lacks_is_refused():
 
 
 @given(hnp.arrays(np.float64, (5, 3), elements=st.floats(-1e6, 1e6)), st.sampled_from(["i1", "<i2"]))
-def test_counts_miss_by_half_a_count_at_most(values, dtype):
+def test_counts_have_an_error_of_at_most_half_a_count(values, dtype):
     made = counted(values, Kind.SAMPLES, dtype=dtype, rate=1000)
     # A unit below the least normal float32 is coarser than half a count.
     assert np.abs(made.values * made.unit - values).max() <= max(0.5001 * made.unit, 1e-36)
@@ -142,7 +142,7 @@ def read_by_the_page(messages):
     return json.loads(said, parse_int=float)
 
 
-def test_the_page_reads_what_python_writes():
+def test_page_decodes_sections_of_python():
     drawn = []
 
     @settings(max_examples=60, database=None)
@@ -185,7 +185,7 @@ console.log(JSON.stringify([before, track.top]));
 
 
 def test_the_top_of_a_track_is_a_number_before_any_frame():
-    """Where nothing is played yet, what is wanted is drawn on the scale of what is wanted."""
+    """Without a played field, the target is drawn on its own scale."""
     page = base64.b64encode((WEB / "view.js").read_bytes()).decode()
     said = subprocess.run(
         [*node(), "--input-type=module", "-e", EMPTY, page], capture_output=True, text=True, check=True

@@ -1,4 +1,4 @@
-"""The field between the points it was worked out for."""
+"""Interpolation of the field between the control points."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a page is told."""
+"""Data of a view for a page."""
 
 import base64
 import json
@@ -35,7 +35,7 @@ def test_a_part_keeps_the_numbers_of_its_frames():
     assert (samples.first, samples.time) == (2, 0.005)
 
 
-def test_field_wanted_and_phases_of_a_drive():
+def test_target_field_and_phases_of_a_drive():
     shown = focus()
     held = {name: unpack(data) for name, data in sections(shown).items()}
     assert set(held) == {"wanted", "played", "phases"}
@@ -47,7 +47,7 @@ def test_field_wanted_and_phases_of_a_drive():
     assert np.abs(np.exp(1j * turned) - np.exp(1j * focus_drive().phase[0])).max() < 2 * np.pi / 256
 
 
-def test_the_size_is_told_before_it_is_made():
+def test_size_is_estimated_before_packing():
     for shown in (focus(), show_recording(recording(600))):
         made = sum(map(len, sections(shown).values()))
         assert size_of(shown) == pytest.approx(made, rel=0.05)
@@ -62,7 +62,7 @@ def test_a_minute_of_a_drive_fits_a_page_and_two_do_not():
         check_size(replace(shown, frames=120_000))
 
 
-def test_words_and_tables_fit_json():
+def test_metadata_fits_json():
     told = json.loads(json.dumps(metadata(focus())))
     assert len(told["positions"]) == 2 * ARRAY.count
     assert len(base64.b64decode(told["field"]["down"])) == 4 * 64 * 16

@@ -1,4 +1,4 @@
-"""Pages that stand alone."""
+"""Standalone pages."""
 
 import base64
 import hashlib
@@ -14,7 +14,7 @@ from tests.view.test_frame_encoding import node
 from midair.view import WEB, one_module, sealed, show_page, show_recording, unpack
 
 
-def test_what_is_sent_to_a_browser_is_small():
+def test_files_for_the_browser_are_small():
     assert sum(path.stat().st_size for path in WEB.iterdir()) < 80_000
 
 
@@ -26,7 +26,7 @@ def test_scripts_are_modules_without_mistakes(part):
     assert part != "all" or "import " not in re.sub(r"/\*.*?\*/|//.*", "", text, flags=re.DOTALL)
 
 
-def test_a_page_names_no_other_place():
+def test_page_refers_to_no_other_address():
     page = show_page(focus(), commands=("midair show x.drive.h5",))
     assert re.findall(r'(?:src|href|url)\s*[=(]\s*["\']?(?!data:)[^"\'\s)]+', page) == []
     assert "http" not in page.replace("http-equiv", "")
@@ -40,7 +40,7 @@ def test_the_frames_are_inside():
     assert unpack(base64.b64decode(held))[0].values.shape == (60, 16)
 
 
-def test_words_of_strangers_stay_words():
+def test_foreign_text_is_escaped():
     said = replace(recording().provenance, notes={"object": "</script><b>x"})
     page = show_page(show_recording(replace(recording(), provenance=said)))
     assert "<b>x" not in page

@@ -8,7 +8,7 @@ SQUARE = (10e-3, 5e-3)
 
 
 def maps(**more):
-    """A palm of 8 x 4 points, 5 mm apart, that is pressed at one and let go at another; one is no skin."""
+    """A palm of 8 x 4 points, 5 mm apart, with one positive and one negative point; one has no skin."""
     pressure = np.zeros((3, 4, 8))
     pressure[1, 1, 2], pressure[1, 2, 5], pressure[2, 1, 2] = 4.0, -4.0, 1.0
     pressure[:, 0, 0] = np.nan
@@ -16,7 +16,7 @@ def maps(**more):
 
 
 def colour(picture, row, column):
-    """Of a point: the map lies in the middle of 8 x 8 points of 10 pixels."""
+    """Pixel of a point: the map is centred in 8 x 8 points of 10 pixels."""
     return picture.getpixel((14 + 10 * column + 5, 30 + 10 * (row + 2) + 5))
 
 
@@ -24,7 +24,7 @@ def shade(part):
     return tuple(colour_table("RdBu_r")[round(255 * part)].tolist())
 
 
-def test_what_pushes_is_red_and_what_lets_go_is_blue_by_roots():
+def test_positive_is_red_and_negative_is_blue_on_a_root_scale():
     film = film_of_palm([maps()], rate=1000.0, side=80)
     assert (len(film), film.slower) == (3, 20)
     assert colour(film.picture(1), 1, 2) == shade(1.0)
@@ -34,14 +34,14 @@ def test_what_pushes_is_red_and_what_lets_go_is_blue_by_roots():
     assert colour(film.picture(0), 2, 2) == shade(0.5)
 
 
-def test_no_skin_has_the_colour_of_the_ground_and_the_map_is_not_drawn_out():
+def test_points_without_skin_are_background_and_the_aspect_ratio_is_kept():
     picture = film_of_palm([maps()], rate=1000.0, side=80).picture(0)
     ground = picture.getpixel((2, 2))
     assert colour(picture, 0, 0) == ground
     assert colour(picture, -1, 4) == colour(picture, 4, 4) == ground
 
 
-def test_the_sensor_s_square_is_where_it_lies():
+def test_square_of_the_sensor_is_at_its_position():
     picture = np.asarray(film_of_palm([maps()], rate=1000.0, side=80).picture(0))[30:110, 14:94]
     rows, columns = np.nonzero((picture == (110, 115, 120)).all(axis=2))
     # 80 pixels are 40 mm: 20 pixels and 10 on either side of the middle.

@@ -1,4 +1,4 @@
-"""What a view shows of each noun."""
+"""Views of recordings, targets, drives and comparisons."""
 
 import numpy as np
 import pytest
@@ -21,12 +21,12 @@ def test_a_calibrated_recording_is_shown_in_pascals():
     assert shown.samples.values.max() == pytest.approx(3, rel=0.05)
 
 
-def test_the_field_is_the_one_that_the_drive_makes():
+def test_field_is_that_of_the_drive():
     drive = focus_drive(600)
     assert np.allclose(played_field(drive, GRID), propagate(drive, GRID))
 
 
-def test_a_drive_shows_wanted_and_played_on_one_scale():
+def test_target_and_played_field_share_one_scale():
     shown = focus()
     assert shown.simulated, "the field is a model's"
     assert shown.sound.top == pytest.approx(max(3000, np.abs(shown.sound.played).max()))

@@ -15,7 +15,7 @@ SECOND_TICK = "new Promise(done => requestAnimationFrame(() => requestAnimationF
 
 @pytest.fixture
 def opened(chromium, tmp_path):
-    """A page that shows something; what it complained of or asked for is an error."""
+    """A page with a view; console messages and network requests are errors."""
     contexts = []
 
     def open_page(shown, **how):
@@ -47,7 +47,7 @@ def held(page, frame):
 
 
 def picture(page, title):
-    """What is painted in a picture's pixels, and where its peak is."""
+    """Pixels and peak of a picture."""
     return page.evaluate(
         f"""title => {{ {VIEW} const p = pictures.find(each => each.label === title);
         return {{shown: Array.from(p.shown), rows: p.shownRows, columns: p.shownColumns, peak: p.peak,
@@ -56,7 +56,7 @@ def picture(page, title):
     )
 
 
-def test_a_known_focus_is_where_it_was_put(opened):
+def test_known_focus_is_at_its_position(opened):
     page = opened(focus(), reduced_motion="reduce")
     held(page, 2)
     played = picture(page, "Played, simulated")
@@ -70,7 +70,7 @@ def test_a_known_focus_is_where_it_was_put(opened):
     assert np.argmax(picture(page, "Target")["shown"]) == 9 * 16 + 6
 
 
-def test_phase_is_masked_where_it_is_quiet_and_right_where_it_is_not(opened):
+def test_phase_is_masked_where_quiet_and_correct_elsewhere(opened):
     shown = focus()
     page = opened(shown, reduced_motion="reduce")
     held(page, 2)
@@ -113,7 +113,7 @@ def test_another_table_of_colours(opened):
     assert value["shown"][6] > 0.9
 
 
-def test_reduced_motion_begins_paused(opened):
+def test_view_starts_paused_with_reduced_motion(opened):
     page = opened(show_recording(recording()), reduced_motion="reduce")
     assert page.get_by_role("button", name="play (Space)").count() == 1
     assert not page.evaluate("document.querySelector('.midair-view').midair.transport.playing")
@@ -212,7 +212,7 @@ def test_a_live_track_keeps_its_last_frames(opened):
     assert found == [15, 25, 15, 24, "NaN"]
 
 
-def test_pictures_have_names_and_say_values_under_the_arrows(opened):
+def test_pictures_have_labels_and_values_for_arrow_keys(opened):
     page = opened(focus(), reduced_motion="reduce")
     held(page, 2)
     page.wait_for_timeout(1100)
@@ -250,7 +250,7 @@ def test_nothing_is_wider_than_the_page(opened, width):
     assert all(wide > 20 and high > 20 and abs(wide - css) <= 1 for wide, high, css in sizes)
 
 
-def test_on_paper_a_bar_stands_beside_its_maps(opened):
+def test_printed_colour_bar_is_beside_its_maps(opened):
     page = opened(focus(), reduced_motion="reduce")
     page.set_viewport_size({"width": 688, "height": 900})
     page.emulate_media(media="print")
@@ -321,7 +321,7 @@ RUNNING = """frames => { const {transport, pictures} = document.querySelector('.
 
 
 @pytest.mark.parametrize("frames", [[100, 103, 104, 104, 111], [100, 117, 134]], ids=["few at once", "17 at once"])
-def test_traces_that_run_on_are_moved_and_are_the_same_as_drawn_anew(opened, frames):
+def test_shifted_traces_equal_newly_drawn_ones(opened, frames):
     page = opened(show_recording(recording(400)), reduced_motion="reduce")
     found = page.evaluate(RUNNING, frames)
     assert found["moved"] == found["should"] > 0

@@ -1,4 +1,4 @@
-"""The view in a notebook: made in Python, run in a real notebook, and shown from what the notebook kept."""
+"""The notebook widget: created in Python, run in a real notebook, and shown from the saved notebook."""
 
 import json
 import sys
@@ -28,7 +28,7 @@ window.done = module.default.render({model, el: document.getElementById("here")}
 window.model = model;
 </script>
 """
-"""As little of a notebook's page as a widget needs: anywidget's own interface, fed with what the notebook kept."""
+"""Minimal notebook page: the interface of anywidget with the state that the notebook saved."""
 
 CELL = """
 from midair.view import in_notebook, show_recording
@@ -38,7 +38,7 @@ view
 """
 
 
-def test_a_widget_holds_words_frames_and_the_playhead():
+def test_widget_has_metadata_frames_and_playhead():
     made = in_notebook(show_recording(recording()))
     assert made.about["frames"] == 60
     assert unpack(made.tracks["samples"])[0].values.shape == (60, 16)
@@ -56,7 +56,7 @@ def test_without_anywidget_one_line_says_what_to_install(monkeypatch):
     widget._kind.cache_clear()
 
 
-def test_a_frame_of_its_own_asks_for_nothing():
+def test_framed_page_loads_nothing():
     frame = framed_page(show_recording(recording()))
     assert frame.startswith('<iframe srcdoc="&lt;!doctype html&gt;')
     assert "default-src &#x27;none&#x27;" in frame
@@ -65,7 +65,7 @@ def test_a_frame_of_its_own_asks_for_nothing():
 
 @pytest.fixture(scope="module")
 def notebook():
-    """A notebook that was run, with what its widgets kept."""
+    """An executed notebook with the state of its widgets."""
     import nbformat
     from nbclient import NotebookClient
 

@@ -21,7 +21,7 @@ def folder(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["take.h5", "below/other.h5", "again.h5"])
-def test_what_is_inside_is_found(folder, name):
+def test_files_inside_the_folder_are_found(folder, name):
     assert folder.find(name).read_bytes() == b"x"
 
 
@@ -43,17 +43,17 @@ OUTSIDE = {
 
 
 @pytest.mark.parametrize("case", OUTSIDE)
-def test_what_leads_out_is_refused(folder, case):
+def test_names_that_lead_out_are_refused(folder, case):
     with pytest.raises(InputError):
         folder.find(OUTSIDE[case])
 
 
-def test_what_is_not_there_is_said(folder):
+def test_missing_file_is_reported(folder):
     with pytest.raises(MissingFileError, match=r"none\.h5"):
         folder.find("none.h5")
 
 
-def test_lists_leave_out_what_lies_elsewhere(folder):
+def test_lists_omit_links_to_other_folders(folder):
     (folder.path / ".hidden.h5").write_bytes(b"x")
     assert sorted(folder.names(".h5")) == ["again.h5", "take.h5"]
 
@@ -66,7 +66,7 @@ def sent(*parts):
     return come()
 
 
-def test_an_upload_gets_a_name_of_our_own(folder):
+def test_upload_gets_a_new_name(folder):
     path = asyncio.run(folder.receive("../../My Take!.csv", sent(b"1,", b"2")))
     assert path.parent == folder.path
     assert path.name == "my_take-01.csv"
@@ -74,7 +74,7 @@ def test_an_upload_gets_a_name_of_our_own(folder):
     assert asyncio.run(folder.receive("my take.csv", sent(b"3"))).name == "my_take-02.csv"
 
 
-def test_an_upload_above_the_limit_is_cut_off_and_leaves_nothing(folder):
+def test_upload_above_the_limit_is_refused_and_leaves_no_file(folder):
     before = sorted(os.listdir(folder.path))
     taken = []
 
@@ -90,6 +90,6 @@ def test_an_upload_above_the_limit_is_cut_off_and_leaves_nothing(folder):
 
 
 @pytest.mark.parametrize("name", ["page.html", "run.py", "take", "take.h5.exe"])
-def test_only_recordings_come_in(folder, name):
+def test_only_recordings_can_be_uploaded(folder, name):
     with pytest.raises(InputError, match="expected a recording"):
         asyncio.run(folder.receive(name, sent(b"x")))

@@ -15,15 +15,15 @@ with folder_of_session(Path(sys.argv[1])) as folder:
 """
 
 
-def test_it_is_gone_at_the_end(tmp_path):
+def test_folder_is_removed_at_the_end(tmp_path):
     with folder_of_session(tmp_path) as folder:
         (folder / "towel.h5").write_text("x")
         assert folder.name.startswith(PREFIX)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_one_that_somebody_has_stays_and_one_of_a_killed_studio_goes_at_the_next_start(tmp_path):
-    """Left behind by the dozen before: nobody removes what a killed process had."""
+def test_locked_folder_stays_and_that_of_a_killed_studio_is_removed(tmp_path):
+    """A killed process leaves its folder, which the next start removes."""
     other = subprocess.Popen([sys.executable, "-c", HOLDS, str(tmp_path)], stdout=subprocess.PIPE, text=True)
     with other:
         folder = other.stdout.readline().strip()
@@ -36,7 +36,7 @@ def test_one_that_somebody_has_stays_and_one_of_a_killed_studio_goes_at_the_next
         assert list(tmp_path.iterdir()) == [ours]
 
 
-def test_what_is_not_a_dead_studio_s_is_left_alone(tmp_path):
+def test_other_folders_are_not_removed(tmp_path):
     young, old, elsewhere = (tmp_path / f"{PREFIX}{name}" for name in ("young", "old", "link"))
     other = tmp_path / "other"
     for folder in (young, old, other):

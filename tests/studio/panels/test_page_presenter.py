@@ -20,14 +20,14 @@ def presenter(**changes):
     return made, said
 
 
-def test_drives_and_silences_are_the_player_s():
+def test_player_presents_drives_and_silences():
     made, said = presenter(quiet_s=1.5)
     made.present(Stimulus(name="a", source="a.drive.h5", share=0.25))
     made.present(Stimulus(name="b", kind="silence"))
     assert said == [("play", Path("study/a.drive.h5"), 0.25), ("wait", 1.5)]
 
 
-def test_objects_are_the_experimenter_s_who_says_when_it_is_done():
+def test_experimenter_presents_objects_and_confirms():
     made, said = presenter()
     threading.Timer(0.05, made.done.set).start()
     made.present(Stimulus(name="a", kind="object", source="towel"))
