@@ -36,7 +36,7 @@ def test_spectra_are_of_positive_pressure_in_db(tones, check_figure):
 @pytest.mark.parametrize("simulated", [True, False])
 def test_the_beam_s_line_has_its_gain_and_intercept(check_figure, simulated):
     figure = beam_figure(np.arange(6.0), 2 * np.arange(6.0) + 1, gain=2, intercept=1, simulated=simulated)
-    check_figure(figure, "commanded amplitude (Pa)", "read amplitude (Pa)", simulated=simulated)
+    check_figure(figure, "commanded amplitude (Pa)", "measured amplitude (Pa)", simulated=simulated)
     line, points = figure.axes[0].lines
     assert line.get_xydata().tolist() == [[0, 1], [5, 11]]
     assert points.get_ydata().tolist() == [1, 3, 5, 7, 9, 11]

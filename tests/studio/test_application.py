@@ -141,7 +141,7 @@ def test_drive_and_re_recording_are_replaced_only_with_consent(studio, talk):
         lambda *_: None,
     )
     again.write_bytes(b"played")
-    studio.takes.kept("towel.h5").write_bytes(b"compared")
+    studio.takes.comparison_path("towel.h5").write_bytes(b"compared")
     before = drive.read_bytes()
 
     def solve(**given):
@@ -164,7 +164,7 @@ def test_drive_and_re_recording_are_replaced_only_with_consent(studio, talk):
         time.sleep(0.05)
     assert drive.read_bytes() != before
     assert not again.exists()
-    assert not studio.takes.kept("towel.h5").exists(), "the comparison was with the drive before"
+    assert not studio.takes.comparison_path("towel.h5").exists(), "the comparison was with the drive before"
 
 
 def test_code_shows_the_mode_and_the_chosen_settings(talk):

@@ -163,11 +163,11 @@ def test_second_page_watches_and_takes_control_in_silence(studio_at, look):
     second = look(studio, link=studio.root, context=first.page.context)
     assert first.page.evaluate("studio.link.controls")
     assert not second.page.evaluate("studio.link.controls")
-    assert "looks on" in second.page.locator("#banner").inner_text()
+    assert "may only watch" in second.page.locator("#banner").inner_text()
     second.page.locator("#take-control").click()
     second.until("studio.link.controls")
     first.until("!studio.link.controls")
-    assert "looks on" in first.page.locator("#banner").inner_text()
+    assert "may only watch" in first.page.locator("#banner").inner_text()
 
 
 def test_every_key_of_the_transport(studio_at, look):

@@ -61,7 +61,7 @@ def test_failure_to_silence_is_reported():
         made.start()
         status, said, _ = post(listening.getsockname()[1], Origin=ORIGIN)
         assert status == 500
-        assert b"not known to be silent: the link is lost" in said
+        assert b"silence was not confirmed: the link is lost" in said
         made.close()
 
 

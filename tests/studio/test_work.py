@@ -105,4 +105,4 @@ def test_the_palm_of_a_take_is_that_of_its_drive(solved):
     assert found["rows"][0][0] == "power outside the square"
     assert found["rows"][0][1] == f"{100 * heard.palm.outside:.3g} %"
     assert found["stamp"] == f"{os.stat(request.drive).st_mtime_ns:x}"
-    assert said[-1][0] == "pressing on a palm"
+    assert said[-1][0] == "simulating the palm"

@@ -93,7 +93,7 @@ def examples_figure(
     for axis, name in zip(axes[:, 0], ("target", "field"), strict=True):
         axis.set_ylabel(f"{name}\ny (mm)", fontsize=8)
     bar = figure.colorbar(image, ax=axes.ravel().tolist(), shrink=0.8, pad=0.02)  # pyright: ignore[reportArgumentType]
-    bar.set_label("sound pressure over a full focus", fontsize=8)
+    bar.set_label("sound pressure re a full focus", fontsize=8)
     bar.ax.tick_params(labelsize=7)
     figure.suptitle(title, x=0.01, ha="left", fontsize=9)
     return figure

@@ -108,7 +108,7 @@ def beam_figure(
     axis.plot(ends, intercept + gain * ends, color=style.reproduced, linewidth=1, label=f"gain {gain:.3f}")
     axis.plot(commanded, measured, "o", color=style.original, markersize=4, label="measured")
     axis.set_xlabel("commanded amplitude (Pa)", fontsize=9)
-    axis.set_ylabel("read amplitude (Pa)", fontsize=9)
+    axis.set_ylabel("measured amplitude (Pa)", fontsize=9)
     axis.set_xlim(0)
     axis.set_ylim(0)
     axis.legend(fontsize=8, frameon=False)

@@ -202,7 +202,7 @@ class Studio:
         if stream not in ("samples", "wanted", "played", "phases", "original", "again"):
             return PlainTextResponse("not there\n", 404)
         try:
-            if self.takes.comes(take):
+            if self.takes.is_pending(take):
                 return Response(self.first.streams.get((stream, second), b""), media_type="application/octet-stream")
             data = self.takes.data(take)
             key = (f"{data.take} {data.stamp}", stream, second)

@@ -17,7 +17,7 @@ KEPT = 60.0
 
 
 @dataclass(slots=True, eq=False)
-class _Looking:
+class _Viewer:
     page: Page
     next: int
     fresh: asyncio.Event = field(default_factory=asyncio.Event)
@@ -31,7 +31,7 @@ class LiveFeed:
     def __init__(self) -> None:
         self._blocks: deque[list[bytes]] = deque()
         self._first = 0
-        self._looking: dict[int, _Looking] = {}
+        self._viewers: dict[int, _Viewer] = {}
         self._most = round(KEPT * 120)
 
     @property
@@ -42,56 +42,56 @@ class LiveFeed:
     def enter(self, page: Page) -> None:
         """Send to this page from now on."""
         self.leave(page)
-        looking = self._looking[page.number] = _Looking(page, self._first + len(self._blocks))
-        looking.task = asyncio.ensure_future(self._go(looking))
+        viewer = self._viewers[page.number] = _Viewer(page, self._first + len(self._blocks))
+        viewer.task = asyncio.ensure_future(self._go(viewer))
 
     def leave(self, page: Page) -> None:
         """Stop sending to a page."""
-        looking = self._looking.pop(page.number, None)
-        if looking is not None and looking.task is not None:
-            looking.task.cancel()
+        viewer = self._viewers.pop(page.number, None)
+        if viewer is not None and viewer.task is not None:
+            viewer.task.cancel()
         self._forget()
 
     def add(self, sections: list[bytes]) -> None:
         """Append the next sections."""
         self._blocks.append(sections)
         self._forget()
-        for looking in self._looking.values():
-            looking.fresh.set()
+        for viewer in self._viewers.values():
+            viewer.fresh.set()
 
     def remind(self, page: Page) -> None:
         """Send waiting sections to a page that may have returned credit."""
-        if page.number in self._looking:
-            self._looking[page.number].fresh.set()
+        if page.number in self._viewers:
+            self._viewers[page.number].fresh.set()
 
     def close(self) -> None:
         """Stop sending."""
-        for looking in list(self._looking.values()):
-            self.leave(looking.page)
+        for viewer in list(self._viewers.values()):
+            self.leave(viewer.page)
 
     def _forget(self) -> None:
         """Drop the blocks that every page has received and those that are too old."""
         end = self._first + len(self._blocks)
-        wanted = max(min((each.next for each in self._looking.values()), default=end), end - self._most)
+        wanted = max(min((each.next for each in self._viewers.values()), default=end), end - self._most)
         while self._first < wanted:
             self._blocks.popleft()
             self._first += 1
 
-    async def _go(self, looking: _Looking) -> None:
+    async def _go(self, viewer: _Viewer) -> None:
         # A closed socket is handled where it is read; that code calls `leave`.
         with suppress(Exception):
             while True:
-                await looking.fresh.wait()
-                looking.fresh.clear()
-                begin = max(looking.next, self._first)
+                await viewer.fresh.wait()
+                viewer.fresh.clear()
+                begin = max(viewer.next, self._first)
                 end = self._first + len(self._blocks)
-                if looking.page.credit <= 0 or begin >= end:
+                if viewer.page.credit <= 0 or begin >= end:
                     continue
                 blocks = list(itertools.islice(self._blocks, begin - self._first, None))
-                looking.next = end
-                looking.page.credit -= 1
+                viewer.next = end
+                viewer.page.credit -= 1
                 self._forget()
-                await looking.page.wire.send_bytes(numbered(blocks, next(looking.messages)))
+                await viewer.page.wire.send_bytes(numbered(blocks, next(viewer.messages)))
 
 
 def numbered(blocks: list[list[bytes]], number: int) -> bytes:

@@ -102,7 +102,7 @@ def run_live(pipe: Connection, permit: PlayLease) -> None:
         os.nice(5)
     threading.Thread(target=_end_with_the_studio, args=(permit,), name="studio", daemon=True).start()
     with one_blas_thread():
-        _LiveWatch(pipe, permit).serve()
+        _LiveSupervisor(pipe, permit).serve()
 
 
 def _end_with_the_studio(permit: PlayLease) -> None:
@@ -225,7 +225,7 @@ class LiveView:
         return field
 
 
-class _LiveWatch:
+class _LiveSupervisor:
     """Serves the requests of the studio, and one run of live touch at a time."""
 
     def __init__(self, pipe: Connection, permit: PlayLease) -> None:

@@ -97,11 +97,11 @@ class RequestGuard:
             return "expected the address of the studio, got another host"
         if scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD"):
             if headers.one("origin") != f"http://{headers.one('host')}":
-                return "this came from another page"
+                return "the request came from another page"
         elif headers.has("origin") and headers.one("origin") != f"http://{headers.one('host')}":
-            return "this came from another page"
+            return "the request came from another page"
         if headers.has("sec-fetch-site") and headers.one("sec-fetch-site") not in self._sites(scope):
-            return "this came from another page"
+            return "the request came from another page"
         if scope["type"] == "http" and scope["path"] == ENTRY:
             return ""
         if not self._keys.known(headers.one("cookie")):

@@ -37,7 +37,7 @@ STEP = 1 / 120
 """Seconds of samples per message: two 60 Hz clocks would beat against each other."""
 
 
-class StrokesAgain(SensorDevice):
+class RepeatedStroke(SensorDevice):
     """Repeats one stroke (`duration` in s) of an open virtual sensor endlessly.
 
     A virtual sensor computes everything since its start, which would take longer and longer.
@@ -94,7 +94,7 @@ class TakeRequest:
     notes: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
-def run_listening(pipe: Connection, name: str, seed: int) -> None:
+def run_sensor(pipe: Connection, name: str, seed: int) -> None:
     """Main function of the sensor process, which ends with its studio.
 
     The pipe carries a `TakeRequest`, "toggle", "quit" or "taps" in, and frames, levels and messages out.
@@ -103,7 +103,7 @@ def run_listening(pipe: Connection, name: str, seed: int) -> None:
     try:
         sensor = _named(name, seed)
         with sensor:
-            _Listening(pipe, sensor, name, seed).run()
+            _SensorLoop(pipe, sensor, name, seed).run()
     except MidairError as wrong:
         _send(pipe, "lost", error=str(wrong))
     except (EOFError, OSError):
@@ -117,11 +117,11 @@ def run_listening(pipe: Connection, name: str, seed: int) -> None:
 def _named(name: str, seed: int) -> SensorDevice:
     made = sensor_named(name, VirtualRig(seed=seed))
     if name.startswith("virtual:"):
-        return PacedSensor(StrokesAgain(made))
+        return PacedSensor(RepeatedStroke(made))
     return PacedSensor(made) if made.on_demand else made
 
 
-class _Tap(SensorDevice):
+class _MirroredSensor(SensorDevice):
     """Wraps an open sensor and sends a copy of its frames to the page."""
 
     def __init__(self, sensor: SensorDevice, pipe: Connection) -> None:
@@ -154,7 +154,7 @@ class _Tap(SensorDevice):
         """Do nothing: the owner of the sensor closes it."""
 
 
-class _Listening:
+class _SensorLoop:
     """Main loop: requests in, frames and takes out."""
 
     def __init__(self, pipe: Connection, sensor: SensorDevice, name: str, seed: int) -> None:
@@ -189,11 +189,13 @@ class _Listening:
 
     def _wait(self) -> Any:
         """Send frames until a request comes; uses a take that waits for a key and is never begun."""
-        watcher = _Watching(self._pipe, self._sensor, idle=True)
+        watcher = _TakeObserver(self._pipe, self._sensor, idle=True)
         nowhere = Path(os.devnull)
         while watcher.request is None:
             try:
-                record_take(_Tap(self._sensor, self._pipe), TakePlan(path=nowhere, start="key", block=STEP), watcher)
+                record_take(
+                    _MirroredSensor(self._sensor, self._pipe), TakePlan(path=nowhere, start="key", block=STEP), watcher
+                )
             except MidairError as wrong:
                 _send(self._pipe, "lost", error=str(wrong))
                 # A sensor that was unplugged may come back.
@@ -212,9 +214,9 @@ class _Listening:
             notes=dict(request.notes),
             block=STEP,
         )
-        watcher = _Watching(self._pipe, self._sensor)
+        watcher = _TakeObserver(self._pipe, self._sensor)
         try:
-            take = record_take(_Tap(self._sensor, self._pipe), plan, watcher)
+            take = record_take(_MirroredSensor(self._sensor, self._pipe), plan, watcher)
         except MidairError as wrong:
             _send(self._pipe, "failed", error=str(wrong))
             return
@@ -249,7 +251,7 @@ class _Listening:
         _send(self._pipe, "tap", cell=cell)
 
 
-class _Watching:
+class _TakeObserver:
     """Observer of a take: requests in, levels and messages out."""
 
     def __init__(self, pipe: Connection, sensor: SensorDevice, *, idle: bool = False) -> None:

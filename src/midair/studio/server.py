@@ -27,7 +27,7 @@ def listen(port: int) -> socket.socket:
         listening.bind(("127.0.0.1", port))
     except OSError as wrong:
         listening.close()
-        raise DeviceError(f"--port {port}: expected a free port, got: {wrong.strerror}; leave --port out") from wrong
+        raise DeviceError(f"--port {port}: expected a free port, got: {wrong.strerror}; omit --port") from wrong
     return listening
 
 

@@ -37,7 +37,7 @@ class StopPort:
                 try:
                     silence()
                 except Exception as wrong:  # noqa: BLE001  # the page must learn of any failure
-                    self._say(500, f"not known to be silent: {wrong}\n".encode(), origin)
+                    self._say(500, f"silence was not confirmed: {wrong}\n".encode(), origin)
                 else:
                     self._say(200, SILENT, origin)
 

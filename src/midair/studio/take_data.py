@@ -123,7 +123,7 @@ def describe_settings(settings: Settings) -> dict[str, Any]:
         "height_mm": float(f"{1e3 * settings.target.grid.height:.6g}") if "height" in chosen else "",
         "line": ", ".join(
             [
-                mode if near else "settings of its own",
+                mode if near else "custom settings",
                 settings.solver.name,
                 f"{settings.target.rate:g} Hz",
                 *(each.removeprefix("--") for each in also),

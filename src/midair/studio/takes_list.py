@@ -35,11 +35,11 @@ class TakesList:
         own += [name for ending in (".csv", ".wav", ".npz") for name in self.folder.names(ending)]
         samples = [SAMPLE + path.stem for path in self._sample_files()]
         rows = [self._row(name) for name in own]
-        if self.comes(SAMPLE + FIRST):
+        if self.is_pending(SAMPLE + FIRST):
             rows.append({**dict.fromkeys(_NOT_YET, False), "name": SAMPLE + FIRST, "sample": True, "stamp": "first"})
         return [*rows, *(self._row(name) for name in samples)]
 
-    def comes(self, name: str) -> bool:
+    def is_pending(self, name: str) -> bool:
         """True for the sample that the demo stroke replaces until its file exists."""
         return name == SAMPLE + FIRST and not (self.samples / f"{FIRST}.h5").exists()
 
@@ -57,18 +57,18 @@ class TakesList:
         path = self.path(name)
         return path.with_name(path.name.removesuffix(path.suffix) + ending)
 
-    def kept(self, name: str) -> Path:
+    def comparison_path(self, name: str) -> Path:
         """Return the path of the pressures of a comparison, kept for this session."""
         return self.samples / ("compared-" + name.replace(":", "-").replace("/", "-") + ".npz")
 
-    def part(self, name: str) -> str:
+    def preview_path(self, name: str) -> str:
         """Return the path of a drive that has only the visible second, used until the whole drive is solved."""
         return str(self.samples / ("in-sight-" + name.replace(":", "-").replace("/", "-") + ".drive.h5"))
 
     def data(self, name: str) -> TakeData:
         """Return the files of a take; the drive is that of the visible second if only that was solved again."""
-        path, drive, kept = self.path(name), self.beside(name, ".drive.h5"), self.kept(name)
-        part = Path(self.part(name))
+        path, drive, kept = self.path(name), self.beside(name, ".drive.h5"), self.comparison_path(name)
+        part = Path(self.preview_path(name))
         if part.exists():
             drive = part
         there = [each for each in (path, drive, kept) if each.exists()]
@@ -86,7 +86,7 @@ class TakesList:
             "solved": bool(drive := stamp_of(self.beside(name, ".drive.h5"))),
             "drive": drive,
             "played": self.beside(name, ".rerecorded.h5").exists(),
-            "compared": self.kept(name).exists(),
+            "compared": self.comparison_path(name).exists(),
             "report": self.beside(name, ".report.html").exists(),
             "stamp": self.data(name).stamp,
         }

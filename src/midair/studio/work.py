@@ -179,7 +179,7 @@ def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]
         rig=rig,
         judged=(lead, judged),
         band=settings.calibration.band,
-        progress=_stage("pressing on a palm", progress),
+        progress=_stage("simulating the palm", progress),
     )
     rows = [[name.removeprefix("palm: "), _figure(value, unit)] for name, (value, unit) in found.figures().items()]
     return {"stamp": stamp, "palm": found.palm, "seconds": judged, "rows": rows}

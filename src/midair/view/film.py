@@ -227,9 +227,7 @@ def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None
             raise
         _, said = running.communicate()
     if running.returncode:
-        raise InputError(
-            f"ffmpeg: expected it to write {path.name}, got: {said.decode(errors='replace').strip()[:300]}"
-        )
+        raise InputError(f"ffmpeg: expected the video {path.name}, got: {said.decode(errors='replace').strip()[:300]}")
 
 
 def ffmpeg() -> str:

@@ -149,7 +149,7 @@ def _sections(data: memoryview) -> Iterator[Section]:
         if (magic, version) != (MAGIC, VERSION) or kind not in list(Kind) or kept not in TYPES:
             raise InputError(
                 f"section at byte {at}: expected {MAGIC:#x}, version {VERSION}, a kind of 1 to {len(Kind)} and a type "
-                f"of 1 to {len(TYPES)}, got {magic:#x}, {version}, {kind}, {kept}; is the page from this midair?"
+                f"of 1 to {len(TYPES)}, got {magic:#x}, {version}, {kind}, {kept}; reload the page"
             )
         dtype, at = TYPES[kept], at + HEADER.size
         size = frames * width * dtype.itemsize

@@ -59,7 +59,7 @@ def _left(folder: Path) -> bool:
         return time.time_ns() / 1e9 - folder.stat().st_mtime > _YOUNG  # noqa: TID251  # compared with a file's time
     handle = os.open(held, os.O_RDWR)
     try:
-        hold_open(handle, f"{folder}: a studio has it")
+        hold_open(handle, f"{folder}: in use by a studio")
     finally:
         os.close(handle)
     # Without such locks, as on Windows, an open file cannot be removed.

@@ -68,7 +68,7 @@ class ComparePanel:
         order = (
             str(self._takes.path(take)),
             str(self._takes.beside(take, ".rerecorded.h5")),
-            str(self._takes.kept(take)),
+            str(self._takes.comparison_path(take)),
             str(self._takes.beside(take, ".drive.h5")),
         )
         return self._jobs.add(

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from midair.errors import DeviceStateError
 from midair.rig import Subject, remember, remembered, take_path
 from midair.studio.feed import Feed
-from midair.studio.sensor_process import TakeRequest, run_listening
+from midair.studio.sensor_process import TakeRequest, run_sensor
 from midair.studio.studio_state import NoArguments, Page, StudioState
 from midair.studio.takes_list import TakesList
 
@@ -54,8 +54,8 @@ class RecordPanel:
     def __init__(self, store: StudioState, takes: TakesList, sensor: str, seed: int, later: Any, taken: Any) -> None:
         self._store, self._takes, self._sensor, self._seed = store, takes, sensor, seed
         self._later, self._taken = later, taken
-        self._looking: dict[int, Page] = {}
-        self._feed = Feed(lambda: list(self._looking.values()))
+        self._viewers: dict[int, Page] = {}
+        self._feed = Feed(lambda: list(self._viewers.values()))
         self._process: Any = None
         self._pipe: Connection | None = None
         self._left_to_do: list[MakeTake] = []
@@ -81,7 +81,7 @@ class RecordPanel:
         """Start or stop sending frames to a page; the first page opens the sensor."""
         if order.shown:
             page.credit = 24
-            self._looking[page.number] = page
+            self._viewers[page.number] = page
             self._feed.leave(page)
             if self._process is None:
                 self._open()
@@ -91,7 +91,7 @@ class RecordPanel:
 
     def left(self, page: Page) -> None:
         """Stop sending frames to a page that has gone or shows another panel."""
-        self._looking.pop(page.number, None)
+        self._viewers.pop(page.number, None)
         self._feed.leave(page)
 
     async def listen(self, _: Page, order: Listen) -> bool:
@@ -168,7 +168,7 @@ class RecordPanel:
         context = get_context("spawn")
         self._pipe, there = context.Pipe()
         self._process = context.Process(
-            target=run_listening, args=(there, self._sensor, self._seed), name="midair sensor", daemon=True
+            target=run_sensor, args=(there, self._sensor, self._seed), name="midair sensor", daemon=True
         )
         self._process.start()
         there.close()

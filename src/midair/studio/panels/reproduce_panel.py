@@ -80,11 +80,11 @@ class ReproducePanel:
 
     async def open(self, _: Page, order: TakeNamed) -> Any:
         """Return the facts of a take."""
-        if self._takes.comes(order.take):
+        if self._takes.is_pending(order.take):
             return {"stamp": "first", **self._first}
         data = self._takes.data(order.take)
         found = await result_of(self._reading, f"reading {order.take}", facts_of, data)
-        return {"stamp": data.stamp, "part": data.drive == self._takes.part(order.take), **found}
+        return {"stamp": data.stamp, "part": data.drive == self._takes.preview_path(order.take), **found}
 
     def code(self, _: Page, order: SolveForm) -> dict[str, Any]:
         """Return the settings of a form as commands and Python."""
@@ -117,20 +117,20 @@ class ReproducePanel:
         )
 
     def _solve(self, order: SolveForm, whole: SolveRequest) -> StudioJob:
-        title, sight = f"solve {order.take}", f"solve the second in sight of {order.take}"
+        title, sight = f"solve {order.take}", f"solve the visible second of {order.take}"
         for job in self._jobs.unfinished():
             if job.title in (title, sight):
                 self._jobs.cancel(job.number)
-        Path(self._takes.part(order.take)).unlink(missing_ok=True)
+        Path(self._takes.preview_path(order.take)).unlink(missing_ok=True)
         if order.visible_s is not None:
-            part = self._takes.part(order.take)
+            part = self._takes.preview_path(order.take)
             first = replace(whole, drive=part, start=order.visible_s, duration=1.0, replaces="", outdated=())
             self._jobs.add(sight, solve_take, first, room="reproduce", ended=self._ended(order.take, title))
         return self._jobs.add(title, solve_take, whole, room="reproduce", ended=self._ended(order.take, title))
 
     def solve_sample(self) -> None:
         """Solve the first sample, so that there is something to show and play at once."""
-        rows = [row for row in self._takes.rows() if row["sample"] and not self._takes.comes(row["name"])]
+        rows = [row for row in self._takes.rows() if row["sample"] and not self._takes.is_pending(row["name"])]
         if rows and not rows[0]["solved"] and not self._sampled:
             self._sampled = True
             sample = SolveForm(take=rows[0]["name"], mode="paper", method="live", level="auto")
@@ -156,10 +156,10 @@ class ReproducePanel:
         def ended(job: StudioJob) -> None:
             # The visible second is shown until the whole drive exists or has failed.
             if title not in [each.title for each in self._jobs.unfinished()]:
-                Path(self._takes.part(take)).unlink(missing_ok=True)
+                Path(self._takes.preview_path(take)).unlink(missing_ok=True)
             if job.title == title and job.state == "done":
                 # The comparison was made with the previous drive.
-                self._takes.kept(take).unlink(missing_ok=True)
+                self._takes.comparison_path(take).unlink(missing_ok=True)
             self._solved(job)
 
         return ended
