@@ -50,10 +50,10 @@ def test_without_anywidget_one_line_says_what_to_install(monkeypatch):
     from midair.view import widget
 
     monkeypatch.setitem(sys.modules, "anywidget", None)
-    widget._kind.cache_clear()
+    widget._widget_class.cache_clear()
     with pytest.raises(MissingExtraError, match=r"midair\[notebook\]"):
         in_notebook(focus())
-    widget._kind.cache_clear()
+    widget._widget_class.cache_clear()
 
 
 def test_framed_page_loads_nothing():

@@ -196,7 +196,7 @@ def write_gif(film: Film, path: Path, *, progress: Report | None = None) -> None
             f"{path.name}: expected at most {MOST_OF_A_GIF} frames in a GIF, got {len(film)}; "
             "show a part (--start-at, --duration), or save an .mp4"
         )
-    first, *_ = pictures = [_indexed(picture, film.table) for picture in _told(film, progress)]
+    first, *_ = pictures = [_indexed(picture, film.table) for picture in _with_progress(film, progress)]
     how = {"duration": 1000 // PICTURES_A_SECOND, "loop": 0, "optimize": False}
     first.save(path, format="GIF", save_all=True, append_images=pictures[1:], **how)
 
@@ -215,10 +215,10 @@ def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None
     wide, high = film.picture(0).size
     given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{wide}x{high}", "-r", str(PICTURES_A_SECOND), "-i", "-"]
     made = ["-an", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(path)]
-    asked = [program, "-nostdin", "-loglevel", "error", "-y", *given, *made]
-    with subprocess.Popen(asked, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+    command = [program, "-nostdin", "-loglevel", "error", "-y", *given, *made]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as running:
         try:
-            for picture in _told(film, progress):
+            for picture in _with_progress(film, progress):
                 _into(running).write(picture.tobytes())
         except BrokenPipeError:
             pass  # ffmpeg ended; its message is read below
@@ -248,7 +248,7 @@ def _into(running: "subprocess.Popen[bytes]") -> Any:
     return running.stdin
 
 
-def _told(film: Film, progress: Report | None) -> "Iterator[Image.Image]":
+def _with_progress(film: Film, progress: Report | None) -> "Iterator[Image.Image]":
     for done, picture in enumerate(film, 1):
         yield picture
         if progress is not None:
@@ -280,10 +280,10 @@ def _fields(sound: Sound) -> Iterator[Tile]:
     shape, top, width = sound.grid.shape, sound.top, max(sound.grid.shape) * sound.grid.pitch
     if (wanted := sound.wanted) is not None:
 
-        def asked(frame: int) -> Array:
+        def target(frame: int) -> Array:
             return wanted[frame].reshape(shape)
 
-        yield Tile(title="Target sound", values=asked, top=top, unit="Pa", width=width)
+        yield Tile(title="Target sound", values=target, top=top, unit="Pa", width=width)
     if (played := sound.played) is not None:
 
         def made(frame: int) -> Array:

@@ -25,7 +25,7 @@ FINE_FRAMES = 1500
 
 def metadata(showing: ViewData) -> dict[str, object]:
     """Return metadata for JSON: lengths in mm, tables and matrices as base64 text."""
-    told: dict[str, object] = {
+    data: dict[str, object] = {
         "title": showing.title,
         "simulated": showing.simulated,
         "rate": showing.rate,
@@ -39,10 +39,10 @@ def metadata(showing: ViewData) -> dict[str, object]:
         "sensor": None,
     }
     if showing.sensor is not None:
-        told["sensor"] = _cells(showing.sensor.rows, showing.sensor.columns, showing.sensor.pitch)
+        data["sensor"] = _cells(showing.sensor.rows, showing.sensor.columns, showing.sensor.pitch)
     if showing.sound is not None:
-        told.update(_plane(showing.sound))
-    return told
+        data.update(_plane(showing.sound))
+    return data
 
 
 def sections(showing: ViewData) -> dict[str, bytes]:
@@ -112,13 +112,13 @@ def _tracks(showing: ViewData) -> Iterator[dict[str, object]]:
 
 
 def _plane(sound: Sound) -> dict[str, object]:
-    grid, told = sound.grid, dict[str, object]()
-    told["field"] = {"rows": grid.rows, "columns": grid.columns, "place": _place(grid), **_matrices(sound.finer)}
-    told["top"] = sound.top
-    told["played"] = "Played, simulated"
+    grid, data = sound.grid, dict[str, object]()
+    data["field"] = {"rows": grid.rows, "columns": grid.columns, "place": _place(grid), **_matrices(sound.finer)}
+    data["top"] = sound.top
+    data["played"] = "Played, simulated"
     if sound.drive is not None:
-        told["positions"] = np.round(1e3 * sound.drive.array.position[:, :2], 2).ravel().tolist()
-    return told
+        data["positions"] = np.round(1e3 * sound.drive.array.position[:, :2], 2).ravel().tolist()
+    return data
 
 
 def _place(grid: ControlGrid) -> dict[str, float]:

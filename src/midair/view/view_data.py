@@ -115,18 +115,18 @@ class ViewData:
 
 def show_recording(recording: Recording, *, pressure: PressureFrames | None = None, part: Part = WHOLE) -> ViewData:
     """View of a recording, or of its calibrated pressure if given."""
-    shown = _channels_of(recording) if pressure is None else _felt(pressure, "calibrated")
+    shown = _channels_of(recording) if pressure is None else _pressure_channels(pressure, "calibrated")
     rate = recording.rate if pressure is None else pressure.rate
     first, last = stretch(part, len(shown.values), rate)
     return ViewData(
-        title=_named(recording.provenance.notes, recording.provenance.source),
+        title=_title_of(recording.provenance.notes, recording.provenance.source),
         rate=rate,
         frames=last - first,
         first=first,
         simulated=recording.provenance.simulated,
         sensor=recording.sensor,
         samples=replace(shown, values=shown.values[first:last]),
-        facts={"sensor": recording.sensor.spelled, **_told_part(part, first, last, rate)},
+        facts={"sensor": recording.sensor.spelled, **_part_facts(part, first, last, rate)},
     )
 
 
@@ -134,13 +134,13 @@ def show_target(target: AmplitudeFrames, *, part: Part = WHOLE) -> ViewData:
     """View of target amplitudes at the control points."""
     first, last = stretch(part, target.frames, target.rate)
     return ViewData(
-        title=_named(target.provenance.notes, target.provenance.source),
+        title=_title_of(target.provenance.notes, target.provenance.source),
         rate=target.rate,
         frames=last - first,
         first=first,
         simulated=target.provenance.simulated,
         sound=Sound(grid=target.grid, wanted=np.asarray(read_frames(target.amplitude, first, last))),
-        facts={"plane": _plane(target.grid), **_told_part(part, first, last, target.rate)},
+        facts={"plane": _plane(target.grid), **_part_facts(part, first, last, target.rate)},
     )
 
 
@@ -157,7 +157,7 @@ def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = N
     if isinstance(solution, Solution) and (plays := solution.plays[first:last]).any():
         facts["E"] = f"{100 * solution.error[first:last][plays].mean():.1f} % of the target, on average"
     return ViewData(
-        title=_named(drive.provenance.notes, drive.provenance.source),
+        title=_title_of(drive.provenance.notes, drive.provenance.source),
         rate=drive.rate,
         frames=drive.frames,
         first=first,
@@ -170,7 +170,7 @@ def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = N
             drive=drive,
             finer=finer(grid, drive.array, acoustics=drive.acoustics),
         ),
-        facts={**facts, **_told_part(part, first, last, drive.rate)},
+        facts={**facts, **_part_facts(part, first, last, drive.rate)},
     )
 
 
@@ -187,9 +187,9 @@ def show_comparison(
     if not np.isclose(original.rate, again.rate, rtol=1e-9):
         raise RateError(f"comparison: expected both at one rate, got {original.rate:g} and {again.rate:g} Hz")
     first, last = stretch(part, min(original.frames, again.frames), original.rate)
-    before, after = _felt(original, "original"), _felt(again, "re-recorded")
+    before, after = _pressure_channels(original, "original"), _pressure_channels(again, "re-recorded")
     return ViewData(
-        title=_named(original.provenance.notes, original.provenance.source),
+        title=_title_of(original.provenance.notes, original.provenance.source),
         rate=original.rate,
         frames=last - first,
         first=first,
@@ -198,7 +198,7 @@ def show_comparison(
         samples=replace(before, values=before.values[first:last]),
         again=replace(after, values=after.values[first:last]),
         sound=sound,
-        facts={"sensor": original.sensor.spelled, **_told_part(part, first, last, original.rate)},
+        facts={"sensor": original.sensor.spelled, **_part_facts(part, first, last, original.rate)},
     )
 
 
@@ -229,12 +229,12 @@ def _channels_of(recording: Recording) -> Channels:
     return Channels(values=values.reshape(len(values), -1), unit=recording.unit, label="recorded")
 
 
-def _felt(pressure: PressureFrames, label: str) -> Channels:
+def _pressure_channels(pressure: PressureFrames, label: str) -> Channels:
     values = np.asarray(pressure.pressure)
     return Channels(values=values.reshape(len(values), -1), unit="Pa", label=label)
 
 
-def _told_part(part: Part, first: int, last: int, rate: float) -> dict[str, str]:
+def _part_facts(part: Part, first: int, last: int, rate: float) -> dict[str, str]:
     return {} if part == WHOLE else {"part": f"{first / rate:.4g} to {last / rate:.4g} s"}
 
 
@@ -243,5 +243,5 @@ def _plane(grid: ControlGrid) -> str:
     return f"{points}, {1e3 * grid.height:.4g} mm above the array"
 
 
-def _named(notes: Mapping[str, str], source: str) -> str:
+def _title_of(notes: Mapping[str, str], source: str) -> str:
     return notes.get("object") or PurePath(source).name.rpartition(":")[2] or "take"

@@ -18,7 +18,7 @@ def in_notebook(showing: ViewData) -> Any:
     MissingExtraError
         If anywidget is not installed.
     """
-    return _kind()(about=metadata(showing), tracks=sections(showing))
+    return _widget_class()(about=metadata(showing), tracks=sections(showing))
 
 
 def framed_page(showing: ViewData, *, height: int = 900) -> str:
@@ -28,7 +28,7 @@ def framed_page(showing: ViewData, *, height: int = 900) -> str:
 
 
 @cache
-def _kind() -> Any:
+def _widget_class() -> Any:
     """Create the widget class on demand, since anywidget is optional."""
     try:
         import anywidget

@@ -5,21 +5,21 @@ export default { render({ model, el }) {
   const root = el.ownerDocument.createElement("div"), tracks = model.get("tracks");
   el.append(root);
   const view = mount(root, model.get("about"), tracks), { transport } = view;
-  let told = false; // true while Python sets the frame: no need to send it back
+  let received = false; // true while Python sets the frame: no need to send it back
   if (model.get("frame")) transport.seek(model.get("frame")); else model.set("frame", transport.frame);
   // Send the frame to Python, but not while playing.
   transport.addEventListener("change", () => {
-    if (told || transport.playing || model.get("frame") === transport.frame) return;
+    if (received || transport.playing || model.get("frame") === transport.frame) return;
     model.set("frame", transport.frame);
     model.save_changes();
   });
   model.on("change:frame", () => {
     const frame = model.get("frame");
     if (frame === transport.frame) return;
-    told = true;
+    received = true;
     transport.pause();
     transport.seek(frame);
-    told = false;
+    received = false;
   });
   return () => view.remove();
 } };
