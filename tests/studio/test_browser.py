@@ -184,7 +184,7 @@ def test_every_key_of_the_transport(studio_at, look):
 
     press("Home")
     assert at() == 0
-    for key, frame in ((".", 1), (".", 2), (",", 1), ("Shift+.", 11), ("Shift+,", 1), ("WarmStart", 1599)):
+    for key, frame in ((".", 1), (".", 2), (",", 1), ("Shift+.", 11), ("Shift+,", 1), ("End", 1599)):
         press(key)
         assert at() == frame, key
     for key, speed in (("2", 0.1), ("3", 0.01), ("1", 1)):

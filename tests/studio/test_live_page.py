@@ -73,7 +73,7 @@ def test_freeze_slow_motion_and_keep(feeling):
     assert page.page.evaluate("studio.room.frozen.transport.frames") == frames
     assert page.page.evaluate("studio.room.traces.track.last") == frames
     press("Home")
-    for key, frame in ((".", 1), ("Shift+.", 11), (",", 10), ("WarmStart", frames - 1)):
+    for key, frame in ((".", 1), ("Shift+.", 11), (",", 10), ("End", frames - 1)):
         press(key)
         assert page.page.evaluate("studio.room.frozen.transport.frame") == frame
     overview = page.page.locator("#box-overview canvas")
