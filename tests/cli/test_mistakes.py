@@ -72,7 +72,7 @@ MISTAKES = (
     ("import song.wav --reference nothing.wav", 1, "nothing.wav: expected a file, found none;"),
     ("import song.wav --reference song.wav --tone loud", 1, "--tone: expected a level re"),
     ("import song.wav --reference song.wav --drop 2g", 1, "--drop: expected MASS:HEIGHT:DIAMETER such"),
-    ("import song.wav --reference song.wav --drop 2g:5cm:1cm", 1, "reference: expected one blow"),
+    ("import song.wav --reference song.wav --drop 2g:5cm:1cm", 1, "reference: expected one impact"),
     ("import song.wav --reference song.wav --scale 2Pa", 1, "--reference: expected it without --scale"),
     ("import sample:fur", 1, "expected one of denim, connect,"),
     ("import sample:towel --rate 1kHz", 1, "sample:towel: expected no file options"),
@@ -141,7 +141,7 @@ MISTAKES = (
     ("solve take.h5 x.drive.h5 --height 200parsec", 1, "expected 20mm to 1m of a palm"),
     ("solve take.h5 x.drive.h5 --height 2mm", 1, "expected 20mm to 1m of a palm"),
     ("solve take.h5 x.drive.h5 --height nan", 2, "expected a quantity such as 200mm,"),
-    ("solve take.h5 x.drive.h5 --points 3.5", 1, "expected cells that the control"),
+    ("solve take.h5 x.drive.h5 --points 3.5", 1, "expected control points that separate"),
     ("solve take.h5 x.drive.h5 --rate 3kHz", 1, "expected 40000 Hz over a whole"),
     ("solve take.h5 x.drive.h5 --rate 0Hz", 1, "expected a number above 0 Hz, got"),
     ("solve take.h5 x.drive.h5 --mode bestest", 2, 'Invalid value "bestest" for'),
@@ -229,7 +229,7 @@ MISTAKES = (
     ("sweep recordings x.zarr nothing.h5", 1, "expected a file, found none; check"),
     ("sweep recordings x.zarr take.h5 --vary heigth=150mm", 1, "--vary heigth: Unknown option:"),
     ("sweep recordings x.zarr take.h5 --vary height", 1, "expected OPTION=VALUE,VALUE such"),
-    ("sweep report nothing.zarr", 1, "expected a sweep, found none; make"),
+    ("sweep report nothing.zarr", 1, "expected a sweep, found none; create"),
     ("completion tcsh", 2, 'Invalid value "tcsh" for SHELL.'),
 )
 """Command line in a folder with `files`, exit status, and words of the error line."""

@@ -157,7 +157,7 @@ def test_a_locked_machine_is_not_moved_but_by_home(capsys):
         ([], "120mm", "300mm/s", "up to 200 mm/s"),
         (["--duration", "1s"], "30mm", "50mm/s", "neither --duration nor --trigger"),
         (["--trigger", "50mV"], "30mm", "50mm/s", "neither --duration nor --trigger"),
-        (["--stage-file", "other.toml"], "30mm", "50mm/s", "where the stage goes"),
+        (["--stage-file", "other.toml"], "30mm", "50mm/s", "describes a motion stage"),
     ],
 )
 def test_impossible_strokes_are_refused_before_anything_moves(machine, capsys, more, stroke, speed, words):

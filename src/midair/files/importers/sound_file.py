@@ -28,7 +28,7 @@ def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
     if subtype in _LOSSY:
         lossy = f"{form} is lossy: it removes signals that people cannot hear but may feel."
         found = replace(found, report=(*found.report, lossy))
-    return found.settle(given, path)
+    return found.resolve(given, path)
 
 
 FLAC = Format(name="FLAC", read=read_sound)
