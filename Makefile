@@ -69,6 +69,7 @@ check: $(VENV)/dev
 	$(BIN)/ruff format --check
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.words
 	$(BIN)/typos README.md CHANGELOG.md CONTRIBUTING.md docs src examples
 	$(MAKE) docs
 
