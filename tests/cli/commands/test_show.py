@@ -99,7 +99,7 @@ def test_no_browser_opens_without_a_screen(files, monkeypatch):
         ("take.h5 --channel 16", 1, "channel: expected 0 to 15, got 16"),
         ("take.drive.h5 --channel 1", 1, "expected a recording"),
         ("take.drive.h5 --save wave.wav", 1, "expected a recording for a sound file"),
-        ("take.h5 --start-at 3s", 1, "expected one of 0 to 0.2 s"),
+        ("take.h5 --start-at 3s", 1, "expected a part of 0 to 0.2 s"),
         ("raw.h5 --target", 1, "calibration"),
     ],
 )
