@@ -16,8 +16,8 @@ import numpy as np
 
 import midair
 from midair.evaluate import error_at_temperature
-from midair.figures import png
-from midair.figures.style import Style, new_figure, plain
+from midair.figures import png_bytes
+from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import Acoustics, Medium, TransducerArray
 from midair.physics import focus_amplitude
 from midair.pipeline import Reproduction, calibrated_pressure, reproduce, target_amplitude
@@ -85,7 +85,7 @@ def drawn(curves: Mapping[tuple[str, float, str], np.ndarray], heights: list[flo
     grid = figure.subplots(len(heights), 2, sharex=True, sharey=True, squeeze=False)
     colours = dict(zip(SOLVED, (style.before, style.reproduced, style.original), strict=True))
     for (mode, height, name), curve in curves.items():
-        axes = plain(grid[heights.index(height), ("paper", "best").index(mode)], style)
+        axes = plain_axes(grid[heights.index(height), ("paper", "best").index(mode)], style)
         axes.plot(SMOOTH, 100 * curve, color=colours[name], linewidth=1.2, label=f"solved for {name}")
         axes.set_title(f"{mode} mode, {1e3 * height:.0f} mm", fontsize=9, loc="left")
         axes.set_ylim(0, 60)
@@ -96,7 +96,7 @@ def drawn(curves: Mapping[tuple[str, float, str], np.ndarray], heights: list[flo
     for axes in grid[-1]:
         axes.set_xlabel("temperature of the room (°C)", fontsize=8)
     grid[0, 1].legend(fontsize=8, frameon=False, loc="upper left")
-    return png(figure)
+    return png_bytes(figure)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.clock import load
 from midair.datasets import stroke
-from midair.devices import measure
+from midair.devices import measure_exposure
 from midair.devices.frame_bytes import PHASE_STEPS, amplitude_of
 from midair.files import profile_named
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, TransducerArray
@@ -86,7 +86,7 @@ def foci(count: int, rng: np.random.Generator, room: Medium | None) -> None:
             points, air = somewhere(place, 512, rng), some_air(rng, room)
             drive = told(np.stack([focus_phase(ARRAY, point, acoustics=air) for point in points]))
             true = sound_level(np.abs((drive.q * transfer_matrix(points, ARRAY, acoustics=air)).sum(axis=1)))
-            over.append(measure(drive, ARRAY, PROFILE, room=room).level[:, number] - true)
+            over.append(measure_exposure(drive, ARRAY, PROFILE, room=room).level[:, number] - true)
         over = np.concatenate(over)
         print(f"{len(over)} foci at the {place.name}: reported minus true {over.min():+.2f} to {over.max():+.2f} dB")
 
@@ -113,7 +113,7 @@ def adversary(
         start = -np.angle(wanted) if first // batch % 2 == 0 else rng.uniform(0, 2 * np.pi, wanted.shape)
         drive = attack(start, wanted, looked_at, steps, levels=levels)
         true = sound_level(np.abs((drive.q * wanted).sum(axis=1)))
-        missed.append(true - measure(drive, ARRAY, PROFILE, room=room).level[:, number])
+        missed.append(true - measure_exposure(drive, ARRAY, PROFILE, room=room).level[:, number])
     missed = np.concatenate(missed)
     print(
         f"adversary, {len(missed)} attacks at the {place.name}: true minus reported, worst {missed.max():+.2f} dB",
@@ -168,7 +168,7 @@ def solved(
         q /= np.abs(q).max(axis=1, keepdims=True)
         drive = told(np.angle(q), np.abs(q))
         true = sound_level(np.abs(drive.q @ wanted))
-        missed.append((true - measure(drive, ARRAY, PROFILE, room=room).level[:, number]).max())
+        missed.append((true - measure_exposure(drive, ARRAY, PROFILE, room=room).level[:, number]).max())
     print(
         f"solved for, {attacks} attacks at the {place.name}: true minus reported, worst {max(missed):+.2f} dB, "
         f"mean {np.mean(missed):+.2f} dB",
@@ -221,7 +221,7 @@ def natural(apart: float, *, frames: int = 300, loudest: int = 6) -> None:
             label = f"{name:6} {1e3 * height:.0f} mm, strength {strength:.2f}"
             drives[label] = solve(target, ARRAY, method="fast", level="auto").drive
     for number, place in enumerate(PROFILE.places[:2]):
-        reported = [measure(drive, ARRAY, PROFILE).level[:, number] for drive in drives.values()]
+        reported = [measure_exposure(drive, ARRAY, PROFILE).level[:, number] for drive in drives.values()]
         strongest = [
             drive.q[np.argsort(level)[-loudest:]] for drive, level in zip(drives.values(), reported, strict=True)
         ]
@@ -255,8 +255,8 @@ def timed(frames: int, rng: np.random.Generator) -> None:
         profile = replace(PROFILE, places=tuple(_moved(place, rng) for place in PROFILE.places))
         with threadpool_limits(limits=1, user_api="blas"):
             before = seconds(lambda: corners(drive))
-        first = seconds(lambda: measure(drive, ARRAY, profile))  # noqa: B023
-        later = seconds(lambda: measure(drive, ARRAY, profile))  # noqa: B023
+        first = seconds(lambda: measure_exposure(drive, ARRAY, profile))  # noqa: B023
+        later = seconds(lambda: measure_exposure(drive, ARRAY, profile))  # noqa: B023
         print(f"{frames} frames: 27 points {before}, first drive {first}, later {later}")
 
 

@@ -19,7 +19,7 @@ from benchmarks.clock import heading, line
 from benchmarks.recordings import pressure_of, problem, wander
 from benchmarks.targets import binary, problem_of
 from midair.errors import MidairError
-from midair.pipeline import at_rate
+from midair.pipeline import resample_pressure
 from midair.settings import best_mode
 from midair.solvers import Fast, Problem, error_of, one_blas_thread
 from midair.solvers.backend import Backend, backend
@@ -74,7 +74,7 @@ def static(name: str, patterns: int) -> int:
 def best(name: str, seconds: float) -> int:
     """Solve a moving spot that vibrates with a chirp, in the best mode at 4 kHz."""
     settings = best_mode()
-    asked = problem(at_rate(pressure_of(wander(seconds)), settings.target.rate), settings, 0.15)
+    asked = problem(resample_pressure(pressure_of(wander(seconds)), settings.target.rate), settings, 0.15)
     print(f"\nglide, best mode, {len(asked.amplitude)} frames, {seconds:g} s of touch, strength .15")
     heading("wall s", "a second", "E mean", "E worst")
     method = replace(settings.solver.method, backend=name)

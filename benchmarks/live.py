@@ -36,8 +36,8 @@ from midair.physics import (
     simulate,
     transfer_matrix,
 )
-from midair.rig.live_touch.touch_ring import LATE, STEP
-from midair.testing.udp_tap import UdpTap
+from midair.rig.live_touch.touch_ring import FRAME_LATE, STEP
+from midair.testing.udp_proxy import UdpProxy
 
 PARTS = ("run", "latency", "bands", "spectra", "hurried", "deaths", "network")
 THINGS = ("towel", "sponge", "brush")
@@ -114,7 +114,7 @@ def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apar
                 while goes:
                     goes = session.wait(0.5)
                     slots, seen, _ = session.since(seen)
-                    late.append(slots["taken"][(slots["flags"] & LATE) > 0])
+                    late.append(slots["taken"][(slots["flags"] & FRAME_LATE) > 0])
                 told = session.statistics.plain() | {"computer": session.opened.granted.words()}
                 left = session.ring.histogram("left")
     except MidairError as wrong:
@@ -165,7 +165,7 @@ def latency(seconds: float) -> np.ndarray:
     The loop's own figures are not used. The pressure on the cell is computed from the phases on the network. The delay
     of a burst is at the maximum of its correlation with the sensor's signal.
     """
-    tap = UdpTap(4)
+    tap = UdpProxy(4)
     skin = SerialSkin(lambda number: np.where(np.arange(16) == 5, _burst(number), 0.0))
     running = Running(tap, skin.name, "--duration", f"{seconds:g}s", "--json")
     try:
@@ -231,7 +231,7 @@ def _held(grid: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray
     return np.where(place >= 0, values[np.maximum(place, 0)], 0.0)
 
 
-def _frames_of_all(tap: UdpTap) -> list[tuple[float, int, np.ndarray]]:
+def _frames_of_all(tap: UdpProxy) -> list[tuple[float, int, np.ndarray]]:
     """(time of the last unit's packet, intensity, phases of all units) of each frame."""
     whole: dict[int, dict[int, tuple[float, int, np.ndarray]]] = {}
     for at, port, datagram in list(tap.sent):
@@ -376,7 +376,7 @@ def deaths(names: tuple[str, ...] = DEATHS) -> dict[str, tuple[float, str]]:
 
 def _death(name: str, attempts: int = 4) -> tuple[float, str]:
     """One failure; on a busy machine a run may end before it, then it is repeated."""
-    tap = UdpTap(4)
+    tap = UdpProxy(4)
     skin = SerialSkin(lambda number: np.full(16, 10.0 * np.sin(2 * np.pi * number / 20)))
     running, child = Running(tap, skin.name, "--mapping", "constant-offset", "--offset", "20Pa"), 0
     try:

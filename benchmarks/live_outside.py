@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from midair.devices.sensors.serial_frames import encode
-from midair.testing.udp_tap import UdpTap
+from midair.testing.udp_proxy import UdpProxy
 
 SILENT_PATTERN, FAILSAFE = 0x16, 0x80
 """Command of a single frame; bit of the FPGA's state that is set when the failsafe has silenced the unit."""
@@ -131,7 +131,7 @@ class Running:
         Name of its sensor.
     """
 
-    def __init__(self, tap: UdpTap, sensor: str, *options: str, folder: Path | None = None) -> None:
+    def __init__(self, tap: UdpProxy, sensor: str, *options: str, folder: Path | None = None) -> None:
         line = [sys.executable, "-m", "midair", "live", "--device", f"autd3:{tap.address}", "--sensor", sensor]
         line += ["--override-exposure", "a benchmark on emulated units", *options]
         self.tap, self.began = tap, time.monotonic()
@@ -173,7 +173,7 @@ class Running:
             return self.process.communicate()
 
 
-def frames_on(tap: UdpTap, since: int = 0, unit: int | None = None) -> Iterator[tuple[float, int, int, np.ndarray]]:
+def frames_on(tap: UdpProxy, since: int = 0, unit: int | None = None) -> Iterator[tuple[float, int, int, np.ndarray]]:
     """(time, instant in µs, intensity, phases) of every frame of one unit that the client sent."""
     for at, port, datagram in list(tap.sent)[since:]:
         if datagram[1] == 0 and datagram[5] == SILENT_PATTERN and (unit is None or port == unit):
@@ -181,12 +181,12 @@ def frames_on(tap: UdpTap, since: int = 0, unit: int | None = None) -> Iterator[
             yield at, instant, datagram[-249], np.frombuffer(datagram[20:269], np.uint8)
 
 
-def loud(tap: UdpTap) -> bool:
+def loud(tap: UdpProxy) -> bool:
     """True if one of the last frames has sound."""
     return any(intensity > 0 for _, _, intensity, _ in frames_on(tap, max(0, len(tap.sent) - 40)))
 
 
-def seconds_to_silence(tap: UdpTap, since: float, patience: float = 3.0) -> tuple[float, str]:
+def seconds_to_silence(tap: UdpProxy, since: float, patience: float = 3.0) -> tuple[float, str]:
     """Time from an event to silence, and its source: a silent frame without a later loud one, or the units.
 
     Units report when their failsafe has acted. A query counts as traffic for them, so they are queried only after 60 ms

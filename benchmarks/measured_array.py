@@ -21,7 +21,7 @@ from midair.devices import ExposureChoices
 from midair.files import DEFAULT_PROFILE, load_array_calibration, profile_named, save_array_calibration
 from midair.model import Acoustics, ArrayCalibration, Medium
 from midair.paper.modes_compared import OBJECTS, SIGNALS, FidelityPlan, at_strength, original_of
-from midair.pipeline import lead_of
+from midair.pipeline import required_lead
 from midair.rig import BudgetPlan, VirtualRig, calibrate_array, error_budget
 from midair.settings import best_mode
 from midair.solvers import one_blas_thread
@@ -100,7 +100,7 @@ def solved(found: ArrayCalibration, rig: VirtualRig, things: list[str]) -> None:
     for thing in things:
         original = original_of(thing, plan, plan.best)
         settings = at_strength(original, plan.best, plan)
-        lead, measured_array = lead_of(settings), found.applied(rig.array)
+        lead, measured_array = required_lead(settings), found.applied(rig.array)
         ways = {
             "assumed": (settings, None),
             # Without poles there is no envelope prediction.

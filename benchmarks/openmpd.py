@@ -19,7 +19,7 @@ from midair.physics import transfer_matrix
 from midair.pipeline import reproduce
 from midair.settings import paper_mode
 from midair.testing import measured_board
-from midair.testing.openmpd_stand_in import CommandReader
+from midair.testing.openmpd_simulator import CommandReader
 
 FRAMES = slice(100, 160)
 ALWAYS = ExposureChoices(profile=profile_named("occupational-110"), override="the benchmark")

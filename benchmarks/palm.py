@@ -19,16 +19,16 @@ import numpy as np
 
 from benchmarks.palm_floor import floor
 from midair.datasets import sample
-from midair.devices import measure
+from midair.devices import measure_exposure
 from midair.files import profile_named
 from midair.model import Acoustics, Calibration, Palm, PressureFrames, Progress
 from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
-from midair.pipeline import calibrated_pressure, lead_of, reproduce
+from midair.pipeline import calibrated_pressure, reproduce, required_lead
 from midair.rig import BudgetPlan, VirtualRig, error_budget
 from midair.settings import Settings, best_mode, finest_mode, paper_mode
 from midair.solvers import Fast, Guard
 from midair.solvers.terms import automatic_level
-from midair.targets import led_in
+from midair.targets import add_lead
 
 ROOM = Acoustics(medium=best_mode().acoustics.medium)
 THINGS = ("towel", "sponge", "brush", "noise", "denim")
@@ -94,7 +94,7 @@ def row(title: str, thing: str, settings: Settings, plan: FidelityPlan) -> None:
     """Print a row of a table."""
     asked = original(thing, plan, settings)
     settings = at_strength(asked, settings, plan)
-    lead, clock = lead_of(settings), Clock("solve")
+    lead, clock = required_lead(settings), Clock("solve")
     made = error_budget(asked, BudgetPlan(settings=settings, rig=plan.rig, lead=lead, palm=Palm.disc()), stage=clock)
     palm, cells, solved = made.palm, made.stage("silencer").so_far.distortion_ratio, made.stage("solver")
     assert palm is not None
@@ -157,8 +157,8 @@ def ears(things: Sequence[str], ways: Mapping[str, Settings], plan: FidelityPlan
         for number, (name, settings) in enumerate(ways.items()):
             asked = original(thing, plan, settings)
             settings = at_strength(asked, settings, plan)
-            drive = reproduce(led_in(asked, lead_of(settings)), plan.rig.array, settings).solution.drive
-            found = measure(drive, plan.rig.array, profile)
+            drive = reproduce(add_lead(asked, required_lead(settings)), plan.rig.array, settings).solution.drive
+            found = measure_exposure(drive, plan.rig.array, profile)
             cells = " | ".join(f"{each:.1f}" for each in found.peak)
             print(f"| {'' if number else thing} | {name} | {cells} | {found.pressure:.0f} |", flush=True)
 

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from benchmarks.palm import MODES, ROOM, original
 from midair.evaluate import PalmFrames
-from midair.figures.style import Style, new_figure, png
+from midair.figures.style import Style, new_figure, png_bytes
 from midair.model import Palm
 from midair.paper.modes_compared import FidelityPlan, at_strength
 from midair.physics import SKINS
-from midair.pipeline import lead_of, reproduce
+from midair.pipeline import reproduce, required_lead
 from midair.rig import VirtualRig, palm_frames_of_drive, played_chain
-from midair.targets import led_in
+from midair.targets import add_lead
 from midair.view import PalmMaps, film_of_palm, write_gif
 
 Array = NDArray[np.float64]
@@ -59,9 +59,9 @@ def frames_of(mode: str, duration: float, palm: Palm) -> Mapping[str, PalmFrames
     settings = MODES[mode] if mode != "paper" else MODES[mode].but(method="glide")
     asked = original("towel", plan, settings)
     settings = at_strength(asked, settings, plan)
-    led = led_in(asked, lead_of(settings))
+    led = add_lead(asked, required_lead(settings))
     drive = reproduce(led, plan.rig.array, settings).solution.drive
-    judged = (lead_of(settings), asked.frames / asked.rate)
+    judged = (required_lead(settings), asked.frames / asked.rate)
     chain = played_chain(drive, plan.rig)
     return {
         skin: palm_frames_of_drive(led, drive, palm, chain=chain, rig=plan.rig, judged=judged, skin=skin)
@@ -97,7 +97,7 @@ def drawn(rows: Mapping[str, Mapping[str, Array]], frames: PalmFrames) -> bytes:
         bar = figure.colorbar(image, ax=list(line), shrink=0.85, pad=0.02)
         bar.set_label(quantity, fontsize=8)
         bar.ax.tick_params(labelsize=8)
-    return png(figure)
+    return png_bytes(figure)
 
 
 def film(path: Path, shown: Mapping[str, PalmFrames], *, frames: int = 30) -> None:

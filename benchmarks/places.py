@@ -19,11 +19,11 @@ from midair.evaluate.distortion import decibels, in_band
 from midair.model import Acoustics, Drive, PressureFrames
 from midair.paper.modes_compared import OBJECTS, SIGNALS, FidelityPlan, at_strength, original_of
 from midair.physics import PlaybackChain, Transducers, cell_weights, simulate, transfer_matrix
-from midair.pipeline import compensate_pressure, lead_of, reproduce
+from midair.pipeline import compensate_pressure, reproduce, required_lead
 from midair.rig import run_loop
 from midair.settings import Settings, best_mode
 from midair.solvers import Glide, one_blas_thread
-from midair.targets import interpolation_matrix, led_in
+from midair.targets import add_lead, interpolation_matrix
 
 PLACES = ((0.0, 0.0), (2e-3, 0.0), (2e-3, 2e-3), (4e-3, 0.0), (4e-3, 4e-3), (5.5e-3, 0.0), (5.5e-3, 5.5e-3))
 BAND = (20.0, 470.0)
@@ -54,7 +54,7 @@ def places(things: list[str]) -> None:
                 continue
             original = original_of(thing, plan, settings)
             alike = at_strength(original, settings, plan)
-            asked = led_in(original, lead_of(alike))
+            asked = add_lead(original, required_lead(alike))
             made, cost = timed(lambda asked=asked, alike=alike: reproduce(asked, plan.rig.array, alike))
             drive = made.solution.drive
             nominal = PlaybackChain(transducers=Transducers.alike(drive.array.count))
@@ -76,7 +76,7 @@ def loops(things: list[str]) -> None:
         original = original_of(thing, plan, settings)
         skin = plan.rig.skin()
         with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:
-            loop = run_loop(original, array, sensor, settings, corrections=1, iterate=3, lead=lead_of(settings))
+            loop = run_loop(original, array, sensor, settings, corrections=1, iterate=3, lead=required_lead(settings))
         chain = plan.rig.array_device().chain
         for number, one in enumerate(loop.passes):
             drive = one.reproduction.solution.drive

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 
 from benchmarks.targets import GRID, TEN, binary, problem_of, towel
-from midair.devices import measure
+from midair.devices import measure_exposure
 from midair.files import profile_named
 from midair.model import Acoustics, AmplitudeFrames, TransducerArray
 from midair.physics import focus_amplitude
@@ -38,7 +38,7 @@ def main() -> None:
             first = None
             for weight in options.weights:
                 solution = solve(target, ARRAY, method="fast", level="auto", quiet_ears=weight, acoustics=Acoustics())
-                found = measure(solution.drive, ARRAY, profile)
+                found = measure_exposure(solution.drive, ARRAY, profile)
                 ears = max(found.peak[0], found.peak[1])
                 first = ears if first is None else first
                 left = found.pressure * 10 ** (-max(found.excess, 0) / 10)

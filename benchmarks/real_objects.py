@@ -23,11 +23,11 @@ from midair.model import Calibration, Recording
 from midair.paper import FidelityPlan, MaterialsPlan, fidelity_table, materials_table
 from midair.paper.modes_compared import at_strength, original_of
 from midair.physics import PlaybackChain, Transducers
-from midair.pipeline import lead_of, reproduce
+from midair.pipeline import reproduce, required_lead
 from midair.recordings import Footprint, footprint_field
 from midair.settings import Mode, paper_mode
 from midair.solvers import one_blas_thread
-from midair.targets import led_in
+from midair.targets import add_lead
 
 HERE = Path(__file__).parents[1].parent / "shared" / "data"
 RATE = 1000.0
@@ -86,7 +86,7 @@ def fidelity(things: list[str], mode: Mode) -> None:
             row = next(rows)
             original = original_of(thing, plan, settings)
             alike = at_strength(original, settings, plan)
-            asked = led_in(original, lead_of(alike))
+            asked = add_lead(original, required_lead(alike))
             rig = replace(plan.rig, cells=original.sensor)
             made, cost = timed(lambda rig=rig, asked=asked, alike=alike: reproduce(asked, rig.array, alike))
             drive = made.solution.drive

@@ -26,7 +26,7 @@ from midair.dsp import resample
 from midair.model import Calibration, PressureFrames, Provenance, SensorGrid
 from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
 from midair.physics import focus_amplitude, transfer_matrix
-from midair.pipeline import at_rate, calibrated_pressure, lead_of, target_amplitude
+from midair.pipeline import calibrated_pressure, required_lead, resample_pressure, target_amplitude
 from midair.rig import BudgetPlan, error_budget
 from midair.settings import Settings, best_mode, paper_mode
 from midair.solvers import Fast, Glide, Guard, Live, Problem, Windows, error_of, one_blas_thread, spreading_phase
@@ -62,7 +62,7 @@ def main() -> None:
 def sequences(settings: Settings, seconds: float) -> Iterator[tuple[str, PressureFrames]]:
     """Pressure of the cells at the settings' rate, at rest at both ends."""
     for name, draw, seed in (("chirp that wanders", wander, 31), ("rain", rain, 32), ("cloth", cloth, 33)):
-        yield f"{name} (seed {seed})", at_rate(pressure_of(draw(seconds, seed)), settings.target.rate)
+        yield f"{name} (seed {seed})", resample_pressure(pressure_of(draw(seconds, seed)), settings.target.rate)
     recording = sample("denim")
     change = float(np.abs(np.asarray(recording.samples) - np.median(recording.samples, axis=0)).max())
     # Like `midair import sample:denim --peak 30Pa` and `solve --band 0.5Hz 15Hz`, because it has only 36 frames/s.
@@ -177,7 +177,7 @@ def skin() -> None:
         for settings in (before, best_mode()):
             original = original_of(thing, plan, settings)
             alike = at_strength(original, settings, plan)
-            made.append(error_budget(original, BudgetPlan(settings=alike, rig=plan.rig, lead=lead_of(alike))))
+            made.append(error_budget(original, BudgetPlan(settings=alike, rig=plan.rig, lead=required_lead(alike))))
         ratios = [each.stage("silencer").so_far.distortion_ratio for each in made]
         leaks = [each.stage("solver").leak.peak for each in made]
         images = [each.stage("silencer").so_far.images for each in made]
@@ -187,7 +187,7 @@ def skin() -> None:
 def jobs(seconds: float) -> None:
     """About one second of a towel in the best mode with 1, 2 and 4 jobs: wall time, and equality of the results."""
     settings = best_mode()
-    asked = problem(at_rate(stroke("towel"), settings.target.rate).cut(0.2, seconds), settings, 0.15)
+    asked = problem(resample_pressure(stroke("towel"), settings.target.rate).cut(0.2, seconds), settings, 0.15)
     print(
         f"\nbest mode, {len(asked.amplitude)} frames of a towel: {len(asked.amplitude) / 4000:.2f} s of touch; {load()}"
     )
@@ -205,7 +205,7 @@ def jobs(seconds: float) -> None:
 def live(seconds: float) -> None:
     """The live solver on three sequences."""
     settings = paper_mode()
-    noise = problem(at_rate(pressure_of(_noise(seconds)), settings.target.rate), settings, 0.1)
+    noise = problem(resample_pressure(pressure_of(_noise(seconds)), settings.target.rate), settings, 0.1)
     print(f"\nlive, 1 kHz, strength .1, E without the first ten frames; garbage collector off; {load()}")
     heading("E mean", "E worst", "CPU p50", "CPU p99", "p50 ms", "p99 ms")
     frames = round(1000 * seconds)

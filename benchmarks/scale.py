@@ -23,7 +23,7 @@ import numpy as np
 from benchmarks.clock import load
 from midair.model import Acoustics, ControlGrid, Medium, SensorGrid, TransducerArray
 from midair.physics import transfer_matrix
-from midair.solvers import Live, Problem, memory_needed, one_blas_thread, placed, problem_at, solver
+from midair.solvers import Live, Problem, memory_needed, multi_plane_problem, one_blas_thread, place_grid, solver
 from midair.solvers.initial_phase import spreading_phase
 from midair.solvers.modes import modes
 from midair.targets import interpolation_matrix
@@ -118,10 +118,10 @@ def problem_of(size: str) -> Problem:
     amplitude = (np.random.default_rng(0).random((16, cells**2)) < 0.5) @ weights.T
     if "hands" in kind:
         planes = [
-            placed(grid, centre=(-0.06, 0.0, 0.15), normal=(0.34, 0.0, 0.94)),
-            placed(grid, centre=(0.06, 0.0, 0.22), normal=(-0.34, 0.0, 0.94)),
+            place_grid(grid, centre=(-0.06, 0.0, 0.15), normal=(0.34, 0.0, 0.94)),
+            place_grid(grid, centre=(0.06, 0.0, 0.22), normal=(-0.34, 0.0, 0.94)),
         ]
-        problem = problem_at(planes, np.hstack([amplitude, amplitude[::-1]]), array, acoustics=ACOUSTICS)
+        problem = multi_plane_problem(planes, np.hstack([amplitude, amplitude[::-1]]), array, acoustics=ACOUSTICS)
         return replace(problem, amplitude=0.1 * problem.amplitude / problem.amplitude.max())
     G = transfer_matrix(grid, array, acoustics=ACOUSTICS)
     np.divide(G, np.abs(G).sum(axis=1).max(), out=G)

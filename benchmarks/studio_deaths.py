@@ -18,7 +18,7 @@ from pathlib import Path
 import psutil
 from websockets.sync.client import connect
 
-from midair.testing.udp_tap import UdpTap
+from midair.testing.udp_proxy import UdpProxy
 
 SWITCH, SILENT_PATTERN = 0x12, 0x16
 """Commands that start a bank, and that silence the unit."""
@@ -146,7 +146,7 @@ class PlayingStudio:
     """A studio whose units emit sound because a visible page has armed them."""
 
     def __init__(self, folder, units=4):
-        self.tap, self.browser, self.server, self.process = UdpTap(units), None, None, 0
+        self.tap, self.browser, self.server, self.process = UdpProxy(units), None, None, 0
         words = [sys.executable, "-m", "midair", "studio", str(folder), "--no-browser"]
         self.server = subprocess.Popen(
             [*words, "--device", f"autd3:{self.tap.address}"], stdout=subprocess.PIPE, text=True

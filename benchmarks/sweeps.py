@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.clock import heading, line, load, timed
 from midair.datasets import stroke
 from midair.lazy_frames import LazyFrames, blocks
-from midair.pipeline import at_rate, target_amplitude
+from midair.pipeline import resample_pressure, target_amplitude
 from midair.settings import best_mode, paper_mode
 from midair.sweep import PatternSweep, load_sweep, run_sweep
 from midair.sweep.run import cluster
@@ -81,7 +81,7 @@ def main() -> None:
 def targets() -> None:
     """Print the CPU time to compute and read the targets of a towel, which the command does twice for `glide`."""
     for name, settings in (("paper", paper_mode()), ("best", best_mode())):
-        felt = at_rate(stroke("towel"), settings.target.rate)
+        felt = resample_pressure(stroke("towel"), settings.target.rate)
         cells = np.tile(felt.pressure, (4, 1, 1))
         reel: np.ndarray = LazyFrames(lambda first, last, cells=cells: cells[first:last], cells.shape)  # pyright: ignore[reportAssignmentType]
         target = target_amplitude(replace(felt, pressure=reel), settings).amplitude

@@ -13,7 +13,7 @@ import midair
 from midair.datasets import sample
 from midair.figures import traces_figure
 from midair.model import Calibration, ControlGrid, TransducerArray
-from midair.pipeline import at_rate
+from midair.pipeline import resample_pressure
 
 recording = sample("denim")
 print(f"{recording.frames} frames at {recording.rate:.2f} Hz, in {recording.unit}s")
@@ -28,7 +28,7 @@ figure = traces_figure(pressure)
 # %%
 # Solve a tenth of a second on a coarse grid.
 
-part = at_rate(pressure, 200.0).cut(3.0, 0.1)
+part = resample_pressure(pressure, 200.0).cut(3.0, 0.1)
 target = midair.prepare(part, grid=ControlGrid(rows=11, columns=11, pitch=5.5e-3))
 solution = midair.solve(target, TransducerArray.autd3(), iterations=(30, 5))
 print(f"E = {100 * np.mean(solution.error):.1f} % on average over {target.frames} frames")

@@ -9,7 +9,7 @@ three mappings to three signals at 4 kHz, and compares the remaining signal in 2
 import numpy as np
 
 from midair.dsp import band_window, filter_response
-from midair.figures.style import Style, new_figure, plain
+from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import PressureFrames, Provenance
 from midair.targets import MAPPINGS, mapping_report
 
@@ -64,7 +64,7 @@ part = slice(int(0.65 * RATE), int(1.15 * RATE))
 for axes, mapping in zip(figure.subplots(3, 1, sharex=True, sharey=True), MAPPINGS, strict=True):
     x = frames(signals["bursts"]).pressure
     pushed = MAPPINGS[mapping](x, RATE)
-    plain(axes, style)
+    plain_axes(axes, style)
     axes.plot(1e3 * time[part], x[part, 1, 1], color=style.before, linewidth=0.8, label="recorded")
     axes.plot(1e3 * time[part], pushed[part, 1, 1], color=style.reproduced, linewidth=0.8, label="pushed")
     axes.set_title(mapping, fontsize=9, loc="left")

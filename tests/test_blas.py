@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from midair.blas import misses_wide_kernel, take_wide_kernel
+from midair.blas import misses_wide_kernel, select_wide_kernel
 
 WIDE = "fpu sse avx2 avx512f avx512dq avx512cd avx512bw avx512vl avx512_bf16"
 
@@ -35,11 +35,11 @@ def test_a_value_set_by_the_user_stays(tmp_path):
     told = tmp_path / "cpuinfo"
     told.write_text(cpuinfo())
     mine, nobody_s = {"OPENBLAS_CORETYPE": "Zen"}, {}
-    assert not take_wide_kernel(mine, told)
+    assert not select_wide_kernel(mine, told)
     assert mine == {"OPENBLAS_CORETYPE": "Zen"}
-    assert take_wide_kernel(nobody_s, told)
+    assert select_wide_kernel(nobody_s, told)
     assert nobody_s == {"OPENBLAS_CORETYPE": "SkylakeX"}
-    assert not take_wide_kernel({}, tmp_path / "no such file")
+    assert not select_wide_kernel({}, tmp_path / "no such file")
 
 
 @pytest.mark.long

@@ -6,7 +6,7 @@ import pytest
 from midair.errors import InputError, RateError
 from midair.model import ControlGrid, PressureFrames, Provenance, Recording, TransducerArray
 from midair.physics import Transducers, focus_amplitude
-from midair.pipeline import at_rate, calibrated_pressure, reproduce, reproduce_stream, target_amplitude
+from midair.pipeline import calibrated_pressure, reproduce, reproduce_stream, resample_pressure, target_amplitude
 from midair.settings import Settings
 from midair.targets import Circle
 
@@ -31,7 +31,7 @@ def test_the_stages_are_in_the_order_of_the_paper():
 
 
 def test_another_rate_keeps_the_wave():
-    pressure = at_rate(calibrated_pressure(recording(), None, Settings()), 2000.0)
+    pressure = resample_pressure(calibrated_pressure(recording(), None, Settings()), 2000.0)
     assert pressure.rate == 2000
     assert pressure.frames == 1000
     middle = pressure.pressure[300:700, 1, 2]
@@ -42,7 +42,7 @@ def test_another_rate_keeps_the_wave():
 
 def test_the_same_rate_is_left_alone():
     pressure = PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0)
-    assert at_rate(pressure, 1000.0) is pressure
+    assert resample_pressure(pressure, 1000.0) is pressure
 
 
 def test_progress_reaches_the_end():
@@ -89,7 +89,7 @@ def test_with_a_slow_bias_sound_stays_positive_where_pressure_was_compensated():
 
 @pytest.mark.parametrize("rate", [1000.0, 2000.0, 4000.0, 8000.0])
 def test_every_rate_that_divides_the_ultrasound_is_solved(rate):
-    pressure = at_rate(calibrated_pressure(recording(), None, Settings()), rate).cut(0.1, 0.002)
+    pressure = resample_pressure(calibrated_pressure(recording(), None, Settings()), rate).cut(0.1, 0.002)
     made = reproduce(pressure, SMALL, Settings().but(iterations=1, rate=rate))
     assert made.solution.drive.frames == round(0.002 * rate)
 
@@ -107,7 +107,7 @@ def test_an_unknown_place_of_compensation_is_refused():
 
 @pytest.mark.parametrize("way", [reproduce, reproduce_stream])
 def test_a_solution_too_large_for_memory_is_refused(monkeypatch, way):
-    monkeypatch.setattr("midair.ram.available", lambda: 50_000_000)
+    monkeypatch.setattr("midair.ram.available_memory", lambda: 50_000_000)
     settings = Settings().but(grid=ControlGrid(rows=64, columns=64))
     pressure = calibrated_pressure(recording(), None, settings).cut(0.1, 0.02)
     monkeypatch.setattr(
@@ -150,7 +150,7 @@ def test_envelopes_of_a_measured_array_are_predicted(mapping, foreseen):
     settings = Settings().but(
         rate=2000.0, mapping=mapping, method="naive", grid=ControlGrid(rows=6, columns=6, pitch=11e-3)
     )
-    pressure = at_rate(calibrated_pressure(recording(), None, settings).cut(0.1, 0.02), 2000.0)
+    pressure = resample_pressure(calibrated_pressure(recording(), None, settings).cut(0.1, 0.02), 2000.0)
     made = reproduce(pressure, measured(), settings).solution.drive
     plain = reproduce(pressure, replace(measured(), pole=np.zeros(0)), settings).solution.drive
     assert [step.stage for step in made.provenance.steps].count("foresee the array") == foreseen

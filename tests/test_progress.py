@@ -2,36 +2,36 @@ import numpy as np
 import pytest
 
 from midair.lazy_frames import LazyFrames, blocks
-from midair.progress import passing, watched
+from midair.progress import report_progress, report_to
 
 
 def test_only_the_outermost_loop_reports():
     told = []
-    with watched(lambda done, total: told.append((done, total))):
-        for _ in passing("ab", 2):
-            assert list(passing(range(5), 5)) == list(range(5))
-        assert list(passing([3, 4], 7, weight=lambda each: each)) == [3, 4]
+    with report_to(lambda done, total: told.append((done, total))):
+        for _ in report_progress("ab", 2):
+            assert list(report_progress(range(5), 5)) == list(range(5))
+        assert list(report_progress([3, 4], 7, weight=lambda each: each)) == [3, 4]
     assert told == [(1, 2), (2, 2), (3, 7), (7, 7)]
-    assert list(passing("xy", 2)) == ["x", "y"]
+    assert list(report_progress("xy", 2)) == ["x", "y"]
     assert len(told) == 4
 
 
 def test_an_interrupted_loop_lets_the_next_report():
     told = []
-    with watched(lambda done, total: told.append((done, total))):
-        for _ in passing(range(9), 9):
+    with report_to(lambda done, total: told.append((done, total))):
+        for _ in report_progress(range(9), 9):
             break
         with pytest.raises(ZeroDivisionError):
-            for each in passing([0], 1):
+            for each in report_progress([0], 1):
                 1 / each
-        assert list(passing("a", 1)) == ["a"]
+        assert list(report_progress("a", 1)) == ["a"]
     assert told == [(1, 1)]
 
 
 @pytest.mark.parametrize("lazy", [False, True])
 def test_progress_over_blocks_is_in_frames(lazy):
     x, told = np.arange(20.0).reshape(10, 2), []
-    with watched(lambda done, total: told.append((done, total))):
+    with report_to(lambda done, total: told.append((done, total))):
         parts = list(blocks(LazyFrames(lambda a, b: x[a:b], x.shape) if lazy else x, 4))
     assert told == [(4, 10), (8, 10), (10, 10)]
     assert np.array_equal(np.concatenate(parts), x)

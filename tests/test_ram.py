@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from midair.ram import available
+from midair.ram import available_memory
 
 
 @pytest.fixture
@@ -14,11 +14,11 @@ def meminfo(tmp_path):
 
 
 def test_the_available_memory(meminfo, tmp_path):
-    assert available(meminfo, tmp_path / "none") == 2000000 * 1024
+    assert available_memory(meminfo, tmp_path / "none") == 2000000 * 1024
 
 
 def test_unknown_memory_is_none(tmp_path):
-    assert available(tmp_path / "none", tmp_path) is None
+    assert available_memory(tmp_path / "none", tmp_path) is None
 
 
 @pytest.mark.parametrize(("limit", "left"), [("1000000000", 450_000_000), ("max", 2000000 * 1024)])
@@ -26,24 +26,24 @@ def test_a_container_may_have_less(meminfo, tmp_path, limit, left):
     (tmp_path / "memory.max").write_text(f"{limit}\n")
     (tmp_path / "memory.current").write_text("600000000\n")
     (tmp_path / "memory.stat").write_text("anon 550000000\ninactive_file 50000000\nactive_file 7\n")
-    assert available(meminfo, tmp_path) == left
+    assert available_memory(meminfo, tmp_path) == left
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux says it")
 def test_this_system_reports_a_possible_value():
-    assert 10e6 < (available() or 0) < 1e14
+    assert 10e6 < (available_memory() or 0) < 1e14
 
 
 HELD = """
 import sys
 import numpy as np
 from pathlib import Path
-from midair.ram import give_back_large
+from midair.ram import return_large_arrays
 
 def resident():
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
-told = sys.argv[1] == "told" and give_back_large()
+told = sys.argv[1] == "told" and return_large_arrays()
 # Freed once, a large array raises the size from which on the GNU library gives one back.
 first = np.ones(3_000_000)
 del first

@@ -3,14 +3,14 @@
 import gc
 import sys
 
-from midair.blas import take_wide_kernel
-from midair.ram import give_back_large
+from midair.blas import select_wide_kernel
+from midair.ram import return_large_arrays
 
 
 def main() -> None:
     """Run the command line and exit with its status."""
-    take_wide_kernel()
-    give_back_large()
+    select_wide_kernel()
+    return_large_arrays()
     # Imported modules stay in memory: collecting garbage while they load takes a twelfth of the start-up time.
     gc.disable()
     try:

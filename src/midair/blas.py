@@ -25,7 +25,7 @@ def misses_wide_kernel(cpuinfo: str) -> bool:
     return int(family[1]) >= 26 and set(flags[1].split()) >= NEEDED
 
 
-def take_wide_kernel(environ: MutableMapping[str, str] = os.environ, cpuinfo: Path = Path("/proc/cpuinfo")) -> bool:
+def select_wide_kernel(environ: MutableMapping[str, str] = os.environ, cpuinfo: Path = Path("/proc/cpuinfo")) -> bool:
     """Set OPENBLAS_CORETYPE, unless set, before NumPy loads OpenBLAS with the narrow kernel; True if it was set."""
     if VARIABLE in environ or not cpuinfo.is_file() or not misses_wide_kernel(cpuinfo.read_text(encoding="utf-8")):
         return False

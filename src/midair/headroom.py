@@ -17,7 +17,7 @@ from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, SensorG
 from midair.physics import focus_amplitude, radiation_pressure, sound_amplitude, transfer_matrix
 from midair.settings import Settings
 from midair.solvers import solve
-from midair.targets import interpolation_matrix, piece_of
+from midair.targets import frames_without_lead, interpolation_matrix
 
 Array = NDArray[np.float64]
 
@@ -130,7 +130,7 @@ def level_of(
     """
     drive = solution.drive
     medium = drive.acoustics.medium
-    piece = piece_of(target.provenance, target.frames, target.rate)
+    piece = frames_without_lead(target.provenance, target.frames, target.rate)
     loudest, point, sums = _loudest(target, piece)
     wave = _at_point(target, piece, point)
     pressure = radiation_pressure(wave, medium)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.progress import passing
+from midair.progress import report_progress
 
 Array = NDArray[np.float64]
 Stored = Literal["f4", "f8"]
@@ -113,7 +113,7 @@ class LazyFrames:
     def blocks(self, size: int | None = None) -> Iterator[Array]:
         """Iterate over the frames, `size` at a time; about 2 MB if None."""
         parts = (self._read(first, last) for first, last in block_ranges(self.shape, size))
-        yield from passing(parts, len(self), weight=len)
+        yield from report_progress(parts, len(self), weight=len)
 
     def mapped(self, function: Callable[[Array], Any], *, stored: Stored = "f8") -> "LazyFrames":
         """Lazy frames of `function`, which takes (frame, ...) and returns as many frames."""
@@ -223,7 +223,7 @@ def blocks(x: "NDArray[Any] | LazyFrames", size: int | None = None) -> Iterator[
     """Iterate over the frames of an array or lazy frames, `size` at a time; about 2 MB if None."""
     if isinstance(x, LazyFrames):
         return x.blocks(size)
-    return passing((x[first:last] for first, last in block_ranges(x.shape, size)), len(x), weight=len)
+    return report_progress((x[first:last] for first, last in block_ranges(x.shape, size)), len(x), weight=len)
 
 
 def read_frames(x: "NDArray[Any] | LazyFrames", first: int, last: int) -> NDArray[Any]:

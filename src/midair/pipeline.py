@@ -13,7 +13,7 @@ from midair.calibration import calibrate
 from midair.correct import EnvelopePrediction
 from midair.dsp import resample
 from midair.errors import InputError
-from midair.evaluate import is_silent
+from midair.evaluate import band_settling_frames
 from midair.lazy_filters import pad_with_silence
 from midair.model import (
     AmplitudeFrames,
@@ -27,7 +27,7 @@ from midair.model import (
 from midair.physics import Transducers, check_frame_rate, focus_amplitude
 from midair.settings import Settings
 from midair.solvers import Cells, Windows, check_memory, memory_of, one_blas_thread, pressure_means, solve, solve_parts
-from midair.targets import decouple, precompensate, precompensate_sound, prepare, usual_lead
+from midair.targets import decouple, default_lead, precompensate, precompensate_sound, prepare
 
 Array = NDArray[np.float64]
 
@@ -66,17 +66,17 @@ def calibrated_pressure(
     """
     chosen, rate = settings.calibration, settings.target.rate
     if not from_rest:
-        return at_rate(calibrate(recording, calibration, band=chosen.band, method=chosen.inverse), rate)
+        return resample_pressure(calibrate(recording, calibration, band=chosen.band, method=chosen.inverse), rate)
     # A number of frames that is whole at the other rate too.
     ratio = Fraction(rate / recording.rate).limit_denominator(1000)
-    pad = -(-is_silent(chosen.band, recording.rate) // ratio.denominator) * ratio.denominator
+    pad = -(-band_settling_frames(chosen.band, recording.rate) // ratio.denominator) * ratio.denominator
     longer = replace(recording, samples=cast("Array", pad_with_silence(recording.samples, pad)))
-    whole = at_rate(calibrate(longer, calibration, band=chosen.band, method=chosen.inverse), rate)
+    whole = resample_pressure(calibrate(longer, calibration, band=chosen.band, method=chosen.inverse), rate)
     first = pad * ratio.numerator // ratio.denominator
     return replace(whole, pressure=whole.pressure[first : whole.frames - first])
 
 
-def at_rate(pressure: PressureFrames, rate: float) -> PressureFrames:
+def resample_pressure(pressure: PressureFrames, rate: float) -> PressureFrames:
     """The same pressure, band-limited, at another frame rate; unchanged if the rate is equal."""
     if np.isclose(pressure.rate, rate, rtol=1e-9):
         return pressure
@@ -88,9 +88,9 @@ def at_rate(pressure: PressureFrames, rate: float) -> PressureFrames:
     )
 
 
-def lead_of(settings: Settings) -> float:
+def required_lead(settings: Settings) -> float:
     """Lead before and after a piece that the settings need, in s, for `led_in`."""
-    return usual_lead(settings.target.mapping, settings.calibration.band)
+    return default_lead(settings.target.mapping, settings.calibration.band)
 
 
 def compensate_pressure(pressure: PressureFrames, settings: Settings) -> PressureFrames:
@@ -137,7 +137,7 @@ def target_amplitude(pressure: PressureFrames, settings: Settings) -> AmplitudeF
     return target
 
 
-def at_strength(pressure: PressureFrames, array: TransducerArray, settings: Settings) -> Settings:
+def with_gain_for_strength(pressure: PressureFrames, array: TransducerArray, settings: Settings) -> Settings:
     """The settings with the gain at which the target has their strength; unchanged if they have no strength.
 
     Raises
@@ -200,7 +200,7 @@ def compensate_envelope(
 
 def _check_solution_memory(target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, parts: bool) -> None:
     needed = memory_of(target, array, acoustics=settings.acoustics, parts=parts, **settings.solver.arguments())
-    check_memory(needed, ram.available(), points=target.grid.count, transducers=array.count)
+    check_memory(needed, ram.available_memory(), points=target.grid.count, transducers=array.count)
 
 
 def reproduce_stream(
@@ -214,7 +214,7 @@ def reproduce_stream(
         If the array cannot take frames at the pressure's rate.
     """
     check_frame_rate(pressure.rate, array.frequency)
-    settings = at_strength(pressure, array, settings)
+    settings = with_gain_for_strength(pressure, array, settings)
     target = target_amplitude(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
     _check_solution_memory(target, array, settings, parts=True)
     parts = solve_parts(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
@@ -234,7 +234,7 @@ def reproduce(
         If the array cannot take frames at the pressure's rate.
     """
     check_frame_rate(pressure.rate, array.frequency)
-    settings = at_strength(pressure, array, settings)
+    settings = with_gain_for_strength(pressure, array, settings)
     known = replace(pressure, provenance=settings.noted(pressure.provenance))
     target = target_amplitude(known, settings)
     return Reproduction(

@@ -28,8 +28,8 @@ _watcher: ContextVar[_Watcher | None] = ContextVar("watcher", default=None)
 
 
 @contextmanager
-def watched(report: Progress) -> Generator[None]:
-    """Report the progress of each loop over `passing` to `report`; of nested loops only the outermost reports."""
+def report_to(report: Progress) -> Generator[None]:
+    """Report each loop over `report_progress` to `report`; of nested loops only the outermost reports."""
     before = _watcher.set(_Watcher(report))
     try:
         yield
@@ -37,8 +37,8 @@ def watched(report: Progress) -> Generator[None]:
         _watcher.reset(before)
 
 
-def passing(items: Iterable[T], total: int, *, weight: Callable[[T], int] = lambda _: 1) -> Iterator[T]:
-    """Yield the items and report progress to the callback of `watched`, if any; `total` is the sum of the weights."""
+def report_progress(items: Iterable[T], total: int, *, weight: Callable[[T], int] = lambda _: 1) -> Iterator[T]:
+    """Yield the items and report progress to the callback of `report_to`, if any; `total` is the sum of the weights."""
     watcher = _watcher.get()
     if watcher is None or watcher.busy:
         yield from items

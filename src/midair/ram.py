@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 
-def available(meminfo: Path = Path("/proc/meminfo"), group: Path = Path("/sys/fs/cgroup")) -> int | None:
+def available_memory(meminfo: Path = Path("/proc/meminfo"), group: Path = Path("/sys/fs/cgroup")) -> int | None:
     """Bytes that a process can allocate without swapping, also within a cgroup; None where this is unknown."""
     if not meminfo.is_file():
         return None
@@ -21,7 +21,7 @@ def available(meminfo: Path = Path("/proc/meminfo"), group: Path = Path("/sys/fs
     return left if free is None else min(free, left)
 
 
-def give_back_large(least: int = 2**22) -> bool:
+def return_large_arrays(least: int = 2**22) -> bool:
     """Return arrays of `least` bytes or more to the system as soon as they are freed; True if that could be set.
 
     The default threshold of the GNU C library rises with freed sizes up to 32 MB; smaller arrays come from a heap that

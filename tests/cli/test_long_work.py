@@ -11,7 +11,7 @@ from rich.progress import Progress
 
 from midair.cli import app, run
 from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of
-from midair.cli.waiting import Waiting
+from midair.cli.waiting import BusyBar
 from midair.files import save
 from midair.model import Calibration, Recording, SensorGrid
 
@@ -182,7 +182,7 @@ def test_ctrl_c_at_the_first_step_of_a_bar_prints_the_kept_files(line, folder, c
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Progress, "add_task", add_task)
-    monkeypatch.setattr(Waiting, "report", report)
+    monkeypatch.setattr(BusyBar, "report", report)
     before = files_here()
     capsys.readouterr()
     assert run(line.split()) == 130
@@ -200,7 +200,7 @@ def test_ctrl_c_at_the_first_step_of_a_bar_prints_the_kept_files(line, folder, c
 def test_a_bar_has_an_end(line, folder, capsys, monkeypatch):
     """So that it tells the time left: every task of every bar is told how much there is in all."""
     made_now(line)
-    waited, ends, count, finish = [], [], Waiting.report, Progress.stop
+    waited, ends, count, finish = [], [], BusyBar.report, Progress.stop
 
     def reported(self, done, total):
         waited.append(self)
@@ -211,7 +211,7 @@ def test_a_bar_has_an_end(line, folder, capsys, monkeypatch):
         finish(self)
 
     monkeypatch.setattr(Progress, "stop", stop)
-    monkeypatch.setattr(Waiting, "report", reported)
+    monkeypatch.setattr(BusyBar, "report", reported)
     assert run(line.split()) == 0, capsys.readouterr().err
     if command_of(line.split()) and not ends:
         assert 0.3 < waited[-1].share <= 1

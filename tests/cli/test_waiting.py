@@ -3,8 +3,8 @@ import time
 
 from rich.console import Console
 
-from midair.cli.waiting import Waiting, waiting
-from midair.progress import passing
+from midair.cli.waiting import BusyBar, waiting
+from midair.progress import report_progress
 
 
 def screen(*, terminal):
@@ -20,7 +20,7 @@ def until(true, *, within=5.0):
 
 def test_appears_when_it_takes_long_and_goes_with_the_end():
     console = screen(terminal=True)
-    line = Waiting("compare", console, after=0.01)
+    line = BusyBar("compare", console, after=0.01)
     assert until(lambda: line.visible)
     line.end()
     line.end()
@@ -37,7 +37,7 @@ def test_short_work_shows_nothing():
 
 def test_nothing_is_shown_without_a_terminal():
     console = screen(terminal=False)
-    line = Waiting("info", console, after=0.0)
+    line = BusyBar("info", console, after=0.0)
     time.sleep(0.05)
     assert not line.visible
     line.end()
@@ -45,7 +45,7 @@ def test_nothing_is_shown_without_a_terminal():
 
 
 def test_time_left_is_of_all_passes_and_the_end_moves_on_where_there_are_more():
-    line = Waiting("cut", screen(terminal=False), passes=4)
+    line = BusyBar("cut", screen(terminal=False), passes=4)
     assert line.share is None
     shares = []
     for done in (5, 10, 10, 10, 10, 10):
@@ -56,5 +56,5 @@ def test_time_left_is_of_all_passes_and_the_end_moves_on_where_there_are_more():
 
 def test_progress_inside_the_block_is_shown():
     with waiting("cut", screen(terminal=False), passes=2) as line:
-        assert list(passing("abcd", 4)) == list("abcd")
+        assert list(report_progress("abcd", 4)) == list("abcd")
         assert line.share == 0.5

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.correct import amplitude_gain, beam_drive, beam_gain, beat_amplitude, commanded_pressure
+from midair.correct import amplitude_gain, beam_drive, beam_gain, commanded_pressure, sine_amplitude
 from midair.errors import InputError, ShapeError
 from midair.model import Medium, TransducerArray
 from midair.physics import propagate, radiation_pressure
@@ -24,12 +24,12 @@ def test_the_beam_beats_as_a_raised_sine_of_pressure():
 def test_beat_amplitude_of_a_raised_sine():
     time = np.arange(600) / 1000
     signal = np.repeat([2.0, 4.0, 8.0], 200) * (1 - np.cos(2 * np.pi * 100 * time)) / 2
-    np.testing.assert_allclose(beat_amplitude(signal, 1000.0, frequency=100.0, parts=3), [1, 2, 4], rtol=1e-9)
+    np.testing.assert_allclose(sine_amplitude(signal, 1000.0, frequency=100.0, parts=3), [1, 2, 4], rtol=1e-9)
 
 
 def test_beat_amplitude_needs_some_cycles():
     with pytest.raises(ShapeError, match="cycles"):
-        beat_amplitude(np.ones(20), 1000.0, frequency=100.0, parts=4)
+        sine_amplitude(np.ones(20), 1000.0, frequency=100.0, parts=4)
 
 
 def test_a_straight_line_is_found_with_its_floor():

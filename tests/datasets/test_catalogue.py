@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from midair.calibration import calibrate
-from midair.datasets.catalogue import SAMPLES, credited, sample, sample_path, samples
+from midair.datasets.catalogue import SAMPLES, sample, sample_path, samples, with_credits
 from midair.errors import InputError
 from midair.evaluate import perceptual_metrics
 from midair.files import open_take
@@ -97,7 +97,7 @@ def test_denim_is_below_threshold_at_the_level_in_the_docs():
 def test_a_sample_file_read_with_options_has_its_licence():
     read = open_take(sample_path("connect"), scale=200.0).recording
     assert "licence" not in read.provenance.notes
-    assert credited("connect", read).provenance.notes["licence"] == "Apache-2.0"
+    assert with_credits("connect", read).provenance.notes["licence"] == "Apache-2.0"
 
 
 def test_lists_all_samples():

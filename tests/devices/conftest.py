@@ -2,7 +2,7 @@ import time
 
 import pytest
 
-from midair.testing import UdpTap
+from midair.testing import UdpProxy
 
 
 @pytest.fixture
@@ -15,6 +15,6 @@ def attempts():
 @pytest.fixture
 def tap(request):
     pytest.importorskip("autd3")
-    one = UdpTap(getattr(request, "param", 1))
+    one = UdpProxy(getattr(request, "param", 1))
     yield one
     one.close()

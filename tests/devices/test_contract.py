@@ -8,9 +8,9 @@ from midair.devices import (
     VirtualArray,
     VirtualSkin,
     autd3_array,
+    autd3_constant_frame,
     autd3_firmware,
     autd3_immediate,
-    autd3_standing,
     pyautd3_array,
     virtual_immediate,
 )
@@ -18,7 +18,7 @@ from midair.errors import DeviceStateError, InputError, MismatchError, StoppedEr
 from midair.model import Board, Drive, Placement, TransducerArray
 from midair.physics import focus_phase
 from midair.physics.sensing import SensorModel
-from midair.testing import OpenMpdStandIn, overridden
+from midair.testing import OpenMpdSimulator, clear_any_exposure
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 ONE = Placement.grid(columns=1, rows=1)
@@ -33,7 +33,7 @@ ARRAYS = {
     "virtual on skin": lambda: VirtualArray(ARRAY, VirtualSkin(SensorModel())),
     "autd3:firmware": lambda: autd3_firmware(ONE),
     "autd3:emulator": lambda: autd3_array("emulator", ONE),
-    "autd3, a frame that stands": lambda: autd3_standing("emulator", ONE, failsafe=0.5),
+    "autd3, a frame that stands": lambda: autd3_constant_frame("emulator", ONE, failsafe=0.5),
     "autd3, frame by frame": lambda: autd3_immediate("emulator", ONE, failsafe=0.5),
     "virtual, frame by frame": lambda: virtual_immediate(ONE),
     "pyautd3:audit": lambda: pyautd3_array("audit", ONE),
@@ -58,7 +58,7 @@ SLOWER = {"autd3, a frame that stands", "openmpd twin"}
     params=[pytest.param(name, marks=pytest.mark.long if name in SLOWER else ()) for name in ARRAYS], ids=list(ARRAYS)
 )
 def array(request):
-    boards = [OpenMpdStandIn() for _ in range(BOARDS.get(request.param, 0))]
+    boards = [OpenMpdSimulator() for _ in range(BOARDS.get(request.param, 0))]
     yield ARRAYS[request.param](*boards)
     for board in boards:
         board.settle()
@@ -70,7 +70,7 @@ def test_an_array_tells_what_it_played(array, attempts):
     seen = []
     with array:
         for _ in attempts:
-            report = array.play(overridden(drive(array), array), progress=lambda *so_far: seen.append(so_far))
+            report = array.play(clear_any_exposure(drive(array), array), progress=lambda *so_far: seen.append(so_far))
             if report.late == 0:
                 break
     assert (report.frames, report.late, report.repeated) == (5, 0, 0)
@@ -81,7 +81,7 @@ def test_an_array_tells_what_it_played(array, attempts):
 def test_an_array_is_silent_before_and_after(array):
     with array:
         assert not array.emitting
-        array.play(overridden(drive(array), array))
+        array.play(clear_any_exposure(drive(array), array))
         assert not array.emitting
     assert not array.emitting
 
@@ -96,7 +96,7 @@ def test_an_array_is_silent_after_any_failure_on_the_way(array, failure):
 
     with array:
         with pytest.raises(failure):
-            array.play(overridden(drive(array, frames=300), array), progress=fail)
+            array.play(clear_any_exposure(drive(array, frames=300), array), progress=fail)
         assert loud == [True]
         assert not array.emitting
 
@@ -104,19 +104,19 @@ def test_an_array_is_silent_after_any_failure_on_the_way(array, failure):
 def test_phases_of_another_array_are_refused(array):
     other = TransducerArray.autd3(columns=2, rows=2)
     with array, pytest.raises(MismatchError, match=r"996.*solve the target again"):
-        array.play(overridden(drive(other), array))
+        array.play(clear_any_exposure(drive(other), array))
     assert not array.emitting
 
 
 def test_a_closed_array_does_not_play(array):
     with pytest.raises(DeviceStateError, match="open"):
-        array.play(overridden(drive(array), array))
+        array.play(clear_any_exposure(drive(array), array))
 
 
 def test_repeats_and_a_delay_are_played(array, attempts):
     with array:
         for _ in attempts:
-            report = array.play(overridden(drive(array), array, repeats=3), delay=0.01)
+            report = array.play(clear_any_exposure(drive(array), array, repeats=3), delay=0.01)
             if report.late == 0:
                 break
         assert (report.frames, report.late) == (15, 0)
@@ -128,12 +128,12 @@ def test_repeats_that_make_no_sense_are_refused(array):
     with array:
         for repeats in (0, -1):
             with pytest.raises(InputError, match="repeat"):
-                overridden(drive(array), array, repeats=repeats)
+                clear_any_exposure(drive(array), array, repeats=repeats)
 
 
 def test_delays_that_make_no_sense_are_refused(array):
     with array:
-        admission = overridden(drive(array), array)
+        admission = clear_any_exposure(drive(array), array)
         for delay in (-1.0, float("nan"), float("inf")):
             with pytest.raises(InputError, match="delay"):
                 array.play(admission, delay=delay)
@@ -153,7 +153,7 @@ def test_there_is_no_way_round_play(array):
         with pytest.raises(DeviceStateError, match="nothing sounds unchecked"):
             array.emit(drive(array), None)
         assert not array.emitting
-        assert array.play(overridden(drive(array), array)).frames == 5
+        assert array.play(clear_any_exposure(drive(array), array)).frames == 5
 
 
 def test_an_array_calls_the_permission_check_before_any_sound(array):
@@ -163,10 +163,10 @@ def test_an_array_calls_the_permission_check_before_any_sound(array):
     with array:
         array.allowing(refused)
         with pytest.raises(StoppedError, match="not armed"):
-            array.play(overridden(drive(array), array))
+            array.play(clear_any_exposure(drive(array), array))
         assert not array.emitting
         array.allowing(None)
-        assert array.play(overridden(drive(array), array)).frames == 5
+        assert array.play(clear_any_exposure(drive(array), array)).frames == 5
 
 
 def test_a_clearance_for_a_silent_device_is_invalid_on_a_gated_one(array):
@@ -174,20 +174,20 @@ def test_a_clearance_for_a_silent_device_is_invalid_on_a_gated_one(array):
         return
     silent = VirtualArray(array.array)
     with array, pytest.raises(DeviceStateError, match="check it again"):
-        array.play(overridden(drive(array), silent))
+        array.play(clear_any_exposure(drive(array), silent))
     assert not array.emitting
 
 
 def test_an_array_plays_again_after_it_has_played(array):
     with array:
-        array.play(overridden(drive(array), array))
-        assert array.play(overridden(drive(array), array)).frames == 5
+        array.play(clear_any_exposure(drive(array), array))
+        assert array.play(clear_any_exposure(drive(array), array)).frames == 5
 
 
 def test_closing_twice_and_silence_at_any_time_are_harmless(array):
     array.silence()
     with array:
         array.silence()
-        assert array.play(overridden(drive(array), array)).frames == 5
+        assert array.play(clear_any_exposure(drive(array), array)).frames == 5
     array.silence()
     array.close()

@@ -16,7 +16,7 @@ from midair.devices import (
     check_exposure_parts,
     felt_pressure_text,
     intensity_bytes,
-    measure,
+    measure_exposure,
 )
 from midair.devices.exposure_check import ExposureClearance, with_checked_reading
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
@@ -75,7 +75,7 @@ def test_what_the_firmware_rounds_up_is_measured_as_it_sounds(own):
     drive = Drive(phase=phase, level=told, rate=1000.0, array=ARRAY)
     steps = intensity_bytes(drive, 4).reshape(len(level), -1)
     sounds = replace(drive, level=amplitude_of(steps) if own else amplitude_of(steps)[:, 0])
-    found, heard = measure(drive, ARRAY, PROFILE).level, exposure(sounds, PROFILE).level
+    found, heard = measure_exposure(drive, ARRAY, PROFILE).level, exposure(sounds, PROFILE).level
     assert (found > heard - 1e-3).all()
     assert found[0, 0] - exposure(drive, PROFILE).level[0, 0] > 9
     # What would be let through by its levels, and sounds above the limit.
@@ -100,7 +100,7 @@ def test_phases_are_measured_as_the_firmware_rounds_them(steps):
     airs = airs_of_room(None, PROFILE.places, ARRAY)
     sounds = exposure(replace(told, phase=rounded), PROFILE, acoustics=airs).level
     for found in (
-        measure(told, ARRAY, PROFILE, steps=steps).level,
+        measure_exposure(told, ARRAY, PROFILE, steps=steps).level,
         check_exposure(told, Rounds(ARRAY), CHOICES).exposure.level,
         check_exposure_parts([told], Rounds(ARRAY), CHOICES).exposure.level,
     ):
@@ -140,7 +140,9 @@ def test_the_air_of_a_file_changes_no_level(medium):
     ):
         with pytest.raises(ExposureError):
             check()
-    np.testing.assert_array_equal(measure(claims, ARRAY, PROFILE).level, measure(focus(), ARRAY, PROFILE).level)
+    np.testing.assert_array_equal(
+        measure_exposure(claims, ARRAY, PROFILE).level, measure_exposure(focus(), ARRAY, PROFILE).level
+    )
 
 
 @pytest.mark.parametrize("speed", [100.0, 299.0, 371.0])
@@ -177,7 +179,7 @@ def test_what_is_hidden_in_other_airs_is_measured_in_that_of_the_room(degrees, k
         airs = airs_of_room(stated, PROFILE.places, ARRAY) if known.startswith("all") else (Acoustics(),)
         drive = hiding(airs, here, point)
         true = sound_level(np.abs(drive.q @ transfer_matrix(point[None], ARRAY, acoustics=here)[0]))
-        found = measure(drive, ARRAY, PROFILE, room=stated)
+        found = measure_exposure(drive, ARRAY, PROFILE, room=stated)
         assert found.level[0, 0] > true - 0.5
         if known.startswith("the"):
             assert exposure(drive, PROFILE).level[0, 0] < true - 1
@@ -186,7 +188,7 @@ def test_what_is_hidden_in_other_airs_is_measured_in_that_of_the_room(degrees, k
 def test_the_loudest_air_is_named():
     ear, warm = np.array(PROFILE.places[0].position), Acoustics(medium=Medium.at(temperature=29.5))
     phase = focus_phase(ARRAY, ear + np.array([0.04, -0.04, 0.04]), acoustics=warm)[None]
-    found = measure(Drive(phase=phase, level=np.ones(1), rate=1000.0, array=ARRAY), ARRAY, PROFILE)
+    found = measure_exposure(Drive(phase=phase, level=np.ones(1), rate=1000.0, array=ARRAY), ARRAY, PROFILE)
     assert found.loudest_air.degrees == pytest.approx(29.5, abs=2.5)
     assert f"in air of {found.loudest_air.degrees:.0f} °C" in found.verdict()
     stated = check_exposure_parts(
@@ -231,7 +233,7 @@ def test_only_the_checked_parts_are_cleared():
         rate=1000.0,
         array=ARRAY,
     )
-    np.testing.assert_allclose(admission.exposure.level, measure(whole, ARRAY, PROFILE).level, atol=1e-3)
+    np.testing.assert_allclose(admission.exposure.level, measure_exposure(whole, ARRAY, PROFILE).level, atol=1e-3)
     with device:
         assert sum(device.play(admission.frames(part)).frames for part in parts) == 6
         with pytest.raises(ExposureError, match="got another one"):
@@ -306,7 +308,7 @@ def test_measuring_in_parts_and_at_once_agree_on_felt_pressure():
         replace(whole, phase=whole.phase[part], level=whole.level[part]) for part in (slice(0, 300), slice(300, 600))
     ]
     admission = check_exposure_parts(parts, Loud(ARRAY), WEAKER)
-    assert admission.exposure.pressure == pytest.approx(measure(whole, ARRAY, PROFILE).pressure)
+    assert admission.exposure.pressure == pytest.approx(measure_exposure(whole, ARRAY, PROFILE).pressure)
 
 
 def test_what_is_read_again_is_what_was_measured():

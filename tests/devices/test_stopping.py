@@ -24,7 +24,7 @@ from midair.devices.safety.stop_channel import uptime
 from midair.errors import DeviceError, HeldError, StoppedError
 from midair.files import profile_named, save_solution
 from midair.model import Drive, Placement, Solution
-from midair.testing import overridden
+from midair.testing import clear_any_exposure
 
 ONE = Placement.grid(columns=1, rows=1)
 MS = 1_000_000
@@ -110,7 +110,7 @@ def stopped_at(seed):
         try:
             with ordered_at(ordered), array.reserved():
                 time.sleep(checking)
-                admission = overridden(drive, array)
+                admission = clear_any_exposure(drive, array)
                 with array:
                     array.play(admission)
         except StoppedError:
@@ -280,4 +280,4 @@ def test_what_cannot_sound_asks_for_no_state_folder(monkeypatch, tmp_path):
     (tmp_path / "file").touch()
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "file" / "state"))
     with VirtualArray(ONE.array()) as array:
-        assert array.play(overridden(noise(5), array)).frames == 5
+        assert array.play(clear_any_exposure(noise(5), array)).frames == 5

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from midair.dsp import band_edges, band_window
-from midair.evaluate import apply_band_twice, compare, is_silent
+from midair.evaluate import apply_band_twice, band_settling_frames, compare
 from midair.lazy_frames import LazyFrames
 from midair.model import PressureFrames
-from midair.targets import led_in
+from midair.targets import add_lead
 
 RATE, BAND = 1000.0, (20.0, 470.0)
 
@@ -49,13 +49,13 @@ def test_pressure_without_a_band_is_unchanged():
 
 
 def test_silence_is_kept_for_four_periods():
-    assert is_silent(BAND, RATE) == 200
-    assert is_silent((0.0, 15.0), 100.0) == 400
+    assert band_settling_frames(BAND, RATE) == 200
+    assert band_settling_frames((0.0, 15.0), 100.0) == 400
 
 
 def test_a_lead_that_ends_in_silence_hides_the_ends():
     """With a lead, the part inside does not depend on the signal assumed beyond the ends."""
-    x = led_in(noise(), 0.15)
+    x = add_lead(noise(), 0.15)
     longer = replace(x, pressure=np.concatenate([np.zeros((500, 4, 4)), x.pressure, np.zeros((500, 4, 4))]))
     inside = apply_band_twice(longer).pressure[500:-500]
     np.testing.assert_allclose(apply_band_twice(x).pressure, inside, atol=1e-3)

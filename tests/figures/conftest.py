@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from midair.figures import png
+from midair.figures import png_bytes
 from midair.model import PressureFrames, Provenance
 
 
@@ -31,7 +31,7 @@ def check_figure(words):
         said = words(figure)
         assert ("SIMULATED" in said) == simulated
         assert [unit for unit in units if unit not in said] == []
-        image = np.asarray(Image.open(io.BytesIO(png(figure, dpi=60))).convert("L"))
+        image = np.asarray(Image.open(io.BytesIO(png_bytes(figure, dpi=60))).convert("L"))
         assert image.shape[0] > 90
         assert image.shape[1] > 150
         assert (image < 128).mean() > 0.001

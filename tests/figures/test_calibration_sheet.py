@@ -6,11 +6,11 @@ from PIL import Image
 
 from midair.calibration import measure_calibration, measure_tone
 from midair.calibration.measure.excitation import noise_signal, tone_signal
-from midair.figures import png
+from midair.figures import png_bytes
 from midair.figures.calibration_sheet import calibration_figure
 from midair.model import Calibration, SensorGrid
 from midair.physics import SensorModel
-from midair.rig.bench.practice import CalibrationBench
+from midair.rig.bench.simulated_bench import CalibrationBench
 
 BENCH = CalibrationBench(model=SensorModel(grid=SensorGrid(rows=1, columns=3)).with_spread(seed=1))
 
@@ -42,7 +42,7 @@ def calibration(request):
 @pytest.mark.long
 def test_figure_has_no_warning_and_a_title(calibration):
     figure = calibration_figure(calibration)
-    image = np.asarray(Image.open(io.BytesIO(png(figure, dpi=40))).convert("L"))
+    image = np.asarray(Image.open(io.BytesIO(png_bytes(figure, dpi=40))).convert("L"))
     assert (image < 128).mean() > 0.001
     words = [text.get_text() for text in figure.texts]
     assert ("SIMULATED" in words) == calibration.provenance.simulated

@@ -1,6 +1,6 @@
 import numpy as np
 
-from midair.figures import exposure_figure, png
+from midair.figures import exposure_figure, png_bytes
 from midair.files import profile_named
 from midair.model import Drive, TransducerArray
 from midair.physics import exposure
@@ -25,4 +25,4 @@ def test_every_place_has_its_line_and_its_limit():
     assert np.isnan(drawn[:25]).all()
     np.testing.assert_allclose(drawn[25:], found.level[25:, 0])
     assert any(text.get_text() == "SIMULATED" for text in figure.texts)
-    assert png(figure).startswith(b"\x89PNG")
+    assert png_bytes(figure).startswith(b"\x89PNG")

@@ -4,7 +4,7 @@ import pytest
 from jinja2 import UndefinedError
 
 from midair.figures.page import Picture, render_page
-from midair.figures.style import new_figure, png
+from midair.figures.style import new_figure, png_bytes
 
 
 @pytest.mark.parametrize("simulated", [True, False])
@@ -20,7 +20,7 @@ def test_a_value_that_is_missing_is_an_error():
 
 
 def test_a_picture_tells_its_size_and_holds_its_bytes():
-    picture = Picture(title="one", data=png(new_figure(2.0, 1.0, simulated=False), dpi=50))
+    picture = Picture(title="one", data=png_bytes(new_figure(2.0, 1.0, simulated=False), dpi=50))
     assert picture.size == (100, 50)
     assert base64.b64decode(picture.source.partition(",")[2]) == picture.data
 

@@ -5,7 +5,7 @@ import io
 import pytest
 from PIL import Image
 
-from midair.figures import Style, new_figure, plain, png
+from midair.figures import Style, new_figure, plain_axes, png_bytes
 
 
 @pytest.mark.parametrize("simulated", [True, False])
@@ -24,11 +24,11 @@ def test_mark_is_not_covered():
 
 
 def test_the_picture_has_the_stated_size():
-    image = Image.open(io.BytesIO(png(new_figure(3.0, 2.0, simulated=False), dpi=50)))
+    image = Image.open(io.BytesIO(png_bytes(new_figure(3.0, 2.0, simulated=False), dpi=50)))
     assert (image.format, image.size) == ("PNG", (150, 100))
 
 
 def test_axes_have_no_box_and_a_faint_grid_behind_the_data():
-    axis = plain(new_figure(3.0, 2.0, simulated=False).subplots(), Style(faint="#123456"))
+    axis = plain_axes(new_figure(3.0, 2.0, simulated=False).subplots(), Style(faint="#123456"))
     assert [side for side, spine in axis.spines.items() if spine.get_visible()] == ["left", "bottom"]
     assert axis.xaxis.get_gridlines()[0].get_color() == "#123456"

@@ -31,7 +31,7 @@ from midair.model import (
     Solution,
     TransducerArray,
 )
-from midair.rig import Subject, remember
+from midair.rig import Subject, store_subject
 from midair.settings import MODES
 from midair.study import StudyFolder, paper_design_text, read_design
 from midair.study.tables import write_csv
@@ -99,7 +99,7 @@ WRITERS = {
     "sensor.toml": lambda path: files.save_sensor(SensorWiring.for_channels(16, name="palm", unit="V"), path),
     "settings.toml": lambda path: MODES["best"]().save(path),
     "answers.csv": lambda path: write_csv(TABLE, path),
-    "subject.json": lambda path: remember(Subject(object="towel " * 100)),
+    "subject.json": lambda path: store_subject(Subject(object="towel " * 100)),
     "study": study_new,
     "bids": lambda path: command("study", "export", path.parent / "with" / "study", path),
     "report.html": lambda path: command(

@@ -9,11 +9,11 @@ import pytest
 
 from midair.errors import BrokenFileError, FileError, MissingFileError, NonFiniteError
 from midair.files import open_take
-from midair.files.atomic import existing_file, files_noted, refusing, whole_file, whole_folder
+from midair.files.atomic import atomic_file, atomic_folder, collect_written_files, existing_file, parse_errors
 
 
 def test_a_file_appears_when_the_block_ends(tmp_path):
-    with whole_file(tmp_path / "a.txt") as partial:
+    with atomic_file(tmp_path / "a.txt") as partial:
         partial.write_text("new")
         assert not (tmp_path / "a.txt").exists()
     assert (tmp_path / "a.txt").read_text() == "new"
@@ -26,7 +26,7 @@ def test_nothing_is_left_of_a_block_that_fails(wrong, tmp_path):
     expected = FileError if wrong is OSError else wrong
 
     def fail():
-        with whole_file(tmp_path / "a.txt") as partial:
+        with atomic_file(tmp_path / "a.txt") as partial:
             partial.write_text("half")
             raise wrong("in the middle")
 
@@ -39,7 +39,7 @@ def test_nothing_is_left_of_a_block_that_fails(wrong, tmp_path):
 def test_follows_a_link(tmp_path):
     (tmp_path / "real.txt").write_text("old")
     (tmp_path / "link.txt").symlink_to(tmp_path / "real.txt")
-    with whole_file(tmp_path / "link.txt") as partial:
+    with atomic_file(tmp_path / "link.txt") as partial:
         partial.write_text("new")
     assert (tmp_path / "link.txt").is_symlink()
     assert (tmp_path / "real.txt").read_text() == "new"
@@ -47,14 +47,14 @@ def test_follows_a_link(tmp_path):
 
 def test_has_the_rights_of_any_new_file(tmp_path):
     (tmp_path / "other").touch()
-    with whole_file(tmp_path / "a.txt") as partial:
+    with atomic_file(tmp_path / "a.txt") as partial:
         partial.write_text("new")
     assert (tmp_path / "a.txt").stat().st_mode == (tmp_path / "other").stat().st_mode
 
 
 @pytest.mark.parametrize("name", ["a\0b.h5", "x" * 300])
 def test_refuses_impossible_names(name, tmp_path):
-    with pytest.raises(FileError), whole_file(tmp_path / name):
+    with pytest.raises(FileError), atomic_file(tmp_path / name):
         pass
     with pytest.raises(FileError):
         existing_file(tmp_path / name)
@@ -68,13 +68,13 @@ def test_finds_all_parts(tmp_path):
 
 
 def test_names_the_file_once(tmp_path):
-    with pytest.raises(NonFiniteError) as caught, refusing(tmp_path, "numbers"), refusing(tmp_path, "numbers"):
+    with pytest.raises(NonFiniteError) as caught, parse_errors(tmp_path, "numbers"), parse_errors(tmp_path, "numbers"):
         raise NonFiniteError("phase: got nan")
     assert str(caught.value) == f"{tmp_path}: phase: got nan"
 
 
 def test_takes_the_first_line_of_a_parser(tmp_path):
-    with pytest.raises(BrokenFileError) as caught, refusing(tmp_path, "a table"):
+    with pytest.raises(BrokenFileError) as caught, parse_errors(tmp_path, "a table"):
         raise KeyError("no such\nthing")
     assert "\n" not in str(caught.value)
     assert "expected a table" in str(caught.value)
@@ -106,7 +106,7 @@ def test_pipes_and_devices_are_not_opened(tmp_path):
     ],
 )
 def test_the_actual_reason_is_reported(wrong, kind, says, tmp_path):
-    with pytest.raises(kind) as told, refusing(tmp_path / "a.h5", "a file"):
+    with pytest.raises(kind) as told, parse_errors(tmp_path / "a.h5", "a file"):
         raise wrong
     assert type(told.value) is kind
     assert str(told.value).startswith(f"{tmp_path / 'a.h5'}: ")
@@ -119,9 +119,9 @@ mount -t tmpfs none "$1"
 mount -o remount,ro "$1"
 "$2" -c "
 from midair.errors import FileError
-from midair.files import whole_file
+from midair.files import atomic_file
 try:
-    with whole_file('$1/a.txt'):
+    with atomic_file('$1/a.txt'):
         pass
 except FileError as wrong:
     print(wrong)
@@ -141,13 +141,13 @@ def test_a_disk_that_takes_nothing_is_named(tmp_path):
 
 def test_files_that_came_to_be_are_noted_as_they_were_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with files_noted() as noted:
-        with whole_file("one.txt") as partial:
+    with collect_written_files() as noted:
+        with atomic_file("one.txt") as partial:
             partial.write_text("1")
-        with pytest.raises(ZeroDivisionError), whole_file("never.txt"):
+        with pytest.raises(ZeroDivisionError), atomic_file("never.txt"):
             raise ZeroDivisionError
-        with whole_folder("many") as partial:
+        with atomic_folder("many") as partial:
             (partial / "a").write_text("a")
-    with whole_file("later.txt") as partial:
+    with atomic_file("later.txt") as partial:
         partial.write_text("2")
     assert noted == [Path("one.txt"), Path("many")]

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from midair.errors import DeviceStateError, FileError
-from midair.files import check_unclaimed, file_locks, hold_open, save
-from midair.files.atomic import whole_file
+from midair.files import check_not_recording, file_locks, lock_or_raise, save
+from midair.files.atomic import atomic_file
 from midair.model import Recording
 
 HOLDER = """
 import os, sys
 from pathlib import Path
-from midair.files.file_locks import acquire_for_writing, hold_open
+from midair.files.file_locks import acquire_for_writing, lock_or_raise
 file = os.open(sys.argv[2], os.O_RDWR)
-hold_open(file, "held") if sys.argv[1] == "hold" else acquire_for_writing(file, Path(sys.argv[2]))
+lock_or_raise(file, "held") if sys.argv[1] == "hold" else acquire_for_writing(file, Path(sys.argv[2]))
 print("has it", flush=True)
 sys.stdin.read()
 """
@@ -43,9 +43,9 @@ def test_one_program_at_a_time_until_it_ends_however_it_ends(path):
     mine = os.open(path, os.O_RDWR)
     with holder("hold", path) as other:
         with pytest.raises(DeviceStateError, match="end the other one first"):
-            hold_open(mine, "log: end the other one first")
+            lock_or_raise(mine, "log: end the other one first")
         other.kill()
-    hold_open(mine, "log: end the other one first")
+    lock_or_raise(mine, "log: end the other one first")
     os.close(mine)
 
 
@@ -53,7 +53,7 @@ def test_a_failing_lock_blames_no_program(path):
     mine = os.open(path, os.O_RDWR)
     os.close(mine)
     with pytest.raises(FileError, match="log: cannot be locked: Bad file"):
-        hold_open(mine, "log: end the other one first")
+        lock_or_raise(mine, "log: end the other one first")
 
 
 @pytest.mark.parametrize("way", ["places", "whole files"])
@@ -65,7 +65,7 @@ def test_files_of_other_writers_are_not_replaced_but_readable(way, path, monkeyp
         pytest.skip("this system has no locks that belong to an open file")
     with holder("claim", path) as other:
         for _ in range(2):
-            with pytest.raises(FileError, match="is recording into it; wait until") as caught, whole_file(path):
+            with pytest.raises(FileError, match="is recording into it; wait until") as caught, atomic_file(path):
                 pass
         if way == "places" and sys.platform == "linux":
             assert f"process {other.pid} ({sys.executable} -c" in str(caught.value)
@@ -74,7 +74,7 @@ def test_files_of_other_writers_are_not_replaced_but_readable(way, path, monkeyp
         with path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # what HDF5 does to read
         other.kill()
-    check_unclaimed(path)
+    check_not_recording(path)
     assert [each.name for each in path.parent.iterdir()] == ["log"]
 
 
@@ -90,13 +90,13 @@ def test_a_claim_of_its_own_is_refused_too(path):
     with path.open("rb+") as file:
         file_locks.acquire_for_writing(file.fileno(), path)
         with pytest.raises(FileError, match="this program is recording into it"):
-            check_unclaimed(path)
-    check_unclaimed(path)
+            check_not_recording(path)
+    check_not_recording(path)
 
 
 def test_missing_files_and_folders_are_not_locked(tmp_path):
-    check_unclaimed(tmp_path)
-    check_unclaimed(tmp_path / "nothing")
+    check_not_recording(tmp_path)
+    check_not_recording(tmp_path / "nothing")
 
 
 WITHOUT_LOCKS = """

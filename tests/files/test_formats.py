@@ -349,7 +349,7 @@ def test_lazy_frames_are_written_like_an_array(ending, tmp_path, monkeypatch):
 def test_files_read_as_a_whole_need_enough_memory(ending_of_whole, tmp_path, monkeypatch):
     path = tmp_path / f"big{ending_of_whole}"
     path.write_bytes(bytes(1000))
-    monkeypatch.setattr("midair.ram.available", lambda: 1000)
+    monkeypatch.setattr("midair.ram.available_memory", lambda: 1000)
     with pytest.raises(InputError, match=r"GB of free memory, because all of it is read at once, got 1e-06 GB; cut it"):
         open_take(path)
 

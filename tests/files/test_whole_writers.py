@@ -20,7 +20,7 @@ ON_THEIR_OWN = {
     "files/native/live_file.py": "a recording that grows; written aside before it gets its name",
     "study/session/event_log.py": "a log that grows line by line",
 }
-"""Files of src that write without `whole_file`, and why."""
+"""Files of src that write without `atomic_file`, and why."""
 
 
 @pytest.fixture(scope="module", params=["quick", pytest.param("", marks=pytest.mark.slow)])
@@ -53,20 +53,20 @@ WRITES = {"write_text", "write_bytes", "to_csv", "savefig"}
 
 
 def names_of_whole_files(tree):
-    """Variables bound by `with whole_file(...) as name` and similar."""
+    """Variables bound by `with atomic_file(...) as name` and similar."""
     return {
         item.optional_vars.id
         for node in ast.walk(tree)
         if isinstance(node, ast.With)
         for item in node.items
         if isinstance(item.context_expr, ast.Call)
-        and ast.unparse(item.context_expr.func) in ("whole_file", "whole_folder")
+        and ast.unparse(item.context_expr.func) in ("atomic_file", "atomic_folder")
         and isinstance(item.optional_vars, ast.Name)
     }
 
 
 def written_by_hand(module):
-    """Calls in a file of src that write to a path that is not from `whole_file`; paths from arguments are accepted."""
+    """Calls in a file of src that write to a path that is not from `atomic_file`; paths from arguments are accepted."""
     text = module.read_text(encoding="utf-8")
     if not any(f".{name}(" in text for name in (*WRITES, "open")):
         return

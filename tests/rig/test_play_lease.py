@@ -7,7 +7,7 @@ import pytest
 from midair.devices import VirtualArray, check_exposure
 from midair.errors import DeviceStateError, InputError, StoppedError
 from midair.model import Drive, TransducerArray
-from midair.rig import PlayLease, under_lease, usual_exposure
+from midair.rig import PlayLease, default_exposure, under_lease
 
 
 class Clock:
@@ -141,7 +141,7 @@ def test_an_array_checks_the_lease_before_every_frame(permit, small_drive):
             permit.stop()
 
     with array, pytest.raises(StoppedError, match="stopped on request"), under_lease(array, permit, leave):
-        array.play(check_exposure(small_drive, array, usual_exposure()), progress=progress)
+        array.play(check_exposure(small_drive, array, default_exposure()), progress=progress)
     assert len(seen) == 2
     assert not array.emitting
 

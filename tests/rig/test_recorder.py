@@ -9,7 +9,7 @@ from midair.errors import DeviceStateError, ExposureError, InputError, MismatchE
 from midair.files import profile_named
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
 from midair.physics import focus_amplitude
-from midair.rig import OpenRig, open_rig, play, record, usual_exposure
+from midair.rig import OpenRig, default_exposure, open_rig, play, record
 from midair.settings import Settings
 
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
@@ -79,7 +79,7 @@ def test_a_rig_that_was_not_entered_does_not_play(solution):
 
 
 def test_nothing_is_louder_than_the_rig_allows(solution):
-    rig = OpenRig(array=Loud(ARRAY), sensor=None, exposure=usual_exposure())
+    rig = OpenRig(array=Loud(ARRAY), sensor=None, exposure=default_exposure())
     with rig:
         with pytest.raises(ExposureError, match="limit 110 dB"):
             play(solution, rig)
@@ -93,7 +93,9 @@ def test_nothing_is_louder_than_the_rig_allows(solution):
 
 
 def test_a_drive_for_another_array_is_refused(solution):
-    one = OpenRig(array=VirtualArray(TransducerArray.autd3(columns=1, rows=1)), sensor=None, exposure=usual_exposure())
+    one = OpenRig(
+        array=VirtualArray(TransducerArray.autd3(columns=1, rows=1)), sensor=None, exposure=default_exposure()
+    )
     with one, pytest.raises(MismatchError, match="solve the target again"):
         play(solution, one)
 
@@ -127,7 +129,7 @@ def test_the_loop_accepts_a_take_a_file_or_a_pressure(tmp_path):
 
 def test_a_loop_needs_a_sensor():
     pressure = midair.PressureFrames(pressure=np.ones((10, 4, 4)), rate=1000.0)
-    deaf = OpenRig(array=Loud(ARRAY), sensor=None, exposure=usual_exposure())
+    deaf = OpenRig(array=Loud(ARRAY), sensor=None, exposure=default_exposure())
     with deaf, pytest.raises(InputError, match="expected a rig with a sensor"):
         midair.loop(pressure, QUICK, deaf)
 

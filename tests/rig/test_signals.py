@@ -2,13 +2,13 @@ import os
 import signal
 import threading
 
-from midair.rig import ENDING, handled
+from midair.rig import END_SIGNALS, handle_signals
 
 
 def test_a_signal_goes_to_the_handler_inside_and_to_the_old_one_outside():
     came = []
     before = signal.getsignal(signal.SIGTERM)
-    with handled(ENDING, lambda number, _: came.append(number)):
+    with handle_signals(END_SIGNALS, lambda number, _: came.append(number)):
         os.kill(os.getpid(), signal.SIGTERM)
     assert came == [signal.SIGTERM]
     assert signal.getsignal(signal.SIGTERM) is before
@@ -19,7 +19,7 @@ def test_in_another_thread_nothing_changes():
 
     def run():
         before = signal.getsignal(signal.SIGTERM)
-        with handled(ENDING, lambda *_: None):
+        with handle_signals(END_SIGNALS, lambda *_: None):
             seen.append(signal.getsignal(signal.SIGTERM) is before)
 
     thread = threading.Thread(target=run)

@@ -6,7 +6,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.model import Acoustics, Medium
-from midair.settings import CHOICES, MODES, Settings, over_mode, spelt_setting
+from midair.settings import CHOICES, MODES, Settings, format_setting, nearest_mode
 
 # Settings without an option: parts of settings that have one, and constants of the array.
 PYTHON_ONLY = {
@@ -70,12 +70,12 @@ def test_a_humidity_without_a_temperature_is_refused():
     ],
 )
 def test_a_setting_is_formatted_with_its_unit(path, value, words):
-    assert spelt_setting(path, value) == words
+    assert format_setting(path, value) == words
 
 
 @pytest.mark.parametrize("mode", MODES)
 def test_settings_are_their_mode_and_what_differs_from_it(mode):
     settings = MODES[mode]()
-    assert over_mode(settings) == (mode, {})
-    assert over_mode(settings.but(gain=2.0, level=0.5)) == (mode, {"gain": 2.0, "level": 0.5})
-    assert over_mode(settings.but(ramp=1e-3)) is None, "no choice sets it"
+    assert nearest_mode(settings) == (mode, {})
+    assert nearest_mode(settings.but(gain=2.0, level=0.5)) == (mode, {"gain": 2.0, "level": 0.5})
+    assert nearest_mode(settings.but(ramp=1e-3)) is None, "no choice sets it"

@@ -3,7 +3,7 @@
 import pytest
 
 from midair.model import Acoustics, Medium
-from midair.settings import Settings, beside_paper, best_mode, coarser, finest_mode, paper_mode, quick_mode
+from midair.settings import Settings, best_mode, finest_mode, paper_mode, quick_mode, with_fewer_points, with_paper_mode
 from midair.solvers import Glide
 
 
@@ -29,13 +29,13 @@ def test_settings_of_the_modes():
 
 
 def test_a_coarser_grid_spans_the_same_square():
-    rough = coarser(Settings(), 11).target.grid
+    rough = with_fewer_points(Settings(), 11).target.grid
     assert rough.x[[0, -1]] == pytest.approx(Settings().target.grid.x[[0, -1]])
     assert rough.count == 121
 
 
 def test_modes_side_by_side_are_in_one_air():
     warm = paper_mode().but(acoustics=Acoustics(medium=Medium.at(temperature=25.0)))
-    assert {settings.acoustics for settings in beside_paper("best", warm).values()} == {warm.acoustics}
+    assert {settings.acoustics for settings in with_paper_mode("best", warm).values()} == {warm.acoustics}
     mine = best_mode()
-    assert beside_paper("best", warm, mine)["best"] is mine
+    assert with_paper_mode("best", warm, mine)["best"] is mine

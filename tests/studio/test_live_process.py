@@ -6,7 +6,7 @@ import pytest
 from midair.errors import InputError
 from midair.model import SensorGrid
 from midair.physics import transfer_matrix
-from midair.rig import HELD, LATE, SOUNDS
+from midair.rig import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED
 from midair.studio.live_process import LiveRequest, LiveView, RecentFrames
 from midair.view import Kind
 
@@ -37,7 +37,7 @@ def frames(first, count, seed=3):
     found["samples"][:, :16] = random.normal(size=(count, 16))
     found["pressure"][:, :16] = random.normal(size=(count, 16))
     found["phases"] = random.integers(0, 256, (count, 996))
-    found["intensity"], found["flags"] = 255, SOUNDS
+    found["intensity"], found["flags"] = 255, FRAME_EMITTED
     return found
 
 
@@ -58,7 +58,7 @@ def test_sound_field_is_that_of_the_phases_in_pascal(sight):
 def test_late_and_held_frames_repeat_the_previous_field(sight):
     before = sight.sound(frames(0, 4))
     found = frames(4, 5, seed=4)
-    found["flags"][[0, 3]] = SOUNDS | LATE, HELD
+    found["flags"][[0, 3]] = FRAME_EMITTED | FRAME_LATE, FRAME_REPEATED
     sound = sight.sound(found)
     assert np.array_equal(sound[0], before[-1])
     assert np.array_equal(sound[3], sound[2])

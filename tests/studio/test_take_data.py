@@ -6,10 +6,10 @@ from midair.errors import InputError
 from midair.files import open_take, save, save_solution
 from midair.model import ControlGrid, Provenance, Recording, TransducerArray
 from midair.physics import propagate
-from midair.pipeline import calibrated_pressure, lead_of, reproduce
+from midair.pipeline import calibrated_pressure, reproduce, required_lead
 from midair.settings import MODES, Settings
 from midair.studio.take_data import TakeData, describe_settings, facts, frames_of, made_with
-from midair.targets import led_in
+from midair.targets import add_lead
 from midair.view import Kind, unpack
 
 
@@ -24,7 +24,7 @@ def scene(tmp_path_factory):
     save(recording, folder / "take.h5")
     settings = Settings().but(method="naive", mapping="slow-bias", level="auto")
     take = open_take(folder / "take.h5")
-    pressure = led_in(calibrated_pressure(take.recording, take.calibration, settings), lead_of(settings))
+    pressure = add_lead(calibrated_pressure(take.recording, take.calibration, settings), required_lead(settings))
     made = reproduce(pressure, TransducerArray.autd3(columns=1, rows=1), settings)
     save_solution(made.solution, folder / "take.drive.h5", target=made.target)
     return TakeData(take=str(folder / "take.h5"), drive=str(folder / "take.drive.h5"), stamp="1"), made, recording
@@ -45,7 +45,7 @@ def test_samples_are_those_of_the_file_minus_the_median(scene):
 
 def test_target_and_played_field_match_the_frames_of_the_take(scene):
     scene, made, recording = scene
-    lead = round(lead_of(made_settings := Settings.of(made.solution.drive.provenance)) * 1000)
+    lead = round(required_lead(made_settings := Settings.of(made.solution.drive.provenance)) * 1000)
     assert lead > 0
     assert made_settings.target.mapping == "slow-bias"
     section, wanted = stream(scene, "wanted")

@@ -10,11 +10,11 @@ from midair.datasets import stroke
 from midair.errors import InputError
 from midair.files import load_solution, open_take, save
 from midair.model import Palm, Provenance, Recording
-from midair.pipeline import calibrated_pressure, lead_of
+from midair.pipeline import calibrated_pressure, required_lead
 from midair.rig import BudgetPlan, VirtualRig, error_budget, play, rerecord_drive
 from midair.settings import Settings
 from midair.studio.work import SolveRequest, budget_of_take, compare_takes, methods_of_modes, palm_of_take, solve_take
-from midair.targets import led_in
+from midair.targets import add_lead
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def test_budget_is_that_of_the_solved_part(solved):
     settings = Settings.of(drive.provenance)
     original = calibrated_pressure(opened.recording, opened.calibration, settings).cut(0.06, 0.06)
     rig = VirtualRig(cells=original.sensor, height=settings.target.grid.height).hearing(settings.calibration.band)
-    made = error_budget(original, BudgetPlan(settings=settings, rig=rig, lead=lead_of(settings)))
+    made = error_budget(original, BudgetPlan(settings=settings, rig=rig, lead=required_lead(settings)))
     assert [row[0] for row in found["rows"]] == [each.name for each in made.stages]
     assert found["rows"][-1][2] == f"{made.stages[-1].so_far.distortion_ratio:.3g} dB"
     assert found["seconds"] == pytest.approx(0.06)
@@ -101,7 +101,7 @@ def test_the_palm_of_a_take_is_that_of_its_drive(solved):
     assert found["seconds"] == pytest.approx(0.06)
     original = calibrated_pressure(opened.recording, opened.calibration, settings).cut(0.06, 0.06)
     rig = VirtualRig(cells=original.sensor, height=settings.target.grid.height).hearing(settings.calibration.band)
-    heard = rerecord_drive(drive, original, led_in(original, lead_of(settings)), rig, palm=Palm.disc())
+    heard = rerecord_drive(drive, original, add_lead(original, required_lead(settings)), rig, palm=Palm.disc())
     assert found["rows"][0][0] == "power outside the square"
     assert found["rows"][0][1] == f"{100 * heard.palm.outside:.3g} %"
     assert found["stamp"] == f"{os.stat(request.drive).st_mtime_ns:x}"

@@ -12,7 +12,7 @@ from midair.study.findings import analyse, data_of_answers
 from midair.study.findings.threshold_findings import adaptive
 from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.registration import plan_parts
-from midair.study.session import Session, SilentPresenter, SimulatedParticipant, SimulatedScreen, StillClock, run
+from midair.study.session import InstantClock, Session, SilentPresenter, SimulatedParticipant, SimulatedScreen, run
 from midair.study.statistics import f_measure, proportion_correct
 
 STUDIES = 80
@@ -31,7 +31,7 @@ def table_of(tmp_path_factory):
             for number in range(1, plan.design.participants + 1):
                 presenter = SilentPresenter()
                 screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter)
-                with Session(plan, number, folder.log(number), presenter, simulated=True, clock=StillClock()) as one:
+                with Session(plan, number, folder.log(number), presenter, simulated=True, clock=InstantClock()) as one:
                     run(one, screen)
             table = answers_table(plan, folder.sessions())
             made[template] = plan, table.assign(scored=table["scored"] | (table["excluded"] != "n/a"))

@@ -7,12 +7,12 @@ import pytest
 
 from midair.study.design.adaptive_block import thresholds_of
 from midair.study.design.answers import answers_table
-from midair.study.design.exclusions import left_out
+from midair.study.design.exclusions import excluded_participants
 from midair.study.design.plan import draw_plan
 from midair.study.drives import prepare_drives
 from midair.study.findings import analyse, data_of_answers
 from midair.study.folder import StudyFolder, Template, read_design, template_text
-from midair.study.session import Session, SilentPresenter, SimulatedParticipant, SimulatedScreen, StillClock, run
+from midair.study.session import InstantClock, Session, SilentPresenter, SimulatedParticipant, SimulatedScreen, run
 
 PEOPLE = 6
 
@@ -26,7 +26,7 @@ def done(request, tmp_path_factory):
     for number in range(1, PEOPLE + 1):
         presenter = SilentPresenter()
         screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(spread=0, taste=0), presenter=presenter)
-        with Session(plan, number, folder.log(number), presenter, simulated=True, clock=StillClock()) as session:
+        with Session(plan, number, folder.log(number), presenter, simulated=True, clock=InstantClock()) as session:
             assert run(session, screen).kind == "done"
     return request.param, plan, folder.sessions()
 
@@ -34,7 +34,7 @@ def done(request, tmp_path_factory):
 @pytest.mark.long
 def test_every_template_goes_from_plan_to_report(done):
     _, plan, sessions = done
-    assert left_out(plan, sessions).empty
+    assert excluded_participants(plan, sessions).empty
     table = answers_table(plan, sessions)
     assert set(table["hand"]) == {"left"}
     assert "pseudonym" not in table

@@ -10,7 +10,7 @@ import pytest
 from midair.cli import run as midair
 from midair.errors import DeviceStateError, FileError, InputError
 from midair.study.folder import StudyFolder, paper_design_text, read_design
-from midair.study.session import Session, SilentPresenter, SimulatedParticipant, SimulatedScreen, StillClock, run
+from midair.study.session import InstantClock, Session, SilentPresenter, SimulatedParticipant, SimulatedScreen, run
 from midair.study.tables import read_bids, read_csv
 from midair.study.withdrawal import MADE, log_derived_file, withdraw, withdrawn
 
@@ -24,7 +24,7 @@ def made(tmp_path_factory):
     plan = folder.plan()
     for number in (1, 2, 3):
         presenter = SilentPresenter()
-        with Session(plan, number, folder.log(number), presenter, simulated=True, clock=StillClock()) as session:
+        with Session(plan, number, folder.log(number), presenter, simulated=True, clock=InstantClock()) as session:
             run(session, SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter))
     for line in (f"analyse {root}/s --draws 20", f"export {root}/s {root}/bids"):
         assert midair(["study", *line.split()]) == 0

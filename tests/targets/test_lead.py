@@ -9,7 +9,7 @@ from midair.dsp import band_energy
 from midair.errors import InputError
 from midair.lazy_frames import LazyFrames
 from midair.model import PressureFrames
-from midair.targets import led_in, mapping_of, usual_lead, without_lead
+from midair.targets import add_lead, default_lead, mapping_of, remove_lead
 
 RATE = 1000.0
 
@@ -22,23 +22,23 @@ def piece(band=(20.0, 470.0), frames=300):
 
 
 def test_it_swells_from_silence_and_keeps_the_middle():
-    longer = led_in(piece(), 0.15)
+    longer = add_lead(piece(), 0.15)
     assert longer.frames == 600
     np.testing.assert_array_equal(longer.pressure[150:-150], piece().pressure)
     assert np.abs(longer.pressure[:91]).max() == 0
     assert np.abs(longer.pressure[-90:]).max() == 0
     np.testing.assert_allclose(longer.pressure[149], piece().pressure[0], rtol=2e-3)
     assert longer.provenance.steps[-1].settings == {"lead_s": 0.15}
-    np.testing.assert_array_equal(without_lead(longer, 300).pressure, piece().pressure)
-    assert led_in(piece(), 0.0).frames == 300
+    np.testing.assert_array_equal(remove_lead(longer, 300).pressure, piece().pressure)
+    assert add_lead(piece(), 0.0).frames == 300
 
 
 @pytest.mark.parametrize("lead", [0.02, 0.0437, 0.15])
 def test_of_a_reel_it_is_the_same(lead):
     whole = piece()
     reel = LazyFrames(lambda first, last: whole.pressure[first:last], whole.pressure.shape)
-    longer = led_in(replace(whole, pressure=reel), lead)
-    want = led_in(whole, lead).pressure
+    longer = add_lead(replace(whole, pressure=reel), lead)
+    want = add_lead(whole, lead).pressure
     np.testing.assert_array_equal(np.asarray(longer.pressure), want)
     parts = [longer.pressure.read(first, min(first + 7, len(want))) for first in range(0, len(want), 7)]
     np.testing.assert_array_equal(np.concatenate(parts), want)
@@ -51,7 +51,7 @@ def test_the_bias_starts_at_zero_and_changes_slowly(band):
     to_push = mapping_of("slow-bias", band)
     bare = to_push(x.pressure, RATE) - x.pressure
     assert bare[0].max() > 5
-    longer = led_in(x, usual_lead("slow-bias", band))
+    longer = add_lead(x, default_lead("slow-bias", band))
     pushed = to_push(longer.pressure, RATE)
     assert pushed[0].max() < 0.01
     added = (pushed - longer.pressure)[:, 0, 0]
@@ -63,13 +63,13 @@ def test_the_bias_starts_at_zero_and_changes_slowly(band):
 
 
 def test_a_slow_bias_needs_a_longer_lead():
-    assert usual_lead("half-wave", (20.0, 470.0)) == pytest.approx(0.06)
-    assert usual_lead("slow-bias", (20.0, 470.0)) == pytest.approx(0.15)
-    assert usual_lead("slow-bias", (1.0, 15.0)) == pytest.approx(3.0)
-    assert usual_lead("slow-bias", (0.0, 15.0)) == pytest.approx(3.0)
+    assert default_lead("half-wave", (20.0, 470.0)) == pytest.approx(0.06)
+    assert default_lead("slow-bias", (20.0, 470.0)) == pytest.approx(0.15)
+    assert default_lead("slow-bias", (1.0, 15.0)) == pytest.approx(3.0)
+    assert default_lead("slow-bias", (0.0, 15.0)) == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize("lead", [-0.1, 10.0])
 def test_a_lead_that_makes_no_sense_is_refused(lead):
     with pytest.raises(InputError, match="lead: expected 0 to 10 s"):
-        led_in(piece(), lead)
+        add_lead(piece(), lead)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from midair.errors import InputError, ShapeError
-from midair.view import WEB, Kind, Section, counted, pack, phase_counts, unpack
+from midair.view import WEB, Kind, Section, encode_counts, pack, phase_counts, unpack
 
 DTYPES = ["i1", "<i2", "<f4", "u1"]
 
@@ -97,13 +97,13 @@ def test_a_type_that_the_table_lacks_is_refused():
 
 @given(hnp.arrays(np.float64, (5, 3), elements=st.floats(-1e6, 1e6)), st.sampled_from(["i1", "<i2"]))
 def test_counts_have_an_error_of_at_most_half_a_count(values, dtype):
-    made = counted(values, Kind.SAMPLES, dtype=dtype, rate=1000)
+    made = encode_counts(values, Kind.SAMPLES, dtype=dtype, rate=1000)
     # A unit below the least normal float32 is coarser than half a count.
     assert np.abs(made.values * made.unit - values).max() <= max(0.5001 * made.unit, 1e-36)
 
 
 def test_a_complex_number_is_a_pair():
-    made = counted(np.array([[1 + 2j, -4j]]), Kind.FIELD, dtype="<f4", first=3, rate=1000)
+    made = encode_counts(np.array([[1 + 2j, -4j]]), Kind.FIELD, dtype="<f4", first=3, rate=1000)
     assert made.values.tolist() == [[1, 2, 0, -4]]
     assert (made.first, made.time) == (3, 0.003)
 

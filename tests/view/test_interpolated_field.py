@@ -5,7 +5,7 @@ import pytest
 
 from midair.model import ControlGrid, Drive, TransducerArray
 from midair.physics import focus_phase, propagate, transfer_matrix
-from midair.view import Kind, counted, finer, finer_points
+from midair.view import Kind, encode_counts, finer_points, fit_interpolation
 
 ARRAY = TransducerArray.autd3()
 GRID = ControlGrid()
@@ -13,7 +13,7 @@ GRID = ControlGrid()
 
 @pytest.fixture(scope="module")
 def made():
-    return finer(GRID, ARRAY)
+    return fit_interpolation(GRID, ARRAY)
 
 
 def miss(found, true):
@@ -43,7 +43,7 @@ def test_counts_of_eight_bits_are_enough(made, bits, error):
     """Without noise in the fit, a focus in eight bits was off by 2.4 times its norm."""
     phase = focus_phase(ARRAY, np.array([-6e-3, 6e-3, GRID.height]))[None]
     drive = Drive(phase=phase, level=np.ones(1), rate=1000, array=ARRAY)
-    sent = counted(propagate(drive, GRID), Kind.FIELD, dtype=bits, rate=1000)
+    sent = encode_counts(propagate(drive, GRID), Kind.FIELD, dtype=bits, rate=1000)
     pairs = (sent.values * sent.unit).reshape(16, 16, 2)
     true = propagate(drive, finer_points(GRID)).reshape(64, 64)
     assert miss(made(pairs[..., 0] + 1j * pairs[..., 1]), true) < error
@@ -59,9 +59,9 @@ def test_a_grid_that_is_not_square(made):
     grid = ControlGrid(rows=8, columns=12)
     phase = focus_phase(ARRAY, np.array([5e-3, -3e-3, grid.height]))[None]
     drive = Drive(phase=phase, level=np.ones(1), rate=1000, array=ARRAY)
-    found = finer(grid, ARRAY, times=3)(propagate(drive, grid).reshape(8, 12))
+    found = fit_interpolation(grid, ARRAY, times=3)(propagate(drive, grid).reshape(8, 12))
     assert miss(found, propagate(drive, finer_points(grid, 3)).reshape(24, 36)) < 0.02
 
 
 def test_a_row_alone_has_no_neighbours_to_be_fitted_from():
-    assert finer(ControlGrid(rows=1, columns=4), ARRAY).down.shape == (4, 1)
+    assert fit_interpolation(ControlGrid(rows=1, columns=4), ARRAY).down.shape == (4, 1)

@@ -11,7 +11,7 @@ import pytest
 from tests.view.shown import focus, recording
 from tests.view.test_frame_encoding import node
 
-from midair.view import WEB, one_module, sealed, show_page, show_recording, unpack
+from midair.view import WEB, one_module, show_page, show_recording, unpack, with_content_policy
 
 
 def test_files_for_the_browser_are_small():
@@ -49,7 +49,7 @@ def test_foreign_text_is_escaped():
 
 
 def test_only_its_own_scripts_and_styles_may_run():
-    page = sealed('<meta charset="utf-8"><style>p {}</style><script type="module">let a</script>')
+    page = with_content_policy('<meta charset="utf-8"><style>p {}</style><script type="module">let a</script>')
     for text in ("p {}", "let a"):
         assert base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() in page
     assert "default-src 'none'" in page

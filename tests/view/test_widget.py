@@ -7,7 +7,7 @@ import pytest
 from tests.view.shown import focus, recording
 
 from midair.errors import MissingExtraError
-from midair.view import framed_page, in_notebook, one_module, show_recording, unpack
+from midair.view import iframe_page, in_notebook, one_module, show_recording, unpack
 
 HOST = """
 <!doctype html><meta charset="utf-8"><body><div id="here"></div>
@@ -57,7 +57,7 @@ def test_without_anywidget_one_line_says_what_to_install(monkeypatch):
 
 
 def test_framed_page_loads_nothing():
-    frame = framed_page(show_recording(recording()))
+    frame = iframe_page(show_recording(recording()))
     assert frame.startswith('<iframe srcdoc="&lt;!doctype html&gt;')
     assert "default-src &#x27;none&#x27;" in frame
     assert frame.count("<") == 2

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from cyclopts import App, CycloptsError, Parameter
 
 from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of
-from midair.cli.terminal import GROUPS, busy_bar, err, flags_of, offer, verbosity, with_verbosity
+from midair.cli.terminal import GROUPS, add_command, busy_bar, err, parse_flags, verbosity, with_verbosity
 from midair.errors import MidairError, UnknownDeviceError
 from midair.version import __version__
 
@@ -64,7 +64,7 @@ for order, (name, (group, _, summary)) in enumerate(COMMANDS.items()):
     app.command(f"midair.cli.commands:{name}_app", name=name, help=summary, group=GROUPS[group], sort_key=order)
 for name, (group, summary) in FOLDERS.items():
     app.command(f"midair.cli.commands.{name}:{name}_app", name=name, help=summary, group=GROUPS[group])
-offer(app, completion_command, "completion", group="Help")
+add_command(app, completion_command, "completion", group="Help")
 for flag in ("--help", "--version"):
     app[flag].group = (GROUPS["Help"],)
 
@@ -89,16 +89,16 @@ def main(tokens: Sequence[str] | None = None) -> None:
     tokens = sys.argv[1:] if tokens is None else tokens
     if not _names_command(tokens):
         sys.exit(run(tokens))
-    from midair.devices import ordered_at, process_began
+    from midair.devices import ordered_at, process_start_time
 
     # From here on `midair stop` applies, even before the command registers that it plays.
-    with ordered_at(process_began()):
+    with ordered_at(process_start_time()):
         sys.exit(run(tokens))
 
 
 def run(tokens: Sequence[str]) -> int:
     """Run a command line and return its exit status."""
-    how, tokens = flags_of(tokens)
+    how, tokens = parse_flags(tokens)
     with with_verbosity(how):
         began = time.monotonic()
         status = _status(tokens)
@@ -115,9 +115,9 @@ def _names_command(tokens: Sequence[str]) -> bool:
 def _status(tokens: Sequence[str]) -> int:
     if not _names_command(tokens):
         return _status_of(tokens, ())
-    from midair.files import files_noted
+    from midair.files import collect_written_files
 
-    with files_noted() as files:
+    with collect_written_files() as files:
         return _status_of(tokens, files)
 
 

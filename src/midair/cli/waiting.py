@@ -15,13 +15,13 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from midair.progress import watched
+from midair.progress import report_to
 
 SILENT = 2.0
 """Delay before the bar appears, in s."""
 
 
-class Waiting:
+class BusyBar:
     """A progress bar over an expected number of passes; it appears after `after` seconds and ends with the first
     output.
     """
@@ -71,11 +71,11 @@ class Waiting:
 
 
 @contextmanager
-def waiting(words: str, console: Console, *, passes: int = 1) -> Generator[Waiting]:
+def waiting(words: str, console: Console, *, passes: int = 1) -> Generator[BusyBar]:
     """Show the bar inside the block."""
-    line = Waiting(words, console, passes=passes)
+    line = BusyBar(words, console, passes=passes)
     try:
-        with watched(line.report):
+        with report_to(line.report):
             yield line
     finally:
         line.end()

@@ -90,7 +90,7 @@ def commanded_pressure(
     return radiation_pressure(np.abs(matrix).sum() * np.asarray(levels, float), (acoustics or Acoustics()).medium)
 
 
-def beat_amplitude(signal: Array, rate: float, *, frequency: float, parts: int) -> Array:
+def sine_amplitude(signal: Array, rate: float, *, frequency: float, parts: int) -> Array:
     """Amplitude of a sine of `frequency` in each of `parts` equal parts of a signal, shape (part,), half peak to peak.
 
     Correlation with a complex sine over whole cycles; the first quarter of each part is left out as settling time.

@@ -1,6 +1,6 @@
 """Example data: synthetic strokes and stimuli with seeds, and real recordings."""
 
-from midair.datasets.catalogue import SAMPLES, Sample, credited, sample, sample_path, samples
+from midair.datasets.catalogue import SAMPLES, Sample, sample, sample_path, samples, with_credits
 from midair.datasets.patterns import binary_patterns, channel_amplitudes
 from midair.datasets.stimuli import Probe, Stimulus, am_stimulus, probe_signal
 from midair.datasets.strokes import Motion, Object, Texture, stroke
@@ -17,7 +17,7 @@ __all__ = [
     "am_stimulus",
     "binary_patterns",
     "channel_amplitudes",
-    "credited",
+    "with_credits",
     "probe_signal",
     "sample",
     "sample_path",

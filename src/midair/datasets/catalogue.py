@@ -117,7 +117,7 @@ def sample(name: str) -> Recording:
     return _with_notes(_generated(about) if about.stroke is not None else _read(about), about)
 
 
-def credited(name: str, recording: Recording) -> Recording:
+def with_credits(name: str, recording: Recording) -> Recording:
     """A recording read from `sample_path(name)`, with licence and source added to its provenance."""
     return _with_notes(recording, _sample_named(name))
 

@@ -187,7 +187,7 @@ def felt_pressure_text(found: Exposure) -> str:
     return f"nothing will be felt: at most {found.pressure:.2g} Pa on the palm, where {just:.2g} Pa are just felt"
 
 
-def measure(
+def measure_exposure(
     drive: Drive,
     array: TransducerArray,
     profile: ExposureProfile,
@@ -341,7 +341,9 @@ def check_exposure_level(
 
 def _measured(drive: Drive, device: ArrayInfo, choices: ExposureChoices, repeats: int) -> Exposure:
     """Exposure on the device's array, in the air of the room."""
-    return measure(drive, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn, room=choices.room)
+    return measure_exposure(
+        drive, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn, room=choices.room
+    )
 
 
 def _check_repeats(repeats: int) -> None:

@@ -5,10 +5,10 @@ from midair.evaluate.comparison import Comparison, compare
 from midair.evaluate.distortion import Fidelity, fidelity, image_level, in_band
 from midair.evaluate.energy_error import SolveError, error_by_energy
 from midair.evaluate.error_budget import Budget, StageLoss, StageOutput, budget
-from midair.evaluate.field import peak_position
-from midair.evaluate.ideal_rerecording import apply_band_twice, is_silent
+from midair.evaluate.ideal_rerecording import apply_band_twice, band_settling_frames
 from midair.evaluate.leakage import Leak, leak, surroundings
 from midair.evaluate.palm_metrics import PalmFidelity, PalmFrames, PressedPalm, palm_fidelity, palm_frames
+from midair.evaluate.peak import peak_position
 from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
 from midair.evaluate.skin_metrics import PerceptualFigure, PerceptualMetrics, perceptual_metrics
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
@@ -50,7 +50,7 @@ __all__ = [
     "perceptual_metrics",
     "printed_error",
     "relative_error",
-    "is_silent",
+    "band_settling_frames",
     "spectral_error",
     "spqi",
     "st_sim",

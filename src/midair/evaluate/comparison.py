@@ -10,7 +10,7 @@ from midair.dsp import welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.distortion import decibels
-from midair.evaluate.field import peak_position
+from midair.evaluate.peak import peak_position
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
 from midair.lazy_frames import LazyFrames, blocks
 from midair.model import PressureFrames, SensorGrid

@@ -31,13 +31,13 @@ def apply_band_twice(asked: PressureFrames) -> PressureFrames:
     def window(frequency: Array) -> Array:
         return band_window(frequency, band, edges=edges).reshape(-1, 1, 1)
 
-    rest = is_silent(band, asked.rate)
+    rest = band_settling_frames(band, asked.rate)
     longer = cast("Array", pad_with_silence(asked.pressure, rest))
     heard = filter_response(longer, asked.rate, window, reach=rest / asked.rate)
     return replace(asked, pressure=heard[rest : rest + asked.frames])
 
 
-def is_silent(band: tuple[float, float], rate: float) -> int:
+def band_settling_frames(band: tuple[float, float], rate: float) -> int:
     """Number of silent frames after which a band's filter has decayed: four periods of the lower corner."""
     return int(np.ceil(4 * rate / max(band[0], 1.0)))
 

@@ -13,7 +13,7 @@ from midair.figures.palm_maps import PalmPanel, palm_figure
 from midair.figures.paper_figures import FieldRow, fields_figure, objects_figure, stimuli_figure
 from midair.figures.pattern_curves import Curve, Example, curve_figure, examples_figure, histogram_figure
 from midair.figures.solve_errors import error_figure
-from midair.figures.style import Style, new_figure, plain, png
+from midair.figures.style import Style, new_figure, plain_axes, png_bytes
 from midair.figures.traces import beam_figure, spectra_figure, traces_figure
 
 __all__ = [
@@ -42,8 +42,8 @@ __all__ = [
     "palm_figure",
     "passes_figure",
     "phase_figure",
-    "plain",
-    "png",
+    "plain_axes",
+    "png_bytes",
     "render_page",
     "spectra_figure",
     "stimuli_figure",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.figures.style import Style, new_figure, plain
+from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import Calibration, Crosstalk, Linearity, Measurement
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def _heard(calibration: Calibration) -> tuple[Array, list[int]]:
 
 
 def _frequency_axis(axis: Axes, calibration: Calibration, label: str, style: Style) -> Axes:
-    plain(axis, style)
+    plain_axes(axis, style)
     axis.set_xlabel("frequency (Hz)", fontsize=9)
     axis.set_ylabel(label, fontsize=9)
     low, high = calibration.frequency[[0, -1]]
@@ -230,7 +230,7 @@ def _crosstalk(figure: Figure, axis: Axes, crosstalk: Crosstalk | None, style: S
 
 
 def _linearity(axis: Axes, linearity: Linearity | None, style: Style) -> None:
-    plain(axis, style)
+    plain_axes(axis, style)
     axis.set_xlabel("pressure (Pa rms)", fontsize=9)
     axis.set_ylabel("deviation from the line through 0 (%)", fontsize=9)
     if linearity is None:
@@ -251,7 +251,7 @@ def _linearity(axis: Axes, linearity: Linearity | None, style: Style) -> None:
 
 
 def _delay(axis: Axes, measured: Measurement | None, style: Style) -> None:
-    plain(axis, style)
+    plain_axes(axis, style)
     axis.set_xlabel("channel", fontsize=9)
     axis.set_ylabel("delay (ms)", fontsize=9)
     if measured is None or not measured.delay.any():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from midair.figures.style import Style, new_figure, plain
+from midair.figures.style import Style, new_figure, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +23,7 @@ def passes_figure(
     """
     style = style or Style()
     figure = new_figure(5.4, 3.0, simulated=simulated, style=style)
-    axis = plain(figure.subplots(), style)
+    axis = plain_axes(figure.subplots(), style)
     for (name, errors), colour in zip(series, _colours(style, len(series)), strict=True):
         axis.plot(
             range(1, len(errors) + 1), [100 * error for error in errors], "o-", color=colour, markersize=4, label=name

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midair.evaluate import Budget
-from midair.figures.style import Style, new_figure, plain
+from midair.figures.style import Style, new_figure, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,10 +24,10 @@ def budget_figure(budgets: Sequence[tuple[str, Budget]], *, style: Style | None 
     for row, (name, each) in zip(axes, budgets, strict=True):
         names = [stage.name for stage in each.stages]
         place = np.arange(len(names))[::-1]
-        _waterfall(plain(row[0], style), each, place, style)
+        _waterfall(plain_axes(row[0], style), each, place, style)
         row[0].set_title(f"{name}, strength {each.strength:.2f}", fontsize=9, loc="left", color=style.ink)
         row[0].set_yticks(place, names, fontsize=8)
-        _images(plain(row[1], style), each, place, style)
+        _images(plain_axes(row[1], style), each, place, style)
         row[1].set_yticks(place, [""] * len(names))
         for axis in row:
             axis.set_ylim(-0.6, len(names) - 0.4)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from midair.figures.style import Style, new_figure, plain
+from midair.figures.style import Style, new_figure, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +34,7 @@ def trials_figure(spreads: Sequence[ErrorSpread], *, style: Style | None = None)
     """Draw a line per trial: mean, middle 90 % and worst frame in %, with its strength at the right."""
     style = style or Style()
     figure = new_figure(8.0, 1.2 + 0.26 * len(spreads), simulated=True, style=style)
-    axes = plain(figure.subplots(), style)
+    axes = plain_axes(figure.subplots(), style)
     top = 100 * max(one.worst for one in spreads) or 1.0
     for row, one in enumerate(spreads):
         axes.plot([100 * one.low, 100 * one.high], [row, row], color=style.reproduced, linewidth=5, alpha=0.3)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from midair.figures.style import Style, new_figure, plain
+from midair.figures.style import Style, new_figure, plain_axes
 from midair.physics import Exposure
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ def exposure_figure(exposure: Exposure, *, simulated: bool, style: Style | None 
     """Draw the level of every frame at every place, each with its limit as a dashed line of the same colour."""
     style = style or Style()
     figure = new_figure(8.0, 3.2, simulated=simulated, style=style)
-    axis = plain(figure.subplots(), style)
+    axis = plain_axes(figure.subplots(), style)
     time = np.arange(len(exposure.level)) / exposure.rate
     colours = (style.original, style.reproduced, style.before, "#009e73", "#cc79a7", "#e69f00")
     for number, place in enumerate(exposure.profile.places):

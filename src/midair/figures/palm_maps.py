@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.evaluate import PressedPalm
-from midair.figures.style import Style, new_figure, plain
+from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import PressureFrames
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def _draw_traces(
     cell, begin = strongest_moment(original, window)
     axes = figure.subplots(1, len(ways), sharex=True, sharey=True, squeeze=False)[0]
     for axis, way in zip(axes, ways, strict=True):
-        plain(axis, style)
+        plain_axes(axis, style)
         for name, frames, colour in (
             ("original", original, style.original),
             ("re-recorded", way.felt, style.reproduced),

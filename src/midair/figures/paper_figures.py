@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.dsp import welch
-from midair.figures.style import Style, new_figure, plain
+from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import ControlGrid, PressureFrames, SensorGrid
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def stimuli_figure(
         top = max(float(np.sqrt((one.pressure**2).mean(axis=0)).max()) for one in each.values())
         high = max(float(np.abs(one.pressure).max()) for one in each.values())
         for row, name in enumerate(rows):
-            place, wave = axes[row, 2 * column], plain(axes[row, 2 * column + 1], style)
+            place, wave = axes[row, 2 * column], plain_axes(axes[row, 2 * column + 1], style)
             place.imshow(np.sqrt((each[name].pressure ** 2).mean(axis=0)), cmap=style.quantity, vmin=0, vmax=top)
             place.set_xticks([])
             place.set_yticks([])
@@ -134,7 +134,7 @@ def objects_figure(
     top = -np.inf
     for number, (line, (row, objects)) in enumerate(zip(axes, rows.items(), strict=True)):
         for axis, channel in zip(line, channels, strict=True):
-            plain(axis, style)
+            plain_axes(axis, style)
             for (name, frames), colour in zip(objects.items(), colours, strict=False):
                 frequency, density = welch(frames.pressure.reshape(frames.frames, -1)[:, channel], frames.rate)
                 level = 10 * np.log10(np.maximum(density[1:], 1e-12))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.figures.style import Style, new_figure, plain
+from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import ControlGrid, SensorGrid
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def histogram_figure(
     """
     style = style or Style()
     figure = new_figure(7.0, 3.0, simulated=True, style=style)
-    axes = plain(figure.subplots(), style)
+    axes = plain_axes(figure.subplots(), style)
     axes.axvspan(100 * published[0], 100 * published[1], color=style.band, zorder=0, label="paper, average")
     top = 100 * max(float(values.max()) for _, values in errors)
     bins = np.linspace(0, top, 121).tolist()
@@ -105,7 +105,7 @@ def curve_figure(
     """Draw mean E over a quantity; shaded: the middle 90 % of the patterns."""
     style = style or Style()
     figure = new_figure(5.2, 3.2, simulated=True, style=style)
-    axes = plain(figure.subplots(), style)
+    axes = plain_axes(figure.subplots(), style)
     axes.axhspan(100 * published[0], 100 * published[1], color=style.band, zorder=0, label="paper, average")
     for curve, colour in zip(curves, _colours(len(curves), style), strict=True):
         axes.fill_between(curve.x, 100 * curve.low, 100 * curve.high, color=colour, alpha=0.18, linewidth=0)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from midair.figures.style import Style, new_figure, plain
+from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import Solution
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ def error_figure(
     """Draw E of every frame that plays; the range that the paper reports for static patterns is shaded."""
     style = style or Style()
     figure = new_figure(8.0, 2.6, simulated=simulated, style=style)
-    axis = plain(figure.subplots(), style)
+    axis = plain_axes(figure.subplots(), style)
     low, high = (100 * value for value in published)
     axis.axhspan(low, high, color=style.band, label=f"paper, static patterns: {low:.0f}–{high:.0f} %")
     plays = np.array([status != "silent" for status in solution.status])

@@ -44,7 +44,7 @@ def new_figure(width: float, height: float, *, simulated: bool, style: Style | N
     return figure
 
 
-def plain(axes: Axes, style: Style) -> Axes:
+def plain_axes(axes: Axes, style: Style) -> Axes:
     """Apply the common axes style: no box, small ticks, a faint grid behind the data."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(style.faint)
@@ -54,7 +54,7 @@ def plain(axes: Axes, style: Style) -> Axes:
     return axes
 
 
-def png(figure: Figure, *, dpi: int = 130) -> bytes:
+def png_bytes(figure: Figure, *, dpi: int = 130) -> bytes:
     """Return the figure as PNG."""
     out = io.BytesIO()
     figure.savefig(out, format="png", dpi=dpi)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.dsp import welch
-from midair.figures.style import Style, new_figure, plain
+from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import PressureFrames
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def traces_figure(
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for channel, axis in enumerate(axes.ravel()):
         row, column = divmod(channel, columns)
-        plain(axis, style)
+        plain_axes(axis, style)
         axis.plot(
             original.time, original.pressure[:, row, column], color=style.original, linewidth=0.7, label="original"
         )
@@ -78,7 +78,7 @@ def spectra_figure(
     axes = figure.subplots(1, len(channels), sharex=True, sharey=True, squeeze=False)[0]
     top = -np.inf
     for axis, channel in zip(axes, channels, strict=True):
-        plain(axis, style)
+        plain_axes(axis, style)
         for (name, frames), colour in zip(series, colours, strict=False):
             row, column = divmod(channel, frames.sensor.columns)
             pressure = frames.pressure[:, row, column]
@@ -103,7 +103,7 @@ def beam_figure(
     """Draw the amplitude that the sensor measured in a focus over the commanded amplitude, with the fitted line."""
     style = style or Style()
     figure = new_figure(3.6, 3.0, simulated=simulated, style=style)
-    axis = plain(figure.subplots(), style)
+    axis = plain_axes(figure.subplots(), style)
     ends = np.array([0.0, float(commanded.max())])
     axis.plot(ends, intercept + gain * ends, color=style.reproduced, linewidth=1, label=f"gain {gain:.3f}")
     axis.plot(commanded, measured, "o", color=style.original, markersize=4, label="measured")

@@ -1,7 +1,7 @@
 """Read and write recordings, calibrations and drives in HDF5, and recordings in other formats."""
 
-from midair.files.atomic import files_noted, refusing, whole_file, whole_folder, writable_path
-from midair.files.file_locks import NoLocksWarning, check_unclaimed, hold_open
+from midair.files.atomic import atomic_file, atomic_folder, collect_written_files, parse_errors, writable_path
+from midair.files.file_locks import NoLocksWarning, check_not_recording, lock_or_raise
 from midair.files.format_loss import FormatLoss
 from midair.files.formats import FORMATS, format_of, load, open_take, save
 from midair.files.importers import load_board
@@ -28,7 +28,7 @@ from midair.files.native import (
 from midair.files.opened_take import Format, ImportOptions, OpenedTake
 from midair.files.report_rows import csv_text, for_json
 from midair.files.sanitise_text import no_formula, printable
-from midair.files.size_check import check_fits
+from midair.files.size_check import check_memory_for
 from midair.files.text_files import json_of, read_text, read_toml, toml_of
 from midair.files.toml import (
     DEFAULT_PROFILE,
@@ -56,15 +56,15 @@ __all__ = [
     "FormatLoss",
     "NoLocksWarning",
     "RecordingWriter",
-    "check_fits",
-    "check_unclaimed",
+    "check_memory_for",
+    "check_not_recording",
     "contents",
     "csv_text",
-    "files_noted",
+    "collect_written_files",
     "for_json",
     "format_of",
     "from_plain",
-    "hold_open",
+    "lock_or_raise",
     "json_of",
     "load",
     "load_board",
@@ -85,7 +85,7 @@ __all__ = [
     "profile_named",
     "read_text",
     "read_toml",
-    "refusing",
+    "parse_errors",
     "repair",
     "save",
     "save_array_calibration",
@@ -97,7 +97,7 @@ __all__ = [
     "to_json",
     "to_plain",
     "toml_of",
-    "whole_file",
-    "whole_folder",
+    "atomic_file",
+    "atomic_folder",
     "writable_path",
 ]

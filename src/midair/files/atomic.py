@@ -15,7 +15,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from midair.errors import BrokenFileError, FileError, MidairError, MissingFileError
-from midair.files.file_locks import check_unclaimed
+from midair.files.file_locks import check_not_recording
 
 PARSER_FAILURES = (
     ArithmeticError,
@@ -71,7 +71,7 @@ _noting: ContextVar[list[Path] | None] = ContextVar("noting", default=None)
 
 
 @contextmanager
-def files_noted() -> Generator[list[Path]]:
+def collect_written_files() -> Generator[list[Path]]:
     """Collect the path of every file that is written inside the block, in order."""
     noted: list[Path] = []
     before = _noting.set(noted)
@@ -81,15 +81,15 @@ def files_noted() -> Generator[list[Path]]:
         _noting.reset(before)
 
 
-def note_file(path: str | os.PathLike[str]) -> None:
-    """Add a completed file to the list of `files_noted`."""
+def note_written_file(path: str | os.PathLike[str]) -> None:
+    """Add a completed file to the list of `collect_written_files`."""
     noted = _noting.get()
     if noted is not None and Path(path) not in noted:
         noted.append(Path(path))
 
 
 @contextmanager
-def whole_file(path: str | os.PathLike[str]) -> Generator[Path]:
+def atomic_file(path: str | os.PathLike[str]) -> Generator[Path]:
     """Write a file atomically: yields a temporary name beside `path`, which replaces `path` if the block succeeds.
 
     The data are on the disk (fsync) before the file is renamed (os.replace): other programs see the old file or the new
@@ -103,15 +103,15 @@ def whole_file(path: str | os.PathLike[str]) -> Generator[Path]:
         If the file cannot be written, or a program is recording into it.
     """
     target = writable_path(path)
-    check_unclaimed(target)
+    check_not_recording(target)
     partial = target.with_name(f".midair-{secrets.token_hex(4)}.part")
     try:
         partial.touch(exist_ok=False)
         yield partial
         _sync(partial)
-        check_unclaimed(target)
+        check_not_recording(target)
         os.replace(partial, target)
-        note_file(path)
+        note_written_file(path)
     except MidairError:
         raise
     except (OSError, RuntimeError) as wrong:
@@ -122,7 +122,7 @@ def whole_file(path: str | os.PathLike[str]) -> Generator[Path]:
             partial.unlink(missing_ok=True)
 
 
-def check_room(folder: Path, needed: int, path: str | os.PathLike[str]) -> None:
+def check_disk_space(folder: Path, needed: int, path: str | os.PathLike[str]) -> None:
     """Raise FileError if the disk of a folder has fewer than `needed` bytes free for the file `path`."""
     free = shutil.disk_usage(folder).free
     if free < needed:
@@ -133,7 +133,7 @@ def check_room(folder: Path, needed: int, path: str | os.PathLike[str]) -> None:
 
 
 @contextmanager
-def whole_folder(path: str | os.PathLike[str]) -> Generator[Path]:
+def atomic_folder(path: str | os.PathLike[str]) -> Generator[Path]:
     """Write a folder atomically: yields a temporary folder, which is renamed to `path` if the block succeeds.
 
     `path` must be new or an empty folder; parent folders are created.
@@ -156,7 +156,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Generator[Path]:
         if target.exists():
             target.rmdir()
         partial.rename(target)
-        note_file(path)
+        note_written_file(path)
     except MidairError:
         raise
     except (OSError, RuntimeError) as wrong:
@@ -189,7 +189,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
 
 
 @contextmanager
-def refusing(path: Path | str, expected: str) -> Generator[None]:
+def parse_errors(path: Path | str, expected: str) -> Generator[None]:
     """Convert errors of a parser into one message that names the file; `expected` completes "expected ...".
 
     Errors of midair (a NaN, a wrong shape) keep their type, get the file's name if they lack it, and lose unprintable

@@ -12,14 +12,14 @@ EXPANDED_ANYWAY = 2**27
 """Expanded size that is always allowed, in bytes."""
 
 
-def room_of(path: Path, *, anyway: int = EXPANDED_ANYWAY) -> int:
+def max_expanded_size(path: Path, *, anyway: int = EXPANDED_ANYWAY) -> int:
     """Maximum expanded size of a file, in bytes."""
     return max(EXPANDED * path.stat().st_size, anyway)
 
 
 def check_expansion(path: Path, expanded: int, *, anyway: int = EXPANDED_ANYWAY) -> None:
     """Raise BrokenFileError if the expanded size is larger than that of any recording in a file of this size."""
-    if expanded > room_of(path, anyway=anyway):
+    if expanded > max_expanded_size(path, anyway=anyway):
         size = path.stat().st_size
         raise BrokenFileError(
             f"{path}: expected expansion to at most {EXPANDED} times its {size} bytes, got {expanded} or more; "
@@ -32,7 +32,7 @@ def inflated(path: Path, packed: bytes, room: int) -> bytes:
     stream = zlib.decompressobj()
     data = stream.decompress(packed, room + 1)
     if len(data) > room:
-        check_expansion(path, room_of(path) + 1)
+        check_expansion(path, max_expanded_size(path) + 1)
     if not stream.eof:
         raise BrokenFileError(f"{path}: expected a whole zlib stream, got the first {len(packed)} bytes of one")
     return data

@@ -27,7 +27,7 @@ class NoLocksWarning(UserWarning):
     """A file system without locks, on which two programs could write to the same file unnoticed."""
 
 
-def hold_open(handle: int, refusal: str) -> None:
+def lock_or_raise(handle: int, refusal: str) -> None:
     """Lock an open file or folder until the handle is closed or the process ends.
 
     On a file system without locks it issues a `NoLocksWarning` and continues.
@@ -57,7 +57,7 @@ def hold_open(handle: int, refusal: str) -> None:
 
 
 def acquire_for_writing(handle: int, path: Path) -> None:
-    """Mark an open file as being written by this process; `check_unclaimed` detects the mark."""
+    """Mark an open file as being written by this process; `check_not_recording` detects the mark."""
     if fcntl is None:
         return
     try:
@@ -70,7 +70,7 @@ def acquire_for_writing(handle: int, path: Path) -> None:
         _warn(wrong, path)
 
 
-def check_unclaimed(path: Path) -> None:
+def check_not_recording(path: Path) -> None:
     """Raise FileError, which names the process, if another handle is writing to a file to be replaced or removed."""
     if fcntl is None or not path.is_file():
         return

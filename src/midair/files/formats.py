@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from midair.errors import InputError, UnknownFormatError
-from midair.files.atomic import existing_file, refusing
+from midair.files.atomic import existing_file, parse_errors
 from midair.files.format_loss import FormatLoss
 from midair.files.native import (
     ARRAY_SUFFIX,
@@ -19,7 +19,7 @@ from midair.files.native import (
     write_recording,
 )
 from midair.files.opened_take import Format, ImportOptions, OpenedTake
-from midair.files.size_check import check_fits
+from midair.files.size_check import check_memory_for
 from midair.lazy_frames import LazyFrames
 from midair.model import Calibration, Event, PressureFrames, Recording, SensorGrid, Solution, Unit
 from midair.recordings import Mending, suspicious
@@ -180,9 +180,9 @@ def open_take(
     file = existing_file(path)
     if form.memory:
         advice = "cut it, or convert it to .h5 or WAV, which are read in parts"
-        check_fits(form.memory * file.stat().st_size, f"{path}, a {form.name} file", advice)
+        check_memory_for(form.memory * file.stat().st_size, f"{path}, a {form.name} file", advice)
     # Damaged numbers may overflow here; Recording rejects numbers that are not finite.
-    with refusing(file, f"a {form.name} file"), np.errstate(all="ignore"):
+    with parse_errors(file, f"a {form.name} file"), np.errstate(all="ignore"):
         chosen = None if channels is None else tuple(channels)
         given = ImportOptions(
             rate=rate,

@@ -1,7 +1,7 @@
 """Result of reading a recording file, and the options that complete files of other programs."""
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
-from midair.files.timestamps import held
+from midair.files.timestamps import repeated_rows
 from midair.lazy_frames import blocks, each_frame
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Setting, Unit
 from midair.recordings import Mended, Mending, mend
@@ -226,7 +226,7 @@ class ImportedData:
         samples = each_frame(self.samples, lambda block: block.reshape(len(block), -1)[:, places], exact=True)
         some = next(blocks(samples))
         fine = len(np.unique(some, axis=0)) > len(some) / 2  # coarse numbers repeat by themselves
-        repeats = tuple(sentence for sentence in held(samples) if fine and sentence not in self.report)
+        repeats = tuple(sentence for sentence in repeated_rows(samples) if fine and sentence not in self.report)
         return replace(
             self,
             samples=samples,
@@ -287,7 +287,7 @@ class Format:
     name: str
     read: Callable[[Path, ImportOptions], OpenedTake]
     """Read a file with what the user states about it."""
-    write: Callable[[Recording, Path, Calibration | None], Sequence[Any]] | None = None
+    write: Callable[[Recording, Path, Calibration | None], tuple[Any, ...]] | None = None
     """Write a recording; returns a `FormatLoss` for each thing that the format cannot hold. None if it is only read."""
     memory: float = 0
     """Least number of bytes that reading takes for each byte of the file; 0 if it is read in parts."""

@@ -28,7 +28,7 @@ class Uniform:
     """Sentences on repeated stamps, gaps and interpolation."""
 
 
-def uniform(time: Array, samples: Array, *, rate: float | None = None) -> Uniform:
+def to_fixed_rate(time: Array, samples: Array, *, rate: float | None = None) -> Uniform:
     """Interpolate samples, shape (row, channel), linearly from stamped times (s) to frames at a fixed rate.
 
     The rate is the mean over rows outside of gaps, which exceed 1.5 times the median distance of stamps; `rate`
@@ -41,7 +41,7 @@ def uniform(time: Array, samples: Array, *, rate: float | None = None) -> Unifor
         row = int(np.argmax(np.diff(time) < 0))
         raise RateError(f"time stamps: expected increasing values, got {time[row + 1]:g} s after {time[row]:g} s")
     keep = np.concatenate([[True], np.diff(time) > 0])
-    report = (*_repeats(keep), *held(samples[keep]))
+    report = (*_repeats(keep), *repeated_rows(samples[keep]))
     time, samples = time[keep] - time[0], samples[keep]
     if len(time) < 2:
         raise RateError(f"time stamps: expected two that differ, got {len(time)}; give the rate and drop the stamps")
@@ -87,7 +87,7 @@ def _repeats(keep: NDArray[np.bool_]) -> tuple[str, ...]:
     return (f"{repeats} of {len(keep)} rows have the time stamp of the row before: the first of each was kept.",)
 
 
-def held(samples: Array) -> tuple[str, ...]:
+def repeated_rows(samples: Array) -> tuple[str, ...]:
     """Report of rows, shape (row, channel), that repeat the previous one at a later time, if not all do."""
     repeats, before = 0, samples[:0]
     for block in blocks(samples):

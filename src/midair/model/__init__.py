@@ -7,13 +7,13 @@ from midair.model.calibration import Calibration
 from midair.model.drive import Drive, PlayedTouch, Solution, Status
 from midair.model.frames import AmplitudeFrames, PressureFrames
 from midair.model.geometry import ControlGrid, SensorGrid, TransducerArray
-from midair.model.journal import Event, EventKind
 from midair.model.measurement import Crosstalk, Linearity, Measurement
 from midair.model.medium import Medium
 from midair.model.palm import Palm
 from midair.model.placement import UNIT, Placement
 from midair.model.provenance import Provenance, Setting, Step
 from midair.model.recording import Recording, Unit
+from midair.model.recording_events import Event, EventKind
 from midair.model.stage import Heading, Place, StageSetup, StageStamp, check_reached, speed_of
 from midair.model.wiring import SensorWiring
 from midair.progress import Progress

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import SensorGrid
 from midair.model.measurement import Crosstalk, Linearity, Measurement
-from midair.model.pictures import curve, framed
 from midair.model.provenance import Provenance
 from midair.model.recording import Unit
 from midair.model.reprs import clipped, counted, from_source, span, summary
+from midair.model.svg_pictures import curve, framed
 from midair.validation import frozen_array
 
 

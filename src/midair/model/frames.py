@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.lazy_frames import LazyFrames
 from midair.model.geometry import ControlGrid, SensorGrid
-from midair.model.pictures import framed, heat_map, sparklines
 from midair.model.provenance import Provenance
 from midair.model.reprs import frames_and_duration, from_source, span, summary
+from midair.model.svg_pictures import framed, heat_map, sparklines
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model.pictures import dots, framed
 from midair.model.reprs import clipped, counted, summary
+from midair.model.svg_pictures import dots, framed
 from midair.validation import HEIGHTS, PITCHES, frozen_array, length, positive
 
 Array = NDArray[np.float64]

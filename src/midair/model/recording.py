@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from midair.errors import UnitError
 from midair.model.geometry import SensorGrid
-from midair.model.pictures import framed, sparklines
 from midair.model.provenance import Provenance
 from midair.model.reprs import frames_and_duration, from_source, span, summary
+from midair.model.svg_pictures import framed, sparklines
 from midair.validation import frozen_array, positive
 
 Unit = Literal["V", "count", "Pa"]

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from midair.datasets import channel_amplitudes
 from midair.evaluate import Leak, leak, printed_error, relative_error
-from midair.figures import FieldRow, fields_figure, png
+from midair.figures import FieldRow, fields_figure, png_bytes
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, Provenance, SensorGrid, TransducerArray
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude, propagate
 from midair.pipeline import solve_with
-from midair.progress import passing
-from midair.settings import MODES, Mode, Settings, beside_paper, paper_mode
+from midair.progress import report_progress
+from midair.settings import MODES, Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import interpolation_matrix
 
 Array = NDArray[np.float64]
@@ -52,10 +52,10 @@ def figure_3(
     cold = (paper or paper_mode().but(method="lm", iterations=(50, 50))).but(start="zero", acoustics=acoustics)
     # Patterns are not a sequence, so phases need not be continuous.
     still = (best or MODES[mode]()).but(method="fast", fit="points", acoustics=acoustics)
-    modes = beside_paper(mode, cold, still)
+    modes = with_paper_mode(mode, cold, still)
     rows: list[Row] = []
     shown: list[FieldRow] = []
-    for name_of_mode, settings in passing(modes.items(), len(modes)):
+    for name_of_mode, settings in report_progress(modes.items(), len(modes)):
         grid = settings.target.grid
         focus = focus_amplitude(grid, array, acoustics=acoustics)
         cells = channel_amplitudes(np.array(list(PATTERNS.values())), sensor)
@@ -87,7 +87,7 @@ def figure_3(
         name="figure3",
         title="Binary patterns and their fields, as in the paper's Fig. 3",
         rows=tuple(rows),
-        pictures={"figure3.png": png(fields_figure(shown, sensor, quantity="sound pressure over a full focus"))},
+        pictures={"figure3.png": png_bytes(fields_figure(shown, sensor, quantity="sound pressure over a full focus"))},
         about={"strength": strength, "height_m": 0.2, "array": array.name, "sources": "points, no attenuation"},
     )
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from midair.errors import InputError
 from midair.evaluate import perceptual_metrics
-from midair.figures import png, stimuli_figure
+from midair.figures import png_bytes, stimuli_figure
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
-from midair.pipeline import calibrated_pressure, lead_of
-from midair.rig import Loop, Stage, VirtualRig, capture_recording, quiet, run_loop
-from midair.settings import Mode, Settings, beside_paper, paper_mode
+from midair.pipeline import calibrated_pressure, required_lead
+from midair.rig import Loop, Stage, VirtualRig, capture_recording, no_progress, run_loop
+from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 
 STIMULI: Mapping[str, str] = MappingProxyType(
     {"i: 100 Hz": "am-i", "ii: two points": "am-ii", "iii: 25 + 250 Hz": "am-iii"}
@@ -46,13 +46,13 @@ class StimuliPlan:
             )
 
 
-def figure_4(plan: StimuliPlan | None = None, *, stage: Stage = quiet) -> PaperResult:
+def figure_4(plan: StimuliPlan | None = None, *, stage: Stage = no_progress) -> PaperResult:
     """Record, reproduce and re-record stimuli i to iii in both modes; call `stage` with the name of each stage."""
     plan = plan or StimuliPlan()
     rows: list[Row] = []
     shown: dict[str, dict[str, PressureFrames]] = {}
     for name, thing in STIMULI.items():
-        for which, settings in beside_paper(plan.mode, plan.paper, plan.best).items():
+        for which, settings in with_paper_mode(plan.mode, plan.paper, plan.best).items():
             mode, iterate = f"{which} mode", 0 if which == "paper" else plan.iterate
             original = recorded(plan.rig, thing, settings, plan.duration)
             loop = reproduced(
@@ -64,7 +64,7 @@ def figure_4(plan: StimuliPlan | None = None, *, stage: Stage = quiet) -> PaperR
         name="figure4",
         title="Modulated foci, original and re-recorded, as in the paper's Fig. 4",
         rows=tuple(rows),
-        pictures={"figure4.png": png(stimuli_figure(shown))},
+        pictures={"figure4.png": png_bytes(stimuli_figure(shown))},
         about={"duration_s": plan.duration, "amplitude_corrections": plan.corrections, "best_iterations": plan.iterate},
     )
 
@@ -88,7 +88,7 @@ def reproduced(original: PressureFrames, plan: StimuliPlan, settings: Settings, 
             settings,
             corrections=plan.corrections,
             iterate=iterate,
-            lead=lead_of(settings),
+            lead=required_lead(settings),
             stage=stage,
         )
 

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from midair.datasets import Object
 from midair.dsp import band_energy
-from midair.figures import objects_figure, png
+from midair.figures import objects_figure, png_bytes
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
 from midair.pipeline import calibrated_pressure
-from midair.progress import passing
+from midair.progress import report_progress
 from midair.rig import VirtualRig, capture_recording
-from midair.settings import Mode, Settings, beside_paper, paper_mode
+from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import MAPPINGS
 
 CHANNELS = (2, 6, 10, 14)
@@ -40,11 +40,11 @@ def figure_9(
     mode : {"paper", "best", "quick", "finest"}
         Mode to compare with the paper's.
     """
-    modes = beside_paper(mode, paper or paper_mode(), best)
+    modes = with_paper_mode(mode, paper or paper_mode(), best)
     rows: list[Row] = []
     shown: dict[str, dict[str, PressureFrames]] = {}
     every = list(product(("plain", "groove"), get_args(Object)))
-    for surface, name in passing(every, len(every)):
+    for surface, name in report_progress(every, len(every)):
         strokes = [_stroke(name, surface, modes["paper"], seed) for seed in range(takes)]
         for which, settings in modes.items():
             pushed = [_mapped(stroke, settings.target.mapping) for stroke in strokes]
@@ -60,7 +60,7 @@ def figure_9(
         name="figure9",
         title="Spectra of the synthetic objects, as in the paper's Fig. 9",
         rows=tuple(rows),
-        pictures={"figure9.png": png(objects_figure(shown, channels=CHANNELS))},
+        pictures={"figure9.png": png_bytes(objects_figure(shown, channels=CHANNELS))},
         about={"takes": takes, "channels": list(CHANNELS), "unit": "dB re 1 Pa^2, mean over takes and channels"},
     )
 

@@ -21,15 +21,15 @@ from midair.devices import check_exposure
 from midair.dsp import resample
 from midair.errors import InputError, MissingExtraError
 from midair.evaluate import THIRD_OCTAVES, third_octaves
-from midair.figures import ConfusionPanel, confusion_figures, png
+from midair.figures import ConfusionPanel, confusion_figures, png_bytes
 from midair.files import contents, open_take
 from midair.model import Calibration, PressureFrames, Recording
 from midair.paper.modes_compared import strongest_begins
 from midair.paper.result import PaperResult, Row
-from midair.pipeline import at_strength, calibrated_pressure, lead_of, reproduce
-from midair.rig import Stage, VirtualRig, capture_recording, quiet, rerecord, usual_exposure
-from midair.settings import Mode, Settings, beside_paper, paper_mode
-from midair.targets import led_in
+from midair.pipeline import calibrated_pressure, reproduce, required_lead, with_gain_for_strength
+from midair.rig import Stage, VirtualRig, capture_recording, default_exposure, no_progress, rerecord
+from midair.settings import Mode, Settings, paper_mode, with_paper_mode
+from midair.targets import add_lead
 
 Array = NDArray[np.float64]
 LIVE = "live"
@@ -99,10 +99,10 @@ class MaterialsPlan:
     @property
     def modes(self) -> Mapping[str, Settings]:
         """The modes by name. The live mode inverts the sensor, maps and solves frame by frame."""
-        return {**beside_paper(self.mode, self.paper), LIVE: self.paper.but(method="live")}
+        return {**with_paper_mode(self.mode, self.paper), LIVE: self.paper.but(method="live")}
 
 
-def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = quiet) -> PaperResult:
+def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = no_progress) -> PaperResult:
     """Reproduce every stroke in every mode, and classify it with two classifiers; call `stage` with each stage's name.
 
     Raises
@@ -159,7 +159,7 @@ def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = quiet) 
         name="materials",
         title="Material of each stroke by a classifier trained on the originals",
         rows=tuple(rows),
-        pictures={"materials.png": png(confusion_figures(matrices, simulated=True))},
+        pictures={"materials.png": png_bytes(confusion_figures(matrices, simulated=True))},
         about={
             "materials": list(names),
             "strokes": [one.name for one in strokes],
@@ -225,12 +225,12 @@ def material_of(path: Path, folder: Path) -> str:
 def through(original: PressureFrames, settings: Settings, plan: MaterialsPlan) -> PressureFrames:
     """Play a pressure on the virtual rig and return the re-recording."""
     rig = replace(plan.rig, cells=original.sensor)
-    lead = lead_of(settings)
-    asked = led_in(original, lead)
-    made = reproduce(asked, rig.array, at_strength(asked, rig.array, settings.but(strength=plan.strength)))
+    lead = required_lead(settings)
+    asked = add_lead(original, lead)
+    made = reproduce(asked, rig.array, with_gain_for_strength(asked, rig.array, settings.but(strength=plan.strength)))
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        again = rerecord(check_exposure(made.solution.drive, array, usual_exposure()), array, sensor)
+        again = rerecord(check_exposure(made.solution.drive, array, default_exposure()), array, sensor)
         heard = calibrated_pressure(again, sensor.calibration, settings, from_rest=True)
     return heard.cut(lead, original.frames / original.rate)
 

@@ -9,12 +9,12 @@ import numpy as np
 from midair.datasets import probe_signal
 from midair.errors import InputError
 from midair.evaluate import Budget, in_band
-from midair.figures import budget_figure, passes_figure, png
+from midair.figures import budget_figure, passes_figure, png_bytes
 from midair.files import open_take
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude
-from midair.pipeline import calibrated_pressure, lead_of, target_amplitude
+from midair.pipeline import calibrated_pressure, required_lead, target_amplitude
 from midair.rig import (
     BudgetPlan,
     Loop,
@@ -22,11 +22,11 @@ from midair.rig import (
     VirtualRig,
     capture_recording,
     error_budget,
-    quiet,
+    no_progress,
     run_loop,
 )
-from midair.settings import Mode, Settings, beside_paper, coarser, paper_mode
-from midair.targets import led_in
+from midair.settings import Mode, Settings, paper_mode, with_fewer_points, with_paper_mode
+from midair.targets import add_lead
 
 SIGNALS = ("25+250 Hz", "noise", "bursts")
 OBJECTS = ("brush", "sponge", "towel")
@@ -66,10 +66,10 @@ class FidelityPlan:
     @property
     def modes(self) -> Mapping[str, Settings]:
         """The two modes by name."""
-        return beside_paper(self.mode, self.paper, self.best)
+        return with_paper_mode(self.mode, self.paper, self.best)
 
 
-def fidelity_table(plan: FidelityPlan | None = None, *, stage: Stage = quiet) -> PaperResult:
+def fidelity_table(plan: FidelityPlan | None = None, *, stage: Stage = no_progress) -> PaperResult:
     """Compute error budgets of all signals in both modes at the same strength, and iterative corrections.
 
     `stage` is called with the name of each stage as it begins.
@@ -83,19 +83,19 @@ def fidelity_table(plan: FidelityPlan | None = None, *, stage: Stage = quiet) ->
         for mode, settings in plan.modes.items():
             original = original_of(thing, plan, settings)
             alike = at_strength(original, settings, plan)
-            lead = lead_of(alike)
+            lead = required_lead(alike)
             at = BudgetPlan(settings=alike, rig=replace(plan.rig, cells=original.sensor), lead=lead)
             budget = error_budget(original, at, stage=lambda what, m=mode, t=called: stage(f"{t}, {m}: {what}"))
             made.append((f"{called}, {mode} mode", budget))
             rows.append(_row(called, mode, budget))
         name = "".join(letter if letter.isalnum() else "-" for letter in called).lower()
-        pictures[f"budget-{name}.png"] = png(budget_figure(made))
+        pictures[f"budget-{name}.png"] = png_bytes(budget_figure(made))
     about: dict[str, object] = {"strength": plan.strength, "duration_s": plan.duration}
     if plan.passes:
         loops = {mode: iterated_loop(plan, settings, stage) for mode, settings in plan.modes.items()}
         errors = {mode: [one.comparison.waveform_error for one in loop.passes[1:]] for mode, loop in loops.items()}
         series = [(f"noise, {mode} mode", each) for mode, each in errors.items()]
-        pictures["passes.png"] = png(passes_figure(series, simulated=True))
+        pictures["passes.png"] = png_bytes(passes_figure(series, simulated=True))
         about["iterative_correction_of_noise"] = {
             mode: {"waveform_error": errors[mode], "taken_back": loop.taken_back, "end": loop.end}
             for mode, loop in loops.items()
@@ -147,7 +147,7 @@ def strongest_begins(pressure: PressureFrames, duration: float) -> float:
 
 def at_strength(original: PressureFrames, settings: Settings, plan: FidelityPlan) -> Settings:
     """Settings with the gain that gives the target the plan's strength."""
-    asked = led_in(original, lead_of(settings))
+    asked = add_lead(original, required_lead(settings))
     strength = target_strength(asked, settings, plan.rig)
     return settings.but(gain=settings.target.gain * (plan.strength / strength) ** 2)
 
@@ -159,14 +159,21 @@ def target_strength(asked: PressureFrames, settings: Settings, rig: VirtualRig) 
     return float(target.amplitude.max() / focus)
 
 
-def iterated_loop(plan: FidelityPlan, settings: Settings, stage: Stage = quiet) -> Loop:
+def iterated_loop(plan: FidelityPlan, settings: Settings, stage: Stage = no_progress) -> Loop:
     """Run a loop with iterative correction on the noise, with fewer points and without a guard."""
-    settings = coarser(settings.but(guard=None), plan.points)
+    settings = with_fewer_points(settings.but(guard=None), plan.points)
     original = original_of("noise", plan, settings)
     skin = plan.rig.skin()
     with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:
         return run_loop(
-            original, array, sensor, settings, corrections=1, iterate=plan.passes, lead=lead_of(settings), stage=stage
+            original,
+            array,
+            sensor,
+            settings,
+            corrections=1,
+            iterate=plan.passes,
+            lead=required_lead(settings),
+            stage=stage,
         )
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from midair.files import csv_text, for_json, whole_file
+from midair.files import atomic_file, csv_text, for_json
 
 Row = Mapping[str, str | int | float | None]
 
@@ -47,6 +47,6 @@ class PaperResult:
         folder.mkdir(parents=True, exist_ok=True)
         contents = [self.table().encode(), json.dumps(self.plain(), indent=2).encode(), *self.pictures.values()]
         for path, content in zip(self.files(folder), contents, strict=True):
-            with whole_file(path) as partial:
+            with atomic_file(path) as partial:
                 partial.write_bytes(content)
         return self.files(folder)

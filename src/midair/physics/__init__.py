@@ -1,7 +1,6 @@
 """Physical models as pure functions: radiation pressure, propagation, transducers, sensors, exposure, skin."""
 
 from midair.physics.cell_means import Between, cell_weights
-from midair.physics.chain import Moment, PlaybackChain, radiate
 from midair.physics.directivity import off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
 from midair.physics.exposure_level import Exposure, exposure, greatest_exposure, sound_level
@@ -9,7 +8,8 @@ from midair.physics.exposure_places import ExposureProfile, Place
 from midair.physics.exposure_search import airs_of_room, searched_points
 from midair.physics.field_error import printed_error, relative_error
 from midair.physics.narrow_cone import cone_points
-from midair.physics.playback import Spread, check_frame_rate, playback_response, simulate, steps_a_frame
+from midair.physics.playback import Spread, check_frame_rate, playback_response, simulate, steps_per_frame
+from midair.physics.playback_chain import PlaybackChain, TransducerState, radiate
 from midair.physics.propagation import (
     focus_amplitude,
     focus_phase,
@@ -39,7 +39,7 @@ __all__ = [
     "Between",
     "Exposure",
     "ExposureProfile",
-    "Moment",
+    "TransducerState",
     "Place",
     "PlaybackChain",
     "SensorModel",
@@ -77,7 +77,7 @@ __all__ = [
     "sound_amplitude",
     "sound_level",
     "sensor_output",
-    "steps_a_frame",
+    "steps_per_frame",
     "transfer_matrix",
     "wavenumber",
 ]

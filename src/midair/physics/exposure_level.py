@@ -18,7 +18,7 @@ from midair.physics.exposure_places import ExposureProfile, Place
 from midair.physics.exposure_search import Searches, Workspace, ceiling, drive_parts, point_search, searches_of
 from midair.physics.propagation import transfer_matrix
 from midair.physics.radiation import radiation_pressure
-from midair.progress import passing
+from midair.progress import report_progress
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
@@ -179,7 +179,9 @@ def exposure(
         parts = np.arange(0, drive.frames, BLOCK)
         # Each share has its own arrays; more shares than cores, so that progress is reported often enough.
         shares = np.array_split(parts, max(cores, len(parts) // _SHARE))
-        list(passing(threads.map(partial(_fill, (level, loudest), drive, searches, steps), shares), len(shares)))
+        list(
+            report_progress(threads.map(partial(_fill, (level, loudest), drive, searches, steps), shares), len(shares))
+        )
     # The palm's limit is not enforced: the first, the middle and the last air suffice.
     few = airs[:: max(1, len(airs) // 2)]
     return Exposure(

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from midair.dsp import resample
 from midair.errors import RateError, ShapeError
 from midair.model import Acoustics, Drive, Medium
-from midair.physics.chain import PlaybackChain, Precision, Waves, radiate
 from midair.physics.dynamics import TransducerDynamics
+from midair.physics.playback_chain import PlaybackChain, Precision, Waves, radiate
 from midair.physics.radiation import radiation_pressure
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def simulate(
         If G, the weights or the chain's transducers do not match the drive's array or the points.
     """
     chain, acoustics = chain or PlaybackChain(), acoustics or drive.acoustics
-    steps = steps_a_frame(drive.rate, rate)
+    steps = steps_per_frame(drive.rate, rate)
     _check(drive, G, chain, weights)
     spread = Spread.of(G, acoustics.medium, weights, chain.precision)
     if chain.hold == "ideal":
@@ -103,7 +103,7 @@ def playback_response(
     return np.asarray(held * follows, np.complex128)
 
 
-def steps_a_frame(drive_rate: float, rate: float) -> int:
+def steps_per_frame(drive_rate: float, rate: float) -> int:
     """Number of moments at `rate` per frame. Raises RateError if it is not a whole number, 1 or more."""
     steps = rate / drive_rate
     if steps < 1 or abs(steps - round(steps)) > 1e-6:

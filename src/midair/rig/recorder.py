@@ -21,10 +21,10 @@ from midair.model import (
     Solution,
     TransducerArray,
 )
-from midair.pipeline import calibrated_pressure, lead_of
-from midair.rig.correction import Loop, Stage, quiet, run_loop
+from midair.pipeline import calibrated_pressure, required_lead
+from midair.rig.correction import Loop, Stage, no_progress, run_loop
 from midair.rig.names import VirtualRig, array_named, sensor_named
-from midair.rig.playing import play_cleared, rerecord, usual_exposure
+from midair.rig.playing import default_exposure, play_cleared, rerecord
 from midair.rig.takes import capture_recording
 from midair.settings import MODES, Mode, Settings
 
@@ -130,7 +130,7 @@ def open_rig(
         If a sensor, calibration or placement is given for the virtual array, which has its own.
     """
     virtual = VirtualRig(seed=seed, height=height, cells=cells or SensorGrid(), acoustics=acoustics).hearing(band)
-    choices = exposure or usual_exposure()
+    choices = exposure or default_exposure()
     if array == "virtual":
         if sensor or calibration or placement:
             raise InputError("virtual array: expected no sensor, calibration or placement, since it has its own")
@@ -254,7 +254,7 @@ def loop(
     corrections: int = 1,
     iterate: int = 0,
     lead: float | None = None,
-    stage: Stage = quiet,
+    stage: Stage = no_progress,
 ) -> Loop:
     """Run the paper's loop (5.2): solve, play, re-record, correct, play again, compare; optionally iterate.
 
@@ -301,7 +301,7 @@ def loop(
         corrections=corrections,
         iterate=iterate,
         exposure=rig.exposure,
-        lead=lead_of(chosen) if lead is None else lead,
+        lead=required_lead(chosen) if lead is None else lead,
         measured=rig.measured,
         stage=stage,
     )

@@ -7,12 +7,12 @@ from contextlib import contextmanager
 from types import FrameType
 
 Handler = Callable[[int, FrameType | None], object]
-ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+END_SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 """Signals that request the end of the program or report a closed terminal, where the system has them."""
 
 
 @contextmanager
-def handled(numbers: tuple[int, ...], handler: Handler) -> Generator[None]:
+def handle_signals(numbers: tuple[int, ...], handler: Handler) -> Generator[None]:
     """Send these signals to `handler` inside the context, and restore the earlier handlers afterwards.
 
     Python handles signals in the main thread only: in any other thread, nothing changes.

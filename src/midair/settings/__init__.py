@@ -3,8 +3,17 @@
 The options of the command line, the provenance of drives and the table of the documentation are derived from them.
 """
 
-from midair.settings.choices import CHOICES, Choice, choices_table, over_mode, spelt, spelt_setting
-from midair.settings.mode import MODES, Mode, beside_paper, best_mode, coarser, finest_mode, paper_mode, quick_mode
+from midair.settings.choices import CHOICES, Choice, choices_table, format_setting, format_value, nearest_mode
+from midair.settings.mode import (
+    MODES,
+    Mode,
+    best_mode,
+    finest_mode,
+    paper_mode,
+    quick_mode,
+    with_fewer_points,
+    with_paper_mode,
+)
 from midair.settings.settings import (
     CalibrationSettings,
     CompensationSettings,
@@ -23,14 +32,14 @@ __all__ = [
     "Settings",
     "SolverSettings",
     "TargetSettings",
-    "beside_paper",
+    "with_paper_mode",
     "best_mode",
     "choices_table",
-    "coarser",
+    "with_fewer_points",
     "finest_mode",
-    "over_mode",
+    "nearest_mode",
     "paper_mode",
     "quick_mode",
-    "spelt",
-    "spelt_setting",
+    "format_value",
+    "format_setting",
 ]

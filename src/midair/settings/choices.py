@@ -160,7 +160,7 @@ CHOICES: tuple[Choice, ...] = (
 """All settings that have an option, in the order of processing."""
 
 
-def spelt(value: Any, unit: str = "") -> str:
+def format_value(value: Any, unit: str = "") -> str:
     """Format a value as a user would type it: lengths in millimetres, yes or no, "none" or "its own" for None.
 
     The unit K stands for a temperature difference and is typed as C.
@@ -172,7 +172,7 @@ def spelt(value: Any, unit: str = "") -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, tuple):
-        return " ".join(spelt(each, unit) for each in value)
+        return " ".join(format_value(each, unit) for each in value)
     if unit == "m":
         return f"{1e3 * value:.6g}mm"
     if unit in ("C", "K"):
@@ -182,7 +182,7 @@ def spelt(value: Any, unit: str = "") -> str:
     return f"{value:.6g}{unit}" if unit or isinstance(value, float) else str(value)
 
 
-def over_mode(settings: Settings) -> tuple[Mode, dict[str, Any]] | None:
+def nearest_mode(settings: Settings) -> tuple[Mode, dict[str, Any]] | None:
     """Return the mode closest to `settings` and the choices that differ from it, by name.
 
     None where choices cannot express the difference, such as the envelope of a measured array.
@@ -226,9 +226,9 @@ UNITS: Mapping[str, str] = MappingProxyType(
 """SI unit of each setting that has one, by its place in `Settings`."""
 
 
-def spelt_setting(path: str, value: Any) -> str:
+def format_setting(path: str, value: Any) -> str:
     """Format the value of the setting at `path`, such as ``target.grid.height``, with its unit."""
-    return spelt(value, UNITS.get(path, "")) if value is not None else "default"
+    return format_value(value, UNITS.get(path, "")) if value is not None else "default"
 
 
 def choices_table() -> str:
@@ -238,7 +238,7 @@ def choices_table() -> str:
     """
     lines = ["| option, in `Settings` | what | paper | best | quick | finest |", "| --- " * 6 + "|"]
     for choice in CHOICES:
-        paper, best, *others = (spelt(choice.of(MODES[mode]()), choice.unit) for mode in MODES)
+        paper, best, *others = (format_value(choice.of(MODES[mode]()), choice.unit) for mode in MODES)
         said = " | ".join([paper, best if best != paper else "", *(each if each != best else "" for each in others)])
         lines.append(f"| `--{choice.name}`<br>`{choice.path}` | {choice.help} | {said} |")
     return "\n".join(lines)

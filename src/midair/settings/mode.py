@@ -58,7 +58,7 @@ MODES: Mapping[Mode, Callable[[], Settings]] = MappingProxyType(
 """Function that makes the settings of each mode."""
 
 
-def beside_paper(mode: Mode, paper: Settings, other: Settings | None = None) -> dict[str, Settings]:
+def with_paper_mode(mode: Mode, paper: Settings, other: Settings | None = None) -> dict[str, Settings]:
     """Return the settings of the paper's mode and of another mode by name, paper first.
 
     `mode` "paper" returns the first alone. Without `other`, the other mode takes the air of the first, since both are
@@ -71,7 +71,7 @@ def beside_paper(mode: Mode, paper: Settings, other: Settings | None = None) -> 
     )
 
 
-def coarser(settings: Settings, points: int) -> Settings:
+def with_fewer_points(settings: Settings, points: int) -> Settings:
     """Return the settings with `points` rows and columns of control points over the same square, for a preview."""
     grid = settings.target.grid
     pitch = grid.pitch * (grid.rows - 1) / (points - 1)

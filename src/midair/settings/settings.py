@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from midair.errors import BrokenFileError, InputError
-from midair.files import from_plain, read_toml, to_plain, whole_file
+from midair.files import atomic_file, from_plain, read_toml, to_plain
 from midair.model import Acoustics, ArrayCalibration, ControlGrid, Medium, Provenance, Setting
 from midair.physics import TransducerDynamics
 from midair.solvers import Amplitudes, Fit, Guard, Method, QuietPalm, name_of
@@ -187,7 +187,7 @@ class Settings:
         """Write the settings as TOML; FileError if the file cannot be written."""
         import tomli_w
 
-        with whole_file(path) as file:
+        with atomic_file(path) as file:
             file.write_text(tomli_w.dumps(self.plain()), encoding="utf-8")
 
     @classmethod

@@ -5,11 +5,11 @@ from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.glide import Glide, Piece, pieces
 from midair.solvers.initial_phase import spreading_phase
-from midair.solvers.large import check_memory, memory_needed, placed, problem_at
+from midair.solvers.large import check_memory, memory_needed, multi_plane_problem, place_grid
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import FrameTracker, Live, symmetric_modes
 from midair.solvers.methods import METHODS, TAKES, Method, check_terms, name_of, solver, terms_of
-from midair.solvers.planning import read_as_solved, solve_parts, solve_piece
+from midair.solvers.planning import read_solver_blocks, solve_parts, solve_piece
 from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
 from midair.solvers.solving import memory_of, solve
 from midair.solvers.terms import Cells, Fit, Guard, QuietPalm, Windows, pressure_means
@@ -46,9 +46,9 @@ __all__ = [
     "error_of",
     "symmetric_modes",
     "pieces",
-    "placed",
-    "problem_at",
-    "read_as_solved",
+    "place_grid",
+    "multi_plane_problem",
+    "read_solver_blocks",
     "solve",
     "solve_parts",
     "solve_piece",

@@ -20,7 +20,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from midair.errors import InputError, MidairError
 from midair.files import DEFAULT_PROFILE
 from midair.studio.demo_stroke import DemoStroke
-from midair.studio.folders import OneFolder
+from midair.studio.folders import StudioFolder
 from midair.studio.job_call import result_of
 from midair.studio.jobs import Jobs, StudioJob
 from midair.studio.panels import (
@@ -74,7 +74,7 @@ class Studio:
 
     def __init__(self, plan: StudioPlan, samples: Path, port: int) -> None:
         self.plan, self.keys = plan, LoginTokens(port=port)
-        self.folder = OneFolder.at(plan.folder)
+        self.folder = StudioFolder.at(plan.folder)
         self.takes = TakesList(self.folder, samples)
         self.first = DemoStroke.load()
         self._files = WebFiles.of((OWN, WEB))

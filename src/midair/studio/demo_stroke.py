@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from midair.files import whole_file
+from midair.files import atomic_file
 
 KEPT = Path(__file__).parent / "first-stroke.xz"
 
@@ -43,7 +43,7 @@ class DemoStroke:
         """Write the stroke as a compressed file."""
         sizes = [[stream, second, len(data)] for (stream, second), data in self.streams.items()]
         head = json.dumps({"facts": self.facts, "streams": sizes}).encode()
-        with whole_file(path) as partial:
+        with atomic_file(path) as partial:
             partial.write_bytes(lzma.compress(b"\n".join([head, b"".join(self.streams.values())]), preset=9))
 
 
@@ -51,7 +51,7 @@ def demo_stroke() -> DemoStroke:
     """Record the sample; its target has only 8 bits, since the page replaces it soon."""
     from midair.studio.take_data import TakeData, facts, frames_of
     from midair.studio.work import make_sample
-    from midair.view import counted, pack, unpack
+    from midair.view import encode_counts, pack, unpack
 
     with tempfile.TemporaryDirectory() as folder:
         make_sample((folder, FIRST), _no_progress)
@@ -63,7 +63,7 @@ def demo_stroke() -> DemoStroke:
             [wanted] = unpack(frames_of((data, "wanted", second)))
             values = wanted.values * wanted.unit
             streams["wanted", second] = pack(
-                [counted(values, wanted.kind, dtype="u1", first=wanted.first, rate=about["rate_hz"])]
+                [encode_counts(values, wanted.kind, dtype="u1", first=wanted.first, rate=about["rate_hz"])]
             )
     return DemoStroke(facts=about, streams=streams)
 

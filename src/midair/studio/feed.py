@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.studio.studio_state import Page
-from midair.view import Kind, counted, pack
+from midair.view import Kind, encode_counts, pack
 
 LOOK = 0.05
 """Seconds between two checks for new credit while no frames arrive."""
@@ -101,7 +101,7 @@ class Feed:
         self._sent[page.number] = first + len(rows)
         number = self._numbers[page.number] = self._numbers.get(page.number, 0) + 1
         page.credit -= 1
-        section = counted(rows, Kind.SAMPLES, first=first, rate=self._rate)
+        section = encode_counts(rows, Kind.SAMPLES, first=first, rate=self._rate)
         await page.wire.send_bytes(pack([_numbered(section, number)]))
 
 

@@ -26,9 +26,9 @@ from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import ControlGrid, Placement, TransducerArray
 from midair.physics import airs_of_room, greatest_exposure, transfer_matrix
 from midair.rig import (
-    HELD,
-    LATE,
-    SOUNDS,
+    FRAME_EMITTED,
+    FRAME_LATE,
+    FRAME_REPEATED,
     LeaseToken,
     LiveSession,
     LiveSettings,
@@ -40,7 +40,7 @@ from midair.rig import (
 )
 from midair.solvers import one_blas_thread
 from midair.studio.player import exposed
-from midair.view import Kind, Section, counted, finer, pack
+from midair.view import Kind, Section, encode_counts, fit_interpolation, pack
 
 EVERY = 1 / 120
 """Seconds of frames per message: two 60 Hz clocks would beat against each other."""
@@ -186,7 +186,7 @@ class LiveView:
 
     def about(self) -> dict[str, Any]:
         """Return the geometry that the page needs to draw the sections."""
-        fine = finer(self.grid, self.array, acoustics=self._acoustics)
+        fine = fit_interpolation(self.grid, self.array, acoustics=self._acoustics)
         return {
             "grid_rows": self.grid.rows,
             "grid_columns": self.grid.columns,
@@ -203,11 +203,11 @@ class LiveView:
         first = int(found["number"][0])
         pressure = found["pressure"][:, : self._channels]
         made = [
-            counted(pressure, Kind.SAMPLES, first=first, rate=self._rate),
-            counted(self.sound(found), Kind.FIELD, dtype="i1", first=first, rate=self._rate),
+            encode_counts(pressure, Kind.SAMPLES, first=first, rate=self._rate),
+            encode_counts(self.sound(found), Kind.FIELD, dtype="i1", first=first, rate=self._rate),
         ]
         last = first + len(found) - 1
-        if last >= self._phases_due and found["flags"][-1] & SOUNDS:
+        if last >= self._phases_due and found["flags"][-1] & FRAME_EMITTED:
             self._phases_due = last + round(self._rate / PHASES)
             steps = np.array(found["phases"][-1:])
             made.append(
@@ -219,7 +219,7 @@ class LiveView:
         """Complex sound pressure in Pa at the control points, shape (frame, point); a late frame repeats the last."""
         q = self._turns[found["phases"]] * self._strength[found["intensity"]][:, None]
         field = np.asarray(q @ self._matrix, np.complex64)
-        for frame in np.flatnonzero(found["flags"] & (LATE | HELD)):
+        for frame in np.flatnonzero(found["flags"] & (FRAME_LATE | FRAME_REPEATED)):
             field[frame] = field[frame - 1] if frame else self._before[0]
         self._before = field[-1:].copy()
         return field

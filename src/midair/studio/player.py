@@ -185,12 +185,12 @@ class _Player:
         """Create a virtual rig with the array, cells, height and band of a drive."""
         from midair.rig import VirtualRig
         from midair.settings import Settings
-        from midair.targets import cells_of
+        from midair.targets import sensor_from_provenance
 
         known = Settings.of(drive.provenance) or Settings()
         rig = VirtualRig(
             array=drive.array.nominal,
-            cells=cells_of(drive.provenance),
+            cells=sensor_from_provenance(drive.provenance),
             height=known.target.grid.height,
             seed=self.plan.seed,
         )
@@ -263,9 +263,9 @@ _SENDING = threading.Lock()
 
 
 def _measured(drive: Any, array: Any, profile: Any) -> Any:
-    from midair.devices import measure
+    from midair.devices import measure_exposure
 
-    return measure(drive, array.array, profile)
+    return measure_exposure(drive, array.array, profile)
 
 
 def exposed(found: Any) -> dict[str, Any]:

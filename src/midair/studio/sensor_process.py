@@ -25,12 +25,12 @@ from midair.rig import (
     TapTest,
     View,
     VirtualRig,
+    assignment_problems,
     event_message,
-    findings,
     identify_by_taps,
-    problems,
     record_take,
     sensor_named,
+    take_problems,
 )
 
 STEP = 1 / 120
@@ -243,7 +243,7 @@ class _SensorLoop:
             margin=[float(min(each, 99.0)) for each in found.margin],
             dead=list(found.dead),
             doubtful=list(found.doubtful),
-            findings=findings(found),
+            findings=assignment_problems(found),
             in_order=bool(found.in_order),
         )
 
@@ -313,7 +313,7 @@ def _take_info(take: Take, rate: float) -> dict[str, Any]:
         "duration_s": take.frames / rate,
         "lost": take.lost,
         "end": take.end,
-        "problems": [list(row) for row in problems(take, rate)],
+        "problems": [list(row) for row in take_problems(take, rate)],
     }
 
 

@@ -18,9 +18,9 @@ from midair.model import AmplitudeFrames, Solution
 from midair.physics import focus_amplitude, transfer_matrix
 from midair.pipeline import calibrated_pressure
 from midair.rig import event_message
-from midair.settings import CHOICES, Settings, over_mode, spelt
-from midair.targets import piece_of
-from midair.view import Kind, Section, counted, finer, pack, phase_counts
+from midair.settings import CHOICES, Settings, format_value, nearest_mode
+from midair.targets import frames_without_lead
+from midair.view import Kind, Section, encode_counts, fit_interpolation, pack, phase_counts
 
 Streams = Literal["samples", "wanted", "played", "phases", "original", "again"]
 
@@ -102,11 +102,13 @@ def _drive_facts(data: TakeData, shown: int) -> dict[str, Any]:
 
 def describe_settings(settings: Settings) -> dict[str, Any]:
     """Return settings as form values ("" for the default of the mode), as one line, and as code."""
-    near = over_mode(settings)
+    near = nearest_mode(settings)
     mode, chosen = near or ("paper", {})
     form: dict[str, Any] = {name: chosen.get(name, "") for name in ("mapping", "method", "level")}
     typed = [
-        f"--no-{choice.name}" if value is False else f"--{choice.name} {spelt(value, choice.unit)}".removesuffix(" yes")
+        f"--no-{choice.name}"
+        if value is False
+        else f"--{choice.name} {format_value(value, choice.unit)}".removesuffix(" yes")
         for choice in CHOICES
         if (value := chosen.get(choice.name)) is not None
     ]
@@ -160,7 +162,7 @@ def frames_of(order: tuple[TakeData, Streams, int]) -> bytes:
         return b""
     if stream == "samples":
         samples = np.asarray(take.recording.samples[first : first + count]).reshape(count, -1)
-        return pack([counted(samples - _rest(data.take, data.stamp), Kind.SAMPLES, first=first, rate=rate)])
+        return pack([encode_counts(samples - _rest(data.take, data.stamp), Kind.SAMPLES, first=first, rate=rate)])
     if stream == "wanted" and not data.drive:
         return pack([_wanted_early(data, first, count, rate)])
     if not data.drive:
@@ -170,19 +172,19 @@ def frames_of(order: tuple[TakeData, Streams, int]) -> bytes:
     if not len(frames):
         return b""
     if stream == "wanted":
-        return pack([counted(target.amplitude[frames], Kind.FIELD, dtype="<i2", first=first, rate=rate)])
+        return pack([encode_counts(target.amplitude[frames], Kind.FIELD, dtype="<i2", first=first, rate=rate)])
     drive = solution.drive
     if stream == "phases":
         return pack([phase_counts(drive.phase[frames], first=first, rate=rate)])
     level = drive.level[frames] if drive.level.ndim == 2 else drive.level[frames][:, None]
     q = (level * np.exp(1j * drive.phase[frames])).astype(np.complex64)
-    return pack([counted(q @ matrix.T, Kind.FIELD, dtype="<i2", first=first, rate=rate)])
+    return pack([encode_counts(q @ matrix.T, Kind.FIELD, dtype="<i2", first=first, rate=rate)])
 
 
 def _frames_of(solution: Solution, target: AmplitudeFrames, rate: float, first: int, count: int) -> NDArray[np.intp]:
     """Indices of the drive frames at the times of recording frames; its fade-in is left out."""
     drive = solution.drive
-    inside = piece_of(target.provenance, drive.frames, drive.rate)
+    inside = frames_without_lead(target.provenance, drive.frames, drive.rate)
     begin = _begin_of(target) * drive.rate
     places = np.rint((np.arange(first, first + count) / rate) * drive.rate - begin).astype(np.intp) + inside.start
     return places[(places >= inside.start) & (places < inside.stop)]
@@ -198,7 +200,7 @@ def _wanted_early(data: TakeData, first: int, count: int, rate: float) -> Sectio
     """Target of the paper's mode, for a take that is not solved yet."""
     wanted = _wanted(data.take, data.stamp)
     places = np.minimum(np.rint(np.arange(first, first + count) / rate * wanted.rate), wanted.frames - 1)
-    return counted(wanted.amplitude[places.astype(np.intp)], Kind.FIELD, dtype="<i2", first=first, rate=rate)
+    return encode_counts(wanted.amplitude[places.astype(np.intp)], Kind.FIELD, dtype="<i2", first=first, rate=rate)
 
 
 def _compared(data: TakeData, stream: Streams, second: int) -> bytes:
@@ -208,7 +210,9 @@ def _compared(data: TakeData, stream: Streams, second: int) -> bytes:
         rate, pressure = float(kept["rate"]), kept[stream]
     first = round(second * rate)
     part = pressure[first : first + round(rate)]
-    return pack([counted(part.reshape(len(part), -1), Kind.SAMPLES, first=first, rate=rate)]) if len(part) else b""
+    return (
+        pack([encode_counts(part.reshape(len(part), -1), Kind.SAMPLES, first=first, rate=rate)]) if len(part) else b""
+    )
 
 
 @lru_cache(maxsize=4)
@@ -238,7 +242,7 @@ def _drive(path: str, stamp: str) -> tuple[Solution, AmplitudeFrames, NDArray[np
 @lru_cache(maxsize=4)
 def _finer(path: str, stamp: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     solution, target, _ = _drive(path, stamp)
-    made = finer(target.grid, solution.drive.array, acoustics=solution.drive.acoustics)
+    made = fit_interpolation(target.grid, solution.drive.array, acoustics=solution.drive.acoustics)
     return made.down, made.across
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from midair.errors import InputError
 from midair.studio.demo_stroke import FIRST
-from midair.studio.folders import OneFolder
+from midair.studio.folders import StudioFolder
 from midair.studio.take_data import TakeData
 from midair.studio.work import stamp_of
 
@@ -24,7 +24,7 @@ _NOT_YET = ("solved", "drive", "played", "compared", "report")
 class TakesList:
     """The takes of a studio."""
 
-    folder: OneFolder
+    folder: StudioFolder
     """Folder that the user opened."""
     samples: Path
     """Folder of this session for samples and derived files; removed when the studio ends."""

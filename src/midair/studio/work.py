@@ -12,15 +12,15 @@ from midair.evaluate import compare, perceptual_metrics
 from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
 from midair.headroom import level_of
 from midair.model import Palm, PressureFrames, Progress, Provenance
-from midair.pipeline import calibrated_pressure, lead_of, reproduce_stream
+from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
 from midair.rig import (
     BudgetPlan,
     VirtualRig,
     aligned_pair,
     array_of_kind,
-    asked_of,
     error_budget,
     loop,
+    original_of_drive,
     palm_of_drive,
     played_chain,
     record,
@@ -30,7 +30,7 @@ from midair.settings import CHOICES, MODES, Mode, Settings
 from midair.solvers import TAKES, check_terms, terms_of
 from midair.studio.jobs import Progressed
 from midair.study import StudyFolder, Template, prepare_drives, read_design, template_text
-from midair.targets import led_in
+from midair.targets import add_lead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,7 @@ def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     if order.duration is not None:
         pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
-    led, array = led_in(pressure, lead_of(settings)), array_of_kind("autd3")
+    led, array = add_lead(pressure, required_lead(settings)), array_of_kind("autd3")
     target, parts = reproduce_stream(led, array, settings, progress=_stage("solving", progress))
     drive = Path(order.drive)
     fresh = drive.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")
@@ -165,7 +165,7 @@ def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]
     stamp = stamp_of(file)
     drive = load_solution(file).drive
     settings = Settings.of(drive.provenance) or Settings()
-    before, asked = asked_of(drive.provenance, _pressure_of(take, settings))
+    before, asked = original_of_drive(drive.provenance, _pressure_of(take, settings))
     lead = (asked.frames - before.frames) // 2 / asked.rate
     judged = min(before.frames / before.rate, _PALM_SECONDS)
     played = min(round((lead + judged) * drive.rate), drive.frames)
@@ -191,12 +191,12 @@ def budget_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, An
     stamp = stamp_of(file)
     drive = load_solution(file, streamed=True).drive
     settings = Settings.of(drive.provenance) or Settings()
-    before, _ = asked_of(drive.provenance, _pressure_of(take, settings))
+    before, _ = original_of_drive(drive.provenance, _pressure_of(take, settings))
     judged = min(before.frames / before.rate, _BUDGET_SECONDS)
     band = settings.calibration.band
     height = settings.target.grid.height
     rig = VirtualRig(array=drive.array.nominal, cells=before.sensor, height=height).hearing(band)
-    plan = BudgetPlan(settings=settings, rig=rig, lead=lead_of(settings))
+    plan = BudgetPlan(settings=settings, rig=rig, lead=required_lead(settings))
     made = error_budget(before.cut(0.0, judged), plan, stage=lambda name: _stage(name, progress))
     rows = [
         [each.name, _figure(each.alone.distortion_ratio, "dB"), _figure(each.so_far.distortion_ratio, "dB"), each.what]

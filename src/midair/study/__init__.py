@@ -20,7 +20,7 @@ from midair.study.design import (
     block_order,
     constrained_shuffle,
     draw_plan,
-    left_out,
+    excluded_participants,
     replay,
     thresholds_of,
 )
@@ -32,6 +32,7 @@ from midair.study.keyboard import keyboard_of_terminal
 from midair.study.registration import plan_page
 from midair.study.session import (
     ArrayPresenter,
+    InstantClock,
     MaskedPresenter,
     Presenter,
     Reply,
@@ -39,7 +40,6 @@ from midair.study.session import (
     SilentPresenter,
     SimulatedParticipant,
     SimulatedScreen,
-    StillClock,
     chain_hash,
     read_events,
     run,
@@ -68,7 +68,6 @@ from midair.study.statistics import (
     d_prime_choice,
     d_prime_same_different,
     d_prime_yes_no,
-    derive,
     equivalence,
     f_measure,
     fit_psychometric,
@@ -83,6 +82,7 @@ from midair.study.statistics import (
     power_curve,
     power_paired_t,
     proportion_correct,
+    published_statistics,
     rm_anova,
     scores,
     sign_flip,
@@ -94,7 +94,7 @@ from midair.study.study_figures import chance_figure, power_figure
 from midair.study.study_notebook import analysis_notebook, load_study, load_table
 from midair.study.study_report import report_json, report_page, report_text, study_pictures
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv
-from midair.study.terminal_screen import TerminalScreen, stops_on_signals
+from midair.study.terminal_screen import TerminalScreen, stop_on_signals
 from midair.study.verification import Verification, data_of_study, noted_seals, verify_study
 from midair.study.withdrawal import check_not_withdrawn, log_derived_file, withdraw, withdrawn
 
@@ -107,7 +107,7 @@ __all__ = [
     "Headphones",
     "check_digests",
     "Incomplete",
-    "left_out",
+    "excluded_participants",
     "Analysis",
     "ArrayPresenter",
     "Block",
@@ -141,7 +141,7 @@ __all__ = [
     "SimulatedScreen",
     "Staircase",
     "SessionState",
-    "StillClock",
+    "InstantClock",
     "Stimulus",
     "StimulusRig",
     "StudyData",
@@ -172,7 +172,7 @@ __all__ = [
     "data_of_study",
     "data_of_answers",
     "data_of_columns",
-    "derive",
+    "published_statistics",
     "draw_plan",
     "equivalence",
     "f_measure",
@@ -208,7 +208,7 @@ __all__ = [
     "chain_hash",
     "sign_flip",
     "simulated_power",
-    "stops_on_signals",
+    "stop_on_signals",
     "template_text",
     "open_stimulus_rig",
     "thresholds_of",

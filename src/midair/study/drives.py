@@ -10,11 +10,11 @@ from typing import Literal
 from midair.errors import BrokenFileError, MismatchError, MissingFileError
 from midair.files import load_solution, open_take, save_solutions
 from midair.model import PressureFrames, Progress, TransducerArray
-from midair.pipeline import calibrated_pressure, lead_of, reproduce_stream
+from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
 from midair.rig import VirtualRig, capture_recording, sensor_named
 from midair.settings import MODES, Mode, Settings
 from midair.study.design import Design, Stimulus
-from midair.targets import led_in
+from midair.targets import add_lead
 
 ENDING = ".drive.h5"
 Stage = Callable[[str], Progress | None]
@@ -164,7 +164,7 @@ def _virtual_pressure(name: str, settings: Settings, seed: int) -> PressureFrame
 
 
 def _solve(pressure: PressureFrames, settings: Settings, target: Path, progress: Progress | None) -> None:
-    led = led_in(pressure, lead_of(settings))
+    led = add_lead(pressure, required_lead(settings))
     wanted, parts = reproduce_stream(led, TransducerArray.autd3(), settings, progress=progress)
     save_solutions(parts, target, frames=wanted.frames, target=wanted)
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from midair.errors import BrokenFileError, InputError, MissingFileError
-from midair.files import json_of, read_text, toml_of, whole_folder
+from midair.files import atomic_folder, json_of, read_text, toml_of
 from midair.study.design import (
     Design,
     Plan,
@@ -80,7 +80,7 @@ class StudyFolder:
         Raises FileError if the folder is not empty: a plan is never overwritten.
         """
         draw_plan(design)  # raises before the drives are solved, which takes long
-        with whole_folder(path) as partial:
+        with atomic_folder(path) as partial:
             partial.chmod(0o700)
             plan = draw_plan(design, drives=drives(partial) if drives else None)
             content = json.dumps(asdict(plan), indent=1, ensure_ascii=False)

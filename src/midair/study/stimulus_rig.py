@@ -13,7 +13,7 @@ from midair.devices import ExposureChoices, ExposureClearance, VirtualArray, che
 from midair.errors import InputError
 from midair.files import load_solution, load_target, printable
 from midair.model import Drive, Medium, TransducerArray
-from midair.rig import array_named, room_air, usual_exposure
+from midair.rig import array_named, check_air, default_exposure
 from midair.study.design import Plan, Stimulus
 from midair.study.drives import check_digests
 from midair.study.folder import StudyFolder
@@ -86,7 +86,7 @@ def _array_presenter(
     before: Callable[[Drive], None] | None,
     console: Console,
 ) -> Generator[ArrayPresenter]:
-    choices = replace(exposure or usual_exposure(), room=room)
+    choices = replace(exposure or default_exposure(), room=room)
     device = VirtualArray(TransducerArray.autd3()) if array == "virtual" else array_named(array)
     drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
 
@@ -107,7 +107,7 @@ def _array_presenter(
         presenter = ArrayPresenter(array=device, admitted=admitted, by_hand=by_hand, room=room, silence_s=silence)
         presenter.check(plan.design.stimuli)
         for path in dict.fromkeys(folder.path / one.source for one in drives):
-            air = room_air(load_solution(path).drive, room, partial(load_target, path), simulated=device.simulated)
+            air = check_air(load_solution(path).drive, room, partial(load_target, path), simulated=device.simulated)
             console.print(_plain(f"{path.name}: {air.said}"), style="yellow" if air.warns else None)
         for one in drives:
             if (admission := admitted(one)).outcome == "attenuated":

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midair.errors import InputError
-from midair.figures import Style, new_figure, plain
+from midair.figures import Style, new_figure, plain_axes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,7 +44,7 @@ def f_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None
     """F-measure of each object with confidence intervals (Fig. 7), for choices of the same objects."""
     style = style or Style()
     figure = new_figure(4.2, 3, simulated=simulated, style=style)
-    axes = plain(figure.add_subplot(), style)
+    axes = plain_axes(figure.add_subplot(), style)
     width = 0.8 / len(choices)
     colours = [style.before, style.reproduced, "#999999"]
     for place, one in enumerate(choices):
@@ -87,7 +87,7 @@ def rating_figure(
     figure = new_figure(3.4 * len(panels) + 0.5, 3, simulated=simulated, style=style)
     shared = None
     for place, panel in enumerate(panels):
-        axes = plain(figure.add_subplot(1, len(panels), place + 1, sharey=shared), style)
+        axes = plain_axes(figure.add_subplot(1, len(panels), place + 1, sharey=shared), style)
         shared = shared or axes
         rows = ratings.loc[ratings[within[0]] == panel] if panel else ratings
         _rating_panel(axes, rows, within[-2] if len(within) > 1 else "", within[-1], style)
@@ -105,7 +105,7 @@ def chance_figure(chance: Chance, *, simulated: bool, quantity: str = "macro F",
     """Distribution of a statistic under the null hypothesis, its middle 95 %, and the observed value."""
     style = style or Style()
     figure = new_figure(5, 2.8, simulated=simulated, style=style)
-    axes = plain(figure.add_subplot(), style)
+    axes = plain_axes(figure.add_subplot(), style)
     axes.hist(chance.distribution, bins=40, color=style.before, density=True)
     low, high = chance.range95
     axes.axvspan(low, high, color=style.band, zorder=0)
@@ -121,7 +121,7 @@ def power_figure(
     """Power against the number of participants; `curves` have columns participants, power, and low, high if known."""
     style = style or Style()
     figure = new_figure(5, 3, simulated=simulated, style=style)
-    axes = plain(figure.add_subplot(), style)
+    axes = plain_axes(figure.add_subplot(), style)
     for (name, table), line in zip(curves, ("-", "--", ":", "-.") * len(curves), strict=False):
         axes.plot(table["participants"], table["power"], line, label=name, color=style.reproduced)
         if "low" in table:

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from midair.figures import Picture, png, render_page
+from midair.figures import Picture, png_bytes, render_page
 from midair.files import for_json
 from midair.study.findings import Finding, Report
 from midair.study.study_figures import confusion_figure, f_figure, rating_figure
@@ -68,14 +68,14 @@ def study_pictures(report: Report, *, within: tuple[str, ...]) -> list[PictureRo
     found: list[PictureRow] = []
     if report.choices:
         panels = tuple(
-            Picture(title=f"Answers: {one.name}", data=png(confusion_figure([one], simulated=report.simulated)))
+            Picture(title=f"Answers: {one.name}", data=png_bytes(confusion_figure([one], simulated=report.simulated)))
             for one in report.choices
         )
         caption = "Number of answers (columns) to each object (rows); the diagonal contains the correct answers."
         found.append(PictureRow(title="Confusion matrices", caption=caption, panels=panels))
     compared = [one for one in report.choices if one.confusion.labels == report.choices[-1].confusion.labels]
     if compared:
-        panel = Picture(title="F-measures", data=png(f_figure(compared, simulated=report.simulated)))
+        panel = Picture(title="F-measures", data=png_bytes(f_figure(compared, simulated=report.simulated)))
         limited = any(one.f_limits is not None for one in compared)
         whiskers = "Whiskers: 95 % limits over people." if limited else "Fewer than five people: no limits."
         caption = f"F of each object. {whiskers} Dotted: mean by guessing; single studies vary around it."
@@ -96,7 +96,7 @@ def _rating_panels(ratings: DataFrame, within: tuple[str, ...], *, simulated: bo
         rows = ratings.loc[ratings[within[0]] == level] if level else ratings
         title = f"{within[0]}: {level}" if level else "Ratings"
         figure = rating_figure(rows, within[-2:], simulated=simulated, title=title if level else "", span=span)
-        yield Picture(title=title, data=png(figure))
+        yield Picture(title=title, data=png_bytes(figure))
 
 
 def _table_context(finding: Finding) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
-from midair.files import no_formula, whole_file, whole_folder
+from midair.files import atomic_file, atomic_folder, no_formula
 from midair.version import __version__
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def write_csv(table: DataFrame, path: Path) -> None:
     """Write a table as CSV with a header, atomically; raises FileError if the file exists or cannot be written."""
     if path.exists():
         raise FileError(f"{path.name}: expected a new file, the file exists; choose another name")
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         partial.chmod(0o600)  # it contains the answers of participants
         _write_separated(table, partial, ",")
 
@@ -95,7 +95,7 @@ def write_bids(
     """
     if answers.empty:
         raise InputError("export: expected answers, got none; run a participant first")
-    with whole_folder(folder) as partial:
+    with atomic_folder(folder) as partial:
         written = _dataset(answers, design, partial, files, unfinished)
         for inside in (partial, *partial.rglob("*")):  # contains the answers of participants
             inside.chmod(0o700 if inside.is_dir() else 0o600)

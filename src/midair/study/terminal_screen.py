@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from midair.errors import InputError
 from midair.files import printable
-from midair.rig import ENDING, handled
+from midair.rig import END_SIGNALS, handle_signals
 from midair.study.design import Question
 from midair.study.keyboard import Keyboard
 from midair.study.session import Reply, TrialStep
@@ -118,13 +118,13 @@ class TerminalScreen:
 
 
 @contextmanager
-def stops_on_signals() -> Generator[None]:
+def stop_on_signals() -> Generator[None]:
     """Handle termination signals like Ctrl-C: the session silences the array and stops."""
 
     def stop(number: int, _frame: FrameType | None) -> None:
         raise KeyboardInterrupt(signal.Signals(number).name)
 
-    with handled(ENDING, stop):
+    with handle_signals(END_SIGNALS, stop):
         yield
 
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from midair.errors import InputError, MidairError
 from midair.files import read_text
-from midair.study.design import answers_table, left_out, thresholds_of
+from midair.study.design import answers_table, excluded_participants, thresholds_of
 from midair.study.drives import digest_of_file
 from midair.study.findings import StudyData, data_of_answers
-from midair.study.session import links_of
+from midair.study.session import chain_hashes
 from midair.study.withdrawal import withdrawn
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def data_of_study(folder: StudyFolder) -> StudyData:
         answers_table(plan, sessions),
         plan.design.analysis,
         thresholds=thresholds_of(plan, sessions),
-        excluded=left_out(plan, sessions),
+        excluded=excluded_participants(plan, sessions),
         files=" ".join(part for part in (verified.summary, verified.unfinished_words) if part),
         design=plan.design,
     )
@@ -136,7 +136,7 @@ def _checked_log(folder: StudyFolder, plan: Plan, number: int, name: str, noted:
     if not folder.log(number).exists():
         raise InputError(f"{name}: expected a log because its seal was noted, the file does not exist; restore a copy")
     state = folder.session(plan, number).state
-    links = links_of(folder.log(number))
+    links = chain_hashes(folder.log(number))
     seal = links[-1] if links else ""
     for one in noted:
         if one not in links:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from midair.errors import FileError, InputError
-from midair.files import hold_open, json_of, whole_file
+from midair.files import atomic_file, json_of, lock_or_raise
 from midair.study.folder import StudyFolder
 
 MADE = "made.jsonl"
@@ -65,7 +65,7 @@ def withdraw(folder: StudyFolder, participant: int) -> list[str]:
     if log.exists():
         handle = os.open(log, os.O_RDWR)
         try:
-            hold_open(handle, f"{log.name}: another program is running this session; end it first")
+            lock_or_raise(handle, f"{log.name}: another program is running this session; end it first")
             if not before:
                 _append(folder.path / WITHDRAWN, {"participant": participant})
             lines = log.read_bytes().count(b"\n")
@@ -109,7 +109,7 @@ def _delete_rows(path: Path, separator: str, person: str) -> str:
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     kept = [line for line in lines if line.partition(separator)[0] != person]
     if len(kept) < len(lines):
-        with whole_file(path) as partial:
+        with atomic_file(path) as partial:
             partial.chmod(0o600)
             partial.write_text("".join(kept), encoding="utf-8")
     return f"{path}: {len(lines) - len(kept)} rows deleted"

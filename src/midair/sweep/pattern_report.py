@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from midair.datasets import channel_amplitudes
 from midair.errors import InputError
-from midair.figures import Curve, Example, curve_figure, examples_figure, histogram_figure, png
-from midair.files import csv_text, whole_file
-from midair.progress import passing
+from midair.figures import Curve, Example, curve_figure, examples_figure, histogram_figure, png_bytes
+from midair.files import atomic_file, csv_text
+from midair.progress import report_progress
 from midair.sweep.pattern_sweep import Condition, PatternSweep, problem_of, solve_patterns
 from midair.sweep.store import SweepResults
-from midair.sweep.stored_words import as_stored
+from midair.sweep.store_errors import store_errors_raised
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -55,7 +55,7 @@ class PatternResults:
     """Processor time of all finished tasks."""
 
     @classmethod
-    @as_stored()
+    @store_errors_raised()
     def of(cls, results: SweepResults) -> "PatternResults":
         """Create the results from those of a store; raise an InputError for a sweep over something else."""
         if results.kind != "patterns":
@@ -79,7 +79,7 @@ class PatternResults:
         return sum(condition.count for condition in self.sweep.conditions())
 
 
-@as_stored()
+@store_errors_raised()
 def report_of(results: PatternResults) -> PatternReport:
     """Compute the figures of a sweep that may be incomplete; raise an InputError if no pattern is solved yet."""
     if not _main(results):
@@ -107,7 +107,7 @@ def write_sweep_report(results: PatternResults, folder: Path) -> list[Path]:
     }
     content = {**{name: text.encode() for name, text in texts.items()}, **_figures(results)}
     for name, data in content.items():
-        with whole_file(folder / name) as partial:
+        with atomic_file(folder / name) as partial:
             partial.write_bytes(data)
     return [folder / name for name in content]
 
@@ -235,7 +235,7 @@ def _figures(results: PatternResults) -> Mapping[str, bytes]:
         curves = _curves(along, key, other)
         if curves:
             made[name] = curve_figure(curves, quantity=label, published=PUBLISHED)
-    return {name: png(figure) for name, figure in passing(made.items(), len(made))}
+    return {name: png_bytes(figure) for name, figure in report_progress(made.items(), len(made))}
 
 
 def _curves(rows: Sequence[Row], key: str, other: str) -> list[Curve]:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from midair.errors import InputError
-from midair.figures import ErrorSpread, png, trials_figure
-from midair.files import csv_text, whole_file
+from midair.figures import ErrorSpread, png_bytes, trials_figure
+from midair.files import atomic_file, csv_text
 from midair.sweep.store import SweepResults
-from midair.sweep.stored_words import as_stored
+from midair.sweep.store_errors import store_errors_raised
 
 Row = dict[str, Any]
 
@@ -29,7 +29,7 @@ class TrialReport:
         return {"simulated": True, "trials": list(self.rows), "words": self.words}
 
 
-@as_stored()
+@store_errors_raised()
 def trial_report(results: SweepResults) -> TrialReport:
     """Compute the figures of a sweep over recordings that may be incomplete; silent frames do not count.
 
@@ -67,9 +67,9 @@ def write_trial_report(results: SweepResults, folder: Path) -> list[Path]:
         for row in report.rows
     ]
     folder.mkdir(parents=True, exist_ok=True)
-    content = {"trials.csv": csv_text(report.rows).encode(), "trials.png": png(trials_figure(spreads))}
+    content = {"trials.csv": csv_text(report.rows).encode(), "trials.png": png_bytes(trials_figure(spreads))}
     for name, data in content.items():
-        with whole_file(folder / name) as partial:
+        with atomic_file(folder / name) as partial:
             partial.write_bytes(data)
     return [folder / name for name in content]
 

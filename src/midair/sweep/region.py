@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
-from midair.sweep.place import place_of
+from midair.sweep.storage import storage_of
 from midair.sweep.task import Found, Result, Task
 
 
@@ -18,7 +18,7 @@ class SweepAddress:
 
     def take(self, result: Result) -> Result:
         """Store the result of a task if this machine can access the store; return what is still to be stored."""
-        place = place_of(self.place)
+        place = storage_of(self.place)
         if result.found is None or not place.exists():
             return result
         group = place.group("r+")

@@ -15,7 +15,7 @@ from midair.model import Progress
 from midair.sweep.region import SweepAddress
 from midair.sweep.store import open_sweep
 from midair.sweep.task import Job, Result, Sweep, Task
-from midair.sweep.watch import WorkersWatch
+from midair.sweep.worker_monitor import WorkerMonitor
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -149,7 +149,7 @@ def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: Swe
     """Yield the results of the tasks as they arrive."""
     finished: SimpleQueue[Any] = SimpleQueue()
     waiting: set[Any] = set()
-    coming, watch = enumerate(tasks), WorkersWatch(client)
+    coming, watch = enumerate(tasks), WorkerMonitor(client)
     while True:
         # A task may hold several megabytes, so submit only as many as keep the workers busy.
         for number, task in islice(coming, max(0, 2 * watch.threads() + 2 - len(waiting))):

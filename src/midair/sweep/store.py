@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import MismatchError, MissingFileError
-from midair.files import refusing, to_json
-from midair.sweep.place import SweepPlace, place_of, zarr
+from midair.files import parse_errors, to_json
 from midair.sweep.region import SweepAddress, write_region
-from midair.sweep.same_settings import check_settings
+from midair.sweep.settings_check import check_settings
+from midair.sweep.storage import SweepStorage, storage_of, zarr
 from midair.sweep.task import Result, Sweep, Task
 from midair.version import __version__
 
@@ -51,7 +51,7 @@ class SweepResults:
 class SweepStore:
     """An open Zarr group of a sweep; create it with `open_sweep`."""
 
-    def __init__(self, place: SweepPlace, group: Any, sweep: Sweep) -> None:
+    def __init__(self, place: SweepStorage, group: Any, sweep: Sweep) -> None:
         self._place = place
         self._group = group
         self._sweep = sweep
@@ -80,7 +80,7 @@ def open_sweep(where: Path | str, sweep: Sweep) -> Generator[SweepStore]:
     Raises a MismatchError for a store with other settings, a DeviceStateError if another program writes to it, a
     BrokenFileError if another kind of file has this name, and a FileError if the object store cannot be reached.
     """
-    place = place_of(where)
+    place = storage_of(where)
     if not place.exists() or dict(place.group("r").attrs) == _BEGUN:
         place.create(lambda inside: _fill(inside, sweep))
     with place.alone():
@@ -102,11 +102,11 @@ def load_sweep(where: Path | str) -> SweepResults:
     FileError
         If the object store cannot be reached.
     """
-    place = place_of(where)
+    place = storage_of(where)
     if not place.exists():
         raise MissingFileError(f"{place}: expected a sweep, found none; create one with midair sweep patterns {place}")
     group = place.group("r")
-    with refusing(str(place), "a sweep of midair"):
+    with parse_errors(str(place), "a sweep of midair"):
         done = _done(place, group)
         coordinates = {str(name): group[name][:] for name in group.attrs["coordinates"]}
         item = coordinates.get("frame")
@@ -121,7 +121,7 @@ def load_sweep(where: Path | str) -> SweepResults:
         )
 
 
-def _done(place: SweepPlace, group: Any) -> NDArray[np.bool_]:
+def _done(place: SweepStorage, group: Any) -> NDArray[np.bool_]:
     """Mask of the finished tasks (those with a flag), shape (condition, task)."""
     flags = group["done"]
     if flags.chunks != (1, 1):  # an older store with one file per row, before workers wrote

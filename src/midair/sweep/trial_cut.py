@@ -11,7 +11,7 @@ from midair.model import AmplitudeFrames, PressureFrames, TransducerArray
 from midair.physics import check_frame_rate, focus_amplitude, propagate, quantise_phase, relative_error
 from midair.pipeline import target_amplitude
 from midair.settings import Settings
-from midair.solvers import Glide, Piece, pieces, read_as_solved, solve_piece, solver
+from midair.solvers import Glide, Piece, pieces, read_solver_blocks, solve_piece, solver
 from midair.sweep.task import Found
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ class TrialCut:
         """Job for one piece: its targets and those of the marks before it."""
         piece = self.pieces[number]
         begin = int(piece.marks[0]) if len(piece.marks) else piece.first
-        frames = read_as_solved(self.target.amplitude, begin, piece.last)
+        frames = read_solver_blocks(self.target.amplitude, begin, piece.last)
         return PieceJob(
             target=replace(self.target, amplitude=frames[piece.first - begin :]),
             marks=frames[piece.marks - begin],

@@ -4,11 +4,11 @@ from midair.targets.compensation import precompensate, precompensate_sound
 from midair.targets.cost import MappingReport, mapping_report
 from midair.targets.decoupling import coupling, decouple
 from midair.targets.interpolation import interpolation_matrix, moved_interpolation
-from midair.targets.lead import led_in, piece_of, usual_lead, without_lead
+from midair.targets.lead import add_lead, default_lead, frames_without_lead, remove_lead
 from midair.targets.mapping import MAPPINGS, SlowBias, constant_offset, half_wave, mapping_of, slow_bias
 from midair.targets.mapping_stream import MappingStream
 from midair.targets.motion import Circle
-from midair.targets.preparing import Interpolated, cells_of, prepare
+from midair.targets.preparing import Interpolated, prepare, sensor_from_provenance
 
 __all__ = [
     "Circle",
@@ -17,21 +17,21 @@ __all__ = [
     "MappingReport",
     "MappingStream",
     "SlowBias",
-    "cells_of",
+    "sensor_from_provenance",
     "constant_offset",
     "coupling",
     "decouple",
     "half_wave",
     "interpolation_matrix",
-    "led_in",
+    "add_lead",
     "mapping_of",
     "mapping_report",
     "moved_interpolation",
-    "piece_of",
+    "frames_without_lead",
     "precompensate",
     "precompensate_sound",
     "prepare",
     "slow_bias",
-    "usual_lead",
-    "without_lead",
+    "default_lead",
+    "remove_lead",
 ]

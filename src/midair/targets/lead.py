@@ -18,7 +18,7 @@ LONGEST = 10.0
 """Longest lead, in s."""
 
 
-def usual_lead(mapping: str, band: Band) -> float:
+def default_lead(mapping: str, band: Band) -> float:
     """Lead in s that a mapping needs in a band: the fade, and before it the rise time of a bias.
 
     For 20 Hz 60 ms, and 150 ms with a slow bias.
@@ -27,7 +27,7 @@ def usual_lead(mapping: str, band: Band) -> float:
     return _swell(band) + (chosen.seconds if isinstance(chosen, SlowBias) else 0.0)
 
 
-def led_in(pressure: PressureFrames, lead: float) -> PressureFrames:
+def add_lead(pressure: PressureFrames, lead: float) -> PressureFrames:
     """Add `lead` seconds on both sides: silence, then a fade to the first frame. Lazy frames stay lazy.
 
     Raises
@@ -47,13 +47,13 @@ def led_in(pressure: PressureFrames, lead: float) -> PressureFrames:
     )
 
 
-def without_lead(pressure: PressureFrames, frames: int) -> PressureFrames:
+def remove_lead(pressure: PressureFrames, frames: int) -> PressureFrames:
     """The middle `frames`, without the lead."""
     first = (pressure.frames - frames) // 2
     return pressure if first <= 0 else replace(pressure, pressure=pressure.pressure[first : first + frames])
 
 
-def piece_of(provenance: Provenance, frames: int, rate: float) -> slice:
+def frames_without_lead(provenance: Provenance, frames: int, rate: float) -> slice:
     """The frames without the lead, from the provenance of data made from a pressure."""
     seconds = provenance.last("lead").get("lead_s")
     pad = round(float(seconds) * rate) if isinstance(seconds, int | float) else 0

@@ -102,7 +102,7 @@ def _spread(cells: Array, sensor: SensorGrid, grid: ControlGrid, circle: Circle 
     return moved_interpolation(cells, sensor, grid, circle.offset(time))
 
 
-def cells_of(provenance: Provenance) -> SensorGrid:
+def sensor_from_provenance(provenance: Provenance) -> SensorGrid:
     """The sensor cells in a drive's provenance, so that a virtual sensor can have the same; the paper's if unknown."""
     for step in reversed(provenance.steps):
         shape, pitch = step.settings.get("cells"), step.settings.get("cell_pitch_m")

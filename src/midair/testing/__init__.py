@@ -1,8 +1,16 @@
 """Simulated devices and helpers for tests of programs that use midair."""
 
-from midair.testing.grbl_stand_in import GrblStandIn, PlannedMove
-from midair.testing.openmpd_stand_in import OpenMpdStandIn, PinFrame, measured_board
-from midair.testing.overriding import overridden
-from midair.testing.udp_tap import UdpTap
+from midair.testing.exposure_override import clear_any_exposure
+from midair.testing.grbl_simulator import GrblSimulator, PlannedMove
+from midair.testing.openmpd_simulator import OpenMpdSimulator, PinFrame, measured_board
+from midair.testing.udp_proxy import UdpProxy
 
-__all__ = ["GrblStandIn", "OpenMpdStandIn", "PinFrame", "PlannedMove", "UdpTap", "measured_board", "overridden"]
+__all__ = [
+    "GrblSimulator",
+    "OpenMpdSimulator",
+    "PinFrame",
+    "PlannedMove",
+    "UdpProxy",
+    "measured_board",
+    "clear_any_exposure",
+]

@@ -21,7 +21,7 @@ _PEAK = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AudibleChannel:
+class ChannelSound:
     """A channel as sound."""
 
     data: bytes
@@ -35,9 +35,9 @@ class AudibleChannel:
         return "data:audio/wav;base64," + base64.b64encode(self.data).decode()
 
 
-def audible(
+def channel_sound(
     channels: Channels, channel: int, rate: float, *, sound_rate: float = RATE, full_scale: float | None = None
-) -> AudibleChannel:
+) -> ChannelSound:
     """Convert a channel to sound, without its mean, with 10 ms fades at both ends and its peak near full scale.
 
     Parameters
@@ -58,15 +58,17 @@ def audible(
     heard = _faded(resample(heard, rate, sound_rate), round(10e-3 * sound_rate))
     if full_scale is None:
         full_scale = float(np.abs(heard).max()) / _PEAK or 1.0
-    return AudibleChannel(data=_wav(np.clip(heard / full_scale, -1, 1), sound_rate), full_scale=full_scale)
+    return ChannelSound(data=_wav(np.clip(heard / full_scale, -1, 1), sound_rate), full_scale=full_scale)
 
 
-def heard_together(showing: ViewData, *, sound_rate: float = 8000.0) -> tuple[tuple[str, AudibleChannel], ...]:
+def comparison_sounds(showing: ViewData, *, sound_rate: float = 8000.0) -> tuple[tuple[str, ChannelSound], ...]:
     """Return label and sound of the selected channel, original and re-recorded, at one scale."""
     both = [each for each in (showing.samples, showing.again) if each is not None]
-    alone = [audible(each, showing.channel, showing.rate, sound_rate=sound_rate) for each in both]
+    alone = [channel_sound(each, showing.channel, showing.rate, sound_rate=sound_rate) for each in both]
     scale = max((each.full_scale for each in alone), default=1.0)
-    heard = [audible(each, showing.channel, showing.rate, sound_rate=sound_rate, full_scale=scale) for each in both]
+    heard = [
+        channel_sound(each, showing.channel, showing.rate, sound_rate=sound_rate, full_scale=scale) for each in both
+    ]
     return tuple((each.label, sound) for each, sound in zip(both, heard, strict=True))
 
 

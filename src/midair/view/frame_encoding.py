@@ -95,7 +95,7 @@ def unpack(data: bytes | bytearray | memoryview) -> list[Section]:
     return list(_sections(memoryview(data)))
 
 
-def counted(values: NDArray[Any], kind: Kind, *, dtype: str = "<i2", first: int = 0, rate: float) -> Section:
+def encode_counts(values: NDArray[Any], kind: Kind, *, dtype: str = "<i2", first: int = 0, rate: float) -> Section:
     """Encode values as integer counts; the unit is the smallest in which the largest value fits.
 
     Parameters

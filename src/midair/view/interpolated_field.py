@@ -39,7 +39,7 @@ def finer_points(grid: ControlGrid, times: int = 4) -> Array:
     return np.stack([x.ravel(), y.ravel(), np.full(x.size, grid.height)], axis=1)
 
 
-def finer(
+def fit_interpolation(
     grid: ControlGrid,
     array: TransducerArray,
     *,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.model import ControlGrid
 from midair.view.colours import TABLES, colour_table
-from midair.view.frame_encoding import Kind, Section, counted, pack, phase_counts
+from midair.view.frame_encoding import Kind, Section, encode_counts, pack, phase_counts
 from midair.view.interpolated_field import InterpolatedField
 from midair.view.view_data import Channels, Sound, ViewData
 
@@ -140,7 +140,7 @@ def _matrices(finer: InterpolatedField | None) -> dict[str, str]:
 
 def _counts(values: NDArray[np.float64] | NDArray[np.complex128], kind: Kind, dtype: str, showing: ViewData) -> bytes:
     return pack(
-        counted(values[at : at + CHUNK], kind, dtype=dtype, first=showing.first + at, rate=showing.rate)
+        encode_counts(values[at : at + CHUNK], kind, dtype=dtype, first=showing.first + at, rate=showing.rate)
         for at in range(0, len(values), CHUNK)
     )
 

@@ -9,7 +9,7 @@ from html import escape
 from pathlib import Path
 
 from midair.figures import render_page
-from midair.view.audio import heard_together
+from midair.view.audio import comparison_sounds
 from midair.view.page_payload import metadata, sections
 from midair.view.view_data import ViewData
 
@@ -33,7 +33,7 @@ def style() -> str:
     return (WEB / "page.css").read_text(encoding="utf-8")
 
 
-def inlined(showing: ViewData) -> dict[str, str]:
+def page_parts(showing: ViewData) -> dict[str, str]:
     """Return the parts of a page: ``style``, ``module`` (script), ``sounds``, and ``blocks`` (the frames).
 
     The script mounts every element of class ``midair-view`` with the blocks inside it.
@@ -51,7 +51,7 @@ def _sounds(showing: ViewData) -> str:
     """Return audio players of the selected channel; empty if there is none."""
     players = [
         f'<label>{escape(name.capitalize())} <audio controls loop preload="auto" src="{sound.source}"></audio></label>'
-        for name, sound in heard_together(showing)
+        for name, sound in comparison_sounds(showing)
     ]
     return f'<div class="view-heard">{"".join(players)}</div>' if players else ""
 
@@ -74,12 +74,12 @@ def show_page(showing: ViewData, *, commands: tuple[str, ...] = (), tables: Tabl
         facts=showing.facts,
         commands=commands,
         tables=tables,
-        **inlined(showing),
+        **page_parts(showing),
     )
-    return sealed(page)
+    return with_content_policy(page)
 
 
-def sealed(page: str) -> str:
+def with_content_policy(page: str) -> str:
     """Add a content security policy to a page: it allows only its own scripts and styles (by hash) and data URLs."""
 
     def sums(element: str, given: str) -> str:

@@ -12,7 +12,7 @@ from midair.lazy_frames import read_frames
 from midair.model import AmplitudeFrames, ControlGrid, Drive, PressureFrames, Recording, SensorGrid, Solution
 from midair.physics import transfer_matrix
 from midair.validation import frozen_array
-from midair.view.interpolated_field import InterpolatedField, finer
+from midair.view.interpolated_field import InterpolatedField, fit_interpolation
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -117,7 +117,7 @@ def show_recording(recording: Recording, *, pressure: PressureFrames | None = No
     """View of a recording, or of its calibrated pressure if given."""
     shown = _channels_of(recording) if pressure is None else _pressure_channels(pressure, "calibrated")
     rate = recording.rate if pressure is None else pressure.rate
-    first, last = stretch(part, len(shown.values), rate)
+    first, last = frame_range(part, len(shown.values), rate)
     return ViewData(
         title=_title_of(recording.provenance.notes, recording.provenance.source),
         rate=rate,
@@ -132,7 +132,7 @@ def show_recording(recording: Recording, *, pressure: PressureFrames | None = No
 
 def show_target(target: AmplitudeFrames, *, part: Part = WHOLE) -> ViewData:
     """View of target amplitudes at the control points."""
-    first, last = stretch(part, target.frames, target.rate)
+    first, last = frame_range(part, target.frames, target.rate)
     return ViewData(
         title=_title_of(target.provenance.notes, target.provenance.source),
         rate=target.rate,
@@ -150,7 +150,7 @@ def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = N
     Without a target, the plane is the default grid, 200 mm above the array.
     """
     whole = solution.drive if isinstance(solution, Solution) else solution
-    first, last = stretch(part, whole.frames, whole.rate)
+    first, last = frame_range(part, whole.frames, whole.rate)
     drive = replace(whole, phase=read_frames(whole.phase, first, last), level=read_frames(whole.level, first, last))
     grid = ControlGrid() if target is None else target.grid
     facts = {"array": f"{drive.array.name}, {drive.array.count} transducers", "plane": _plane(grid)}
@@ -168,7 +168,7 @@ def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = N
             wanted=None if target is None else np.asarray(read_frames(target.amplitude, first, last)),
             played=played_field(drive, grid),
             drive=drive,
-            finer=finer(grid, drive.array, acoustics=drive.acoustics),
+            finer=fit_interpolation(grid, drive.array, acoustics=drive.acoustics),
         ),
         facts={**facts, **_part_facts(part, first, last, drive.rate)},
     )
@@ -186,7 +186,7 @@ def show_comparison(
     """
     if not np.isclose(original.rate, again.rate, rtol=1e-9):
         raise RateError(f"comparison: expected both at one rate, got {original.rate:g} and {again.rate:g} Hz")
-    first, last = stretch(part, min(original.frames, again.frames), original.rate)
+    first, last = frame_range(part, min(original.frames, again.frames), original.rate)
     before, after = _pressure_channels(original, "original"), _pressure_channels(again, "re-recorded")
     return ViewData(
         title=_title_of(original.provenance.notes, original.provenance.source),
@@ -202,7 +202,7 @@ def show_comparison(
     )
 
 
-def stretch(part: Part, frames: int, rate: float) -> tuple[int, int]:
+def frame_range(part: Part, frames: int, rate: float) -> tuple[int, int]:
     """Return the first frame of a part and the frame after its last; InputError if it has no frames."""
     start, duration = part
     first = round(start * rate)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from midair.calibration.measure.beam import BeamReading, find_lag, measure_beam, tones_of
-from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting, beam_field, focus_of
+from midair.calibration.measure.beam import BeamReading, find_lag, measure_beam, tone_amplitudes
+from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting, beam_field, focus_position
 from midair.errors import InputError, ShapeError
 from midair.model import Recording, SensorGrid, TransducerArray
 
@@ -43,11 +43,11 @@ def test_tones_are_found_at_their_level_and_phase():
     time = (np.arange(PLAN.stretch) - 50) / PLAN.rate
     one = (amplitude * np.exp(2j * np.pi * PLAN.tones[:, None] * time)).real.sum(axis=0)
     signal = 7 + np.concatenate([np.zeros(3), *(level * one for level in range(1, 6))])
-    found = tones_of(signal[:, None], PLAN.rate, PLAN, lag=3)
+    found = tone_amplitudes(signal[:, None], PLAN.rate, PLAN, lag=3)
     assert found.shape == (5, 13, 1)
     assert found[..., 0] == pytest.approx(np.arange(1, 6)[:, None] * amplitude.T, abs=1e-9)
     with pytest.raises(ShapeError, match="s of beam or more"):
-        tones_of(signal[:400, None], PLAN.rate, PLAN)
+        tone_amplitudes(signal[:400, None], PLAN.rate, PLAN)
 
 
 def test_the_lag_is_found():
@@ -135,7 +135,7 @@ def test_the_field_on_the_cells():
     setting = BeamSetting()
     field = beam_field(array, sensor, setting)
     on = field.on_cells(setting)
-    assert focus_of(sensor, 1, setting) == pytest.approx([5.5e-3, 0, 0.2])
+    assert focus_position(sensor, 1, setting) == pytest.approx([5.5e-3, 0, 0.2])
     # a symmetric array over the centre: both cells are equal, with most pressure on the focused cell
     assert on[0, 0] == pytest.approx(on[1, 1], rel=0.05)
     assert on[0, 1] < 0.5 * on[1, 1]

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.calibration import anchored, measure_calibration, measure_tone
+from midair.calibration import measure_calibration, measure_tone, scale_to_tone
 from midair.calibration.measure.excitation import noise_signal, tone_signal
 from midair.errors import BandError, InputError, MismatchError
 from midair.model import Recording, SensorGrid
@@ -55,7 +55,7 @@ def test_a_response_is_scaled_to_a_tone(bench, covered):
     lab = bench(5, reference_error=-0.2, reference_uncertainty=0.15)
     shape = measure_calibration([lab.take(noise_signal(10, 13, rng=np.random.default_rng(5)))])
     tone = measure_tone(pistonphone(lab, 0), frequency=250.0, pressure=10.0, uncertainty=0.01)
-    found = anchored(shape, tone)
+    found = scale_to_tone(shape, tone)
     true = np.abs(channel_response(lab.model, shape.frequency))
     band = (shape.frequency >= 20) & (shape.frequency <= 470)
     assert np.median(np.abs(shape.response) / true) == pytest.approx(1.25, rel=0.01)
@@ -85,11 +85,11 @@ def test_a_tone_of_another_sensor_is_refused(bench):
     tone = measure_tone(pistonphone(lab, 0), frequency=250.0, pressure=10.0)
     other = replace(tone, sensor=SensorGrid(name="another"))
     with pytest.raises(MismatchError, match="one bin of sensor 'sensor' in V, got 1 bins of 'another'"):
-        anchored(shape, other)
+        scale_to_tone(shape, other)
     with pytest.raises(MismatchError, match="expected one bin"):
-        anchored(shape, shape)
+        scale_to_tone(shape, shape)
     with pytest.raises(BandError, match="tone: expected one within"):
-        anchored(shape, replace(tone, frequency=np.array([499.9])))
+        scale_to_tone(shape, replace(tone, frequency=np.array([499.9])))
 
 
 def test_silence_is_rejected():

@@ -10,9 +10,9 @@ from PIL import Image
 from midair.cli import run
 from midair.files import load_solution, open_take, save
 from midair.model import Recording
-from midair.pipeline import calibrated_pressure, lead_of
+from midair.pipeline import calibrated_pressure, required_lead
 from midair.settings import Settings
-from midair.targets import led_in
+from midair.targets import add_lead
 
 COARSE = ["--points", "4", "--pitch", "11mm", "--method", "fast", "--iterations", "1", "1", "--guard", "0mm"]
 
@@ -33,7 +33,9 @@ def perfect(drive_file):
     """The wanted pressure itself through the sensor's calibration, as a re-recording of that drive."""
     take, drive = open_take("take.h5"), load_solution(drive_file).drive
     settings = Settings.of(drive.provenance)
-    wanted = led_in(calibrated_pressure(take.recording, take.calibration, settings).cut(0.55, 0.1), lead_of(settings))
+    wanted = add_lead(
+        calibrated_pressure(take.recording, take.calibration, settings).cut(0.55, 0.1), required_lead(settings)
+    )
     assert wanted.frames == drive.frames
     length, times = 4000, round(wanted.rate / 1000)
     spectrum = np.fft.rfft(wanted.pressure, length * times, axis=0)[: length // 2]

@@ -47,7 +47,7 @@ def one_line_of(capsys):
 @pytest.mark.long
 def test_an_iterative_loop_prints_passes_and_perceptual_metrics(capsys, monkeypatch):
     told = []
-    monkeypatch.setattr("midair.cli.commands.loop.say_how_long_to_come", lambda frames, *_: told.append(frames))
+    monkeypatch.setattr("midair.cli.commands.loop.print_check_time_ahead", lambda frames, *_: told.append(frames))
     assert run(["loop", "take.h5", *QUICK, "--iterate", "2", "--json", "--force"]) == 0
     # How long the exposure of all passes takes is said beforehand; each has 60 ms on either side for what swells.
     assert told == [4 * (80 + 2 * 60)]

@@ -16,7 +16,7 @@ import pytest
 from midair.cli import run
 from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
-from midair.testing import UdpTap
+from midair.testing import UdpProxy
 
 pytest.importorskip("autd3")
 EMULATOR = ["--device", "autd3:emulator"]
@@ -32,7 +32,7 @@ def _folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def tap():
-    one = UdpTap(4)
+    one = UdpProxy(4)
     yield one
     one.close()
 
@@ -210,7 +210,7 @@ def test_stop_reports_what_it_could_not_stop(capsys):
 
 @pytest.mark.long
 def test_a_second_play_on_the_same_array_names_the_first(capsys, request):
-    tap = UdpTap(1)
+    tap = UdpProxy(1)
     request.addfinalizer(tap.close)
     make("a.drive.h5", array=TransducerArray.autd3(columns=1, rows=1))
     Path("one.toml").write_text('name = "one"\n[[unit]]\nposition_mm = [0, 0, 0]\n', encoding="utf-8")

@@ -10,7 +10,7 @@ import pytest
 from midair.cli import run
 from midair.files import load_solution, load_target
 from midair.physics import quantise_phase, transfer_matrix
-from midair.testing import OpenMpdStandIn, measured_board
+from midair.testing import OpenMpdSimulator, measured_board
 
 pytest.importorskip("serial")
 
@@ -23,7 +23,7 @@ def _folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def board():
-    one = OpenMpdStandIn()
+    one = OpenMpdSimulator()
     yield one
     one.close()
 
@@ -81,7 +81,7 @@ def errors(drive, target, q):
 )
 def test_the_output_of_the_boards_is_the_solved_field(kind, words, tmp_path, capsys):
     count = 1 if kind == "openmpd" else 2
-    boards, ports = [measured_board(number) for number in range(count)], [OpenMpdStandIn() for _ in range(count)]
+    boards, ports = [measured_board(number) for number in range(count)], [OpenMpdSimulator() for _ in range(count)]
     files = [write_board(tmp_path / f"board_{number}.pat", board) for number, board in enumerate(boards)]
     solution = solved(tmp_path / "x.drive.h5", "--array", kind, *words)
     device = f"openmpd:{','.join(port.port for port in ports)}?board={','.join(map(str, files))}"

@@ -4,8 +4,8 @@ import pytest
 from rich.table import Table
 
 from midair.cli import app, run
-from midair.cli.terminal import Verbosity, flags_of, verbosity
-from midair.cli.terminal.console import PlainConsole, err, out, print_figures, print_rows, progress_bars, say
+from midair.cli.terminal import Verbosity, parse_flags, verbosity
+from midair.cli.terminal.console import PlainConsole, err, out, print_figures, print_line, print_rows, progress_bars
 
 HOSTILE = "a[/]b[red]c:smile:\x1b]0;title\x07\x1b[2J\u202ed"
 SHOWN = "a[/]b[red]c:smile:\\x1b]0;title\\x07\\x1b[2J\\u202ed"
@@ -14,7 +14,7 @@ SHOWN = "a[/]b[red]c:smile:\\x1b]0;title\\x07\\x1b[2J\\u202ed"
 @pytest.mark.parametrize(
     "prints",
     [
-        lambda: say(HOSTILE),
+        lambda: print_line(HOSTILE),
         lambda: out().print(HOSTILE),
         lambda: err().print(HOSTILE, style="bold red"),
         lambda: print_rows([(HOSTILE, "value")]),
@@ -53,11 +53,11 @@ def test_stages_of_any_name(capsys):
 
 
 def test_verbosity_flags_are_removed_at_any_position():
-    how, rest = flags_of(["-q", "solve", "-v", "a b.h5"])
+    how, rest = parse_flags(["-q", "solve", "-v", "a b.h5"])
     assert (how.quiet, how.verbose, rest) == (True, True, ["solve", "a b.h5"])
     assert how.line == "midair solve 'a b.h5'"
-    assert flags_of(["solve", "--verbose"])[0].verbose
-    how, rest = flags_of(["info", "--", "-q"])
+    assert parse_flags(["solve", "--verbose"])[0].verbose
+    how, rest = parse_flags(["info", "--", "-q"])
     assert (how.quiet, rest) == (False, ["info", "--", "-q"])
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.cli.terminal.options import BandOptions, SolveOptions, paper_beside, way_of
+from midair.cli.terminal.options import BandOptions, SolveOptions, mode_name, paper_options
 from midair.errors import InputError
 from midair.files import load_palm, load_solution
 from midair.model import Acoustics, ControlGrid, Medium
@@ -127,19 +127,19 @@ def test_the_air_reaches_the_drive_that_is_written_and_the_screen(stroke, tmp_pa
 
 def test_the_paper_s_mode_beside_another_is_the_paper_s_in_the_same_room():
     chosen = SolveOptions(mode="quick", height=0.25, points=9, mapping="constant-offset", rate=2000.0)
-    beside = paper_beside(chosen)
+    beside = paper_options(chosen)
     made, paper = beside.settings(), MODES["paper"]()
     assert (made.target.grid.height, made.target.grid.rows) == (0.25, 9)
     assert made.acoustics == chosen.settings().acoustics
     assert (made.target.mapping, made.target.rate, made.solver.fit) == ("half-wave", 1000.0, paper.solver.fit)
     assert made.solver.name == "glide"
-    assert way_of(chosen) == "the quick mode"
-    assert way_of(SolveOptions()) == "the best mode"
+    assert mode_name(chosen) == "the quick mode"
+    assert mode_name(SolveOptions()) == "the best mode"
 
 
 def test_the_paper_s_mode_has_no_comparison():
-    assert paper_beside(SolveOptions(mode="paper")) is None
-    assert way_of(SolveOptions(mode="paper")) == "the paper's mode"
+    assert paper_options(SolveOptions(mode="paper")) is None
+    assert mode_name(SolveOptions(mode="paper")) == "the paper's mode"
 
 
 SMALL = [
@@ -188,4 +188,4 @@ def test_typed_options_name_the_palm(tmp_path):
     options = SolveOptions(mode="finest", palm=tmp_path / "hand.toml")
     assert options.settings().solver.quiet_palm.outline
     assert options.typed() == ["--mode", "finest", "--palm", str(tmp_path / "hand.toml")]
-    assert paper_beside(options).palm is None
+    assert paper_options(options).palm is None

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.cli.terminal.quantities import parse_quantity, spell
+from midair.cli.terminal.quantities import format_quantity, parse_quantity
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def test_refuses_with_an_example(text):
 
 @given(st.floats(1e-3, 1e3))
 def test_printed_quantities_can_be_parsed(value):
-    assert parse_quantity(spell(value, "m"), "m") == pytest.approx(value, rel=1e-5)
+    assert parse_quantity(format_quantity(value, "m"), "m") == pytest.approx(value, rel=1e-5)
 
 
 @given(st.text(max_size=12))
@@ -78,4 +78,4 @@ def test_temperatures_and_shares_are_refused_with_an_example(text, unit, says):
 @pytest.mark.parametrize("unit", ["C", "K", "%"])
 @given(value=st.floats(0, 50))
 def test_a_temperature_or_a_share_that_is_shown_can_be_read(value, unit):
-    assert parse_quantity(spell(value, unit), unit) == pytest.approx(value, rel=1e-5, abs=1e-9)
+    assert parse_quantity(format_quantity(value, unit), unit) == pytest.approx(value, rel=1e-5, abs=1e-9)

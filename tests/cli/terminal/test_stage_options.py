@@ -12,7 +12,7 @@ import pytest
 
 from midair.cli import run
 from midair.files import load
-from midair.testing import GrblStandIn
+from midair.testing import GrblSimulator
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "data" / "stage.toml"
 PROGRAM = "import sys; from midair.cli import run; sys.exit(run(sys.argv[1:]))"
@@ -27,7 +27,7 @@ def _folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def machine():
-    made = GrblStandIn()
+    made = GrblSimulator()
     yield made
     made.close()
 
@@ -139,7 +139,7 @@ def test_control_c_holds_the_stage_and_ends_with_130(machine):
 @pytest.mark.long
 @pytest.mark.usefixtures("near")
 def test_a_locked_machine_is_not_moved_but_by_home(capsys):
-    machine = GrblStandIn(homed=False)
+    machine = GrblSimulator(homed=False)
     try:
         assert run(command(machine)) == 1
         assert "its position is unknown" in capsys.readouterr().err

@@ -11,7 +11,7 @@ from midair.devices.frame_bytes import amplitude_of, phase_bytes
 from midair.lazy_frames import LazyFrames
 from midair.model import Acoustics, Drive, Medium, Placement
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
-from midair.testing import overridden
+from midair.testing import clear_any_exposure
 
 pytest.importorskip("autd3_emulator")
 
@@ -30,7 +30,7 @@ def played(drive, placement=ONE, *, silencer="off", repeats=1, **options):
     """The report, and the output from 5 ms before the end on."""
     device = autd3_firmware(placement, silencer=silencer)
     with device:
-        report = device.play(overridden(drive, device, repeats=repeats), **options)
+        report = device.play(clear_any_exposure(drive, device, repeats=repeats), **options)
         device.banks.wait_until(device.banks.now() + 5 * MS)
         return report, device.banks.put_out()
 
@@ -172,7 +172,7 @@ def test_a_computer_that_hangs_leaves_silence_and_the_gap_is_reported():
 
     device = autd3_firmware(ONE, silencer="off")
     with device:
-        report = device.play(overridden(drive, device), progress=hang)
+        report = device.play(clear_any_exposure(drive, device), progress=hang)
         device.banks.wait_until(device.banks.now() + 5 * MS)
         out = device.banks.put_out()
     assert report.late == 100

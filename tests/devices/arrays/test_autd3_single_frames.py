@@ -21,7 +21,7 @@ from midair.errors import (
 )
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Drive, Placement
-from midair.testing import overridden
+from midair.testing import clear_any_exposure
 
 pytest.importorskip("autd3")
 
@@ -155,7 +155,7 @@ def test_each_order_counts_its_late_frames(tap):
             for _ in range(20):
                 put(np.zeros((1, 249), np.uint8), 200, device.units.now() - MS)
         drive = Drive(phase=np.zeros((5, 249)), level=np.full(5, 0.1), rate=1000.0, array=device.array)
-        assert device.play(overridden(drive, device)).late <= 5
+        assert device.play(clear_any_exposure(drive, device)).late <= 5
 
 
 def test_a_frame_above_the_cleared_level_ends_in_silence(tap):
@@ -235,10 +235,10 @@ def test_units_that_are_too_hot_are_silenced_and_sound_again_once_they_have_cool
         ):
             pass
         with pytest.raises(TooHotError, match="too hot before the first frame"):
-            device.play(overridden(drive, device))
+            device.play(clear_any_exposure(drive, device))
         assert len(frames_on(tap)) == sent
         tap.hot = ()
-        assert device.play(overridden(drive, device)).frames == 5
+        assert device.play(clear_any_exposure(drive, device)).frames == 5
 
 
 def test_one_lost_datagram_is_one_frame_and_a_cut_wire_is_the_end(tap):

@@ -14,8 +14,8 @@ from midair.devices import autd3_array
 from midair.devices.frame_bytes import phase_bytes
 from midair.errors import DeviceError, LinkLostError, TooHotError
 from midair.model import Drive, Placement
-from midair.testing import overridden
-from midair.testing.udp_tap import READ_STATE
+from midair.testing import clear_any_exposure
+from midair.testing.udp_proxy import READ_STATE
 
 pytest.importorskip("autd3")
 
@@ -30,14 +30,14 @@ import numpy as np
 from midair.devices import autd3_array
 from midair.model import Drive, Placement
 from midair.rig.playing.cleared_play import signals_end_the_program
-from midair.testing import overridden
+from midair.testing import clear_any_exposure
 
 placement = Placement.grid(columns=1, rows=1)
 array = placement.array()
 phase = np.random.default_rng(0).uniform(0, 6, (500, array.count))
 drive = Drive(phase=phase, level=np.ones(500), rate=1000.0, array=array)
 with signals_end_the_program(), autd3_array(sys.argv[1], placement) as device:
-    device.play(overridden(drive, device, repeats=1000), progress=lambda done, total: print("plays", flush=True))
+    device.play(clear_any_exposure(drive, device, repeats=1000), progress=lambda done, total: print("plays", flush=True))
 """
 
 
@@ -81,7 +81,7 @@ def check_what_is_sent(tap, frames):
     device = autd3_array(tap.address, ONE)
     with device:
         begin = time.monotonic()
-        report = device.play(overridden(drive, device))
+        report = device.play(clear_any_exposure(drive, device))
         end = time.monotonic()
         telemetry = device.banks.describe()
     np.testing.assert_array_equal(phases_sent(tap), phase_bytes(drive, 1)[:, 0])
@@ -130,7 +130,7 @@ def test_a_minute_of_60000_frames_on_four_units_bit_by_bit(tap):
     array, rng = placement.array(), np.random.default_rng(3)
     drive = Drive(phase=rng.uniform(0, 6, (6000, array.count)), level=np.ones(6000), rate=1000.0, array=array)
     with autd3_array(tap.address, placement) as device:
-        report = device.play(overridden(drive, device, repeats=10))
+        report = device.play(clear_any_exposure(drive, device, repeats=10))
         tap.states()
         units = {port: answer[7] for port, answer in tap.answers.items()}
     assert sorted(units.values()) == [0, 1, 2, 3]
@@ -149,7 +149,7 @@ def test_heartbeats_with_and_without_playback(tap):
     with autd3_array(tap.address, ONE) as device:
         begin = time.monotonic()
         time.sleep(0.55)
-        device.play(overridden(noise(300), device))
+        device.play(clear_any_exposure(noise(300), device))
         assert tap.states() == [PATTERN]
         assert tap.gap(begin) < 0.4
         assert sum(datagram[1] == 7 for at, _, datagram in tap.sent if at >= begin) > 20
@@ -161,7 +161,7 @@ def test_a_lost_link_ends_playing_and_the_failsafe_silences(tap):
             tap.passes = False
 
     with pytest.raises(LinkLostError, match=r"check.*power"), autd3_array(tap.address, ONE) as device:
-        device.play(overridden(noise(2000), device), progress=cut)
+        device.play(clear_any_exposure(noise(2000), device), progress=cut)
     time.sleep(0.55)
     assert [state & FAILSAFE for state in tap.states()] == [FAILSAFE]
 
@@ -175,7 +175,7 @@ def test_a_lost_datagram_of_each_kind_does_not_end_playing(tap, answer):
             tap.lose(command, answer=answer)
 
     with autd3_array(tap.address, ONE) as device:
-        report = device.play(overridden(drive, device), progress=lose)
+        report = device.play(clear_any_exposure(drive, device), progress=lose)
         assert tap.lost == 5
         assert report.frames == 750
         assert "orders sent again" in report.units
@@ -196,7 +196,7 @@ def test_a_lost_datagram_does_not_end_playing(tap, command, answer):
             tap.lose(command, answer=answer)
 
     with autd3_array(tap.address, ONE) as device:
-        report = device.play(overridden(drive, device), progress=lose)
+        report = device.play(clear_any_exposure(drive, device), progress=lose)
         assert tap.lost == 1
         assert report.frames == 1500
         # The silence after the last frame comes after the report.
@@ -212,7 +212,7 @@ def test_a_datagram_that_is_lost_again_and_again_ends_playing(tap):
                 tap.lose(SWITCH)
 
     with pytest.raises(LinkLostError, match=r"frames \d+ to 1499 of 1500"), autd3_array(tap.address, ONE) as device:
-        device.play(overridden(noise(1500), device), progress=lose)
+        device.play(clear_any_exposure(noise(1500), device), progress=lose)
     assert tap.lost == 5
 
 
@@ -227,7 +227,7 @@ def test_silence_from_another_thread_ends_playing(tap):
                 timer.start()
 
         with pytest.raises(DeviceError, match="by another thread"):
-            device.play(overridden(noise(5000), device), progress=begin)
+            device.play(clear_any_exposure(noise(5000), device), progress=begin)
         assert tap.states() == [PATTERN]
         assert_last_word_is_silence(tap)
 
@@ -236,10 +236,10 @@ def test_units_that_are_too_hot_from_the_start_never_sound_and_play_once_they_ha
     tap.hot = range(65536)
     with autd3_array(tap.address, ONE) as device:
         with pytest.raises(TooHotError, match=r"unit 0 too hot before the first frame; let them cool"):
-            device.play(overridden(noise(300), device))
+            device.play(clear_any_exposure(noise(300), device))
         assert SWITCH not in {command for _, _, command, _ in tap.frames()}
         tap.hot = ()
-        assert device.play(overridden(noise(20), device)).units == "not too hot, no errors"
+        assert device.play(clear_any_exposure(noise(20), device)).units == "not too hot, no errors"
 
 
 @pytest.mark.parametrize(
@@ -258,7 +258,7 @@ def test_a_unit_that_gets_too_hot_silences_all_units_at_once(tap, rate):
 
     with autd3_array(tap.address, placement) as device:
         with pytest.raises(TooHotError, match=r"got unit \d too hot after \d+ of 2000 frames"):
-            device.play(overridden(drive, device), progress=heat)
+            device.play(clear_any_exposure(drive, device), progress=heat)
         assert tap.states() == [PATTERN] * placement.units
     assert_last_word_is_silence(tap)
     silent = next(at for at, _, command, datagram in tap.frames() if at > began[0] and command == SILENCE)
@@ -309,17 +309,17 @@ import numpy as np
 from midair.devices import autd3_array
 from midair.errors import SilentFramesError
 from midair.model import Drive, Placement
-from midair.testing import overridden
+from midair.testing import clear_any_exposure
 
 placement = Placement.grid(columns=1, rows=1)
 array = placement.array()
 drive, short = (Drive(phase=np.ones((n, array.count)), level=np.ones(n), rate=1000.0, array=array) for n in (3000, 300))
 with autd3_array(sys.argv[1], placement) as device:
     try:
-        device.play(overridden(drive, device), progress=lambda done, total: print("plays", flush=True))
+        device.play(clear_any_exposure(drive, device), progress=lambda done, total: print("plays", flush=True))
     except SilentFramesError as wrong:
         print(wrong, flush=True)
-    report = device.play(overridden(short, device))
+    report = device.play(clear_any_exposure(short, device))
     print(report.frames, report.late, report.units, flush=True)
 """
 

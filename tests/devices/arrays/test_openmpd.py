@@ -10,7 +10,7 @@ from midair.devices import OpenMpdArray
 from midair.devices.arrays.openmpd import LEAD
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, MissingExtraError, RateError
 from midair.model import Board, Drive, array_of_boards
-from midair.testing import OpenMpdStandIn, measured_board, overridden
+from midair.testing import OpenMpdSimulator, clear_any_exposure, measured_board
 
 pytest.importorskip("serial")
 
@@ -20,7 +20,7 @@ def stand_ins():
     made = []
 
     def make(count=1):
-        made.extend(OpenMpdStandIn() for _ in range(count))
+        made.extend(OpenMpdSimulator() for _ in range(count))
         return made[-count:]
 
     yield make
@@ -50,7 +50,7 @@ def test_every_frame_of_a_drive_sounds_once_in_its_order(stand_ins, count, attem
     device = array_at(ports, boards)
     with device:
         for _ in attempts:
-            report = device.play(overridden(drive, device, repeats=2))
+            report = device.play(clear_any_exposure(drive, device, repeats=2))
             # On a busy computer a frame stands on for one that came too late, and the report says so.
             if report.late == 0:
                 break
@@ -71,7 +71,7 @@ def test_another_rate_sets_another_divider(stand_ins):
     base = some_drive(boards, frames=8)
     drive = Drive(phase=base.phase, level=base.level, rate=200.0, array=base.array)
     with array_at([port], boards) as device:
-        device.play(overridden(drive, device))
+        device.play(clear_any_exposure(drive, device))
     assert {one.divider for one in port.heard} == {200}
     assert len(port.heard) == 8
 
@@ -87,7 +87,9 @@ def test_the_last_frame_lasts_for_its_time_on_the_board_s_clock(stand_ins):
     times = []
     with array_at([port], boards) as device:
         for _ in range(10):
-            device.play(overridden(drive, device), progress=lambda done, total: time.sleep(0.1 * (done == total)))
+            device.play(
+                clear_any_exposure(drive, device), progress=lambda done, total: time.sleep(0.1 * (done == total))
+            )
             port.settle()
             last = max(number for number, one in enumerate(port.frames) if one.sounds)
             times.append(port.begins[last + 1] - port.begins[last])
@@ -116,7 +118,7 @@ def test_silence_from_another_thread_is_true_when_it_returns(stand_ins):
 
         def play():
             with pytest.raises(DeviceError, match="silenced by another thread"):
-                device.play(overridden(drive, device), progress=lambda done, total: begun.set())
+                device.play(clear_any_exposure(drive, device), progress=lambda done, total: begun.set())
             ended.append(True)
 
         player = threading.Thread(target=play)
@@ -146,7 +148,7 @@ def test_few_frames_are_buffered_when_silence_is_sent(stand_ins):
             raise RuntimeError
 
     with device, pytest.raises(RuntimeError):
-        device.play(overridden(some_drive(boards, frames=5000), device), progress=fail)
+        device.play(clear_any_exposure(some_drive(boards, frames=5000), device), progress=fail)
     port.settle()
     assert not port.sounds
     assert told[-1] < len(port.heard) <= told[-1] + LEAD * 1000
@@ -162,7 +164,7 @@ def test_a_board_without_a_cable_is_an_error_and_the_other_is_silenced(stand_ins
             ports[0].unplug()
 
     with pytest.raises(LinkLostError, match="it repeats its last frame: switch off its power now"), device:
-        device.play(overridden(some_drive(boards, frames=2000), device), progress=pull)
+        device.play(clear_any_exposure(some_drive(boards, frames=2000), device), progress=pull)
     ports[1].settle()
     assert ports[0].sounds
     assert not ports[1].sounds
@@ -178,7 +180,7 @@ def test_a_board_that_accepts_no_more_bytes_is_an_error(stand_ins):
         port.stalled = True
 
     with pytest.raises(LinkLostError, match="switch off its power"), device:
-        device.play(overridden(some_drive(boards, frames=2000), device), progress=stall)
+        device.play(clear_any_exposure(some_drive(boards, frames=2000), device), progress=stall)
 
 
 def test_a_board_without_its_file_can_be_silenced_and_not_played_on(stand_ins):
@@ -186,7 +188,7 @@ def test_a_board_without_its_file_can_be_silenced_and_not_played_on(stand_ins):
     device = OpenMpdArray([port.port])
     assert device.array.same_as(array_of_boards(Board.nominal()))
     with device, pytest.raises(DeviceStateError, match=r"\?board=board_N\.pat"):
-        device.play(overridden(some_drive([Board.nominal()]), device))
+        device.play(clear_any_exposure(some_drive([Board.nominal()]), device))
     assert port.heard == []
 
 
@@ -196,10 +198,10 @@ def test_what_cannot_be_played_is_refused_before_a_sound(stand_ins):
     base = some_drive(boards)
     slow = Drive(phase=base.phase, level=base.level, rate=100.0, array=base.array)
     with array_at([port], boards) as device, pytest.raises(RateError, match="40 kHz / N"):
-        device.play(overridden(slow, device))
+        device.play(clear_any_exposure(slow, device))
     faint = Drive(phase=base.phase, level=np.full(base.frames, 0.02), rate=1000.0, array=base.array)
     with array_at([port], boards) as device, pytest.raises(InputError, match=r"at least 2\.5%.*got 2\.0%"):
-        device.play(overridden(faint, device))
+        device.play(clear_any_exposure(faint, device))
     assert port.heard == []
     with pytest.raises(InputError, match="a board file for each of 2 ports, got 1"):
         OpenMpdArray(["a", "b"], boards)
@@ -229,7 +231,7 @@ def test_a_delay_prolongs_a_frame_and_is_reported(stand_ins):
             time.sleep(6 * LEAD)
 
     with array_at([port], boards) as device:
-        report = device.play(overridden(some_drive(boards, frames=150), device), progress=hesitate)
+        report = device.play(clear_any_exposure(some_drive(boards, frames=150), device), progress=hesitate)
     port.settle()
     assert report.repeated >= 1
     assert len(port.heard) == 150

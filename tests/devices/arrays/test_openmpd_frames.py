@@ -16,7 +16,7 @@ from midair.errors import RateError
 from midair.lazy_frames import LazyFrames
 from midair.model import Board, Drive, array_of_boards
 from midair.testing import measured_board
-from midair.testing.openmpd_stand_in import CommandReader
+from midair.testing.openmpd_simulator import CommandReader
 
 
 def some_drive(boards, level=1.0, frames=6, seed=1):

@@ -10,7 +10,7 @@ import time
 import psutil
 import pytest
 
-from midair.testing import OpenMpdStandIn
+from midair.testing import OpenMpdSimulator
 
 pytest.importorskip("serial")
 
@@ -20,7 +20,7 @@ import numpy as np
 from midair.devices import OpenMpdArray
 from midair.errors import DeviceError
 from midair.model import Board, Drive, array_of_boards
-from midair.testing import overridden
+from midair.testing import clear_any_exposure
 
 board = Board.nominal()
 array = array_of_boards(board)
@@ -28,7 +28,7 @@ drive = Drive(phase=np.zeros((1000, 256)), level=np.ones(1000), rate=1000.0, arr
 device = OpenMpdArray([sys.argv[1]], [board])
 try:
     with device:
-        device.play(overridden(drive, device, repeats=3600))
+        device.play(clear_any_exposure(drive, device, repeats=3600))
 except DeviceError as wrong:
     print(wrong)
     sys.exit(1)
@@ -37,7 +37,7 @@ except DeviceError as wrong:
 
 @pytest.fixture
 def board():
-    one = OpenMpdStandIn()
+    one = OpenMpdSimulator()
     yield one
     one.close()
 

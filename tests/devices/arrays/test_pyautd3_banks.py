@@ -10,7 +10,7 @@ from midair.devices import pyautd3_array
 from midair.devices.frame_bytes import intensity_bytes, phase_bytes
 from midair.errors import DeviceStateError, TooHotError, UnknownDeviceError
 from midair.model import Drive, Placement
-from midair.testing import overridden
+from midair.testing import clear_any_exposure
 
 pyautd3 = pytest.importorskip("pyautd3")
 
@@ -54,7 +54,7 @@ def test_five_thousand_frames_on_four_units():
     drive = noise(5000, placement=placement)
     with pyautd3_array("audit", placement) as device:
         check_memory(device.banks, drive, 4)
-        report = device.play(overridden(drive, device))
+        report = device.play(clear_any_exposure(drive, device))
     assert (report.frames, report.late, report.gap) == (5000, 0, 0)
 
 
@@ -68,7 +68,7 @@ def test_a_wall_clock_that_jumps_by_an_hour_while_it_plays_changes_nothing(monke
     def play():
         with pyautd3_array("audit", PAIR) as device:
             progress = lambda done, _: jump.__setitem__(0, hours if done >= 250 else 0)  # noqa: E731
-            reports.append(device.play(overridden(noise(1000), device), progress=progress))
+            reports.append(device.play(clear_any_exposure(noise(1000), device), progress=progress))
 
     thread = threading.Thread(target=play, daemon=True)
     thread.start()
@@ -79,7 +79,7 @@ def test_a_wall_clock_that_jumps_by_an_hour_while_it_plays_changes_nothing(monke
 
 def test_after_playing_the_segment_that_plays_is_silent():
     with pyautd3_array("audit", PAIR) as device:
-        report = device.play(overridden(noise(300), device))
+        report = device.play(clear_any_exposure(noise(300), device))
         assert (report.frames, report.late) == (300, 0)
         assert not device.emitting
         segment = int(device.banks.link.current_stm_segment(0))
@@ -90,10 +90,10 @@ def test_the_silencer_is_set():
     slow = np.zeros((20, 498))
     drive = Drive(phase=slow, level=np.ones(20), rate=1000.0, array=PAIR.array())
     with pyautd3_array("audit", PAIR) as device:
-        device.play(overridden(drive, device))
+        device.play(clear_any_exposure(drive, device))
         assert not device.banks.link.silencer_fixed_completion_steps_mode(0)
         device.silencer = "half"
-        device.play(overridden(noise(20), device))
+        device.play(clear_any_exposure(noise(20), device))
         assert device.banks.link.silencer_fixed_completion_steps_mode(0)
         assert device.banks.link.silencer_completion_steps_phase(0) == 20
         assert not device.banks.link.silencer_strict(0)
@@ -101,10 +101,10 @@ def test_the_silencer_is_set():
 
 def test_a_unit_that_is_too_hot_does_not_sound():
     with pyautd3_array("audit", PAIR) as device:
-        assert device.play(overridden(noise(300), device)).units == "not too hot"
+        assert device.play(clear_any_exposure(noise(300), device)).units == "not too hot"
         device.banks.link.assert_thermal_sensor(1)
         with pytest.raises(TooHotError, match="unit 1 too hot before the first frame"):
-            device.play(overridden(noise(300), device))
+            device.play(clear_any_exposure(noise(300), device))
 
 
 def test_a_link_that_breaks_ends_playing():
@@ -116,7 +116,7 @@ def test_a_link_that_breaks_ends_playing():
 
     device = pyautd3_array("audit", PAIR)
     with pytest.raises(DeviceError, match="pyautd3"), device:
-        device.play(overridden(noise(2000), device), progress=cut)
+        device.play(clear_any_exposure(noise(2000), device), progress=cut)
 
 
 def test_memory_of_the_nop_link_cannot_be_read():

@@ -11,7 +11,7 @@ from midair.errors import InputError
 from midair.model import Drive, Placement, Provenance, TransducerArray
 from midair.physics import PlaybackChain, TransducerDynamics, focus_phase
 from midair.physics.sensing import SensorModel
-from midair.testing import overridden
+from midair.testing import clear_any_exposure
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 FOCUS = focus_phase(ARRAY, np.array([0, 0, 0.2]))
@@ -129,11 +129,11 @@ def test_the_virtual_array_plays_with_what_a_real_one_would(made):
     told = []
     for array in (real, virtual):
         with array:
-            told.append(array.play(overridden(made, array)).silencer)
+            told.append(array.play(clear_any_exposure(made, array)).silencer)
     assert told[0] == told[1] != ""
 
 
 def test_a_virtual_array_made_ideal_has_no_silencer():
     ideal = VirtualArray(ARRAY, VirtualSkin(SensorModel()), chain=PlaybackChain(phase_bits=None, hold="ideal"))
     with ideal:
-        assert ideal.play(overridden(turning(180), ideal)).silencer == "off"
+        assert ideal.play(clear_any_exposure(turning(180), ideal)).silencer == "off"

@@ -9,7 +9,7 @@ import pytest
 from midair.devices.motion_stages.grbl import GrblStage
 from midair.errors import DeviceError, HeldError, InputError, LinkLostError
 from midair.model import speed_of
-from midair.testing import GrblStandIn
+from midair.testing import GrblSimulator
 
 FAR = (-0.2, -0.05, -0.001)
 
@@ -21,7 +21,7 @@ def _state(tmp_path, monkeypatch):
 
 @pytest.fixture
 def machine():
-    made = GrblStandIn()
+    made = GrblSimulator()
     yield made
     made.close()
 
@@ -59,7 +59,7 @@ def test_a_move_ends_where_and_when_the_machine_does(machine):
 
 
 def test_inches_and_work_coordinates_are_the_machines_millimetres_all_the_same():
-    machine = GrblStandIn(settings={13: 1, 10: 0})
+    machine = GrblSimulator(settings={13: 1, 10: 0})
     try:
         with GrblStage(machine.port) as stage:
             stage.ready(homing=True)
@@ -98,7 +98,7 @@ def test_a_limit_switch_in_the_middle_is_one_clear_error(machine):
 
 
 def test_soft_limits_of_grbl_are_reported():
-    machine = GrblStandIn(settings={20: 1})
+    machine = GrblSimulator(settings={20: 1})
     try:
         with GrblStage(machine.port) as stage:
             stage.ready(homing=True)
@@ -128,7 +128,7 @@ def test_the_error_of_a_lost_port_names_the_remaining_motion(machine):
 
 
 def test_a_locked_machine_is_refused_until_it_was_homed():
-    machine = GrblStandIn(homed=False)
+    machine = GrblSimulator(homed=False)
     try:
         with GrblStage(machine.port) as stage:
             with pytest.raises(DeviceError, match=r"locked \(Alarm\).*--home"):
@@ -141,7 +141,7 @@ def test_a_locked_machine_is_refused_until_it_was_homed():
 
 
 def test_homing_can_be_stopped_and_is_then_not_done():
-    machine = GrblStandIn(homed=False)
+    machine = GrblSimulator(homed=False)
     try:
         with GrblStage(machine.port) as stage, pytest.raises(DeviceError, match="its position is unknown"):
             stage.home(lambda: True)
@@ -150,7 +150,7 @@ def test_homing_can_be_stopped_and_is_then_not_done():
 
 
 def test_a_machine_without_switches_needs_homing_by_hand():
-    machine = GrblStandIn(settings={22: 0})
+    machine = GrblSimulator(settings={22: 0})
     try:
         with GrblStage(machine.port) as stage:
             with pytest.raises(DeviceError, match="by hand"):

@@ -13,7 +13,7 @@ import pytest
 
 from midair.devices import make_state_folder, playing_now, state_folder, stop_playing
 from midair.devices.safety import stop_channel
-from midair.devices.safety.stop_channel import open_stop_channel, ordered_at, process_began, uptime
+from midair.devices.safety.stop_channel import open_stop_channel, ordered_at, process_start_time, uptime
 from midair.errors import DeviceError, FileError, StoppedError
 
 HOLDER = """
@@ -221,12 +221,12 @@ def test_a_stop_in_the_future_is_ignored():
 
 
 def test_start_time_of_a_process():
-    code = "from midair.devices.safety.stop_channel import process_began; print(process_began())"
+    code = "from midair.devices.safety.stop_channel import process_start_time; print(process_start_time())"
     before = uptime()
     said = float(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, text=True).stdout)
     # Clock ticks of 10 ms are rounded down.
     assert before - 0.02 <= said <= uptime()
-    assert process_began() < before
+    assert process_start_time() < before
 
 
 def test_a_stop_that_cannot_be_noted_still_silences(monkeypatch):

@@ -20,7 +20,7 @@ from midair.physics import (
     transfer_matrix,
 )
 from midair.solvers import solve
-from midair.testing import overridden
+from midair.testing import clear_any_exposure
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 PERFECT = {"strength": 1.0, "spread": 0.0, "resonance_spread": 0.0, "quality_spread": 0.0}
@@ -39,7 +39,7 @@ def felt(skin):
 def steady(level=0.2, **options):
     skin = VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, skin, **options) as array:
-        array.play(overridden(focus(level=level), array))
+        array.play(clear_any_exposure(focus(level=level), array))
     return felt(skin)[-1]
 
 
@@ -69,7 +69,7 @@ def error_at_play(solution, target, room):
     """E of each frame from the pressure of an ideal array in the room's air, at the frame's first moment."""
     points, chain = Points(target.grid), PlaybackChain(phase_bits=None, hold="ideal", precision="double")
     with VirtualArray(ARRAY, points, acoustics=room, chain=chain) as array:
-        array.play(overridden(solution.drive, array))
+        array.play(clear_any_exposure(solution.drive, array))
     medium = (room or solution.drive.acoustics).medium
     wanted = radiation_pressure(target.amplitude, solution.drive.acoustics.medium)
     found = sound_amplitude(np.concatenate(points.felt)[::8], medium)
@@ -107,7 +107,7 @@ def test_an_array_of_no_stated_air_takes_that_of_each_drive(warm):
         for air in (warm[0].drive.acoustics, Acoustics()):
             drive = replace(focus(), acoustics=air)
             skin.clear()
-            array.play(overridden(drive, array))
+            array.play(clear_any_exposure(drive, array))
             field = transfer_matrix(skin.points, ARRAY, acoustics=air) @ drive.q[-1]
             expected = cell_weights(skin.model, skin.points, between="waves") @ radiation_pressure(field, air.medium)
             np.testing.assert_allclose(felt(skin)[-1].ravel(), expected, rtol=1e-6)
@@ -126,7 +126,7 @@ def test_transducers_take_their_time():
     """After one time constant the envelope is 1 - 1/e of a step at zero detuning; the pressure is its square."""
     skin = VirtualSkin(SensorModel(), rate=8000.0)
     with VirtualArray(ARRAY, skin, **PERFECT) as array:
-        array.play(overridden(focus(), array))
+        array.play(clear_any_exposure(focus(), array))
     rise = felt(skin)[:, 1, 1] / felt(skin)[-1, 1, 1]
     gone = np.exp((-1 / 188e-6 + 2j * np.pi * 205) * np.arange(1, 9) / 8000)
     np.testing.assert_allclose(rise[:8], np.abs(1 - gone) ** 2, rtol=1e-3)
@@ -135,16 +135,16 @@ def test_transducers_take_their_time():
 def test_blocks_of_a_long_drive_join_without_a_seam():
     long, short = VirtualSkin(SensorModel()), VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, long) as array:
-        array.play(overridden(focus(frames=300), array))
+        array.play(clear_any_exposure(focus(frames=300), array))
     with VirtualArray(ARRAY, short) as array:
-        array.play(overridden(focus(frames=5), array))
+        array.play(clear_any_exposure(focus(frames=5), array))
     np.testing.assert_allclose(felt(long)[40:], np.broadcast_to(felt(long)[-1], (2360, 4, 4)), rtol=0.02)
     np.testing.assert_allclose(felt(long)[:40], felt(short), rtol=1e-5)
 
 
 def test_a_rate_that_does_not_fit_is_refused():
     with VirtualArray(ARRAY, VirtualSkin(SensorModel())) as array, pytest.raises(RateError, match="whole multiple"):
-        array.play(overridden(focus(rate=3000.0), array))
+        array.play(clear_any_exposure(focus(rate=3000.0), array))
 
 
 def test_the_same_seed_is_the_same_array():
@@ -161,7 +161,7 @@ def test_plays_what_the_simulation_says():
     """Blocks of a device compared with one call of the simulation, with transducers that differ."""
     skin = VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, skin, seed=4) as array:
-        array.play(overridden(wandering(200), array))
+        array.play(clear_any_exposure(wandering(200), array))
     G = transfer_matrix(skin.points, ARRAY)
     weights = cell_weights(skin.model, skin.points, between="waves")
     law = simulate(wandering(200), G, chain=array.chain, rate=8000.0, weights=weights)
@@ -172,9 +172,9 @@ def test_the_silencer_is_chosen_for_the_drive_and_reported():
     """For a focus that moves in jumps, half a frame of silencer would weaken the pressure."""
     auto, half = VirtualSkin(SensorModel()), VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, auto) as array:
-        assert array.play(overridden(wandering(), array)).silencer.startswith("off (least error")
+        assert array.play(clear_any_exposure(wandering(), array)).silencer.startswith("off (least error")
     with VirtualArray(ARRAY, half, silencer="half") as array:
-        report = array.play(overridden(wandering(), array))
+        report = array.play(clear_any_exposure(wandering(), array))
     assert report.silencer.startswith("phase 0.5 ms, intensity 0.25 ms (as requested")
     assert np.abs(felt(half) - felt(auto)).max() > 0.05 * felt(auto).max()
 
@@ -182,7 +182,7 @@ def test_the_silencer_is_chosen_for_the_drive_and_reported():
 def test_an_ideal_hold_presses_the_quasi_stationary_field_at_the_beginning_of_each_frame():
     skin = VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, skin, chain=PlaybackChain(hold="ideal", phase_bits=None, precision="double")) as array:
-        array.play(overridden(focus(), array))
+        array.play(clear_any_exposure(focus(), array))
     q = 0.2 * np.exp(1j * focus().phase[0])
     still = cell_weights(skin.model, skin.points, between="waves") @ radiation_pressure(
         transfer_matrix(skin.points, ARRAY) @ q, Medium()

@@ -7,7 +7,7 @@ from midair.errors import UnknownFormatError
 from midair.model import Calibration, SensorGrid
 from midair.physics import SensorModel
 from midair.rig.bench.calibration_page import calibration_rows, write_calibration_page
-from midair.rig.bench.practice import CalibrationBench
+from midair.rig.bench.simulated_bench import CalibrationBench
 
 
 @pytest.fixture(scope="module")

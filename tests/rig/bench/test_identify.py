@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from midair.errors import InputError, ShapeError
 from midair.model import SensorGrid
-from midair.rig.bench.identify import findings, identify, tone_answers
+from midair.rig.bench.identify import assignment_problems, identify, tone_answers
 
 GRID = SensorGrid()
 NOISE = np.full(16, 1e-3)
@@ -34,7 +34,7 @@ def test_a_sensor_in_order_is_sound():
     assert identity.channel == tuple(range(16))
     assert identity.sound
     assert identity.in_order
-    assert findings(identity) == []
+    assert assignment_problems(identity) == []
 
 
 def test_the_margin_is_that_of_a_swap_of_neighbours():
@@ -68,7 +68,7 @@ def test_the_strongest_answer_alone_would_have_been_wrong():
 def test_a_swap_is_named():
     order = list(range(16))
     order[3], order[7] = 7, 3
-    assert findings(found(order)) == ["channels 3 and 7 are swapped"]
+    assert assignment_problems(found(order)) == ["channels 3 and 7 are swapped"]
 
 
 @pytest.mark.parametrize(
@@ -84,13 +84,13 @@ def test_a_swap_is_named():
 )
 def test_a_rotated_or_mirrored_sensor_is_recognised(turned, words):
     order = turned(np.arange(16).reshape(4, 4)).ravel()
-    (said,) = findings(found(order))
+    (said,) = assignment_problems(found(order))
     assert words in said
 
 
 def test_other_orders_are_listed():
     order = [1, 2, 0, *range(3, 16)]
-    (said,) = findings(found(order))
+    (said,) = assignment_problems(found(order))
     assert said == "3 channels are in another place (cell: channel that responds): 0: 1, 1: 2, 2: 0"
 
 
@@ -108,7 +108,7 @@ def test_a_dead_channel_is_found_and_assigned_to_the_remaining_cell(order, dead,
     assert identity.silent == (cell,)
     assert identity.order == tuple(order), "the one channel that is left is the cell's"
     assert not identity.sound
-    assert f"channel {dead} is dead" in findings(identity)[0]
+    assert f"channel {dead} is dead" in assignment_problems(identity)[0]
 
 
 def test_a_doubled_channel_is_found():
@@ -121,7 +121,7 @@ def test_a_doubled_channel_is_found():
     assert identity.alike == ((5, 9),)
     assert identity.silent == (9,)
     assert identity.channel[5] == 5
-    assert findings(identity)[0] == "channels 5 and 9 carry the same signal: one wire goes to both"
+    assert assignment_problems(identity)[0] == "channels 5 and 9 carry the same signal: one wire goes to both"
 
 
 def test_a_wrongly_tapped_cell_is_doubtful():
@@ -130,7 +130,7 @@ def test_a_wrongly_tapped_cell_is_doubtful():
     answer[6] = answer[5]
     identity = identify(answer, NOISE, GRID)
     assert {5, 6} <= set(identity.doubtful)
-    assert any("not certain" in said for said in findings(identity))
+    assert any("not certain" in said for said in assignment_problems(identity))
 
 
 def test_silence_is_an_error():

@@ -8,7 +8,7 @@ import pytest
 from midair.datasets import probe_signal
 from midair.model import ControlGrid, PressureFrames, SensorGrid
 from midair.pipeline import calibrated_pressure
-from midair.rig.correction.budget_stages import BudgetPlan, error_budget, kept_in_band
+from midair.rig.correction.budget_stages import BudgetPlan, band_power_share, error_budget
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
@@ -107,11 +107,11 @@ def test_only_the_field_of_the_solver_can_leak(paper):
 
 def test_share_of_a_recording_in_the_band():
     take, _ = recording()
-    kept = kept_in_band(take, (20.0, 470.0))
+    kept = band_power_share(take, (20.0, 470.0))
     assert 0.95 < kept <= 1
-    assert kept_in_band(take, (200.0, 300.0)) < kept
+    assert band_power_share(take, (200.0, 300.0)) < kept
     silent = type(take)(samples=np.zeros((300, 4, 4)), rate=1000.0)
-    assert kept_in_band(silent, (20.0, 470.0)) is None
+    assert band_power_share(silent, (20.0, 470.0)) is None
 
 
 @pytest.mark.long

@@ -9,13 +9,13 @@ from midair.devices import VirtualSensor
 from midair.errors import MismatchError
 from midair.evaluate import compare
 from midair.model import ControlGrid, PressureFrames, Recording
-from midair.pipeline import calibrated_pressure, lead_of
-from midair.rig import rerecord, usual_exposure
+from midair.pipeline import calibrated_pressure, required_lead
+from midair.rig import default_exposure, rerecord
 from midair.rig.correction.correction_loop import beam_test, run_loop
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
-from midair.targets import led_in
+from midair.targets import add_lead
 
 RIG = VirtualRig()
 # Half of the paper's points, and not the paper's method: the fast suite asks for the right place and time, not for E.
@@ -92,10 +92,10 @@ def test_a_perfect_chain_scores_above_60_db(mapping):
     settings = Settings().but(grid=grid, method="fast", iterations=1, mapping=mapping)
     with RIG.touched_by("towel", duration=0.7) as sensor:
         piece = calibrated_pressure(capture_recording(sensor, 0.7), sensor.calibration, settings).cut(0.55, 0.1)
-    lead = lead_of(settings)
+    lead = required_lead(settings)
     skin = RIG.skin()
     perfect = Perfect(skin, rate=RIG.rate)
-    perfect.wanted = led_in(piece, lead)
+    perfect.wanted = add_lead(piece, lead)
     with RIG.array_device(skin) as array, perfect as sensor:
         done = run_loop(piece, array, sensor, settings, corrections=0, lead=lead)
     comparison = done.passes[0].comparison
@@ -135,4 +135,4 @@ def test_a_real_sensor_with_a_virtual_array_is_refused():
     drive = loop("am-iii", COARSE, 0.12).passes[0].reproduction.solution.drive
     real = ReplaySensor(Recording(samples=np.ones((9, 4, 4)), rate=1000.0))
     with RIG.array_device(skin) as array, real as sensor, pytest.raises(MismatchError, match="both real or both"):
-        rerecord(check_exposure(drive, array, usual_exposure()), array, sensor)
+        rerecord(check_exposure(drive, array, default_exposure()), array, sensor)

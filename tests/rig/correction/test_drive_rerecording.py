@@ -5,10 +5,10 @@ import pytest
 
 from midair.devices import check_exposure
 from midair.model import ControlGrid, Palm
-from midair.pipeline import calibrated_pressure, lead_of, reproduce
-from midair.rig import VirtualRig, capture_recording, rerecord, rerecord_drive, usual_exposure
+from midair.pipeline import calibrated_pressure, reproduce, required_lead
+from midair.rig import VirtualRig, capture_recording, default_exposure, rerecord, rerecord_drive
 from midair.settings import paper_mode
-from midair.targets import led_in
+from midair.targets import add_lead
 
 SPOT = Palm.disc(50e-3)
 SMALL = paper_mode().but(grid=ControlGrid(rows=4, columns=4, pitch=11e-3), method="glide")
@@ -19,7 +19,7 @@ def made():
     rig = VirtualRig(seed=3)
     with rig.touched_by("sponge", duration=0.3) as sensor:
         original = calibrated_pressure(capture_recording(sensor, 0.3), sensor.calibration, SMALL).cut(0.2, 0.06)
-    asked = led_in(original, lead_of(SMALL))
+    asked = add_lead(original, required_lead(SMALL))
     return rig, original, asked, reproduce(asked, rig.array, SMALL).solution.drive
 
 
@@ -29,7 +29,7 @@ def test_the_recording_equals_that_of_play(made):
     heard = rerecord_drive(drive, original, asked, rig, palm=SPOT)
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        again = rerecord(check_exposure(drive, array, usual_exposure()), array, sensor)
+        again = rerecord(check_exposure(drive, array, default_exposure()), array, sensor)
     np.testing.assert_array_equal(heard.recording.samples, again.samples)
     assert heard.recording.provenance.simulated
     assert heard.calibration is not None

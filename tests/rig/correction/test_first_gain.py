@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from midair.model import ControlGrid, PressureFrames, SensorGrid, TransducerArray
-from midair.pipeline import lead_of
+from midair.pipeline import required_lead
 from midair.rig.correction.first_gain import expected_gain, focus_on_cell
 from midair.settings import Settings
-from midair.targets import led_in
+from midair.targets import add_lead
 
 BEST = Settings().but(mapping="slow-bias", rate=4000.0, interpolate="pressure", decouple=True, precompensate=True)
 
@@ -22,7 +22,7 @@ def tone(frequency, rate, duration=0.2):
 
 def gain(settings, frequency=100.0, duration=0.2):
     original = tone(frequency, settings.target.rate, duration)
-    return expected_gain(original, led_in(original, lead_of(settings)), settings)
+    return expected_gain(original, add_lead(original, required_lead(settings)), settings)
 
 
 def test_with_full_compensation_the_gain_is_one():
@@ -47,7 +47,7 @@ def test_without_decoupling_pressure_spreads_beyond_the_cell():
 def test_the_strongest_second_of_a_long_recording_counts():
     long = tone(100.0, 1000.0, duration=3.0)
     settings = BEST.but(rate=1000.0)
-    assert expected_gain(long, led_in(long, 0.15), settings) == pytest.approx(1, abs=0.03)
+    assert expected_gain(long, add_lead(long, 0.15), settings) == pytest.approx(1, abs=0.03)
 
 
 def test_a_focus_presses_less_on_a_cell_than_in_its_middle():
@@ -62,4 +62,4 @@ def test_cells_of_any_number_and_pitch(rows, columns, pitch):
     cells = SensorGrid(rows=rows, columns=columns, pitch=pitch)
     wave = tone(100.0, 4000.0).pressure[:, :1, 1:2] + tone(100.0, 4000.0).pressure[:, 1:2, 1:2]
     original = PressureFrames(pressure=wave * np.ones((rows, columns)), rate=4000.0, sensor=cells, band=(20.0, 470.0))
-    assert expected_gain(original, led_in(original, lead_of(BEST)), BEST) == pytest.approx(1, abs=0.02)
+    assert expected_gain(original, add_lead(original, required_lead(BEST)), BEST) == pytest.approx(1, abs=0.02)

@@ -9,7 +9,7 @@ from midair.correct import IterativeCorrection
 from midair.datasets import probe_signal
 from midair.errors import InputError
 from midair.model import ControlGrid
-from midair.pipeline import calibrated_pressure, lead_of
+from midair.pipeline import calibrated_pressure, required_lead
 from midair.rig.correction.correction_loop import run_loop
 from midair.rig.correction.iteration import playable, run_iterations
 from midair.rig.correction.passes import Rig
@@ -34,7 +34,7 @@ def loop(settings, iterate, **others):
     skin = RIG.skin()
     with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
         return run_loop(
-            original(settings), array, sensor, settings, iterate=iterate, lead=lead_of(settings) / 2, **others
+            original(settings), array, sensor, settings, iterate=iterate, lead=required_lead(settings) / 2, **others
         )
 
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from midair.figures import Picture
-from midair.figures.style import new_figure, png
+from midair.figures.style import new_figure, png_bytes
 from midair.rig.correction import loop_report
 from midair.rig.correction.loop_report import render, settings_rows, versions, write_report
 from midair.settings import Settings
-from midair.targets import piece_of
+from midair.targets import frames_without_lead
 
 
 def written(loop, folder):
@@ -21,7 +21,7 @@ def written(loop, folder):
 def page(loop, tmp_path_factory):
     """With one small picture in place of those that take seconds to draw."""
     with pytest.MonkeyPatch.context() as monkeypatch:
-        one = Picture(title="Vibration on a palm", data=png(new_figure(2.0, 1.0, simulated=True), dpi=50))
+        one = Picture(title="Vibration on a palm", data=png_bytes(new_figure(2.0, 1.0, simulated=True), dpi=50))
         monkeypatch.setattr(loop_report, "drawn", lambda loop, card, progress: [one])
         return written(loop, tmp_path_factory.mktemp("page"))
 
@@ -59,7 +59,7 @@ def test_the_page_has_all_sections(loop, page):
     ):
         assert words in page
     made = loop.passes[-1].reproduction
-    inside = piece_of(made.target.provenance, made.target.frames, made.target.rate)
+    inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
     assert f"{100 * made.solution.error[inside].mean():.3g}" in page
 
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from midair.rig.correction.loop_view import view_of_loop
-from midair.targets import piece_of
+from midair.targets import frames_without_lead
 
 
 def test_the_view_has_recording_drive_and_rerecording(loop):
     shown = view_of_loop(loop)
     last = loop.passes[-1]
     made = last.reproduction
-    inside = piece_of(made.target.provenance, made.target.frames, made.target.rate)
+    inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
     assert shown.frames == loop.original.frames == len(shown.sound.played) == len(shown.again.values)
     assert np.array_equal(shown.samples.values, loop.original.pressure.reshape(shown.frames, -1))
     assert np.array_equal(shown.again.values, last.felt.pressure[: shown.frames].reshape(shown.frames, -1))

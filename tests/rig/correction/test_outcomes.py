@@ -6,7 +6,7 @@ import pytest
 
 from midair.evaluate import PalmFidelity, PressedPalm, perceptual_metrics
 from midair.model import PressureFrames, Provenance
-from midair.rig.correction.outcomes import Outcome, palm_picture, side_by_side, verdict
+from midair.rig.correction.outcomes import Outcome, comparison_rows, palm_picture, summarise_outcomes
 
 PRESSED = PressedPalm(wanted=np.ones((9, 9)), delivered=np.full((9, 9), 2.0), pitch=5e-3, square=(15e-3, 15e-3))
 
@@ -31,7 +31,7 @@ def ways(loop):
 
 
 def test_the_verdict_is_one_sentence_about_what_is_felt_in_each(ways):
-    said = verdict(ways)
+    said = summarise_outcomes(ways)
     number = f"{ways[0].loop.passes[-1].comparison.distortion_ratio:.1f} dB"
     assert said.startswith("In the best mode a palm would feel it, ")
     assert (
@@ -44,13 +44,13 @@ def test_the_verdict_is_one_sentence_about_what_is_felt_in_each(ways):
 
 
 def test_without_a_card_numbers_alone_are_told(ways):
-    assert verdict([replace(ways[0], card=None, name="", palm=None)]) == (
+    assert summarise_outcomes([replace(ways[0], card=None, name="", palm=None)]) == (
         f"{ways[0].distortion:.1f} dB of signal to distortion."
     )
 
 
 def test_every_way_has_every_row(ways):
-    rows = {name: (unit, values) for name, unit, *values in side_by_side(ways)}
+    rows = {name: (unit, values) for name, unit, *values in comparison_rows(ways)}
     assert rows["leak: power beside the recorded square"] == ("%", ["1.0", "95.0"])
     assert rows["signal to distortion of the skin's movement"] == ("dB", ["12.0 to 14.5"] * 2)
     assert rows["solver, frames"][1][0] == f"exact, {ways[0].loop.passes[-1].reproduction.target.frames} at 1000 Hz"

@@ -7,7 +7,7 @@ from midair.errors import DeviceError, MissingExtraError
 from midair.registry import Registry
 from midair.rig.doctor import checkup, sensor_checkup
 from midair.rig.doctor.check import Check
-from midair.rig.doctor.checkup import check_up
+from midair.rig.doctor.checkup import run_checks
 from midair.rig.doctor.sensor_checkup import live_sensor_findings, sensor_findings
 
 
@@ -76,7 +76,7 @@ def test_a_live_sensor_is_read(monkeypatch):
     for slow in ("_folder", "_field", "_solver", "_threads"):
         monkeypatch.setattr(checkup, slow, lambda: Check(subject="left out", state="ok", found=""))
     monkeypatch.setattr(sensor_checkup, "source_sensor", lambda name, wiring: StreamedSensor(Sick(), name=name))
-    found = {finding.subject.removeprefix("serial:COM3: "): finding for finding in check_up("serial:COM3")}
+    found = {finding.subject.removeprefix("serial:COM3: "): finding for finding in run_checks("serial:COM3")}
     assert (found["cells that never change"].state, found["cells that never change"].found) == ("broken", "1")
     assert (found["cells that clip"].state, found["cells that clip"].found) == ("broken", "2")
     assert found["port"].found == "COM3"

@@ -19,7 +19,7 @@ from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import ControlGrid, Placement
 from midair.rig.live_touch.live_loop import LiveLoop, Pace
 from midair.rig.live_touch.touch import Touch, TouchSettings
-from midair.rig.live_touch.touch_ring import HELD, LATE, SOUNDS, RingShape, TouchRing
+from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, RingShape, TouchRing
 
 pytest.importorskip("numba")
 
@@ -100,7 +100,7 @@ def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, **pace)
 def test_every_frame_sounds_a_hold_after_it_was_taken_in_order():
     slots, ring, frames, _ = ran(Script(steady(60)), duration=0.06)
     assert slots["number"].tolist() == list(range(60))
-    on_time = slots[slots["flags"] == SOUNDS]
+    on_time = slots[slots["flags"] == FRAME_EMITTED]
     assert len(on_time) > 40
     assert np.abs(on_time["instant"] * 1e-9 - on_time["taken"] - 0.1).max() < 5e-3
     instants = [instant for _, intensity, instant in frames if intensity]
@@ -113,7 +113,7 @@ def test_frames_that_never_came_are_held_and_counted():
     script = Script([*steady(20), *steady(20, first=25)])
     slots, ring, _, _ = ran(script, duration=0.045)
     assert slots["number"].tolist() == list(range(45))
-    assert np.flatnonzero(slots["flags"] & HELD).tolist() == list(range(20, 25))
+    assert np.flatnonzero(slots["flags"] & FRAME_REPEATED).tolist() == list(range(20, 25))
     assert ring.count("lost") == 5
     assert (slots["samples"][20:25] == 10.0).all()
 
@@ -121,7 +121,7 @@ def test_frames_that_never_came_are_held_and_counted():
 def test_a_frame_past_its_instant_is_not_played():
     """Stamps say that all were taken 150 ms before they came, and the hold is 100 ms."""
     slots, ring, played, _ = ran(Script([(number, due, 0.15) for number, due, _ in steady(30)]), duration=0.03)
-    assert (slots["flags"] == LATE).all()
+    assert (slots["flags"] == FRAME_LATE).all()
     assert ring.count("late") == 30
     assert not any(intensity for _, intensity, _ in played)
 
@@ -138,7 +138,7 @@ def test_without_frames_it_fades_and_rises_again():
     again = slots["intensity"][250:310].astype(int)
     assert again[0] < 20
     assert again.max() == 127
-    assert (np.diff(again[slots["flags"][250:310] == SOUNDS]) >= 0).all()
+    assert (np.diff(again[slots["flags"][250:310] == FRAME_EMITTED]) >= 0).all()
 
 
 def test_the_level_is_turned_down_at_once():
@@ -149,7 +149,7 @@ def test_the_level_is_turned_down_at_once():
         return 1.0 if len(moments) < 30 else 0.25
 
     slots, _, _, _ = ran(Script(steady(60)), duration=0.06, level=level)
-    loud = slots["intensity"][slots["flags"] == SOUNDS]
+    loud = slots["intensity"][slots["flags"] == FRAME_EMITTED]
     assert set(loud.tolist()) == {127, 31}
 
 

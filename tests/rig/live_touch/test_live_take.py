@@ -11,7 +11,7 @@ from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.live_take import LiveTake
 from midair.rig.live_touch.process import LoopStarted
 from midair.rig.live_touch.timing import SchedulerGrant
-from midair.rig.live_touch.touch_ring import HELD, SOUNDS, RingShape, TouchRing
+from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_REPEATED, RingShape, TouchRing
 
 SENSOR, ONE = SensorGrid(rows=2, columns=2), Placement.grid(columns=1, rows=1)
 ORDER = LiveSettings(
@@ -40,7 +40,7 @@ FOUND = LoopStarted(
 )
 
 
-def fill(ring, first, count, flags=SOUNDS):
+def fill(ring, first, count, flags=FRAME_EMITTED):
     for number in range(first, first + count):
         slot = ring.next_slot()
         slot["number"], slot["samples"][:4], slot["phases"] = number, number, number % 256
@@ -59,7 +59,7 @@ def test_the_take_holds_samples_and_emitted_phases_of_each_frame(tmp_path):
     ring = TouchRing(RingShape(slots=4096, channels=64, transducers=249))
     take, thread = taking(tmp_path / "felt.h5", ring)
     fill(ring, 0, 500)
-    fill(ring, 500, 3, HELD)
+    fill(ring, 500, 3, FRAME_REPEATED)
     fill(ring, 503, 700)
     take.end()
     thread.join()
@@ -67,7 +67,7 @@ def test_the_take_holds_samples_and_emitted_phases_of_each_frame(tmp_path):
     kept, played = open_take(tmp_path / "felt.h5"), load_played(tmp_path / "felt.h5")
     assert (kept.recording.samples == np.arange(1203)[:, None, None]).all()
     assert (played.phase_steps == (np.arange(1203) % 256)[:, None]).all()
-    assert np.flatnonzero(played.state & HELD).tolist() == [500, 501, 502]
+    assert np.flatnonzero(played.state & FRAME_REPEATED).tolist() == [500, 501, 502]
     assert [(event.kind, event.frame, event.frames) for event in kept.journal] == [("lost", 500, 3)]
     assert kept.calibration is not None
     assert kept.recording.provenance.notes == {"object": "towel"}

@@ -13,7 +13,7 @@ from midair.errors import DeviceError, InputError
 from midair.model import Calibration, SensorGrid, SensorWiring
 from midair.rig.live_touch.encryption import ReceivedFrame
 from midair.rig.live_touch.receiving import JitterBuffer, NetworkSource
-from midair.rig.live_touch.repeated import RepeatedSource
+from midair.rig.live_touch.repeated_source import RepeatedSource
 from midair.rig.live_touch.sending import FrameSender
 
 KEY, OTHER = bytes(range(32)), bytes(32)

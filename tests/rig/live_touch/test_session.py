@@ -15,7 +15,7 @@ import midair
 from midair.devices import ExposureChoices, stop_playing
 from midair.errors import DeviceError, ExposureError, InputError, MissingFileError, StoppedError, UnknownDeviceError
 from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
-from midair.testing import UdpTap
+from midair.testing import UdpProxy
 
 ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a test")
 
@@ -90,7 +90,7 @@ def test_midair_stop_silences_it():
 
 @pytest.mark.slow
 def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_why(tmp_path, request):
-    tap = UdpTap(4)
+    tap = UdpProxy(4)
     request.addfinalizer(tap.close)
     line = [sys.executable, "-m", "midair", "live", "--sensor", "virtual:brush", "--device", f"autd3:{tap.address}"]
     line += ["--override-exposure", "a test", "--duration", "60s"]

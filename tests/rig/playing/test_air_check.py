@@ -8,7 +8,7 @@ import pytest
 
 from midair.evaluate import error_at_temperature
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, TransducerArray
-from midair.rig.playing import room_air
+from midair.rig.playing import check_air
 from midair.solvers import solve
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
@@ -31,19 +31,19 @@ def never():
 
 
 def test_an_unknown_room_temperature_is_reported_and_not_guessed(drive):
-    found = room_air(drive, None, never)
+    found = check_air(drive, None, never)
     assert found.warns
     assert "room temperature unknown: the drive was solved for 22 °C, 50 % humidity" in found.said
 
 
 def test_a_virtual_array_has_the_drive_s_own_air(drive):
-    found = room_air(drive, None, never, simulated=True)
+    found = check_air(drive, None, never, simulated=True)
     assert (found.said, found.warns) == ("air: 22 °C, 50 % humidity, the drive's own", False)
 
 
 @pytest.mark.parametrize("temperature", [20.0, 24.0])
 def test_two_degrees_are_near_enough(drive, temperature):
-    found = room_air(drive, Medium.at(temperature=temperature), never)
+    found = check_air(drive, Medium.at(temperature=temperature), never)
     assert not found.warns
     assert f"the room has {temperature:g} °C" in found.said
 
@@ -51,7 +51,7 @@ def test_two_degrees_are_near_enough(drive, temperature):
 @pytest.mark.parametrize("temperature", [19.9, 24.1, 30.0])
 def test_more_than_two_degrees_are_reported_with_the_error(drive, target, temperature):
     room = Medium.at(temperature=temperature)
-    found = room_air(drive, room, lambda: target)
+    found = check_air(drive, room, lambda: target)
     assert found.warns
     here, own, frames = re.search(r"E ([\d.]+) % instead of ([\d.]+) %, the mean of (\d+) frames", found.said).groups()
     assert float(here) == pytest.approx(100 * error_at_temperature(drive, target, room).mean(), abs=0.05)
@@ -61,13 +61,13 @@ def test_more_than_two_degrees_are_reported_with_the_error(drive, target, temper
 
 def test_a_drive_for_the_paper_s_air_is_one_for_14_degrees(drive, target):
     old = replace(drive, acoustics=Acoustics())
-    assert not room_air(old, Medium.at(temperature=14.0), never).warns
-    said = room_air(old, OWN, lambda: target).said
+    assert not check_air(old, Medium.at(temperature=14.0), never).warns
+    said = check_air(old, OWN, lambda: target).said
     assert "solved for 340 m/s (14 °C): E " in said
 
 
 def test_without_a_target_the_cost_is_not_known_and_silence_has_none(drive, target):
     warm = Medium.at(temperature=30.0)
-    assert "the file has no target" in room_air(drive, warm, lambda: None).said
+    assert "the file has no target" in check_air(drive, warm, lambda: None).said
     silent = replace(target, amplitude=np.zeros((5, 36)))
-    assert "the drive is silent" in room_air(drive, warm, lambda: silent).said
+    assert "the drive is silent" in check_air(drive, warm, lambda: silent).said

@@ -12,9 +12,9 @@ from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.files import profile_named
 from midair.model import ControlGrid
 from midair.pipeline import calibrated_pressure, reproduce
-from midair.rig.correction.passes import Rig, play_pass, quiet
+from midair.rig.correction.passes import Rig, no_progress, play_pass
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.playing.rerecording import rerecord, usual_exposure
+from midair.rig.playing.rerecording import default_exposure, rerecord
 from midair.settings import Settings
 
 RIG = VirtualRig()
@@ -110,7 +110,7 @@ def play_pass_with_tail(rig, tail=0.3):
     kept = passes.rerecord
     passes.rerecord = lambda *arguments, **others: kept(*arguments, tail=tail, **others)
     try:
-        return play_pass(original(), original(), rig, SETTINGS, "pass", quiet)
+        return play_pass(original(), original(), rig, SETTINGS, "pass", no_progress)
     finally:
         passes.rerecord = kept
 
@@ -124,6 +124,6 @@ def test_lost_frames_are_an_error(drive):
 def test_blocks_are_put_together(drive):
     skin = RIG.skin()
     with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
-        whole = rerecord(check_exposure(drive, array, usual_exposure()), array, sensor)
+        whole = rerecord(check_exposure(drive, array, default_exposure()), array, sensor)
     assert whole.frames == drive.frames + 20
     assert np.abs(calibrated_pressure(whole, sensor.calibration, SETTINGS).pressure).max() > 1

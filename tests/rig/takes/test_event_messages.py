@@ -3,7 +3,7 @@ import pytest
 
 from midair.model import Event, SensorGrid
 from midair.rig.takes.clocks import Drift
-from midair.rig.takes.event_messages import event_message, problems
+from midair.rig.takes.event_messages import event_message, take_problems
 from midair.rig.takes.meters import Levels
 from midair.rig.takes.take_plan import Take
 
@@ -37,13 +37,13 @@ def take(**changes):
 
 
 def test_a_good_take_has_no_problems():
-    assert problems(take(), 1000.0) == []
-    assert problems(take(rate=Drift(ppm=5, uncertainty=6, span=10)), 1000.0) == []
+    assert take_problems(take(), 1000.0) == []
+    assert take_problems(take(rate=Drift(ppm=5, uncertainty=6, span=10)), 1000.0) == []
 
 
 def test_each_problem_of_a_take_has_a_line():
     bad = take(lost=16, problem="bench: unplugged", rate=Drift(ppm=3200, uncertainty=6, span=10))
-    rows = dict(problems(bad, 1000.0))
+    rows = dict(take_problems(bad, 1000.0))
     assert rows["lost"].startswith("16 frames (1.6 %)")
     assert rows["frames per second"].startswith("1003.2 Hz, +3.2e+03 ± 6 ppm")
     assert rows["ended by"] == "bench: unplugged"

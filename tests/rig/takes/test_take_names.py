@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from midair.errors import InputError, MissingFileError
-from midair.rig.takes.take_names import Subject, remember, remembered, slug, take_name, take_path
+from midair.rig.takes.take_names import Subject, last_subject, slug, store_subject, take_name, take_path
 
 
 def test_names_count_on_and_never_fill_a_gap(tmp_path):
@@ -57,10 +57,10 @@ def test_notes_hold_what_is_known():
 
 def test_the_last_subject_is_remembered(tmp_path, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
-    assert remembered() == Subject()
+    assert last_subject() == Subject()
     towel = Subject(object="towel", surface="flat", operator="Å")
-    remember(towel)
-    assert remembered() == towel
+    store_subject(towel)
+    assert last_subject() == towel
     for broken in ("{", "[]", '"x"', '{"object": 3}'):
         (tmp_path / "state" / "subject.json").write_text(broken)
-        assert remembered() in (Subject(), Subject(object="3"))
+        assert last_subject() in (Subject(), Subject(object="3"))

@@ -6,7 +6,7 @@ from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import propagate, relative_error
 from midair.solvers import solver
 from midair.solvers.initial_phase import spreading_phase
-from midair.solvers.large import placed, problem_at
+from midair.solvers.large import multi_plane_problem, place_grid
 from midair.solvers.large.planes import converging_phase
 
 SMALL = ControlGrid(rows=6, columns=5)
@@ -15,16 +15,19 @@ LEFT, RIGHT = (-0.05, 0.0, 0.15), (0.05, 0.0, 0.2)
 
 @pytest.fixture(scope="module")
 def hands():
-    return [placed(SMALL, centre=LEFT, normal=(0.34, 0.0, 0.94)), placed(SMALL, centre=RIGHT, normal=(-0.34, 0.1, 1.0))]
+    return [
+        place_grid(SMALL, centre=LEFT, normal=(0.34, 0.0, 0.94)),
+        place_grid(SMALL, centre=RIGHT, normal=(-0.34, 0.1, 1.0)),
+    ]
 
 
 def test_a_level_grid_is_where_it_is():
-    np.testing.assert_allclose(placed(SMALL, centre=(0, 0, 0.2), normal=(0, 0, 3.0)), SMALL.position, atol=1e-15)
+    np.testing.assert_allclose(place_grid(SMALL, centre=(0, 0, 0.2), normal=(0, 0, 3.0)), SMALL.position, atol=1e-15)
 
 
 @pytest.mark.parametrize("normal", [(0.3, 0.0, 1.0), (0.0, -2.0, 0.1), (0.1, 0.2, -0.9)])
 def test_a_tilted_grid_is_flat_keeps_its_distances_and_looks_along_its_normal(normal):
-    points = placed(SMALL, centre=LEFT, normal=normal)
+    points = place_grid(SMALL, centre=LEFT, normal=normal)
     assert np.abs((points - LEFT) @ normal).max() < 1e-15
     apart = [np.linalg.norm(p[:, None] - p[None], axis=2) for p in (points, SMALL.position)]
     np.testing.assert_allclose(*apart, atol=1e-15)
@@ -35,7 +38,7 @@ def test_a_tilted_grid_is_flat_keeps_its_distances_and_looks_along_its_normal(no
 @pytest.mark.parametrize("normal", [(0, 0, -1), (0, 0, 0), (np.nan, 0, 1)])
 def test_a_direction_without_a_unique_rotation_is_refused(normal):
     with pytest.raises(InputError, match="not straight down"):
-        placed(SMALL, centre=LEFT, normal=normal)
+        place_grid(SMALL, centre=LEFT, normal=normal)
 
 
 def test_one_level_plane_has_the_spreading_phase():
@@ -58,7 +61,7 @@ def test_two_hands_are_solved_as_one_and_heard_as_solved(array, hands):
     acoustics = Acoustics(medium=Medium(attenuation=0), directivity="point")
     rng = np.random.default_rng(5)
     wanted = np.kron(rng.uniform(200, 1000, (4, 6)), np.ones(10))
-    problem = problem_at(hands, wanted, array, acoustics=acoustics)
+    problem = multi_plane_problem(hands, wanted, array, acoustics=acoustics)
     theta = solver("fast").solve(problem).phase
     drive = Drive(phase=theta, level=np.ones(4), rate=1000.0, array=array, acoustics=acoustics)
     # From the drive's propagated field in Pa, plane by plane, independent of the problem.
@@ -70,4 +73,4 @@ def test_two_hands_are_solved_as_one_and_heard_as_solved(array, hands):
 
 def test_amplitudes_must_be_as_many_as_points(array, hands):
     with pytest.raises(ShapeError, match=r"\(frame, 60\), got \(2, 59\)"):
-        problem_at(hands, np.ones((2, 59)), array)
+        multi_plane_problem(hands, np.ones((2, 59)), array)

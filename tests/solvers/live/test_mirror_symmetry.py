@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.model import Acoustics, ControlGrid, Placement, TransducerArray
-from midair.solvers import Live, error_of, problem_at, symmetric_modes
+from midair.solvers import Live, error_of, multi_plane_problem, symmetric_modes
 from midair.solvers.live.mirror_symmetry import full_phase
 from midair.solvers.modes import modes
 
@@ -30,7 +30,7 @@ def test_the_kinds_together_make_every_field_of_the_array(placement):
     array = placement.array()
     kept = of(array)
     assert kept.V.shape[0] * kept.V.shape[2] == 252 * placement.units
-    G = problem_at([GRID.position], np.zeros((1, GRID.count)), array, acoustics=AIR).G
+    G = multi_plane_problem([GRID.position], np.zeros((1, GRID.count)), array, acoustics=AIR).G
     # Contribution of modes below the tolerance; 249 of 252 places have a transducer.
     assert np.linalg.norm(G - (kept.U * kept.s) @ whole(kept).conj().T) < 4e-3 * np.linalg.norm(G)
 
@@ -100,7 +100,7 @@ def test_phases_by_symmetry_are_as_good(peak, most):
     at, frame = GRID.position, np.arange(60)
     x = 0.01 * np.sin(2 * np.pi * frame / 50)[:, None]
     p = np.exp(-((at[:, 0] - x) ** 2 + at[:, 1] ** 2) / (2 * 0.011**2)) * (0.6 + 0.4 * np.sin(frame))[:, None]
-    problem = problem_at([GRID.position], peak * p, array, acoustics=AIR)
+    problem = multi_plane_problem([GRID.position], peak * p, array, acoustics=AIR)
     error = []
     for kept in (None, of(array)):
         tracker = Live().begin(problem, folded=kept)

@@ -4,7 +4,7 @@ import os
 import pytest
 
 from midair.errors import InputError, MissingFileError
-from midair.studio.folders import OneFolder
+from midair.studio.folders import StudioFolder
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def folder(tmp_path):
     os.symlink(tmp_path / "secret.h5", inside / "link.h5")
     os.symlink(tmp_path, inside / "out")
     os.symlink("take.h5", inside / "again.h5")
-    return OneFolder.at(inside)
+    return StudioFolder.at(inside)
 
 
 @pytest.mark.parametrize("name", ["take.h5", "below/other.h5", "again.h5"])

@@ -10,7 +10,7 @@ from midair.study.design.adaptive_levels import stimulus_levels
 from midair.study.design.analysis_plan import Analysis, Exclusions
 from midair.study.design.answers import answers_table
 from midair.study.design.blocks import Block, Extra
-from midair.study.design.exclusions import left_out
+from midair.study.design.exclusions import excluded_participants
 from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question
 from midair.study.design.session_state import GivenAnswer, SessionState, replay
@@ -223,7 +223,7 @@ def test_thresholds_obey_the_rules_of_the_plan(tmp_path):
     data = data_of_answers(answers_table(plan, [whole, *sessions[3:5]]), plan.design.analysis, thresholds=table[:5])
     found = {one.title: one.words for one in analyse(data, draws=20).findings}
     strict = replace(plan, design=replace(plan.design, exclusions=Exclusions(unfinished=True)))
-    assert left_out(strict, sessions)[["participant", "rule", "value"]].values.tolist() == [
+    assert excluded_participants(strict, sessions)[["participant", "rule", "value"]].values.tolist() == [
         ["sub-02", "unfinished", 20.0],
         ["sub-01", "unfinished", 13.0],
     ]

@@ -15,7 +15,7 @@ from midair.study.design.question import Question, QuestionKind
 from midair.study.design.stimulus import Stimulus
 from midair.study.design.study_design import Design
 from midair.study.findings.study_data import data_of_answers
-from midair.study.session import Session, SilentPresenter, StillClock, read_events
+from midair.study.session import InstantClock, Session, SilentPresenter, read_events
 
 KINDS = get_args(QuestionKind)
 PLACES = ("scored", "scored without truth", "unscored", "check", "form", "private", "nowhere")
@@ -55,7 +55,7 @@ def report(made, folder):
     for number in range(1, made.participants + 1):
         presenter, log = SilentPresenter(), folder / f"sub-{number:02d}.jsonl"
         screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter, number=number)
-        with Session(plan, number, log, presenter, simulated=True, clock=StillClock()) as session:
+        with Session(plan, number, log, presenter, simulated=True, clock=InstantClock()) as session:
             run(session, screen)
         sessions.append(replay(read_events(log), plan, number))
     table = answers_table(plan, sessions)

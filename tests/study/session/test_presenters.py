@@ -8,7 +8,7 @@ import pytest
 from midair.devices import VirtualArray, autd3_array, check_exposure
 from midair.errors import ExposureError, InputError, SilentFramesError
 from midair.model import Drive, Placement, TransducerArray
-from midair.rig import usual_exposure
+from midair.rig import default_exposure
 from midair.study.design.stimulus import Stimulus
 from midair.study.session.presenters import (
     ArrayPresenter,
@@ -29,7 +29,7 @@ def drive(array=ARRAY):
 
 def presenter(device, load, told):
     by_hand = ExperimenterPresenter(tell=told.append, done=lambda: told.append("done"))
-    choices = usual_exposure()
+    choices = default_exposure()
     return ArrayPresenter(
         array=device, admitted=lambda one: check_exposure(load(one.source), device, choices), by_hand=by_hand
     )

@@ -8,7 +8,7 @@ from midair.errors import InputError
 from midair.study.design.analysis_plan import Exclusions
 from midair.study.design.answers import answers_table
 from midair.study.design.blocks import Block, Criterion, Extra
-from midair.study.design.exclusions import left_out
+from midair.study.design.exclusions import excluded_participants
 from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question
 from midair.study.design.session_state import replay
@@ -16,7 +16,7 @@ from midair.study.design.stimulus import Stimulus
 from midair.study.design.study_design import Design
 from midair.study.session.event_log import read_events
 from midair.study.session.presenters import SilentPresenter
-from midair.study.session.steps import Reply, StillClock
+from midair.study.session.steps import InstantClock, Reply
 from midair.study.session.trials import Session
 
 WHICH = Question(name="which", kind="choice", text="Which?", options=("a", "b"), truth="object")
@@ -25,7 +25,7 @@ HAND = Question(name="hand", kind="choice", text="Hand?", options=("left", "righ
 STIMULI = tuple(Stimulus(name=f"s_{o}", kind="object", source=o, levels={"object": o}) for o in "ab")
 
 
-class Slow(StillClock):
+class Slow(InstantClock):
     """A clock that records waiting times and returns a time that tests set."""
 
     def __init__(self):
@@ -51,7 +51,7 @@ def block(**changes):
 def go(plan, log, answer=lambda trial, question: trial.levels["object"], clock=None, steps=10**9):
     """Drive a session; return its steps in order."""
     seen, trials = [], {trial.code: trial for trial in plan.trials}
-    with Session(plan, 1, log, SilentPresenter(), clock=clock or StillClock()) as one:
+    with Session(plan, 1, log, SilentPresenter(), clock=clock or InstantClock()) as one:
         while one.step.kind != "done" and len(seen) < steps:
             step = one.step
             seen.append(step)
@@ -118,7 +118,7 @@ def test_participants_without_the_criterion_are_excluded_if_planned(tmp_path):
     go(plan, tmp_path / "log", lambda *_: "a")
     found = standing(plan, tmp_path / "log")
     assert found.untrained == ("train",)
-    (row,) = left_out(plan, [found]).to_dict("records")
+    (row,) = excluded_participants(plan, [found]).to_dict("records")
     assert (row["participant"], row["rule"]) == ("sub-01", "training")
     assert not answers_table(plan, [found])["scored"].any()
 
@@ -198,7 +198,7 @@ def test_extras_are_never_first_and_attention_is_checked(tmp_path):
     pressed = iter(["b", "a"])
     go(plan, tmp_path / "log", lambda trial, q: next(pressed) if q.name == "press" else trial.levels["object"])
     found = standing(plan, tmp_path / "log")
-    (row,) = left_out(plan, [found]).to_dict("records")
+    (row,) = excluded_participants(plan, [found]).to_dict("records")
     assert (row["rule"], row["value"], row["limit"]) == ("attention", 0.5, 0.6)
     assert set(answers_table(plan, [found])["excluded"]) == {"participant: attention"}
     lenient = replace(plan, design=replace(plan.design, exclusions=Exclusions(attention=0.5)), digest=plan.digest)

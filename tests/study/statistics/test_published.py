@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.study.statistics.published import Published, chance_of_published, derive
+from midair.study.statistics.published import Published, chance_of_published, published_statistics
 
 
 def value(table, begin):
@@ -9,7 +9,7 @@ def value(table, begin):
 
 
 def test_published_numbers_are_reproduced():
-    table = derive()
+    table = published_statistics()
     assert value(table, "p of")["value"] == pytest.approx(0.25, abs=0.005)  # "p = .25"
     assert value(table, "power of the test at d_z = 1")["value"] == pytest.approx(0.18, abs=0.01)
     assert value(table, "Bayes")["value"] == pytest.approx(0.919932, rel=1e-5)
@@ -22,7 +22,7 @@ def test_published_numbers_are_reproduced():
 def test_limits_of_the_effect_are_percentiles_of_noncentral_t():
     from scipy.stats import nct
 
-    row = value(derive(), "d_z over")
+    row = value(published_statistics(), "d_z over")
     assert row["low"] < 0 < row["value"] < row["high"]
     assert nct.sf(1.60, 2, row["low"] * 3**0.5) == pytest.approx(0.025, abs=1e-6)
     assert nct.cdf(1.60, 2, row["high"] * 3**0.5) == pytest.approx(0.025, abs=1e-6)
@@ -32,7 +32,7 @@ def test_margin_of_equivalence_is_the_smallest_that_passes():
     from midair.study import equivalence
 
     d = np.array([-1.0, 0, 1]) + 1.60 / 3**0.5
-    margin = value(derive(), "smallest margin")["value"]
+    margin = value(published_statistics(), "smallest margin")["value"]
     assert (
         equivalence(d, np.zeros(3), margin=margin * 1.001).p
         < 0.05

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from midair.errors import BrokenFileError, RateError
-from midair.files import Format, FormatLoss, ImportOptions, OpenedTake, whole_file
+from midair.files import Format, FormatLoss, ImportOptions, OpenedTake, atomic_file
 from midair.model import Calibration, Recording
 
 CHANNELS = 16
@@ -24,7 +24,7 @@ def read_int16(path: Path, options: ImportOptions) -> OpenedTake:
 
 def write_int16(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
     """Write rounded counts, and report the information that the file cannot hold."""
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         np.asarray(recording.samples).round().astype("<i2").tofile(partial)
     lost = [FormatLoss(what="rate", text="The rate was left out; state it when the file is read.")]
     if calibration is not None:

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.calibration.apply.inverse import check_reach, heard_power, inverse_response
-from midair.calibration.apply.streaming_inverse import mixing
+from midair.calibration.apply.inverse import check_band_covered, inverse_response, regularised_power
+from midair.calibration.apply.streaming_inverse import crosstalk_inverse
 from midair.dsp import Band, band_edges, band_window, check_band, fft_frequencies
 from midair.errors import InputError, ShapeError
 from midair.model import Calibration
@@ -78,7 +78,7 @@ def causal_fir(
     # phi diverges at 0 Hz, so it is held constant below 0.5 Hz.
     phi = (1 + (below / np.maximum(frequency, 0.5)) ** 3)[:, None, None]
     late = (band_window(frequency, band, edges=edges) * np.exp(-2j * np.pi * frequency * delay))[:, None, None]
-    alike = np.fft.irfft(phi * heard_power(calibration, response, floor), axis=0)[:taps].reshape(taps, -1)
+    alike = np.fft.irfft(phi * regularised_power(calibration, response, floor), axis=0)[:taps].reshape(taps, -1)
     wanted = np.fft.irfft(phi * response.conj() * late, axis=0)[:taps].reshape(taps, -1)
     # Rounding errors of the FFTs must not make the matrix of a quiet channel ill conditioned.
     alike[0] *= 1 + 1e-9
@@ -166,7 +166,7 @@ class CausalInverse:
     ) -> None:
         fir = causal_fir(calibration, rate, band, delay=delay, taps=taps, below=below, floor=floor, edges=edges)
         self.fir, self.delay, self._shape = fir, delay, calibration.sensor.shape
-        self._mix = mixing(calibration, crosstalk, damping)
+        self._mix = crosstalk_inverse(calibration, crosstalk, damping)
         flat = fir.reshape(taps, -1)
         # Reversed, because the buffer holds the newest frame last.
         self._turned = np.ascontiguousarray(flat[::-1])
@@ -210,7 +210,7 @@ def _checked(
     taps: int,
 ) -> tuple[Band, tuple[float, float]]:
     band = check_band(band, rate)
-    check_reach(calibration, band)
+    check_band_covered(calibration, band)
     if taps < 8:
         raise InputError(f"taps: expected 8 or more, got {taps}")
     if not 0 <= delay <= taps / rate / 2:

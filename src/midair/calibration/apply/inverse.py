@@ -35,11 +35,11 @@ def inverse_response(
         Density of the weakest relevant pressure, in Pa/sqrt(Hz).
     """
     response = calibration.response_at(frequency)
-    below = heard_power(calibration, response, floor)
+    below = regularised_power(calibration, response, floor)
     return response.conj() * band_window(frequency, band, edges=edges)[:, None, None] / below
 
 
-def heard_power(calibration: Calibration, response: Complex, floor: float) -> Array:
+def regularised_power(calibration: Calibration, response: Complex, floor: float) -> Array:
     """Compute |H|^2 + eps, the denominator of the regularised inverse; same shape as the response."""
     eps = (calibration.noise / positive(floor, "floor", "Pa/sqrt(Hz)")) ** 2
     # Avoid 0 / 0 for a noiseless channel with a response of 0: limit eps to -240 dB of its largest response.
@@ -82,7 +82,7 @@ def inverse_fir(
     return fir if wanted[0].any() else fir - fir.mean(axis=0)
 
 
-def check_reach(calibration: Calibration, band: Band) -> None:
+def check_band_covered(calibration: Calibration, band: Band) -> None:
     """Raise a BandError if the calibration does not cover the band."""
     first, last = calibration.frequency[0], calibration.frequency[-1]
     if band[0] < first or band[1] > last:

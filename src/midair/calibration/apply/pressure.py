@@ -5,8 +5,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.calibration.apply.inverse import check_reach, default_taps, inverse_fir, inverse_response
-from midair.calibration.apply.streaming_inverse import mixing
+from midair.calibration.apply.inverse import check_band_covered, default_taps, inverse_fir, inverse_response
+from midair.calibration.apply.streaming_inverse import crosstalk_inverse
 from midair.channels import channels
 from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, filter_response
 from midair.errors import BandError, InputError, MismatchError, UnitError
@@ -82,7 +82,7 @@ def calibrate(
     if method not in get_args(Method):
         raise InputError(f"method of calibrate: expected one of {', '.join(get_args(Method))}, got {method!r}")
     used = _fitting(recording, calibration, band)
-    mix = mixing(used, crosstalk, damping)
+    mix = crosstalk_inverse(used, crosstalk, damping)
     _check_content(recording, band)
     if method == "fir":
         fir = inverse_fir(used, recording.rate, band, edges=edges, taps=taps, floor=floor)
@@ -154,7 +154,7 @@ def _fitting(recording: Recording, calibration: Calibration | None, band: Band) 
             f"calibration: expected one for a sensor output in {recording.unit}, got {calibration.unit}; "
             "use the calibration that was measured with this converter"
         )
-    check_reach(calibration, band)
+    check_band_covered(calibration, band)
     return calibration
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.calibration.apply.crosstalk_inverse import undo_matrix
-from midair.calibration.apply.inverse import check_reach, inverse_fir
+from midair.calibration.apply.inverse import check_band_covered, inverse_fir
 from midair.dsp import Band, band_edges, check_band
 from midair.errors import InputError, ShapeError
 from midair.model import Calibration
@@ -52,12 +52,12 @@ class StreamingInverse:
         damping: float = 0.0,
     ) -> None:
         band = check_band(band, rate)
-        check_reach(calibration, band)
+        check_band_covered(calibration, band)
         edges = band_edges(band, rate) if edges is None else edges
         fir = inverse_fir(calibration, rate, band, edges=edges, taps=taps, floor=floor)
         self._shape = calibration.sensor.shape
         self._fir = fir.reshape(len(fir), -1)
-        self._mix = mixing(calibration, crosstalk, damping)
+        self._mix = crosstalk_inverse(calibration, crosstalk, damping)
         self._held = np.zeros((0, self._fir.shape[1]))
         self.delay = (len(fir) - 1) / 2 / rate
 
@@ -103,7 +103,7 @@ class StreamingInverse:
         return (pressure if self._mix is None else pressure @ self._mix.T).reshape(-1, *self._shape)
 
 
-def mixing(calibration: Calibration, crosstalk: str, damping: float) -> Array | None:
+def crosstalk_inverse(calibration: Calibration, crosstalk: str, damping: float) -> Array | None:
     """Return the matrix that undoes a calibration's crosstalk, or None for crosstalk = "keep"."""
     if crosstalk == "keep":
         return None

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.calibration.measure.evidence import Evidence, MeasureSettings, sums_of
 from midair.calibration.measure.linearity import distinct
 from midair.calibration.measure.referenced_take import ReferencedTake, check_alike
+from midair.calibration.measure.take_sums import MeasureSettings, TakeSums, sums_of
 from midair.errors import MismatchError
 from midair.model import Calibration, PressureFrames, Provenance, Recording, Setting
-from midair.progress import passing
+from midair.progress import report_progress
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def measure_response(
     x, y = (values.reshape(len(values), -1) for values in (pressure.pressure, recording.samples))
     part = sums_of(x, y, recording.rate, settings)
     simulated = pressure.provenance.simulated
-    found = Evidence(recording=recording, parts=(part,), own=(part,), settings=settings, reference="known pressure")
+    found = TakeSums(recording=recording, parts=(part,), own=(part,), settings=settings, reference="known pressure")
     history = recording.provenance.then("measure response", settings.as_settings(), simulated=simulated)
     return found.calibration(date=date, version=1, provenance=history, method="one recording of a known pressure")
 
@@ -92,7 +92,7 @@ def measure_calibration(
     _check_quiet(quiet, first)
     parts = tuple(
         sums_of(take.reference.pressure[:, None], _flat(take.recording), first.rate, settings)
-        for take in passing(takes, len(takes))
+        for take in report_progress(takes, len(takes))
     )
     alone = _pressed_alone(takes)
     own = tuple(
@@ -101,7 +101,7 @@ def measure_calibration(
         for part, take in zip(parts, takes, strict=True)
         if not alone or take.cell is not None
     )
-    found = Evidence(
+    found = TakeSums(
         recording=first,
         parts=parts,
         own=own,

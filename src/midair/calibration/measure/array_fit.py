@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.calibration.measure.array_field import ArrayField, SensorPlace, pole_of
-from midair.calibration.measure.array_place import (
+from midair.calibration.measure.shared_parameters import (
     DEAD,
     ArrayState,
     TransducerPrior,

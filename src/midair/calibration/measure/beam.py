@@ -44,7 +44,7 @@ class BeamReading:
     """Standard uncertainty of the start time of the beam, in s."""
 
 
-def tones_of(signal: Array, rate: float, plan: BeamPlan, *, lag: int = 0) -> Complex:
+def tone_amplitudes(signal: Array, rate: float, plan: BeamPlan, *, lag: int = 0) -> Complex:
     """Complex amplitude of each tone at each level from its measurement window, shape (level, tone, channel).
 
     The amplitude is the peak 2 / N sum y e^(-j 2 pi f t), with t from the start of the window.

@@ -107,7 +107,7 @@ class BeamSetting:
         length(self.height, "height", HEIGHTS)
 
 
-def focus_of(sensor: SensorGrid, cell: int, setting: BeamSetting) -> Array:
+def focus_position(sensor: SensorGrid, cell: int, setting: BeamSetting) -> Array:
     """Position of the focus for a cell, shape (3,), in m."""
     x, y = sensor.channel_position(cell)
     return np.array([x + setting.centre[0], y + setting.centre[1], setting.height])
@@ -158,7 +158,7 @@ def beam_field(
         height=setting.height,
         centre=setting.centre,
     )
-    foci = np.array([focus_of(sensor, cell, setting) for cell in range(sensor.count)])
+    foci = np.array([focus_position(sensor, cell, setting) for cell in range(sensor.count)])
     drives = np.exp(1j * np.array([focus_phase(array, focus, acoustics=acoustics) for focus in foci])).T
     # 512 points at a time, because the whole matrix of a fine grid would take hundreds of megabytes.
     parts = [

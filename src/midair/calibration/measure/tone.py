@@ -29,8 +29,8 @@ def measure_tone(
 
     A sine is fitted to each segment (three-parameter fit of IEEE Std 1057) at the frequency that fits the whole
     recording best. The result is the mean over the segments; their scatter and the uncertainty of the tone give its
-    uncertainty. The calibration has one bin, with phases relative to the mean of all channels. Use `anchored` to scale
-    a whole response to this level.
+    uncertainty. The calibration has one bin, with phases relative to the mean of all channels.
+    `scale_to_tone` scales a whole response to this level.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def measure_tone(
     )
 
 
-def anchored(shape: Calibration, tone: Calibration) -> Calibration:
+def scale_to_tone(shape: Calibration, tone: Calibration) -> Calibration:
     """Scale a frequency response to the level of a tone, channel by channel.
 
     The uncertainty that all bins of the shape share (that of its reference) is replaced by the uncertainty of the tone

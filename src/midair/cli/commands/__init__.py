@@ -8,7 +8,7 @@ from importlib import import_module
 
 from cyclopts import App
 
-from midair.cli.terminal import imported
+from midair.cli.terminal import app_of_command
 
 COMMANDS: Mapping[str, tuple[str, str, str]] = {
     "demo": (
@@ -145,7 +145,7 @@ def __getattr__(name: str) -> App:
     if typed == name or typed not in COMMANDS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, command = COMMANDS[typed][1].partition(":")
-    return imported(getattr(import_module(f"{__name__}.{module}"), command), typed)
+    return app_of_command(getattr(import_module(f"{__name__}.{module}"), command), typed)
 
 
 __all__ = ["COMMANDS", "FOLDERS", "PASSES", "command_of"]

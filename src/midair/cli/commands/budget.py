@@ -11,26 +11,26 @@ from midair.cli.terminal import (
     Json,
     SolveOptions,
     Time,
-    as_measured,
     banner,
-    felt_part,
+    calibrated_part,
     may_write,
     out,
+    print_air,
     print_json,
     print_palm,
     print_rows,
     progress_bars,
     quantity,
-    say_air,
+    with_array_calibration,
     work_of,
     workload_of,
 )
 from midair.devices import SilencerChoice
 from midair.evaluate import Budget
-from midair.figures import budget_figure, png
-from midair.files import open_take, whole_file
-from midair.pipeline import lead_of
-from midair.rig import BudgetPlan, VirtualRig, error_budget, kept_in_band
+from midair.figures import budget_figure, png_bytes
+from midair.files import atomic_file, open_take
+from midair.pipeline import required_lead
+from midair.rig import BudgetPlan, VirtualRig, band_power_share, error_budget
 
 
 def budget_command(
@@ -80,28 +80,28 @@ def budget_command(
     settings = options.settings()
     if figure is not None:
         may_write(figure, force)
-    original = felt_part(source, settings, start_at, duration)
+    original = calibrated_part(source, settings, start_at, duration)
     band = settings.calibration.band
     virtual = VirtualRig(cells=original.sensor, seed=seed, height=settings.target.grid.height).hearing(band)
-    measured, settings, original = as_measured(array_calibration, virtual.array, settings, original)
+    measured, settings, original = with_array_calibration(array_calibration, virtual.array, settings, original)
     plan = BudgetPlan(
         settings=settings,
         rig=virtual,
         measured=None if array_calibration is None else measured,
         silencer=silencer,
         palm=options.outline(),
-        lead=lead_of(settings) if lead is None else lead,
+        lead=required_lead(settings) if lead is None else lead,
     )
     banner(True)
-    say_air(settings.acoustics.medium, stated=options.air_is_stated)
+    print_air(settings.acoustics.medium, stated=options.air_is_stated)
     workload = workload_of(settings, measured.count)
     frames = round((original.frames / original.rate + 2 * plan.lead) * settings.target.rate)
     with progress_bars([work_of(name, workload, frames) for name in _STAGES]) as stage:
         paced = partial(stage, workload=workload)
-        made = error_budget(original, plan, kept=kept_in_band(open_take(source).recording, band), stage=paced)
+        made = error_budget(original, plan, kept=band_power_share(open_take(source).recording, band), stage=paced)
     if figure is not None:
-        with whole_file(figure) as unfinished:
-            unfinished.write_bytes(png(budget_figure([(source.name, made)])))
+        with atomic_file(figure) as unfinished:
+            unfinished.write_bytes(png_bytes(budget_figure([(source.name, made)])))
     if json:
         return print_json(made.plain())
     print_budget(f"distortion of each stage, {source.name}", made)

@@ -10,27 +10,27 @@ from midair.cli.terminal import (
     Force,
     Json,
     banner,
-    card_of,
-    felt_part,
-    kept_aside,
-    made_with,
+    cached_pressure,
+    calibrated_part,
     may_write,
+    metrics_or_none,
     plain,
-    print_card,
     print_figures,
     print_json,
+    print_line,
+    print_metrics,
     print_palm,
     progress_bars,
-    say,
+    settings_of_rerecording,
     verbosity,
     work_of,
     workload_of,
 )
 from midair.errors import InputError
 from midair.evaluate import Comparison, PalmFidelity, PalmFrames, PerceptualMetrics, compare
-from midair.files import DRIVE_SUFFIX, OpenedTake, load_palm, load_solution, open_take, whole_file
+from midair.files import DRIVE_SUFFIX, OpenedTake, atomic_file, load_palm, load_solution, open_take
 from midair.model import Palm, PressureFrames, Progress
-from midair.rig import VirtualRig, aligned_pair, asked_of, palm_frames_of_drive, played_chain, rerecord_drive
+from midair.rig import VirtualRig, aligned_pair, original_of_drive, palm_frames_of_drive, played_chain, rerecord_drive
 from midair.settings import Settings
 from midair.view import PalmMaps, check_size, ffmpeg, film_of_palm, show_comparison, show_page, write_gif, write_mp4
 
@@ -98,12 +98,12 @@ def compare_command(
                 f"expected the original first, got its re-recording {original.name}; "
                 f"use midair compare {reproduced} {original}"
             )
-        settings = made_with(take.recording.provenance, (options or BandOptions()).settings())
+        settings = settings_of_rerecording(take.recording.provenance, (options or BandOptions()).settings())
     with ExitStack() as stack:
-        pair = aligned_pair(felt_part(original, settings, streamed=True), take, settings)
-        before, heard = (stack.enter_context(kept_aside(each)) for each in (pair.original, pair.heard))
+        pair = aligned_pair(calibrated_part(original, settings, streamed=True), take, settings)
+        before, heard = (stack.enter_context(cached_pressure(each)) for each in (pair.original, pair.heard))
         comparison, after = compare(before, heard, first=pair.first), replace(pair, heard=heard).piece
-        card = card_of(before, after)
+        card = metrics_or_none(before, after)
         if report is not None:
             _write_report(report, before, after, comparison, card, told)
     if json:
@@ -112,13 +112,13 @@ def compare_command(
     banner(comparison.simulated)
     print_figures(f"{reproduced.name} against {original.name}", {"": comparison.figures()})
     if card is not None:
-        print_card(card)
+        print_metrics(card)
     if told is not None:
         print_palm(told)
     if report is not None:
-        say(f"report {report}")
+        print_line(f"report {report}")
     if film is not None:
-        say(f"film {film}")
+        print_line(f"film {film}")
     return None
 
 
@@ -140,7 +140,7 @@ def _write_report(
         rows = [(name.removeprefix("palm: "), f"{value:.3g}", unit) for name, (value, unit) in palm.figures().items()]
         tables.append((f"Fidelity on a whole palm, {palm.palm}", rows))
     page = show_page(shown, tables=tables, commands=(verbosity().line,))
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         partial.write_text(page, encoding="utf-8")
 
 
@@ -153,7 +153,7 @@ def _write_film(path: Path, frames: PalmFrames, progress: Progress) -> None:
         for maps, unit in ((pressure, "Pa"), (motion, "µm"))
     ]
     made = film_of_palm(groups, rate=frames.rate)
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         (write_mp4 if path.suffix.lower() == ".mp4" else write_gif)(made, partial, progress=progress)
 
 
@@ -167,8 +167,8 @@ def _played(
         raise InputError(
             f"{drive_file.name}: expected a drive with stored settings, got one without; make it with midair solve"
         )
-    felt = felt_part(original, settings)
-    piece, asked = asked_of(drive.provenance, felt)
+    felt = calibrated_part(original, settings)
+    piece, asked = original_of_drive(drive.provenance, felt)
     if asked.frames != drive.frames:
         raise InputError(
             f"{drive_file.name}: expected the drive of {original.name}, {asked.frames} frames, got {drive.frames}; "

@@ -16,24 +16,24 @@ from midair.cli.terminal import (
     banner,
     err,
     level_rows,
+    mode_name,
     out,
-    paper_beside,
+    paper_options,
+    print_air,
     print_palm,
     print_rows,
     print_side_by_side,
     progress_bars,
     quantity,
-    say_air,
-    way_of,
     work_of,
     workload_of,
 )
 from midair.errors import InputError
-from midair.files import check_unclaimed, save, save_solution, whole_file
+from midair.files import atomic_file, check_not_recording, save, save_solution
 from midair.headroom import level_of
 from midair.model import Calibration, Palm, Progress, Recording
-from midair.pipeline import calibrated_pressure, lead_of
-from midair.rig import Outcome, VirtualRig, capture_recording, open_rig, palm_of_loop, verdict, write_report
+from midair.pipeline import calibrated_pressure, required_lead
+from midair.rig import Outcome, VirtualRig, capture_recording, open_rig, palm_of_loop, summarise_outcomes, write_report
 from midair.rig import loop as go_round
 from midair.settings import Settings
 
@@ -107,13 +107,13 @@ def demo_command(
         )
     piece = _StrokePart(object_name=object_name, start_at=start_at, duration=duration, rig=rig, palm=options.outline())
     output.mkdir(parents=True, exist_ok=True)
-    check_unclaimed(output / "stroke.h5")
+    check_not_recording(output / "stroke.h5")
     (output / "stroke.h5").unlink(missing_ok=True)
     out().print(f"sensor: none found, virtual {object_name} on {rig.sensor_model.grid.name}")
     out().print(f"array: none found, virtual {rig.array.name} units, {rig.array.count} transducers")
     banner(True)
-    say_air(settings.acoustics.medium, stated=options.air_is_stated)
-    paper = paper_beside(options)
+    print_air(settings.acoustics.medium, stated=options.air_is_stated)
+    paper = paper_options(options)
     ways = [options] if paper is None else [options, paper]
     with progress_bars([work for each in ways for work in _works(each.settings(), piece)]) as stage:
         with touched_by as touched:
@@ -139,14 +139,14 @@ def _outcome(
     with open_rig("virtual", height=settings.target.grid.height, seed=piece.rig.seed) as opened:
         loop = go_round(original, settings, opened, stage=paced)
     return Outcome.of(
-        loop, palm=palm_of_loop(loop, piece.rig, piece.palm, progress=paced("palm")), name=way_of(options)
+        loop, palm=palm_of_loop(loop, piece.rig, piece.palm, progress=paced("palm")), name=mode_name(options)
     )
 
 
 def _works(settings: Settings, piece: _StrokePart) -> list[Work]:
     """Work that takes long, for the time estimate: both passes and the palm."""
     workload = workload_of(settings, piece.rig.array.count)
-    frames = round((piece.duration + 2 * lead_of(settings)) * settings.target.rate)
+    frames = round((piece.duration + 2 * required_lead(settings)) * settings.target.rate)
     passes = {"solve": 2, "play and re-record": 2, "palm": 1}
     return [work_of(name, workload, times * frames) for name, times in passes.items()]
 
@@ -185,14 +185,14 @@ def _write_files(
     save(last.rerecorded, output / "rerecorded.h5")
     shown = write_report(loop, output / "report.html", commands=commands, beside=outcomes, progress=progress)
     for name, title in (("palm.png", "What reaches a palm"), ("field.png", "Target and reproduced field")):
-        with whole_file(output / name) as partial:
+        with atomic_file(output / name) as partial:
             partial.write_bytes(next(each.data for each in shown if each.title == title))
 
 
 def _print(outcomes: list[Outcome], output: Path) -> None:
     first = outcomes[0]
     last, settings = first.loop.passes[-1].reproduction, first.loop.settings
-    out().print(f"\n{verdict(outcomes)}\n", style="bold")
+    out().print(f"\n{summarise_outcomes(outcomes)}\n", style="bold")
     print_side_by_side(outcomes)
     if first.palm is not None:
         print_palm(first.palm)

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from rich.table import Table
 
 from midair.cli.terminal import Json, out, print_json
-from midair.rig import check_up
+from midair.rig import run_checks
 
 
 def doctor_command(*, device: str | None = None, json: Json = False) -> int:
@@ -24,7 +24,7 @@ def doctor_command(*, device: str | None = None, json: Json = False) -> int:
     $ midair doctor
     $ midair doctor --device autd3:emulator
     """
-    findings = check_up(device)
+    findings = run_checks(device)
     if json:
         print_json([asdict(finding) for finding in findings])
     else:

@@ -4,11 +4,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
-from midair.cli.terminal import AirOptions, Force, Json, may_write, print_figures, print_json, print_rows, say_how_long
-from midair.devices import felt_pressure_text, measure
+from midair.cli.terminal import (
+    AirOptions,
+    Force,
+    Json,
+    may_write,
+    print_check_time,
+    print_figures,
+    print_json,
+    print_rows,
+)
+from midair.devices import felt_pressure_text, measure_exposure
 from midair.errors import InputError
-from midair.figures import exposure_figure, png
-from midair.files import DEFAULT_PROFILE, load_placement, load_solution, profile_named, whole_file
+from midair.figures import exposure_figure, png_bytes
+from midair.files import DEFAULT_PROFILE, atomic_file, load_placement, load_solution, profile_named
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import Exposure
 from midair.rig import ArrayKind, array_named, array_of_kind
@@ -68,11 +77,11 @@ def exposure_command(
         may_write(target, force)
     drive = load_solution(source, streamed=True).drive
     array = _array_to_play(drive, device, placement)
-    say_how_long(drive, chosen, room=room)
-    found = measure(drive, array, chosen, repeats=repeats, room=room)
+    print_check_time(drive, chosen, room=room)
+    found = measure_exposure(drive, array, chosen, repeats=repeats, room=room)
     if drawn:
-        with whole_file(target) as partial:
-            partial.write_bytes(png(exposure_figure(found, simulated=drive.provenance.simulated)))
+        with atomic_file(target) as partial:
+            partial.write_bytes(png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))
     if json:
         print_json(
             _json_values(found) | {"transducer_pa_m": array.pressure, "file_transducer_pa_m": drive.array.pressure}

@@ -14,7 +14,15 @@ from midair.devices import SensorDevice
 from midair.errors import InputError
 from midair.files import load_sensor, save_sensor
 from midair.model import SensorWiring
-from midair.rig import Identity, TapTest, VirtualRig, findings, identify_by_taps, identify_by_tones, sensor_named
+from midair.rig import (
+    Identity,
+    TapTest,
+    VirtualRig,
+    assignment_problems,
+    identify_by_taps,
+    identify_by_tones,
+    sensor_named,
+)
 
 Time = Annotated[float, quantity("s")]
 
@@ -94,13 +102,15 @@ def _write(found: Identity, wiring: SensorWiring, path: Path | None) -> bool:
     if path is None:
         return False
     if found.doubtful or len(found.silent) > 1:
-        raise InputError(f"{path}: not changed, because the order is uncertain: {'; '.join(findings(found))}")
+        raise InputError(
+            f"{path}: not changed, because the order is uncertain: {'; '.join(assignment_problems(found))}"
+        )
     save_sensor(wiring.with_order([wiring.order[channel] for channel in found.order]), path)
     return True
 
 
 def _print(found: Identity, written: Path | None, *, json: bool) -> None:
-    said = findings(found)
+    said = assignment_problems(found)
     if json:
         parts = asdict(found) | {"grid": list(found.grid.shape), "margin": found.margin.tolist()}
         state = {"sound": found.sound, "in_order": found.in_order, "order": list(found.order), "findings": said}

@@ -10,9 +10,9 @@ from midair.cli.terminal import (
     Json,
     Time,
     as_recording,
-    calibrated_by,
     calibration_figures,
     calibration_from_options,
+    calibration_text,
     import_recording,
     may_write,
     out,
@@ -24,7 +24,7 @@ from midair.cli.terminal import (
     scale_by,
     write_recording,
 )
-from midair.datasets import SAMPLES, credited, sample, sample_path
+from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
 from midair.files import OpenedTake, format_of, load_pressure, open_take, repair
 from midair.recordings import GapFill, Mending
@@ -169,7 +169,7 @@ def _convert(
     )
     rows = [("recording", str(target)), *recording_rows(imported.recording)]
     if imported.recording.unit != "Pa" or stated or calibration:
-        rows.append(("calibration", calibrated_by(stated or calibration)))
+        rows.append(("calibration", calibration_text(stated or calibration)))
     figures = {
         "recording": str(target),
         **recording_figures(imported.recording),
@@ -181,7 +181,7 @@ def _convert(
 
 
 def _credited(name: str, taken: OpenedTake) -> OpenedTake:
-    return replace(taken, recording=credited(name, taken.recording))
+    return replace(taken, recording=with_credits(name, taken.recording))
 
 
 def _sample_notes(name: str) -> tuple[str, ...]:

@@ -10,16 +10,16 @@ from midair.cli.terminal import (
     Json,
     array_rows,
     banner,
-    calibrated_by,
     calibration_figures,
+    calibration_text,
     level_of_file,
-    met_of,
     print_json,
     print_rows,
+    recorded_strokes,
     recording_figures,
     recording_rows,
+    solve_error,
     stroke_rows,
-    strokes_of,
 )
 from midair.files import (
     contents,
@@ -32,9 +32,9 @@ from midair.files import (
 )
 from midair.lazy_frames import moments
 from midair.model import Provenance, Setting
-from midair.rig import calibration_rows, uncertainty_of
-from midair.settings import spelt_setting
-from midair.targets import piece_of
+from midair.rig import calibration_rows, describe_uncertainty
+from midair.settings import format_setting
+from midair.targets import frames_without_lead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,11 +109,11 @@ def _facts_of_take(source: Path) -> _FileFacts:
     pressure = load_pressure(source, streamed=True) if take.stored else None
     rows = [("recording", str(source)), ("source", life.source), *recording_rows(recording)]
     if recording.unit != "Pa" or calibration is not None:
-        rows.append(("calibration", calibrated_by(calibration)))
+        rows.append(("calibration", calibration_text(calibration)))
     if calibration is not None:
         rows.append(("calibration id", f"{calibration.identifier}, version {calibration.version}"))
         rows.append(("calibration date", calibration.date or "not recorded"))
-        rows.append(("uncertainty", uncertainty_of(calibration)))
+        rows.append(("uncertainty", describe_uncertainty(calibration)))
     largest = None if pressure is None else float(moments(pressure.pressure).largest)
     if largest is not None:
         rows.append(("largest pressure", f"{largest:.3g} Pa"))
@@ -124,9 +124,9 @@ def _facts_of_take(source: Path) -> _FileFacts:
         "recording": str(source),
         **recording_figures(recording),
         "calibration": calibration_figures(calibration),
-        "uncertainty": None if calibration is None else uncertainty_of(calibration),
+        "uncertainty": None if calibration is None else describe_uncertainty(calibration),
         "largest_pressure_pa": largest,
-        "strokes": strokes_of(life, recording.rate),
+        "strokes": recorded_strokes(life, recording.rate),
     }
     return _FileFacts(rows=rows, figures=figures, provenance=life)
 
@@ -135,13 +135,13 @@ def _facts_of_drive(source: Path) -> _FileFacts:
     solution = load_solution(source, streamed=True)
     drive = solution.drive
     plays = np.array([status != "silent" for status in solution.status])
-    inside = piece_of(drive.provenance, drive.frames, drive.rate)
+    inside = frames_without_lead(drive.provenance, drive.frames, drive.rate)
     seconds, silent = drive.frames / drive.rate, int((~plays).sum())
     error = solution.error[inside][plays[inside]]
     mean, worst = (float(error.mean()), float(error.max())) if len(error) else (None, None)
     level = level_of_file(source) if plays.any() else None
     target = load_target(source, streamed=True) if plays.any() else None
-    energy_error = None if target is None else met_of(solution, target)
+    energy_error = None if target is None else solve_error(solution, target)
     error_text = "nothing plays" if mean is None else f"mean {100 * mean:.1f} %, worst {100 * (worst or 0):.1f} %"
     rows = [
         ("drive", str(source)),
@@ -180,4 +180,4 @@ def _settings(settings: Mapping[str, Setting]) -> str:
 
 def _with_unit(name: str, value: Setting) -> object:
     """A setting with its unit; names without a dot carry their unit."""
-    return spelt_setting(name, value) if "." in name else value
+    return format_setting(name, value) if "." in name else value

@@ -13,21 +13,21 @@ from midair.cli.terminal import (
     Json,
     SolveOptions,
     Time,
-    as_measured,
     banner,
-    felt_part,
+    calibrated_part,
     may_write,
     plain,
-    print_card,
+    print_air,
+    print_check_time_ahead,
     print_figures,
     print_json,
+    print_metrics,
     print_rows,
     progress_bars,
     quantity,
-    say_air,
-    say_how_long_to_come,
     verbosity,
     warn_level,
+    with_array_calibration,
     work_of,
     workload_of,
 )
@@ -36,7 +36,7 @@ from midair.errors import InputError
 from midair.files import load_placement
 from midair.headroom import level_of
 from midair.model import Medium, SensorGrid
-from midair.pipeline import lead_of
+from midair.pipeline import required_lead
 from midair.rig import Loop, OpenRig, metrics_of_loop, open_rig, write_report
 from midair.rig import loop as go_round
 from midair.settings import Settings
@@ -138,20 +138,22 @@ def loop_command(
     settings = options.settings()
     options.refuse_idle_palm()
     may_write(target, force, ".html")
-    original = felt_part(source, settings, start_at, duration)
+    original = calibrated_part(source, settings, start_at, duration)
     chosen = rig or RigOptions()
     # The exposure check uses a temperature given by option only: not a default, nor one from a settings file.
     room = settings.acoustics.medium if getattr(options, "temperature", None) is not None else None
     opened = chosen.rig(settings, original.sensor, room)
     if chosen.array_calibration is not None:
-        measured, settings, original = as_measured(chosen.array_calibration, opened.array.array, settings, original)
+        measured, settings, original = with_array_calibration(
+            chosen.array_calibration, opened.array.array, settings, original
+        )
         opened = replace(opened, measured=measured)
     banner(opened.array.simulated or original.provenance.simulated)
-    say_air(settings.acoustics.medium, stated=options.air_is_stated)
-    lead = lead_of(settings) if lead is None else lead
+    print_air(settings.acoustics.medium, stated=options.air_is_stated)
+    lead = required_lead(settings) if lead is None else lead
     # Every pass plays another drive, whose exposure is checked first.
     frames = (corrections + 1 + iterate) * round((original.frames / original.rate + 2 * lead) * settings.target.rate)
-    say_how_long_to_come(frames, opened.array.array, room, opened.exposure.profile)
+    print_check_time_ahead(frames, opened.array.array, room, opened.exposure.profile)
     workload = workload_of(settings, opened.array.array.count)
     works = [work_of(name, workload, frames) for name in ("solve", "play and re-record")]
     with progress_bars(works) as stage, opened:
@@ -174,7 +176,7 @@ def _print(loop: Loop, target: Path, json: bool) -> None:
     figures = {f"pass {number + 1}": one.comparison.figures() for number, one in enumerate(loop.passes)}
     print_figures("before and after correction", figures)
     if card is not None:
-        print_card(card)
+        print_metrics(card)
     ended = [("iteration", f"{loop.end}; {loop.taken_back} steps undone")] if loop.end else []
     silencer = str(loop.passes[-1].rerecorded.provenance.steps[-1].settings["silencer"])
     print_rows([*level.rows(), *ended, ("silencer", silencer), ("report", str(target))])

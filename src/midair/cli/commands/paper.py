@@ -12,11 +12,11 @@ from midair.cli.terminal import (
     banner,
     may_write,
     out,
+    print_air,
     print_json,
     print_rows,
     progress_bars,
     quantity,
-    say_air,
 )
 from midair.model import Acoustics
 from midair.paper import (
@@ -30,7 +30,7 @@ from midair.paper import (
     figure_9,
     materials_table,
 )
-from midair.progress import watched
+from midair.progress import report_to
 from midair.rig import VirtualRig
 from midair.settings import Mode, paper_mode
 
@@ -106,7 +106,7 @@ def paper_command(
     paper = paper_mode() if medium is None else paper_mode().but(acoustics=Acoustics(medium=medium))
     banner(True)
     if everything or fidelity or materials or 4 in chosen:
-        say_air(paper.acoustics.medium, stated=medium is not None)
+        print_air(paper.acoustics.medium, stated=medium is not None)
     results: list[PaperResult] = []
     stimuli = None
     if 4 in chosen:
@@ -115,11 +115,11 @@ def paper_command(
     with progress_bars() as stage:
         if 3 in chosen:
             _check(folder, "figure3", force)
-            with watched(stage("figure 3")):
+            with report_to(stage("figure 3")):
                 results.append(figure_3(strength=strength, mode=mode))
         if 9 in chosen:
             _check(folder, "figure9", force)
-            with watched(stage("figure 9")):
+            with report_to(stage("figure 9")):
                 results.append(figure_9(mode=mode))
         if stimuli is not None:
             _check(folder, "figure4", force)

@@ -22,12 +22,12 @@ from midair.cli.terminal import (
     banner,
     err,
     parse_quantity,
-    plain_take,
     print_json,
     print_rows,
     quantity,
     signals_noted,
     take_rows,
+    take_values,
     verbosity,
 )
 from midair.devices import PacedSensor, SensorDevice
@@ -38,10 +38,10 @@ from midair.rig import (
     Take,
     TakePlan,
     VirtualRig,
+    last_subject,
     record_take,
-    remember,
-    remembered,
     sensor_named,
+    store_subject,
     take_path,
 )
 
@@ -184,7 +184,7 @@ def record_command(
                     print_rows(take_rows(take, device))
         finally:
             if json:
-                print_json([plain_take(take, device) for take in takes if take.frames])
+                print_json([take_values(take, device) for take in takes if take.frames])
         # A signal in a pause between takes: the last take is complete, the remaining ones are missing.
         if signals.came and takes[-1].end != "kill" and len(takes) < options.repeats:
             err().print(f"midair: stopped; kept {len(takes)} of {options.repeats} takes")
@@ -291,10 +291,10 @@ def _subject(sensor: str, stated: Subject, *, ask: bool) -> Subject:
     console = err()
     if not (ask and console.is_terminal and sys.stdin.isatty()):
         return stated
-    before = remembered().notes
+    before = last_subject().notes
     said = {name: value or _answer(console, name, before.get(name, "")) for name, value in asdict(stated).items()}
     about = Subject(**said)
-    remember(about)
+    store_subject(about)
     return about
 
 

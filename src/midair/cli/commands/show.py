@@ -16,24 +16,24 @@ from midair.cli.terminal import (
     Force,
     Time,
     banner,
-    felt_part,
-    made_with,
+    calibrated_part,
     may_write,
     out,
     print_rows,
     progress_bars,
     quantity,
+    settings_of_rerecording,
     work_of,
 )
 from midair.errors import InputError
-from midair.files import contents, load_solution, load_target, open_take, whole_file
+from midair.files import atomic_file, contents, load_solution, load_target, open_take
 from midair.pipeline import target_amplitude
 from midair.rig import aligned_pair
 from midair.view import (
     Film,
     Part,
     ViewData,
-    audible,
+    channel_sound,
     check_size,
     ffmpeg,
     show_comparison,
@@ -118,23 +118,23 @@ def show_command(
 def _shown(source: Path, again: Path | None, part: Part, *, target: bool, options: BandOptions) -> ViewData:
     if again is not None:
         take = open_take(again)
-        settings = made_with(take.recording.provenance, options.settings())
-        pair = aligned_pair(felt_part(source, settings), take, settings)
+        settings = settings_of_rerecording(take.recording.provenance, options.settings())
+        pair = aligned_pair(calibrated_part(source, settings), take, settings)
         return show_comparison(pair.original, pair.piece, part=part)
     if source.name.lower().endswith((".h5", ".hdf5", ".nc")) and contents(source).kind == "drive":
         return show_drive(load_solution(source, streamed=True), target=load_target(source, streamed=True), part=part)
     settings = options.settings()
     if target:
-        return show_target(target_amplitude(felt_part(source, settings), settings), part=part)
+        return show_target(target_amplitude(calibrated_part(source, settings), settings), part=part)
     take = open_take(source)
-    felt = None if take.calibration is None else felt_part(source, settings)
+    felt = None if take.calibration is None else calibrated_part(source, settings)
     return show_recording(take.recording, pressure=felt, part=part)
 
 
 def _page(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     check_size(shown)
     page = show_page(shown)
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         partial.write_text(page, encoding="utf-8")
     return []
 
@@ -144,7 +144,7 @@ def _film(write: Callable[..., None]) -> Callable[[ViewData, Path], list[tuple[s
         film = Film(shown)
         out().print(f"film of {len(film)} pictures, {film.seconds:.3g} s, {film.slower:.4g} times slower")
         kind = path.suffix.lower()
-        with progress_bars([work_of("film", kind, len(film))]) as stage, whole_file(path) as partial:
+        with progress_bars([work_of("film", kind, len(film))]) as stage, atomic_file(path) as partial:
             write(film, partial, progress=stage("film", kind))
         return []
 
@@ -154,8 +154,8 @@ def _film(write: Callable[..., None]) -> Callable[[ViewData, Path], list[tuple[s
 def _wave(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     if shown.samples is None:
         raise InputError(f"{path}: expected a recording for a sound file, got a drive; save a page or a film")
-    heard = audible(shown.samples, shown.channel, shown.rate)
-    with whole_file(path) as partial:
+    heard = channel_sound(shown.samples, shown.channel, shown.rate)
+    with atomic_file(path) as partial:
         partial.write_bytes(heard.data)
     return [("heard", f"channel {shown.channel}; full scale is {heard.full_scale:.3g} {shown.samples.unit}")]
 

@@ -13,21 +13,21 @@ from midair.cli.terminal import (
     PlayOptions,
     SolveOptions,
     Time,
-    as_measured,
     banner,
-    felt_part,
+    calibrated_part,
     level_of_file,
     level_rows,
     may_write,
-    met_of,
     play_on_array,
+    print_air,
     print_json,
+    print_room_air,
     print_rows,
     progress_bars,
     quantity,
-    say_air,
-    say_room,
+    solve_error,
     warn_level,
+    with_array_calibration,
     work_of,
     workload_of,
 )
@@ -37,10 +37,10 @@ from midair.files import load_array_calibration, load_placement, load_solution, 
 from midair.headroom import level_of
 from midair.model import Acoustics
 from midair.physics import Transducers
-from midair.pipeline import Reproduction, lead_of, reproduce_stream
+from midair.pipeline import Reproduction, reproduce_stream, required_lead
 from midair.rig import ArrayKind, VirtualRig, array_of_kind, rerecord
 from midair.settings import Settings
-from midair.targets import cells_of, led_in, piece_of
+from midair.targets import add_lead, frames_without_lead, sensor_from_provenance
 
 
 def solve_command(
@@ -92,11 +92,11 @@ def solve_command(
     transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force, ".drive.h5")
-    piece = felt_part(source, settings, start_at, duration, streamed=True)
-    pressure = led_in(piece, lead_of(settings) if lead is None else lead)
-    transducers, settings, pressure = as_measured(array_calibration, transducers, settings, pressure)
+    piece = calibrated_part(source, settings, start_at, duration, streamed=True)
+    pressure = add_lead(piece, required_lead(settings) if lead is None else lead)
+    transducers, settings, pressure = with_array_calibration(array_calibration, transducers, settings, pressure)
     banner(pressure.provenance.simulated)
-    say_air(settings.acoustics.medium, stated=options.air_is_stated)
+    print_air(settings.acoustics.medium, stated=options.air_is_stated)
     frames, workload = (
         round(pressure.frames / pressure.rate * settings.target.rate),
         workload_of(settings, transducers.count),
@@ -108,9 +108,9 @@ def solve_command(
     solution = load_solution(target, streamed=True)
     made = Reproduction(pressure=pressure, target=load_target(target, streamed=True) or wanted, solution=solution)
     level = level_of(solution, made.target, band=settings.calibration.band)
-    inside = piece_of(made.target.provenance, made.target.frames, made.target.rate)
+    inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
     plays = np.array([status != "silent" for status in solution.status])
-    error = met_of(solution, made.target)
+    error = solve_error(solution, made.target)
     warn_level(level)
     if json:
         told = {"frames": made.target.frames, "lead_frames": inside.start, "rate_hz": made.target.rate}
@@ -202,7 +202,7 @@ def play_command(
     level = level_rows(level_of_file(source))
     # The virtual sensor has the cells, height and band that the drive was solved for.
     known, around = Settings.of(drive.provenance) or Settings(), None if room is None else Acoustics(medium=room)
-    cells, height = cells_of(drive.provenance), known.target.grid.height
+    cells, height = sensor_from_provenance(drive.provenance), known.target.grid.height
     rig = VirtualRig(array=drive.array.nominal, cells=cells, height=height, acoustics=around, seed=seed)
     rig = rig.hearing(known.calibration.band)
     if array_calibration is not None:
@@ -211,7 +211,7 @@ def play_command(
         rig = replace(rig, transducers=Transducers.measured(measured))
     skin = rig.skin()
     banner(True)
-    say_room(drive, source, room, simulated=True)
+    print_room_air(drive, source, room, simulated=True)
     array = rig.array_device(skin)
     array.silencer = options.silencer
     name, workload = "play and re-record", workload_of(known, drive.array.count)

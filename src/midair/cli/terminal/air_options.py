@@ -36,7 +36,7 @@ class AirOptions:
         return Medium.at(temperature=self.temperature, humidity=0.5 if self.humidity is None else self.humidity)
 
 
-def say_air(medium: Medium, *, stated: bool) -> None:
+def print_air(medium: Medium, *, stated: bool) -> None:
     """Print on stderr which air a computation assumes; as a warning if it was not stated."""
     whose = "" if stated else ", assumed; state the air of the room with --temperature and --humidity"
     note_air(f"air: {medium}{whose}", warn=not stated)

@@ -59,7 +59,7 @@ class OutputOptions:
         """Version of the superseded calibration plus one, or 1."""
         if self.supersedes is None:
             return 1
-        old = given_calibration(self.supersedes)
+        old = require_calibration(self.supersedes)
         if old.sensor != sensor:
             raise MismatchError(
                 f"{self.supersedes}: expected a calibration of {sensor.name!r}, got one of {old.sensor.name!r}"
@@ -70,7 +70,7 @@ class OutputOptions:
         """Write calibration and page, and print the difference from the superseded one."""
         target = self.path(calibration.sensor)
         if self.supersedes is not None:
-            notes = [*notes, drift(given_calibration(self.supersedes), calibration)]
+            notes = [*notes, drift(require_calibration(self.supersedes), calibration)]
         finish(calibration, target, page=self.figure, json=self.json, notes=notes)
 
 
@@ -99,7 +99,7 @@ def drift(old: Calibration, new: Calibration) -> str:
     return f"{told}; E_n {np.median(score[heard]):.2g} (median), {100 * (score[heard] > 1).mean():.1f} % above 1"
 
 
-def given_calibration(path: Path) -> Calibration:
+def require_calibration(path: Path) -> Calibration:
     """The calibration in a file; MissingFileError if there is none."""
     found = load_calibration(path)
     if found is None:
@@ -117,10 +117,10 @@ def prepare_page(page: Path | None, force: bool) -> None:
 def finish(calibration: Calibration, output: Path, *, page: Path | None, json: bool, notes: list[str]) -> None:
     """Write a new calibration and its page, and print it."""
     save_calibration(calibration, output)
-    tell(calibration, [("written", str(output))], page=page, json=json, notes=notes)
+    print_calibration(calibration, [("written", str(output))], page=page, json=json, notes=notes)
 
 
-def tell(
+def print_calibration(
     calibration: Calibration,
     rows: list[tuple[str, str]],
     *,
@@ -141,7 +141,7 @@ def tell(
     return None
 
 
-def as_measured(
+def with_array_calibration(
     path: Path | None, array: TransducerArray, settings: Settings, pressure: PressureFrames
 ) -> tuple[TransducerArray, Settings, PressureFrames]:
     """Array, settings and pressure for the measured transducers of a file; unchanged without a file."""

@@ -14,7 +14,7 @@ from midair.settings import Settings
 from midair.temp_frames import TempFrames
 
 
-def felt_part(
+def calibrated_part(
     source: Path, settings: Settings, start: float = 0.0, duration: float | None = None, *, streamed: bool = False
 ) -> PressureFrames:
     """Calibrated pressure of a part (lazy frames if `streamed`), cut after calibration so that filters leave no
@@ -26,7 +26,7 @@ def felt_part(
 
 
 @contextmanager
-def kept_aside(pressure: PressureFrames) -> Generator[PressureFrames]:
+def cached_pressure(pressure: PressureFrames) -> Generator[PressureFrames]:
     """The same pressure, computed once into a temporary file, inside the block."""
     with TempFrames(*pressure.sensor.shape) as spool:
         for block in blocks(pressure.pressure):
@@ -35,7 +35,7 @@ def kept_aside(pressure: PressureFrames) -> Generator[PressureFrames]:
         yield replace(pressure, pressure=cast("Any", spool.reel()))
 
 
-def made_with(provenance: Provenance, settings: Settings) -> Settings:
+def settings_of_rerecording(provenance: Provenance, settings: Settings) -> Settings:
     """Settings with the band and rate of the drive of a re-recording."""
     band, rate = provenance.last("calibrate").get("band_hz"), provenance.last("play").get("rate_hz")
     if isinstance(band, tuple) and len(band) == 2:

@@ -8,10 +8,10 @@ from midair.cli.terminal.console import out
 from midair.errors import ShapeError
 from midair.evaluate import Comparison, PalmFidelity, PerceptualMetrics, perceptual_metrics
 from midair.model import PressureFrames
-from midair.rig import Outcome, side_by_side
+from midair.rig import Outcome, comparison_rows
 
 
-def card_of(original: PressureFrames, reproduced: PressureFrames) -> PerceptualMetrics | None:
+def metrics_or_none(original: PressureFrames, reproduced: PressureFrames) -> PerceptualMetrics | None:
     """Perceptual metrics; None for less than 64 ms, the shortest signal they need."""
     try:
         return perceptual_metrics(original, reproduced)
@@ -19,7 +19,7 @@ def card_of(original: PressureFrames, reproduced: PressureFrames) -> PerceptualM
         return None
 
 
-def print_card(card: PerceptualMetrics) -> None:
+def print_metrics(card: PerceptualMetrics) -> None:
     """Print each metric over all cells, and its meaning."""
     out().print(f"\n{card.verdict()}")
     out().print("perceptual metrics over all cells")
@@ -46,7 +46,7 @@ def print_side_by_side(outcomes: Sequence[Outcome]) -> None:
     for each in outcomes:
         table.add_column(each.name, overflow="fold")
     table.add_column("unit")
-    for name, unit, *values in side_by_side(outcomes):
+    for name, unit, *values in comparison_rows(outcomes):
         table.add_row(name, *values, unit)
     out().print(table)
 

@@ -14,8 +14,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Table
 from rich.text import Text
 
-from midair.cli.speeds import MEASURED, Speeds, Work, estimate_text
-from midair.cli.waiting import Waiting, waiting
+from midair.cli.time_estimates import MEASURED, Speeds, Work, estimate_text
+from midair.cli.waiting import BusyBar, waiting
 
 if TYPE_CHECKING:
     from midair.model import Progress as Report
@@ -53,7 +53,7 @@ def with_verbosity(how: Verbosity) -> Generator[None]:
         _verbosity.reset(before)
 
 
-def flags_of(tokens: Sequence[str]) -> tuple[Verbosity, list[str]]:
+def parse_flags(tokens: Sequence[str]) -> tuple[Verbosity, list[str]]:
     """Verbosity flags of a command line before ``--``, and the command line without them."""
     ends = list(tokens).index("--") if "--" in tokens else len(tokens)
     said = {_FLAGS[token] for token in tokens[:ends] if token in _FLAGS}
@@ -102,7 +102,7 @@ def bars(items: str = "frames", *, width: int = 16, name: str = "<27", digits: i
     )
 
 
-_waiting: ContextVar[Waiting | None] = ContextVar("waiting", default=None)
+_waiting: ContextVar[BusyBar | None] = ContextVar("waiting", default=None)
 
 
 @contextmanager
@@ -138,7 +138,7 @@ def err() -> PlainConsole:
     return PlainConsole(stderr=True)
 
 
-def say(line: str) -> None:
+def print_line(line: str) -> None:
     """Print a line of results."""
     out().print(line)
 

@@ -8,7 +8,7 @@ import numpy as np
 from cyclopts import Parameter
 from rich.console import Console
 
-from midair.devices import ExposureChoices, measure
+from midair.devices import ExposureChoices, measure_exposure
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import ExposureProfile
@@ -46,7 +46,7 @@ class ExposureOptions:
         )
 
 
-def say_how_long(
+def print_check_time(
     drive: Drive,
     profile: ExposureProfile,
     *,
@@ -61,18 +61,18 @@ def say_how_long(
         return
     level = drive.level[:sample]
     first = replace(drive, phase=drive.phase[:sample], level=level)
-    measure(first, drive.array, profile, room=room)
+    measure_exposure(first, drive.array, profile, room=room)
     began = time.perf_counter()
-    measure(first, drive.array, profile, room=room)
+    measure_exposure(first, drive.array, profile, room=room)
     lasts = (time.perf_counter() - began) * count / first.frames
     if lasts > few:
         Console(stderr=True, highlight=False, soft_wrap=True).print(f"exposure of {count} frames: {lasts:.0f} s")
 
 
-def say_how_long_to_come(
+def print_check_time_ahead(
     frames: int, array: TransducerArray, room: Medium | None, profile: ExposureProfile, *, few: float = 3.0
 ) -> None:
     """The same estimate for frames that are not solved yet."""
     phase = np.zeros((1024, array.count))
     some = Drive(phase=phase, level=np.ones(1024), rate=1.0, array=array)
-    say_how_long(some, profile, room=room, frames=frames, few=few)
+    print_check_time(some, profile, room=room, frames=frames, few=few)

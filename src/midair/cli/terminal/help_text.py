@@ -17,7 +17,7 @@ _QUANTITIES = "Quantities need a unit: 200mm, 20Hz, 0.5s, 30Pa."
 _EXAMPLES = re.compile(r"\n *Examples\n *-+\n(.*?)(?=\n\n *[A-Z][a-z]+\n *-+\n|\Z)", re.DOTALL)
 
 
-def offer(app: App, command: Callable[..., Any], name: str, *, group: str | None = None) -> None:
+def add_command(app: App, command: Callable[..., Any], name: str, *, group: str | None = None) -> None:
     """Add a command to an app; the lines of its docstring's `Examples` that begin with ``$ `` appear below its help."""
     placed: Any = {} if group is None else {"group": GROUPS[group]}
     # In the order of the calls, not alphabetical.
@@ -37,7 +37,7 @@ class _Imported(App):
         del value
 
 
-def imported(command: Callable[..., Any], name: str) -> App:
+def app_of_command(command: Callable[..., Any], name: str) -> App:
     """The app of a command that is added to another app by its import path."""
     made = _Imported(name=name, help_epilogue=epilogue(examples_of(command)))
     made.default(command)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, get_args
 
 from cyclopts import Parameter, Token
 
-from midair.cli.terminal.quantities import parse_quantity, quantity, spell
+from midair.cli.terminal.quantities import format_quantity, parse_quantity, quantity
 from midair.errors import InputError
 from midair.files import OpenedTake, open_take
 from midair.lazy_frames import LazyFrames
@@ -121,7 +121,7 @@ AS_TYPED: Mapping[str, str] = MappingProxyType(
 """Phrases of the library for Python, and the same for the command line."""
 
 
-def as_typed(message: str) -> str:
+def command_line_message(message: str) -> str:
     """A message of the library with command-line options instead of Python arguments."""
     for python, typed in AS_TYPED.items():
         message = message.replace(python, typed)
@@ -135,7 +135,7 @@ def import_recording(
     try:
         return _read_with_options(file, options, streamed=streamed, mending=mending)
     except InputError as wrong:
-        raise type(wrong)(as_typed(str(wrong))) from wrong
+        raise type(wrong)(command_line_message(str(wrong))) from wrong
 
 
 def _read_with_options(file: File, options: FileOptions, *, streamed: bool, mending: Mending | None) -> OpenedTake:
@@ -170,7 +170,7 @@ def _field(recording: Recording, options: FileOptions, patch: Patch) -> tuple[Re
     footprint = Footprint(shape=known, size=size, speed=options.speed, path=options.path, turn=options.turn)
     sensor = options.layout or SensorGrid()
     field = footprint_field(recording, footprint, sensor)
-    how = f"A {shape} of {spell(size, 'm')} at {options.speed * 1e3:g} mm/s"
+    how = f"A {shape} of {format_quantity(size, 'm')} at {options.speed * 1e3:g} mm/s"
     report = [f"{how} makes a synthetic field from one channel: positions were not measured."]
     crossing = footprint.crossing(sensor)
     if options.turn == "stop" and crossing < recording.duration:

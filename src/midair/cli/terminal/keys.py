@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, Self, TextIO
 
-from midair.rig import ENDING, handled
+from midair.rig import END_SIGNALS, handle_signals
 
 
 class Keys:
@@ -78,5 +78,5 @@ class Signals:
 def signals_noted() -> Generator[Signals]:
     """Note Ctrl-C, termination requests and a lost terminal instead of ending the program."""
     signals = Signals()
-    with handled((signal.SIGINT, *ENDING), signals.catch):
+    with handle_signals((signal.SIGINT, *END_SIGNALS), signals.catch):
         yield signals

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_
 
 from cyclopts import Parameter
 
-from midair.cli.terminal.quantities import quantity, spell
+from midair.cli.terminal.quantities import format_quantity, quantity
 from midair.errors import InputError
 from midair.files import load_palm, load_solution
 from midair.model import Palm
-from midair.settings import CHOICES, MODES, Choice, Mode, Settings, spelt
+from midair.settings import CHOICES, MODES, Choice, Mode, Settings, format_value
 from midair.solvers import QuietPalm
 from midair.validation import HEIGHTS
 
@@ -40,8 +40,10 @@ class _SettingsOptions:
             raise InputError(f"expected --mode or --settings, got --mode {mode} and --settings {path}")
         height = getattr(self, "height", None)
         if height is not None and not HEIGHTS[0] <= height <= HEIGHTS[1]:
-            low, high = (spell(each, "m") for each in HEIGHTS)
-            raise InputError(f"--height: expected {low} to {high} of a palm above the array, got {spell(height, 'm')}")
+            low, high = (format_quantity(each, "m") for each in HEIGHTS)
+            raise InputError(
+                f"--height: expected {low} to {high} of a palm above the array, got {format_quantity(height, 'm')}"
+            )
         made = MODES[mode or self.otherwise]() if path is None else _settings_of_file(path)
         for choice in CHOICES:
             value = getattr(self, choice.name.replace("-", "_"), None)
@@ -119,7 +121,7 @@ def _parameter(choice: Choice, otherwise: Literal["paper", "best"]) -> Any:
     """The option of a choice; its help shows the default, and the paper's where the best mode's differs."""
     kind = _type_of(choice)
 
-    shown = {name: spelt(choice.of(MODES[name]()), choice.unit) for name in ("paper", "best")}
+    shown = {name: format_value(choice.of(MODES[name]()), choice.unit) for name in ("paper", "best")}
     default = shown[otherwise]
     if otherwise == "best" and shown["best"] != shown["paper"]:
         default += f"; paper: {shown['paper']}"
@@ -209,7 +211,7 @@ _SHARED = ("band", "height", "pitch", "points", "temperature", "humidity", "dire
 """Settings of the recording and the room, which a comparison of two modes shares."""
 
 
-def paper_beside(options: SolveOptions) -> SolveOptions | None:
+def paper_options(options: SolveOptions) -> SolveOptions | None:
     """Options of the paper's mode with the same recording and room; None if the paper's mode was chosen.
 
     The solver is glide: the paper's own takes seven times as long for the same signal-to-distortion ratio on the
@@ -225,7 +227,7 @@ def paper_beside(options: SolveOptions) -> SolveOptions | None:
     return made(mode="paper", method="glide", **given)
 
 
-def way_of(options: SolveOptions) -> str:
+def mode_name(options: SolveOptions) -> str:
     """Name of the chosen mode in reports."""
     mode = getattr(options, "mode", None) or options.otherwise
     return "the paper's mode" if mode == "paper" else f"the {mode} mode"

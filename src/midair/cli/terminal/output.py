@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair.cli.terminal.console import banner, out, print_json, print_rows
 from midair.errors import InputError
-from midair.files import FormatLoss, check_unclaimed, save, writable_path
+from midair.files import FormatLoss, check_not_recording, save, writable_path
 from midair.model import Calibration, Event, PressureFrames, Recording
 
 
@@ -61,4 +61,4 @@ def may_write(path: Path, force: bool, *endings: str) -> None:
     writable_path(path)
     if path.exists() and not force:
         raise InputError(f"{path}: already exists; give another name, or --force to overwrite it")
-    check_unclaimed(path)
+    check_not_recording(path)

@@ -7,13 +7,13 @@ from cyclopts import Parameter
 
 from midair.cli.terminal.air_options import note_air
 from midair.cli.terminal.console import banner, print_rows, progress_bars
-from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long
+from midair.cli.terminal.exposure_options import ExposureOptions, print_check_time
 from midair.cli.terminal.options import Time
 from midair.cli.terminal.rows import level_of_file, level_rows
 from midair.devices import ArrayDevice, ExposureClearance, PlayReport, SilencerChoice, check_exposure
-from midair.files import check_fits, load_placement, load_solution, load_target
+from midair.files import check_memory_for, load_placement, load_solution, load_target
 from midair.model import Drive, Medium
-from midair.rig import array_named, play_cleared, room_air
+from midair.rig import array_named, check_air, play_cleared
 
 
 @Parameter(name="*")
@@ -41,13 +41,13 @@ class PlayOptions(ExposureOptions):
     def admit(self, drive: Drive, device: ArrayDevice, room: Medium | None) -> ExposureClearance:
         """Check the exposure of a drive on this device in the air of the room."""
         choices = self.choices(room)
-        say_how_long(drive, choices.profile, room=room)
+        print_check_time(drive, choices.profile, room=room)
         return check_exposure(drive, device, choices, repeats=self.repeats)
 
 
-def say_room(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:
+def print_room_air(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:
     """Print on stderr how the air of the room changes the drive of a file."""
-    found = room_air(drive, room, lambda: load_target(source, streamed=True), simulated=simulated)
+    found = check_air(drive, room, lambda: load_target(source, streamed=True), simulated=simulated)
     note_air(found.said, warn=found.warns)
 
 
@@ -60,12 +60,12 @@ def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium 
         drive = load_solution(source, streamed=True).drive
         if not array.streams:
             # Phases, and the driver's copy of them.
-            check_fits(
+            check_memory_for(
                 2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
             )
             drive = load_solution(source).drive
         admission = options.admit(drive, array, room)
-        say_room(drive, source, room)
+        print_room_air(drive, source, room)
         rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
         print_rows([*level_rows(level_of_file(source)), *rows])
         with progress_bars() as stage, array:

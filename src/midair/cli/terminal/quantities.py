@@ -78,12 +78,12 @@ def quantity(unit: str, *, many: int | None = None) -> Parameter:
     def show(value: float | tuple[float, ...] | None) -> str | None:
         if value is None:
             return None
-        return " ".join(spell(each, unit) for each in (value if isinstance(value, tuple) else (value,)))
+        return " ".join(format_quantity(each, unit) for each in (value if isinstance(value, tuple) else (value,)))
 
     return Parameter(converter=convert, show_default=show, n_tokens=many or 1, metavar="QUANTITY")
 
 
-def spell(value: float, unit: str) -> str:
+def format_quantity(value: float, unit: str) -> str:
     """A quantity as text: lengths below a metre in millimetres, fractions in %."""
     if unit in _BY_HAND:
         return f"{100 * value:.6g}%" if unit == "%" else f"{value:.6g}C"

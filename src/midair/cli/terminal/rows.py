@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 
 from midair.cli.terminal.air_options import note_air
-from midair.cli.terminal.quantities import spell
+from midair.cli.terminal.quantities import format_quantity
 from midair.evaluate import SolveError, error_by_energy
 from midair.files import load_solution, load_target
 from midair.headroom import PressureLevel, band_of, level_of
 from midair.lazy_frames import blocks
 from midair.model import AmplitudeFrames, Calibration, Recording, Solution
 from midair.recordings import dead_channels
-from midair.targets import piece_of
+from midair.targets import frames_without_lead
 
 
 def recording_rows(recording: Recording) -> list[tuple[str, str]]:
@@ -21,7 +21,10 @@ def recording_rows(recording: Recording) -> list[tuple[str, str]]:
     dead = np.flatnonzero(dead_channels(recording))
     return [
         ("frames", f"{recording.frames} at {recording.rate:.6g} Hz, {recording.duration:.3f} s"),
-        ("sensor", f"{recording.sensor.name}, {rows} x {columns}, pitch {spell(recording.sensor.pitch, 'm')}"),
+        (
+            "sensor",
+            f"{recording.sensor.name}, {rows} x {columns}, pitch {format_quantity(recording.sensor.pitch, 'm')}",
+        ),
         ("unit", recording.unit),
         ("range", f"{recording.samples.min():.4g} to {recording.samples.max():.4g} {recording.unit}"),
         (
@@ -69,7 +72,7 @@ def calibration_figures(calibration: Calibration | None) -> dict[str, object] | 
     }
 
 
-def calibrated_by(calibration: Calibration | None) -> str:
+def calibration_text(calibration: Calibration | None) -> str:
     """Source of a calibration, or advice without one."""
     if calibration is None:
         return "none; state one with midair calibrate --sensitivity or --peak"
@@ -82,9 +85,9 @@ def level_of_file(source: Path) -> PressureLevel | None:
     return None if target is None else level_of(load_solution(source, streamed=True), target, band=band_of(target))
 
 
-def met_of(solution: Solution, target: AmplitudeFrames) -> SolveError:
+def solve_error(solution: Solution, target: AmplitudeFrames) -> SolveError:
     """Error of a solution without its lead, whose target is almost zero."""
-    inside = piece_of(target.provenance, target.frames, target.rate)
+    inside = frames_without_lead(target.provenance, target.frames, target.rate)
     plays = np.array([status != "silent" for status in solution.status])
     power = np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
     return error_by_energy(solution.error[inside], (power * plays)[inside])

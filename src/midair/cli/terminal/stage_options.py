@@ -15,7 +15,7 @@ from midair.devices import StageDevice
 from midair.errors import InputError
 from midair.files import load_stage
 from midair.model import Provenance, Setting, StageSetup
-from midair.rig import Stroking, bring_to_start, stage_named
+from midair.rig import StageStroke, move_to_start, stage_named
 
 Stopped = Callable[[], bool]
 
@@ -118,16 +118,16 @@ class Drawing(AbstractContextManager["Drawing"]):
     def to_start(self, stopped: Stopped) -> None:
         """Move to the start of a stroke; KeyboardInterrupt if stopped on the way."""
         here = self._stage.ready(homing=self._setup.homing == "switches").position
-        if not bring_to_start(self._stage, self._setup, here, stopped):
+        if not move_to_start(self._stage, self._setup, here, stopped):
             err().print(self.stands)
             raise KeyboardInterrupt
 
-    def companion(self, stopped: Stopped) -> Stroking:
+    def companion(self, stopped: Stopped) -> StageStroke:
         """The stroke that runs during a take."""
-        return Stroking(self._stage, self._setup, stroke=self._stroke, speed=self._speed, stopped=stopped)
+        return StageStroke(self._stage, self._setup, stroke=self._stroke, speed=self._speed, stopped=stopped)
 
 
-def strokes_of(provenance: Provenance, rate: float) -> list[dict[str, Any]]:
+def recorded_strokes(provenance: Provenance, rate: float) -> list[dict[str, Any]]:
     """First frame, frames, duration and speed (m/s, None if unknown) of each stroke of a recording."""
     steps: dict[str, Mapping[str, Setting]] = {step.stage: step.settings for step in provenance.steps}
     frames: Any = steps.get("events", {}).get("strokes", ())
@@ -146,7 +146,7 @@ def stroke_rows(provenance: Provenance, rate: float) -> list[tuple[str, str]]:
             f"frames {row['first_frame']} to {row['first_frame'] + row['frames']}, {row['seconds']:.3f} s, "
             + ("speed unknown" if row["speed_m_s"] is None else f"{1e3 * row['speed_m_s']:.2f} mm/s in its middle"),
         )
-        for row in strokes_of(provenance, rate)
+        for row in recorded_strokes(provenance, rate)
     ]
 
 

@@ -7,14 +7,14 @@ from contextlib import contextmanager
 
 from rich.table import Table as Shown
 
-from midair.cli.speeds import MEASURED, Speeds, Work, estimate_text
 from midair.cli.terminal.console import banner, bars, err, out, verbosity
+from midair.cli.time_estimates import MEASURED, Speeds, Work, estimate_text
 from midair.errors import InputError
 from midair.model import Progress as Advance
 from midair.sweep import PatternReport, PatternSweep, Sweep, TrialReport, run_sweep
 
 
-def swept(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | None) -> int:
+def run_with_bar(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | None) -> int:
     """Run a sweep with a progress bar and return the exit status."""
     if not where.rstrip("/").endswith(".zarr"):
         raise InputError(f"{where}: expected a name that ends in .zarr for a sweep")

@@ -1,11 +1,11 @@
 """Rows and JSON values that describe a take."""
 
-from midair.cli.terminal.quantities import spell
-from midair.cli.terminal.stage_options import stroke_rows, strokes_of
+from midair.cli.terminal.quantities import format_quantity
+from midair.cli.terminal.stage_options import recorded_strokes, stroke_rows
 from midair.devices import SensorDevice
 from midair.files import open_take
 from midair.model import Provenance
-from midair.rig import Take, problems
+from midair.rig import Take, take_problems
 
 
 def take_rows(take: Take, device: SensorDevice) -> list[tuple[str, str]]:
@@ -14,18 +14,18 @@ def take_rows(take: Take, device: SensorDevice) -> list[tuple[str, str]]:
     return [
         ("recording", str(take.path)),
         ("frames", f"{take.frames} at {device.rate:.6g} Hz, {take.frames / device.rate:.3f} s"),
-        ("sensor", f"{device.grid.name}, {rows} x {columns}, pitch {spell(device.grid.pitch, 'm')}"),
+        ("sensor", f"{device.grid.name}, {rows} x {columns}, pitch {format_quantity(device.grid.pitch, 'm')}"),
         ("range", f"{take.lowest:.4g} to {take.highest:.4g} {device.unit}"),
         *(
             []
             if take.path is None
             else stroke_rows(open_take(take.path, streamed=True).recording.provenance, device.rate)
         ),
-        *problems(take, device.rate),
+        *take_problems(take, device.rate),
     ]
 
 
-def plain_take(take: Take, device: SensorDevice) -> dict[str, object]:
+def take_values(take: Take, device: SensorDevice) -> dict[str, object]:
     """A take as JSON values."""
     levels = take.levels
     return {
@@ -40,7 +40,7 @@ def plain_take(take: Take, device: SensorDevice) -> dict[str, object]:
         "stuck_channels": levels.stuck.nonzero()[0].tolist(),
         "rate_ppm": None if take.rate is None else take.rate.ppm,
         "clock_ppm": None if take.clock is None else take.clock.ppm,
-        **({"strokes": strokes} if (strokes := strokes_of(_provenance(take), device.rate)) else {}),
+        **({"strokes": strokes} if (strokes := recorded_strokes(_provenance(take), device.rate)) else {}),
     }
 
 

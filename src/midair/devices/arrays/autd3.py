@@ -3,12 +3,12 @@
 import importlib
 from typing import Any
 
-from midair.devices.arrays.autd3_places import autd3_place
+from midair.devices.arrays.autd3_address import autd3_place
 from midair.devices.arrays.banked_array import BankedArray
 from midair.devices.arrays.banks import Banks
+from midair.devices.arrays.constant_frame_array import ConstantFrameArray, ConstantFrameUnits
 from midair.devices.arrays.immediate import ImmediateArray, ImmediateUnits
 from midair.devices.arrays.silencer import SilencerChoice, named_silencer
-from midair.devices.arrays.standing_array import StandingArray, StandingUnits
 from midair.errors import MissingExtraError
 from midair.model import Placement
 
@@ -49,7 +49,9 @@ def autd3_array(
     )
 
 
-def autd3_standing(where: str = "auto", placement: Placement | None = None, *, failsafe: float = 0.05) -> StandingArray:
+def autd3_constant_frame(
+    where: str = "auto", placement: Placement | None = None, *, failsafe: float = 0.05
+) -> ConstantFrameArray:
     """Units as in `autd3_array`, for a constant frame; they go silent soon after the player stops sending.
 
     Parameters
@@ -66,11 +68,11 @@ def autd3_standing(where: str = "auto", placement: Placement | None = None, *, f
     """
     place = autd3_place(where)
 
-    def connect(placement: Placement) -> StandingUnits:
+    def connect(placement: Placement) -> ConstantFrameUnits:
         module = _module("midair.devices.arrays.autd3_udp", "autd3")
         return module.Autd3Udp(placement, place, failsafe=failsafe, heartbeat=False)
 
-    return StandingArray(connect, placement or Placement.grid(), name=place.device, exclusive=place.exclusive)
+    return ConstantFrameArray(connect, placement or Placement.grid(), name=place.device, exclusive=place.exclusive)
 
 
 def autd3_immediate(

@@ -22,7 +22,7 @@ from autd3.value import SysTime
 from autd3_pattern import PhaseBuffer
 
 from midair.devices.arrays import autd3_commands as commands
-from midair.devices.arrays.autd3_places import Autd3Place
+from midair.devices.arrays.autd3_address import Autd3Address
 from midair.devices.arrays.autd3_udp import Autd3Udp
 from midair.devices.arrays.banks import UnitsState
 from midair.devices.frame_bytes import Bytes
@@ -82,7 +82,7 @@ class Autd3Immediate(Autd3Udp):
     """
 
     def __init__(
-        self, placement: Placement, place: Autd3Place, *, failsafe: float = 0.05, crowd: int = 7, asked: float = 0.25
+        self, placement: Placement, place: Autd3Address, *, failsafe: float = 0.05, crowd: int = 7, asked: float = 0.25
     ) -> None:
         self._crowd, self._asked = crowd, asked
         self._counts: dict[str, int] = dict.fromkeys(("sent", "answered", "lost", "late", "crowded"), 0)

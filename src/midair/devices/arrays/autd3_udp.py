@@ -25,7 +25,7 @@ from autd3 import (
 from autd3.commands import CpuConfig, ReleaseFailsafe, SetCpuConfig
 
 from midair.devices.arrays import autd3_commands as commands
-from midair.devices.arrays.autd3_places import Autd3Place
+from midair.devices.arrays.autd3_address import Autd3Address
 from midair.devices.arrays.banks import TooLateError, UnitsState
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes
@@ -71,7 +71,7 @@ class Autd3Udp:
     patience = 75_000_000
 
     def __init__(
-        self, placement: Placement, place: Autd3Place, *, failsafe: float = FAILSAFE, heartbeat: bool = True
+        self, placement: Placement, place: Autd3Address, *, failsafe: float = FAILSAFE, heartbeat: bool = True
     ) -> None:
         self._units, self._repetitions = placement.units, 0
         self.failsafe, self._heartbeat = failsafe, Duration.from_millis(10) if heartbeat else None
@@ -195,7 +195,7 @@ class Autd3Udp:
             raise DeviceStateError("autd3: expected open before use")
         return self._client
 
-    def _link(self, place: Autd3Place) -> UdpOption | ServerLink:
+    def _link(self, place: Autd3Address) -> UdpOption | ServerLink:
         if self._emulator is not None:
             return self._loopback(self._emulator.option().iface)
         match place.kind:

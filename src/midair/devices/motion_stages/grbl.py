@@ -12,7 +12,7 @@ from typing import Any
 
 import serial
 
-from midair.devices.motion_stages.grbl_words import STATES, Outbox, StatusReport, parse_status, with_meaning
+from midair.devices.motion_stages.grbl_messages import STATES, Outbox, StatusReport, parse_status, with_meaning
 from midair.devices.motion_stages.stage_device import StageDevice
 from midair.devices.safety import device_lock
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError

@@ -3,7 +3,14 @@
 from midair.devices.safety.device_locks import device_lock
 from midair.devices.safety.play_log import Ending, log_end, log_order
 from midair.devices.safety.state_folders import make_state_folder, state_folder
-from midair.devices.safety.stop_channel import Stopped, ordered_at, playing_now, process_began, stop_playing, uptime
+from midair.devices.safety.stop_channel import (
+    Stopped,
+    ordered_at,
+    playing_now,
+    process_start_time,
+    stop_playing,
+    uptime,
+)
 from midair.devices.safety.stop_guard import StopGuard
 
 __all__ = [
@@ -16,7 +23,7 @@ __all__ = [
     "make_state_folder",
     "ordered_at",
     "playing_now",
-    "process_began",
+    "process_start_time",
     "state_folder",
     "stop_playing",
     "uptime",

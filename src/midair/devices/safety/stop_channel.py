@@ -119,7 +119,7 @@ def uptime() -> float:
     return time.monotonic() if boot is None else time.clock_gettime(boot)
 
 
-def process_began() -> float:
+def process_start_time() -> float:
     """Start time of this process on the clock of `uptime`; the import time of this module if the system does not
     provide it.
     """

@@ -11,14 +11,14 @@ from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError
 from midair.model import Acoustics, Drive, Progress, TransducerArray
 from midair.physics import (
-    Moment,
     PlaybackChain,
     Spread,
     TransducerDynamics,
     Transducers,
+    TransducerState,
     radiate,
     simulate,
-    steps_a_frame,
+    steps_per_frame,
     transfer_matrix,
 )
 
@@ -97,7 +97,7 @@ class VirtualArray(ArrayDevice):
         self._skin = skin
         self._path: _Path | None = None
         self._open = False
-        self._now = Moment.silent(array.count)
+        self._now = TransducerState.silent(array.count)
 
     @property
     def emitting(self) -> bool:
@@ -116,7 +116,7 @@ class VirtualArray(ArrayDevice):
         path = self._path_in(self.acoustics or Acoustics(medium=drive.acoustics.medium))
         silencer = self._silencer(drive)
         chain = self.chain if silencer is None else _spread_by(self.chain, silencer)
-        steps = 1 if self._skin is None else steps_a_frame(drive.rate, self._skin.rate)
+        steps = 1 if self._skin is None else steps_per_frame(drive.rate, self._skin.rate)
         if self._skin is not None and delay:
             self._skin.press(np.zeros((round(delay * drive.rate) * steps, self._skin.points.count)))
         total = drive.frames * repeats
@@ -127,7 +127,7 @@ class VirtualArray(ArrayDevice):
 
     def silence(self) -> None:
         """Stop all sound immediately."""
-        self._now = Moment.silent(self.array.count)
+        self._now = TransducerState.silent(self.array.count)
 
     def close(self) -> None:
         """Close the array."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.files.atomic import whole_file
+from midair.files.atomic import atomic_file
 from midair.files.format_loss import FormatLoss, calibration_lost
 from midair.lazy_frames import read_frames, with_cache
 from midair.medians import medians
@@ -46,7 +46,7 @@ def write_ahap(recording: Recording, path: Path, calibration: Calibration | None
         # This curve is added to the 0.5 of the events.
         *_curves("HapticSharpnessControl", time, sharpness - 0.5),
     ]
-    with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
+    with atomic_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
         json.dump({"Version": 1.0, "Pattern": pattern}, file, allow_nan=False, indent=1)
     return (*_losses(recording), *calibration_lost(calibration, "AHAP"))
 

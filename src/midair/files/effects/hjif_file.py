@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.files.atomic import whole_file
+from midair.files.atomic import atomic_file
 from midair.files.format_loss import FormatLoss, calibration_lost
 from midair.lazy_frames import block_ranges, moments, read_frames
 from midair.medians import medians
@@ -56,7 +56,7 @@ def write_hjif(recording: Recording, path: Path, calibration: Calibration | None
         ],
         "syncs": [{"timestamp": 0, "timescale": timescale}],
     }
-    with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
+    with atomic_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
         before, after = _split_json(plain)
         file.write(before)
         for number in range(recording.sensor.count):

@@ -7,14 +7,14 @@ from typing import get_args
 import numpy as np
 
 from midair.errors import BrokenFileError
-from midair.files.atomic import whole_file
+from midair.files.atomic import atomic_file
 from midair.files.format_loss import FormatLoss, calibration_lost
 from midair.files.importers import fabricslide
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.importers.text_table import TextTable, read_table
 from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 from midair.files.sanitise_text import without_formulas
-from midair.files.timestamps import uniform
+from midair.files.timestamps import to_fixed_rate
 from midair.lazy_frames import blocks
 from midair.model import Calibration, Recording, Unit
 
@@ -28,7 +28,7 @@ def write_csv(recording: Recording, path: Path, calibration: Calibration | None)
     cells = [
         f"row{row}_column{column} [{recording.unit}]" for row in range(sensor.rows) for column in range(sensor.columns)
     ]
-    with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
+    with atomic_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
         file.write(f"{MARK}{without_formulas(header_of(recording))}\n")
         file.write(",".join(["time [s]", *cells]) + "\n")
         # repr gives the shortest text that is read back as the same number.
@@ -72,7 +72,7 @@ def _foreign(table: TextTable, given: ImportOptions) -> ImportedData:
         return ImportedData(samples=table.values, form="CSV", names=table.names, units=_units(table.names))
     seconds, report = _seconds(table, clock)
     names = tuple(name for i, name in enumerate(table.names) if i != clock)
-    even = uniform(seconds, np.delete(table.values, clock, axis=1), rate=given.rate)
+    even = to_fixed_rate(seconds, np.delete(table.values, clock, axis=1), rate=given.rate)
     return ImportedData(
         samples=even.samples,
         form="CSV",

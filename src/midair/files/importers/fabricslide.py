@@ -9,7 +9,7 @@ from pathlib import Path
 
 from midair.files.importers.text_table import TextTable
 from midair.files.opened_take import ImportedData, ImportOptions
-from midair.files.timestamps import uniform
+from midair.files.timestamps import to_fixed_rate
 from midair.model import SensorGrid
 
 COLUMNS = ("timestamp", "proximity1", "proximity2", *(f"channel{i}" for i in range(1, 17)))
@@ -29,7 +29,7 @@ def is_fabricslide(names: tuple[str, ...]) -> bool:
 
 def imported(table: TextTable, path: Path, given: ImportOptions) -> ImportedData:
     """The 16 taxels at a fixed rate, without the proximity readings."""
-    even = uniform(table.values[:, 0] / 1e3, table.values[:, 3:], rate=given.rate)
+    even = to_fixed_rate(table.values[:, 0] / 1e3, table.values[:, 3:], rate=given.rate)
     layout = {} if given.sensor else {"layout": _LAYOUT}
     return ImportedData(
         samples=even.samples,

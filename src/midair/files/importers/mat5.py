@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
-from midair.files.decompression_limits import inflated, room_of
+from midair.files.decompression_limits import inflated, max_expanded_size
 from midair.lazy_frames import LazyFrames, blocks
 
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -44,7 +44,7 @@ def read_mat5(path: Path) -> dict[str, Any]:
     data = path.read_bytes()
     order = "<" if data[126:128] == b"IM" else ">"
     arrays: dict[str, Any] = {}
-    room = room_of(path)
+    room = max_expanded_size(path)
     for number, element in enumerate(_elements(data[128:], order, path)):
         if number == _MOST:
             raise BrokenFileError(f"{path}: expected at most {_MOST} arrays, got more; the file is damaged")

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from midair.errors import BrokenFileError, FileError
-from midair.files.atomic import reason, whole_file
+from midair.files.atomic import atomic_file, reason
 from midair.files.format_loss import FormatLoss, calibration_lost
 from midair.files.importers.header import header_of
 from midair.files.importers.mat5 import is_mat5, read_mat5, write_frames
@@ -23,7 +23,7 @@ def write_mat(recording: Recording, path: Path, calibration: Calibration | None)
     if recording.samples.nbytes >= 2**32:
         raise FileError(f"{path}: a MAT v5 array holds less than 4 GiB, got {recording.samples.nbytes}; save to .h5")
     rest = {"rate": recording.rate, "unit": recording.unit, "midair": header_of(recording)}
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         savemat(str(partial), rest, appendmat=False, do_compression=True)
         small = partial.read_bytes()
         with partial.open("wb") as file:

@@ -19,7 +19,7 @@ from midair.files.atomic import reason
 from midair.files.decompression_limits import check_expansion
 from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 from midair.files.text_files import json_of
-from midair.files.timestamps import uniform
+from midair.files.timestamps import to_fixed_rate
 
 _ROS = {
     f"std_msgs/msg/{name}MultiArray": dtype
@@ -59,7 +59,7 @@ def read_mcap(path: Path, given: ImportOptions) -> OpenedTake:
     rows, names = _rows([decode(data) for _, data in topic.messages], name, path)
     # Subtract as integers first, because float64 rounds absolute times to 256 ns.
     stamps = np.array([time - topic.messages[0][0] for time, _ in topic.messages], np.float64) * 1e-9
-    even = uniform(stamps, rows.reshape(len(rows), -1), rate=given.rate)
+    even = to_fixed_rate(stamps, rows.reshape(len(rows), -1), rate=given.rate)
     return ImportedData(
         samples=even.samples.reshape(len(even.samples), *rows.shape[1:]),
         form="MCAP",

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from midair.files.atomic import check_room, whole_file
+from midair.files.atomic import atomic_file, check_disk_space
 from midair.files.decompression_limits import check_expansion
 from midair.files.format_loss import FormatLoss, calibration_lost
 from midair.files.importers.header import header_of
@@ -19,8 +19,8 @@ from midair.model import Calibration, Recording
 def write_npz(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
     """Write the samples, shape (frame, row, column), their rate in Hz and unit, and the header."""
     rest = {"rate": recording.rate, "unit": recording.unit, "midair": header_of(recording)}
-    with whole_file(path) as partial:
-        check_room(partial.parent, recording.samples.nbytes, path)
+    with atomic_file(path) as partial:
+        check_disk_space(partial.parent, recording.samples.nbytes, path)
         with zipfile.ZipFile(partial, "w", allowZip64=True) as archive:
             with archive.open("samples.npy", "w", force_zip64=True) as file:
                 shape = recording.samples.shape

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, NonFiniteError
-from midair.progress import passing
+from midair.progress import report_progress
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,7 +48,9 @@ def _rows(text: str, path: Path) -> Iterator[_Row]:
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     # The most frequent separator; a comma if there is none.
-    reader = csv.reader(passing(lines, len(lines)), delimiter=max(",;\t", key=first.count), skipinitialspace=True)
+    reader = csv.reader(
+        report_progress(lines, len(lines)), delimiter=max(",;\t", key=first.count), skipinitialspace=True
+    )
     try:
         for fields in reader:
             if any(field.strip() for field in fields) and not fields[0].startswith("#"):
@@ -91,7 +93,9 @@ def _numbers(rows: list[_Row], names: tuple[str, ...], path: Path, *, gaps: bool
             row.fields[:] = [field if field.strip() else "nan" for field in row.fields]
     try:
         some = [rows[first : first + _SOME] for first in range(0, len(rows), _SOME)]
-        parts = [np.array([row.fields for row in part], np.float64) for part in passing(some, len(rows), weight=len)]
+        parts = [
+            np.array([row.fields for row in part], np.float64) for part in report_progress(some, len(rows), weight=len)
+        ]
         values = np.concatenate(parts)
     except ValueError:
         # One by one, to locate the field that is not a number.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.errors import BrokenFileError, FileError, UnitError
-from midair.files.atomic import check_room, whole_file
+from midair.files.atomic import atomic_file, check_disk_space
 from midair.files.format_loss import FormatLoss, calibration_lost
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.importers.riff import CHUNK, append_chunk, chunks, content
@@ -39,8 +39,8 @@ def write_wav(recording: Recording, path: Path, calibration: Calibration | None)
     # Rates in WAV are integers; midair's header stores the exact rate.
     rate = max(1, round(recording.rate))
     exponent = int(np.frexp(moments(recording.samples).largest)[1])
-    with whole_file(path) as partial:
-        check_room(partial.parent, recording.samples.nbytes, path)
+    with atomic_file(path) as partial:
+        check_disk_space(partial.parent, recording.samples.nbytes, path)
         with soundfile.SoundFile(partial, "w", rate, cells, subtype="DOUBLE", format="WAV") as file:
             for block in blocks(recording.samples):
                 file.write(np.ldexp(block, -exponent).reshape(len(block), cells))

@@ -14,7 +14,7 @@ import numpy as np
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
 from midair.files.importers.units import known_unit
 from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
-from midair.files.timestamps import uniform
+from midair.files.timestamps import to_fixed_rate
 from midair.model import Unit
 
 
@@ -32,7 +32,7 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
     scale = np.array([1.0 if given.scale else factor for _, _, factor in channels] or [1.0])
     samples = np.asarray(stream["time_series"], np.float64)
     stamps = np.asarray(stream["time_stamps"], np.float64)
-    even = uniform(stamps, samples * scale, rate=given.rate)
+    even = to_fixed_rate(stamps, samples * scale, rate=given.rate)
     return ImportedData(
         samples=even.samples,
         form="XDF",

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
-from midair.files.atomic import check_room, existing_file, refusing, whole_file
+from midair.files.atomic import atomic_file, check_disk_space, existing_file, parse_errors
 from midair.files.native.hdf5_recovery import openable
 from midair.files.native.inspection import get_ready, inspect
 from midair.files.native.provenance_json import to_json
@@ -44,8 +44,8 @@ def new_file(path: "str | os.PathLike[str]", *, room: int = 0) -> "Generator[h5p
     """Create an HDF5 file of about `room` bytes atomically: it gets its name when the block succeeds."""
     import h5py
 
-    with whole_file(path) as partial:
-        check_room(partial.parent, room, path)
+    with atomic_file(path) as partial:
+        check_disk_space(partial.parent, room, path)
         with RetryingFile(partial) as output:
             try:
                 with h5py.File(output, "w", libver=LAYOUT) as file:
@@ -59,7 +59,7 @@ def new_file(path: "str | os.PathLike[str]", *, room: int = 0) -> "Generator[h5p
 def open_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
     """Open an HDF5 file to read, also while it is being recorded or after its writer was killed."""
     file = existing_file(path)
-    with refusing(file, "an HDF5 file of midair"):
+    with parse_errors(file, "an HDF5 file of midair"):
         if not begins_as_hdf5(file):
             raise BrokenFileError(f"{file}: expected an HDF5 file of midair, got other bytes; copy it again")
         with open_plain(file) as opened:
@@ -299,7 +299,7 @@ def _lazy_dataset(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
 
     def read(first: int, last: int) -> np.ndarray:
         # The path may be that of a new file by now, which has not been inspected.
-        with refusing(path, "the original file"), h5py.File(openable(path), "r", locking=False) as opened:
+        with parse_errors(path, "the original file"), h5py.File(openable(path), "r", locking=False) as opened:
             if path.stat().st_ino != number:
                 raise BrokenFileError(f"{path}: expected the original file, got a new one of that name; open it again")
             return stored_dataset(opened, name)[first:last].astype(np.float64)

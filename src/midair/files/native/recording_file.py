@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.errors import BrokenFileError, MismatchError
-from midair.files.file_locks import check_unclaimed
+from midair.files.file_locks import check_not_recording
 from midair.files.format_loss import FormatLoss
 from midair.files.native.axes import check_time, sensor_from, sensor_values, single, time_values
 from midair.files.native.calibration_file import read_calibration, write_calibration
@@ -154,7 +154,7 @@ def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
     MissingFileError, BrokenFileError, UnknownFormatError, FileError
         If no frame can be read, the file cannot be written, or a program is still recording into it.
     """
-    check_unclaimed(Path(path))
+    check_not_recording(Path(path))
     take = read_recording(Path(path), ImportOptions(streamed=True))
     pressure = load_pressure(path, streamed=True)
     write_recording(take.recording, Path(path), take.calibration, pressure, played=load_played(path))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from midair.errors import FileError, InputError
-from midair.files.atomic import note_file, reason, writable_path
+from midair.files.atomic import note_written_file, reason, writable_path
 from midair.files.native.axes import sensor_values, single
 from midair.files.native.calibration_file import write_calibration
 from midair.files.native.events import KINDS, event_values
@@ -206,7 +206,7 @@ class RecordingWriter:
                 stored_dataset(live.file, "finished")[()] = 1
                 live.close()
                 if self._frames:
-                    note_file(self.path)
+                    note_written_file(self.path)
             except (OSError, RuntimeError) as wrong:
                 # After an earlier failure the file has its last commit; closing was only an attempt.
                 if self._failure is None:

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from midair.errors import BrokenFileError, InputError
-from midair.files.atomic import whole_file
+from midair.files.atomic import atomic_file
 from midair.files.text_files import read_toml
 from midair.model import SensorGrid, SensorWiring
 
@@ -57,7 +57,7 @@ def save_sensor(sensor: SensorWiring, path: str | os.PathLike[str]) -> None:
     FileError
         If the file cannot be written.
     """
-    with whole_file(Path(path)) as partial:
+    with atomic_file(Path(path)) as partial:
         Path(partial).write_text(sensor_text(sensor), encoding="utf-8")
 
 

@@ -2,10 +2,15 @@
 
 from midair.rig.bench.array_bench import calibrate_array
 from midair.rig.bench.beam_bench import calibrate_by_beam
-from midair.rig.bench.calibration_page import calibration_rows, check_page_name, uncertainty_of, write_calibration_page
-from midair.rig.bench.identify import Identity, findings
-from midair.rig.bench.practice import PRACTICE, write_practice
-from midair.rig.bench.reference_files import ReferenceChoice, read_quiet, read_takes
+from midair.rig.bench.calibration_page import (
+    calibration_rows,
+    check_page_name,
+    describe_uncertainty,
+    write_calibration_page,
+)
+from midair.rig.bench.identify import Identity, assignment_problems
+from midair.rig.bench.reference_files import ReferenceChoice, read_silence, read_takes
+from midair.rig.bench.simulated_bench import PRACTICE_RECORDINGS, write_practice_recordings
 from midair.rig.bench.tap_test import TapTest, identify_by_taps, identify_by_tones
 
 __all__ = [
@@ -16,13 +21,13 @@ __all__ = [
     "calibrate_by_beam",
     "calibration_rows",
     "check_page_name",
-    "findings",
+    "assignment_problems",
     "identify_by_taps",
     "identify_by_tones",
-    "read_quiet",
+    "read_silence",
     "read_takes",
-    "uncertainty_of",
+    "describe_uncertainty",
     "write_calibration_page",
-    "PRACTICE",
-    "write_practice",
+    "PRACTICE_RECORDINGS",
+    "write_practice_recordings",
 ]

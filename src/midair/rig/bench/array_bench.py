@@ -8,8 +8,8 @@ from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exp
 from midair.errors import InputError, RateError
 from midair.model import Acoustics, ArrayCalibration, Drive, Provenance
 from midair.physics import TransducerDynamics, radiation_pressure, transfer_matrix
-from midair.rig.correction import Stage, quiet
-from midair.rig.playing import rerecord, usual_exposure
+from midair.rig.correction import Stage, no_progress
+from midair.rig.playing import default_exposure, rerecord
 from midair.validation import HEIGHTS, length
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ def calibrate_array(
     dynamics: TransducerDynamics | None = None,
     exposure: ExposureChoices | None = None,
     date: str = "",
-    stage: Stage = quiet,
+    stage: Stage = no_progress,
 ) -> ArrayCalibration:
     """Measure the transducers of an open array with an open, calibrated sensor.
 
@@ -78,7 +78,7 @@ def calibrate_array(
         acoustics=acoustics,
         provenance=life,
     )
-    admission = check_exposure(drive, array, exposure or usual_exposure())
+    admission = check_exposure(drive, array, exposure or default_exposure())
     recording = rerecord(admission, array, sensor, source="array calibration", tail=0.1, progress=stage("play codes"))
     samples = recording.samples.reshape(recording.frames, -1)
     if not sensor.simulated:

@@ -11,15 +11,15 @@ from midair.calibration import (
     BeamSetting,
     beam_field,
     find_lag,
-    focus_of,
+    focus_position,
     measure_beam,
-    tones_of,
+    tone_amplitudes,
 )
 from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, amplitude_of, check_exposure, read_frames
 from midair.errors import RateError
 from midair.model import Acoustics, Calibration, Drive, Progress, Provenance, Recording
 from midair.physics import TransducerDynamics, envelope, focus_phase
-from midair.rig.playing import rerecord, usual_exposure
+from midair.rig.playing import default_exposure, rerecord
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -80,13 +80,13 @@ def calibrate_by_beam(
     expected, commanded, slow = _command(plan, strongest, _played_amplitude(level, array), dynamics)
     cells = sensor.grid.count
     for cell in range(cells):
-        drive = _drive(plan, level, array, focus_of(sensor.grid, cell, setting), acoustics)
-        admission = check_exposure(drive, array, exposure or usual_exposure())
+        drive = _drive(plan, level, array, focus_position(sensor.grid, cell, setting), acoustics)
+        admission = check_exposure(drive, array, exposure or default_exposure())
         recording = rerecord(admission, array, sensor, source="beam calibration")
         flat = recording.samples.reshape(recording.frames, -1)
         steps = round(sensor.rate / plan.rate)
         lag = find_lag(flat[:, cell], np.repeat(expected, steps))
-        output.append(tones_of(flat, sensor.rate, plan, lag=lag))
+        output.append(tone_amplitudes(flat, sensor.rate, plan, lag=lag))
         recordings.append(recording)
         if progress:
             progress(cell + 1, cells)
@@ -121,7 +121,7 @@ def _command(
     """Commanded pressure at a focus: of each frame, of each tone, and the share lost to the dynamics."""
     fine = strongest * np.abs(envelope(played[:, None].astype(complex), plan.rate, FINE, dynamics)) ** 2
     still = strongest * np.repeat(played**2, FINE)[:, None]
-    tones, at_once = (tones_of(pressure, FINE * plan.rate, plan)[..., 0] for pressure in (fine, still))
+    tones, at_once = (tone_amplitudes(pressure, FINE * plan.rate, plan)[..., 0] for pressure in (fine, still))
     # A sensor sample at the start of frame i is the mean from half a frame before to half a frame after.
     around = np.concatenate([np.zeros(FINE // 2), fine[:, 0]])[: len(fine)]
     return around.reshape(-1, FINE).mean(axis=1), tones, np.abs(1 - np.abs(tones[-1]) / np.abs(at_once[-1]))

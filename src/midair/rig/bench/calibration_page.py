@@ -6,8 +6,8 @@ import numpy as np
 
 from midair.calibration import noise_equivalent_pressure, typical_uncertainty
 from midair.errors import BandError, UnknownFormatError
-from midair.figures import Picture, calibration_figure, png, render_page
-from midair.files import whole_file
+from midair.figures import Picture, calibration_figure, png_bytes, render_page
+from midair.files import atomic_file
 from midair.model import Calibration
 
 Rows = list[tuple[str, str]]
@@ -17,8 +17,8 @@ def write_calibration_page(calibration: Calibration, path: Path) -> None:
     """Write the figure page of a calibration to NAME.png or NAME.html; UnknownFormatError for other names."""
     check_page_name(path)
     html = path.suffix.lower() == ".html"
-    page = render_calibration(calibration).encode() if html else png(calibration_figure(calibration), dpi=100)
-    with whole_file(path) as partial:
+    page = render_calibration(calibration).encode() if html else png_bytes(calibration_figure(calibration), dpi=100)
+    with atomic_file(path) as partial:
         partial.write_bytes(page)
 
 
@@ -33,7 +33,7 @@ def render_calibration(calibration: Calibration) -> str:
     at = _reference_frequency(calibration)
     picture = Picture(
         title="Response, uncertainty, coherence, noise, crosstalk, linearity and delay",
-        data=png(calibration_figure(calibration), dpi=100),
+        data=png_bytes(calibration_figure(calibration), dpi=100),
     )
     return render_page(
         "rig/bench/calibration.html.j2",
@@ -60,7 +60,7 @@ def calibration_rows(calibration: Calibration) -> Rows:
         ("sensor", f"{calibration.sensor.name}, {calibration.sensor.rows} x {calibration.sensor.columns}"),
         ("frequencies", f"{len(frequency)} from {frequency[0]:g} to {frequency[-1]:g} Hz"),
         ("unit", f"{calibration.unit}/Pa"),
-        ("uncertainty", uncertainty_of(calibration)),
+        ("uncertainty", describe_uncertainty(calibration)),
     ]
     if measured is not None:
         rows += [("method", measured.method), ("reference", measured.reference)]
@@ -83,7 +83,7 @@ def calibration_rows(calibration: Calibration) -> Rows:
     return rows
 
 
-def uncertainty_of(calibration: Calibration) -> str:
+def describe_uncertainty(calibration: Calibration) -> str:
     """Uncertainty of a calibration, in one line."""
     measured, frequency = calibration.measurement, calibration.frequency
     if measured is None:

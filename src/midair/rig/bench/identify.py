@@ -99,7 +99,7 @@ def identify(answer: Array, noise: Array, grid: SensorGrid, *, signals: Array | 
     return Identity(grid=grid, channel=tuple(channel), margin=margin, dead=dead, alike=alike)
 
 
-def findings(identity: Identity) -> list[str]:
+def assignment_problems(identity: Identity) -> list[str]:
     """Problems of an assignment, one sentence each; empty if every channel works and is in its place."""
     said = [f"channel {c} is dead: it never responded; check its wire" for c in identity.dead]
     said += [f"channels {a} and {b} carry the same signal: one wire goes to both" for a, b in identity.alike]

@@ -78,7 +78,7 @@ def read_takes(
     return takes, notes
 
 
-def read_quiet(path: Path) -> Recording:
+def read_silence(path: Path) -> Recording:
     """Read a recording without pressure, named after its file."""
     return _with_source(open_take(path).recording, path)
 

@@ -19,12 +19,19 @@ from midair.physics import (
     simulate,
     transfer_matrix,
 )
-from midair.pipeline import Reproduction, at_strength, calibrated_pressure, compensate_pressure, map_pressure, reproduce
+from midair.pipeline import (
+    Reproduction,
+    calibrated_pressure,
+    compensate_pressure,
+    map_pressure,
+    reproduce,
+    with_gain_for_strength,
+)
 from midair.rig.correction.palm_simulation import palm_of_drive
-from midair.rig.correction.passes import Stage, quiet
+from midair.rig.correction.passes import Stage, no_progress
 from midair.rig.names import VirtualRig
 from midair.settings import Settings
-from midair.targets import led_in, mapping_of
+from midair.targets import add_lead, mapping_of
 
 Array = NDArray[np.float64]
 
@@ -47,7 +54,7 @@ class BudgetPlan:
 
 
 def error_budget(
-    original: PressureFrames, plan: BudgetPlan, *, kept: float | None = None, stage: Stage = quiet
+    original: PressureFrames, plan: BudgetPlan, *, kept: float | None = None, stage: Stage = no_progress
 ) -> Budget:
     """Compute the loss of each stage of a reproduction.
 
@@ -60,12 +67,12 @@ def error_budget(
     original : PressureFrames
         Pressure in the settings' band and at their rate (`pipeline.calibrated_pressure`).
     kept : float, optional
-        Share of the recording's power in the band, see `kept_in_band`.
+        Share of the recording's power in the band, see `band_power_share`.
     stage : callable
         Called with the name of each stage at its start; returns its progress callback.
     """
-    asked = led_in(original, plan.lead)
-    plan = replace(plan, settings=at_strength(asked, plan.measured or plan.rig.array, plan.settings))
+    asked = add_lead(original, plan.lead)
+    plan = replace(plan, settings=with_gain_for_strength(asked, plan.measured or plan.rig.array, plan.settings))
     made = reproduce(asked, plan.measured or plan.rig.array, plan.settings, progress=stage("solve"))
     # With the lead: the compared part is cut out at the comparison, so that no stage sees an edge.
     outputs = list(_outputs(asked, made, plan, stage))
@@ -81,7 +88,7 @@ def error_budget(
     return budget(asked, outputs, strength=made.strength(), kept=kept, band=band, judged=part, palm=palm)
 
 
-def kept_in_band(recording: Recording, band: tuple[float, float]) -> float | None:
+def band_power_share(recording: Recording, band: tuple[float, float]) -> float | None:
     """Share of a recording's power that lies in the band; None for a silent recording.
 
     It is computed from the sensor's output, since outside the band the sensor is too insensitive to give the pressure.

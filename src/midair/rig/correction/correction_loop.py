@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.correct import BeamGain, amplitude_gain, beam_drive, beam_gain, beat_amplitude, commanded_pressure
+from midair.correct import BeamGain, amplitude_gain, beam_drive, beam_gain, commanded_pressure, sine_amplitude
 from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exposure
 from midair.errors import InputError
 from midair.evaluate import apply_band_twice
@@ -13,10 +13,10 @@ from midair.model import Calibration, PressureFrames, Progress, TransducerArray
 from midair.pipeline import calibrated_pressure
 from midair.rig.correction.first_gain import expected_gain, focus_on_cell, played_part
 from midair.rig.correction.iteration import run_iterations
-from midair.rig.correction.passes import Pass, Rig, Stage, play_pass, quiet
-from midair.rig.playing import rerecord, usual_exposure
+from midair.rig.correction.passes import Pass, Rig, Stage, no_progress, play_pass
+from midair.rig.playing import default_exposure, rerecord
 from midair.settings import Settings
-from midair.targets import led_in, without_lead
+from midair.targets import add_lead, remove_lead
 
 MOST = 10.0
 """Largest factor by which the model's expected gain raises the first pass: half-wave rectification and averaging over a
@@ -88,11 +88,11 @@ def beam_test(
         rate=settings.target.rate,
         acoustics=settings.acoustics,
     )
-    admission = check_exposure(drive, array, exposure or usual_exposure())
+    admission = check_exposure(drive, array, exposure or default_exposure())
     heard = calibrated_pressure(rerecord(admission, array, sensor, progress=progress), calibration, settings)
     signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
-    measured = beat_amplitude(signal, heard.rate, frequency=frequency, parts=levels)
-    # Half peak to peak, as in `beat_amplitude`, of the cell's reading: a cell is wider than the focus.
+    measured = sine_amplitude(signal, heard.rate, frequency=frequency, parts=levels)
+    # Half peak to peak, as in `sine_amplitude`, of the cell's reading: a cell is wider than the focus.
     on_cell = focus_on_cell(transducers, sensor.grid, channel, settings) * played_part(frequency, settings)
     commanded = on_cell * drives**2 / 2
     return BeamTest(channel=channel, commanded=commanded, measured=measured, line=beam_gain(commanded, measured))
@@ -109,7 +109,7 @@ def run_loop(
     exposure: ExposureChoices | None = None,
     lead: float = 0.0,
     measured: TransducerArray | None = None,
-    stage: Stage = quiet,
+    stage: Stage = no_progress,
 ) -> Loop:
     """Run the paper's loop on an open array and sensor.
 
@@ -141,17 +141,17 @@ def run_loop(
             "strength: expected none in a loop, which finds the level itself, got "
             f"{settings.target.strength:g}; leave it out"
         )
-    chosen = exposure or usual_exposure()
+    chosen = exposure or default_exposure()
     rig = Rig(array=array, sensor=sensor, exposure=chosen, lead=lead, measured=measured)
     progress = stage("beam test")
     beam = beam_test(
         array, sensor, sensor.calibration, settings, exposure=chosen, transducers=measured, progress=progress
     )
-    asked = led_in(original, lead)
+    asked = add_lead(original, lead)
     # The model's expected gain of this recording, and the measured gain of the beam relative to the model.
     expected = expected_gain(original, asked, settings)
     gain = settings.target.gain * amplitude_gain(expected, limit=MOST) * amplitude_gain(beam.line.gain)
-    reference = without_lead(apply_band_twice(asked), original.frames)
+    reference = remove_lead(apply_band_twice(asked), original.frames)
     passes: list[Pass] = []
     for number in range(corrections + 1):
         if passes:

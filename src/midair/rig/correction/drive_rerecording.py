@@ -6,9 +6,9 @@ from midair.devices import check_exposure
 from midair.evaluate import PalmFidelity
 from midair.model import Calibration, Drive, Palm, PressureFrames, Recording
 from midair.rig.correction.palm_simulation import palm_of_drive, played_chain
-from midair.rig.correction.passes import Stage, quiet
+from midair.rig.correction.passes import Stage, no_progress
 from midair.rig.names import VirtualRig
-from midair.rig.playing import rerecord, usual_exposure
+from midair.rig.playing import default_exposure, rerecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +31,7 @@ def rerecord_drive(
     *,
     palm: Palm | None = None,
     band: tuple[float, float] = (20.0, 470.0),
-    stage: Stage = quiet,
+    stage: Stage = no_progress,
 ) -> DriveRerecording:
     """Play a drive on the virtual rig to its sensor and to a whole palm.
 
@@ -50,7 +50,7 @@ def rerecord_drive(
     """
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        admission = check_exposure(drive, array, usual_exposure())
+        admission = check_exposure(drive, array, default_exposure())
         recording = rerecord(admission, array, sensor, progress=stage("play and re-record"))
         calibration = sensor.calibration
     chain = played_chain(drive, rig)

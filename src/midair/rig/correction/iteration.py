@@ -15,7 +15,7 @@ from midair.evaluate import advance
 from midair.model import PressureFrames
 from midair.physics import SensorModel, cell_weights, focus_amplitude, radiation_pressure
 from midair.pipeline import Reproduction
-from midair.rig.correction.passes import Pass, Rig, Stage, play_made, play_pass, quiet
+from midair.rig.correction.passes import Pass, Rig, Stage, no_progress, play_made, play_pass
 from midair.settings import Settings
 from midair.targets import precompensate
 
@@ -42,7 +42,7 @@ def run_iterations(
     times: int,
     *,
     correction: IterativeCorrection | None = None,
-    stage: Stage = quiet,
+    stage: Stage = no_progress,
 ) -> IterationResult:
     """Run further passes, each with a smaller waveform error than the one before.
 

@@ -14,7 +14,7 @@ from midair.figures import (
     maps_figure,
     passes_figure,
     phase_figure,
-    png,
+    png_bytes,
     spectra_figure,
     traces_figure,
 )
@@ -27,14 +27,14 @@ def drawn(loop: Loop, card: PerceptualMetrics | None, progress: Progress | None 
     """Draw every figure of a loop, those of the pipeline first; `progress` is called with (drawn, total)."""
     count = 7 + (card is not None) + bool(loop.end)
     shown: list[Picture] = []
-    for picture in chain(pictures(loop), further_pictures(loop, card)):
+    for picture in chain(loop_figures(loop), further_pictures(loop, card)):
         shown.append(picture)
         if progress is not None:
             progress(len(shown), count)
     return shown
 
 
-def pictures(loop: Loop) -> Iterator[Picture]:
+def loop_figures(loop: Loop) -> Iterator[Picture]:
     """Draw the figures of a loop, in the order of the pipeline."""
     last, simulated = loop.passes[-1], loop.passes[-1].comparison.simulated
     solution, target = last.reproduction.solution, last.reproduction.target
@@ -47,12 +47,12 @@ def pictures(loop: Loop) -> Iterator[Picture]:
     yield Picture(
         title="Original and re-recorded pressure",
         caption="Calibrated pressure of every channel, arranged like the sensor's cells, all with the same scale.",
-        data=png(traces_figure(loop.original, last.felt)),
+        data=png_bytes(traces_figure(loop.original, last.felt)),
     )
     yield Picture(
         title="Pressure map",
         caption="Root mean square of the calibrated pressure on each cell.",
-        data=png(
+        data=png_bytes(
             maps_figure(
                 [(name, np.sqrt((frames.pressure**2).mean(axis=0))) for name, frames in felt_maps],
                 loop.original.sensor,
@@ -65,7 +65,7 @@ def pictures(loop: Loop) -> Iterator[Picture]:
         title="Target and reproduced field",
         caption=f"Peak sound pressure at the control points in the strongest frame ({moment}), where E is "
         f"{100 * solution.error[frame]:.1f} %. Circles are the sensor's cells.",
-        data=png(
+        data=png_bytes(
             maps_figure(
                 [("target", target.amplitude[frame]), ("reproduced", field[frame])],
                 target.grid,
@@ -78,14 +78,14 @@ def pictures(loop: Loop) -> Iterator[Picture]:
     yield Picture(
         title="Phases of the array",
         caption=f"Phase of each transducer in the same frame ({moment}); {_level_text(solution.drive, frame)}.",
-        data=png(phase_figure(solution.drive, frame, simulated=simulated)),
+        data=png_bytes(phase_figure(solution.drive, frame, simulated=simulated)),
     )
     yield Picture(
         title="Spectra of the channels with the highest pressure",
         caption="After calibration and half-wave rectification, as in the paper's Fig. 9."
         if rectified
         else "After calibration, both signs of the pressure.",
-        data=png(
+        data=png_bytes(
             spectra_figure(
                 [("original", loop.original), ("re-recorded", last.felt)], channels=channels, rectified=rectified
             )
@@ -94,13 +94,13 @@ def pictures(loop: Loop) -> Iterator[Picture]:
     yield Picture(
         title="Error of each frame",
         caption="E = || |Gq| - p || / ||p||. The shaded range is what the paper reports for static patterns.",
-        data=png(error_figure(solution, simulated=simulated)),
+        data=png_bytes(error_figure(solution, simulated=simulated)),
     )
     yield Picture(
         title="Gain of the beam",
         caption=f"A beating focus at {len(loop.beam.commanded)} levels on channel {loop.beam.channel}: measured "
         "pressure over the pressure commanded by the model.",
-        data=png(
+        data=png_bytes(
             beam_figure(
                 loop.beam.commanded,
                 loop.beam.measured,
@@ -120,7 +120,7 @@ def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> list[Picture
             Picture(
                 title="Perceptual metrics of each cell",
                 caption="A dash marks cells where the original has almost no pressure.",
-                data=png(card_figure(card)),
+                data=png_bytes(card_figure(card)),
             )
         )
     if loop.end:
@@ -130,7 +130,7 @@ def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> list[Picture
                 title="Waveform error of each pass",
                 caption="The first passes correct the amplitude, the others the waveform. "
                 f"{loop.taken_back} steps increased the error and were taken back. It ended because {loop.end}.",
-                data=png(passes_figure([("this loop", errors)], simulated=loop.passes[-1].comparison.simulated)),
+                data=png_bytes(passes_figure([("this loop", errors)], simulated=loop.passes[-1].comparison.simulated)),
             )
         )
     return made

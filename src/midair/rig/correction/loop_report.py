@@ -10,17 +10,17 @@ import numpy as np
 
 from midair.evaluate import PalmFidelity, printed_error, relative_error
 from midair.figures import Picture, render_page
-from midair.files import whole_file
+from midair.files import atomic_file
 from midair.headroom import level_of
 from midair.model import Progress
 from midair.physics import propagate
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.correction.loop_pictures import drawn
 from midair.rig.correction.loop_view import view_of_loop
-from midair.rig.correction.outcomes import Outcome, palm_picture, side_by_side, verdict
-from midair.settings import Settings, spelt_setting
-from midair.targets import piece_of
-from midair.view import inlined, sealed
+from midair.rig.correction.outcomes import Outcome, comparison_rows, palm_picture, summarise_outcomes
+from midair.settings import Settings, format_setting
+from midair.targets import frames_without_lead
+from midair.view import page_parts, with_content_policy
 
 Row = tuple[str, ...]
 
@@ -55,7 +55,7 @@ def write_report(
     shown = drawn(loop, own.card, progress)
     palms = [] if (pressed := palm_picture(outcomes)) is None else [pressed]
     page = render(loop, shown, commands=commands, outcomes=outcomes, palms=palms)
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         partial.write_text(page, encoding="utf-8")
     return [*palms, *shown]
 
@@ -76,14 +76,14 @@ def render(
     page = render_page(
         "rig/correction/report.html.j2",
         watch=watch,
-        view=inlined(watch),
+        view=page_parts(watch),
         title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
         simulated=loop.passes[-1].comparison.simulated,
-        verdict=verdict(outcomes),
+        verdict=summarise_outcomes(outcomes),
         summary=_summary(loop),
         palms=palms,
         ways=[each.name for each in outcomes] if len(outcomes) > 1 else [],
-        side_by_side=side_by_side(outcomes),
+        side_by_side=comparison_rows(outcomes),
         pictures=shown,
         figures=_figures(loop),
         card=() if own.card is None else own.card.figures,
@@ -95,7 +95,7 @@ def render(
         versions=versions(),
         commands=commands,
     )
-    return sealed(page)
+    return with_content_policy(page)
 
 
 def settings_rows(settings: object, prefix: str = "") -> list[Row]:
@@ -109,7 +109,7 @@ def settings_rows(settings: object, prefix: str = "") -> list[Row]:
         if is_dataclass(value) and not isinstance(value, type):
             rows += settings_rows(value, f"{name}.")
         else:
-            rows.append((name, spelt_setting(name, value)))
+            rows.append((name, format_setting(name, value)))
     return rows
 
 
@@ -152,7 +152,7 @@ def _pass_figures(loop: Loop, number: int) -> Mapping[str, tuple[float, str]]:
     # Silent frames have no error and would bias the mean.
     plays = np.array([status != "silent" for status in solution.status])
     # In the lead the target is almost zero, so the relative error there has no meaning.
-    inside = piece_of(target.provenance, target.frames, target.rate)
+    inside = frames_without_lead(target.provenance, target.frames, target.rate)
     plays[: inside.start] = plays[inside.stop :] = False
     settings: Settings = loop.settings
     field = propagate(solution.drive, target.grid, acoustics=settings.acoustics)

@@ -4,7 +4,7 @@ import numpy as np
 
 from midair.model import PressureFrames
 from midair.rig.correction.correction_loop import Loop
-from midair.targets import piece_of
+from midair.targets import frames_without_lead
 from midair.view import Sound, ViewData, show_comparison, show_drive
 
 LONGEST = 4000
@@ -21,7 +21,7 @@ def view_of_loop(loop: Loop, *, longest: int = LONGEST) -> ViewData:
 def _sound(loop: Loop, seconds: float) -> Sound | None:
     """Sound of the original's part, without its lead; None where its frames differ from the recording's."""
     made = loop.passes[-1].reproduction
-    inside = piece_of(made.target.provenance, made.target.frames, made.target.rate)
+    inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
     if not _same_frames(loop.original, inside, made.target.rate):
         return None
     return show_drive(made.solution, target=made.target, part=(inside.start / made.target.rate, seconds)).sound

@@ -7,9 +7,9 @@ import numpy as np
 
 from midair.errors import ShapeError
 from midair.evaluate import PalmFidelity, PerceptualMetrics, perceptual_metrics
-from midair.figures import PalmPanel, Picture, palm_figure, png
+from midair.figures import PalmPanel, Picture, palm_figure, png_bytes
 from midair.rig.correction.correction_loop import Loop
-from midair.targets import piece_of
+from midair.targets import frames_without_lead
 
 Row = tuple[str, ...]
 
@@ -54,7 +54,7 @@ def metrics_of_loop(loop: Loop) -> PerceptualMetrics | None:
         return None
 
 
-def verdict(outcomes: Sequence[Outcome]) -> str:
+def summarise_outcomes(outcomes: Sequence[Outcome]) -> str:
     """Describe in one sentence what a palm would feel of the first outcome, compared with the others.
 
     Loops that are too short for perceptual metrics give the numbers alone.
@@ -72,7 +72,7 @@ def _sentence(outcome: Outcome, *, named: bool = True) -> str:
     return f"{where}{'a palm' if named else 'it'} would {outcome.card.felt()}, at {numbers}"
 
 
-def side_by_side(outcomes: Sequence[Outcome]) -> list[Row]:
+def comparison_rows(outcomes: Sequence[Outcome]) -> list[Row]:
     """Rows of name, unit, and the value of each outcome."""
     columns = [_figures(outcome) for outcome in outcomes]
     return [(name, unit, *(column[name][0] for column in columns)) for name, (_, unit) in columns[0].items()]
@@ -91,14 +91,14 @@ def palm_picture(outcomes: Sequence[Outcome]) -> Picture | None:
         title="Vibration on a palm",
         caption="Top: vibration at each point of a palm; the dashed square is the area of the sensor. "
         "Bottom: the cell with the highest pressure, around its maximum.",
-        data=png(palm_figure(outcomes[0].loop.original, ways)),
+        data=png_bytes(palm_figure(outcomes[0].loop.original, ways)),
     )
 
 
 def _figures(outcome: Outcome) -> dict[str, tuple[str, str]]:
     last, palm, card = outcome.loop.passes[-1], outcome.palm, outcome.card
     made = last.reproduction
-    inside = piece_of(made.target.provenance, made.target.frames, made.target.rate)
+    inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
     rows = {"signal to distortion on the sensor": (f"{outcome.distortion:.1f}", "dB")}
     if palm is not None:
         low, high = palm.range

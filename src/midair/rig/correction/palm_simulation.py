@@ -11,7 +11,7 @@ from midair.model import Acoustics, Drive, Palm, PressureFrames, Progress, Senso
 from midair.physics import PlaybackChain, simulate, transfer_matrix
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.names import VirtualRig
-from midair.targets import decouple, interpolation_matrix, led_in
+from midair.targets import add_lead, decouple, interpolation_matrix
 
 Array = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def palm_of_loop(
     lead = (last.asked.frames - original.frames) // 2 / original.rate
     drive = last.reproduction.solution.drive
     return palm_of_drive(
-        led_in(original, lead),
+        add_lead(original, lead),
         drive,
         palm or Palm.disc(),
         chain=played_chain(drive, rig),

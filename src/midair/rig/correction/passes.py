@@ -7,8 +7,8 @@ from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exp
 from midair.errors import InputError
 from midair.evaluate import Comparison, compare, find_delay
 from midair.model import PressureFrames, Progress, Recording, TransducerArray
-from midair.pipeline import Reproduction, at_rate, calibrated_pressure, reproduce
-from midair.rig.playing import rerecord, usual_exposure
+from midair.pipeline import Reproduction, calibrated_pressure, reproduce, resample_pressure
+from midair.rig.playing import default_exposure, rerecord
 from midair.settings import Settings
 
 Stage = Callable[[str], Progress | None]
@@ -23,7 +23,7 @@ class Rig:
     """Open."""
     sensor: SensorDevice
     """Open, with its own calibration; it lies at the settings' control grid."""
-    exposure: ExposureChoices = field(default_factory=usual_exposure)
+    exposure: ExposureChoices = field(default_factory=default_exposure)
     """Exposure limits of every drive on an array that emits sound."""
     lead: float = 0.0
     """Fade-in before and fade-out after the original, in s, so that a bias has time to rise."""
@@ -64,7 +64,7 @@ class Pass:
         return f"<Pass at gain {self.gain:.3g}, {self.comparison!r}>"
 
 
-def quiet(_: str) -> Progress | None:
+def no_progress(_: str) -> Progress | None:
     """Stage callback that reports nothing."""
     return None
 
@@ -101,7 +101,9 @@ def play_made(
     rerecorded = rerecord(admission, rig.array, rig.sensor, progress=progress)
     # A simulated sensor records the drive's first frame at time 0, and was at rest before.
     virtual = rig.sensor.simulated
-    heard = at_rate(calibrated_pressure(rerecorded, rig.sensor.calibration, settings, from_rest=virtual), original.rate)
+    heard = resample_pressure(
+        calibrated_pressure(rerecorded, rig.sensor.calibration, settings, from_rest=virtual), original.rate
+    )
     if not virtual:
         heard = _cut_to_first_frame(heard, asked)
     first = (asked.frames - original.frames) // 2

@@ -7,7 +7,7 @@ from midair.files import OpenedTake
 from midair.model import PressureFrames, Provenance
 from midair.pipeline import calibrated_pressure
 from midair.settings import Settings
-from midair.targets import led_in, without_lead
+from midair.targets import add_lead, remove_lead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,18 +36,18 @@ def aligned_pair(original: PressureFrames, take: OpenedTake, settings: Settings)
     provenance, calibration = take.recording.provenance, take.calibration
     if not provenance.last("play"):
         return PlayedPair(original=original, heard=calibrated_pressure(take.recording, calibration, settings))
-    original, asked = asked_of(provenance, original)
+    original, asked = original_of_drive(provenance, original)
     # A virtual sensor records the drive's first frame at time 0, and was at rest before.
     virtual = calibration is not None and calibration.provenance.simulated
     heard = calibrated_pressure(take.recording, calibration, settings, from_rest=virtual)
-    reference = without_lead(apply_band_twice(asked), original.frames)
+    reference = remove_lead(apply_band_twice(asked), original.frames)
     return PlayedPair(original=reference, heard=heard, first=(asked.frames - original.frames) // 2)
 
 
-def asked_of(provenance: Provenance, original: PressureFrames) -> tuple[PressureFrames, PressureFrames]:
+def original_of_drive(provenance: Provenance, original: PressureFrames) -> tuple[PressureFrames, PressureFrames]:
     """Part of an original that a drive's provenance names, without and with the lead of its solve."""
     cut, lead = provenance.last("cut"), provenance.last("lead").get("lead_s", 0.0)
     start, duration = cut.get("start_s"), cut.get("duration_s")
     if isinstance(start, int | float) and isinstance(duration, int | float):
         original = original.cut(float(start), float(duration))
-    return original, led_in(original, float(lead) if isinstance(lead, int | float) else 0.0)
+    return original, add_lead(original, float(lead) if isinstance(lead, int | float) else 0.0)

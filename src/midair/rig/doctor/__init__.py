@@ -1,7 +1,7 @@
 """Check the installation, the computer and the devices, with advice for each problem."""
 
-from midair.rig.doctor.checkup import check_up
+from midair.rig.doctor.checkup import run_checks
 
 __all__ = [
-    "check_up",
+    "run_checks",
 ]

@@ -15,7 +15,7 @@ from midair.blas import VARIABLE, WIDE, misses_wide_kernel
 from midair.files import open_take, save
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
-from midair.progress import passing
+from midair.progress import report_progress
 from midair.rig.doctor.array_checkup import array_findings
 from midair.rig.doctor.check import Check
 from midair.rig.doctor.machine_checkup import machine_findings
@@ -23,7 +23,7 @@ from midair.rig.doctor.sensor_checkup import is_live_sensor, live_sensor_finding
 from midair.solvers import solve
 
 
-def check_up(device: str | None = None) -> list[Check]:
+def run_checks(device: str | None = None) -> list[Check]:
     """Run all checks that need no hardware, and those of an array or a live sensor if one is named.
 
     An array (`array_named`) is opened, queried and closed, and stays silent; a live sensor (`sensor_named`) is read for
@@ -40,7 +40,7 @@ def check_up(device: str | None = None) -> list[Check]:
         lambda: live_sensor_findings(device) if device is not None and live else [],
         lambda: array_findings(None if live else device),
     ]
-    return [found for look in passing(looks, len(looks)) for found in look()]
+    return [found for look in report_progress(looks, len(looks)) for found in look()]
 
 
 def _python() -> Check:

@@ -8,12 +8,12 @@ from midair.rig.live_touch.playing_live import live, live_clearance, send_touch
 from midair.rig.live_touch.process import LoopStarted, play_live
 from midair.rig.live_touch.session import LiveSession, LiveStatistics
 from midair.rig.live_touch.touch import Touch, TouchSettings
-from midair.rig.live_touch.touch_ring import HELD, LATE, SOUNDS, RingShape, TouchRing
+from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, RingShape, TouchRing
 
 __all__ = [
-    "HELD",
-    "LATE",
-    "SOUNDS",
+    "FRAME_REPEATED",
+    "FRAME_LATE",
+    "FRAME_EMITTED",
     "LiveLoop",
     "LiveSettings",
     "LiveSession",

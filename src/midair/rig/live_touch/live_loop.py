@@ -13,7 +13,7 @@ import numpy as np
 from midair.devices import ImmediateArray, Put, StreamedSensor
 from midair.rig.live_touch.timing import TICK, Timetable
 from midair.rig.live_touch.touch import Touch
-from midair.rig.live_touch.touch_ring import HELD, LATE, SOUNDS, TouchRing
+from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, TouchRing
 
 _NS = 1_000_000_000
 
@@ -104,7 +104,7 @@ class LiveLoop:
         self._ring.add("lost", lost)
         for back in range(lost, 0, -1):
             self._touch.feel(self._frame)
-            self._write(taken - back / self._sensor.rate, 0, HELD)
+            self._write(taken - back / self._sensor.rate, 0, FRAME_REPEATED)
             self._next += 1
 
     def _play(self, put: Put, taken: float, flags: int) -> None:
@@ -118,7 +118,7 @@ class LiveLoop:
         left = (instant - time.monotonic_ns() - self._ahead) / _NS
         if left <= self._pace.enough:
             self._ring.add("late")
-            self._write(taken, instant, flags | LATE)
+            self._write(taken, instant, flags | FRAME_LATE)
             return
         if self._rising is None:
             self._rising = taken
@@ -126,12 +126,12 @@ class LiveLoop:
         if self._touch.form(hurried=hurried):
             self._ring.add("hurried", int(hurried))
             self._intensity = int(self._strongest * self._level_rise(taken) * min(1.0, self._level()))
-            flags |= SOUNDS if self._intensity else 0
+            flags |= FRAME_EMITTED if self._intensity else 0
         else:
             self._intensity = 0
         if time.monotonic_ns() + self._ahead >= instant:
             self._ring.add("late")
-            flags |= LATE
+            flags |= FRAME_LATE
         else:
             self._send(put, instant, slot)
             self._latest = began
@@ -159,11 +159,11 @@ class LiveLoop:
         slot["number"], slot["taken"], slot["instant"], slot["left"] = self._next, taken, instant, 0
         count = len(self._frame)
         slot["samples"][:count], slot["pressure"][:count] = self._frame, self._touch.pressure
-        slot["flags"], slot["intensity"] = flags, self._intensity if flags & SOUNDS else 0
+        slot["flags"], slot["intensity"] = flags, self._intensity if flags & FRAME_EMITTED else 0
         slot["phases"] = self._touch.phases
         ring.publish()
         ring.add("frames")
-        if flags & SOUNDS and not flags & LATE:
+        if flags & FRAME_EMITTED and not flags & FRAME_LATE:
             ring.add("played")
 
     def _collect_sending_times(self) -> None:

@@ -13,7 +13,7 @@ from midair.files import RecordingWriter
 from midair.model import Event, Placement, Provenance
 from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.process import LoopStarted
-from midair.rig.live_touch.touch_ring import HELD
+from midair.rig.live_touch.touch_ring import FRAME_REPEATED
 
 
 class TouchFrames(Protocol):
@@ -99,7 +99,7 @@ class LiveTake:
             self.missed += missed
         if not len(found):
             return
-        held = (found["flags"] & HELD) > 0
+        held = (found["flags"] & FRAME_REPEATED) > 0
         for begin, end in _runs(held):
             self._writer.note([Event(kind="lost", frame=self._writer.frames + begin, frames=end - begin)])
         samples = found["samples"][:, : self._count].reshape(-1, *self._grid.shape)

@@ -16,7 +16,7 @@ from midair.rig.live_touch.sending import FrameSender
 from midair.rig.live_touch.session import LiveSession
 from midair.rig.live_touch.touch import TouchSettings
 from midair.rig.play_lease import LeaseToken, PlayLease
-from midair.rig.playing import usual_exposure
+from midair.rig.playing import default_exposure
 
 
 def live(
@@ -134,7 +134,7 @@ def live(
     order = LiveSettings(
         sensor=sensor if listen is None else f"listen:{listen}",
         device=device,
-        exposure=exposure or usual_exposure(),
+        exposure=exposure or default_exposure(),
         touch=TouchSettings(
             band=band,
             delay=delay,
@@ -214,7 +214,7 @@ def send_touch(
     here = LiveSettings(
         sensor=sensor,
         device="",
-        exposure=usual_exposure(),
+        exposure=default_exposure(),
         touch=TouchSettings(band=band, delay=delay),
         calibration=known,
         wiring=wiring,

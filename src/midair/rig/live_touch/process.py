@@ -17,7 +17,7 @@ from midair.devices import (
     autd3_immediate,
     check_exposure_level,
     ordered_at,
-    process_began,
+    process_start_time,
     virtual_immediate,
 )
 from midair.errors import DeviceError, InputError, MidairError, StoppedError, UnknownDeviceError
@@ -25,7 +25,7 @@ from midair.model import Calibration, Medium, SensorGrid, Unit
 from midair.rig.live_touch.live_loop import LiveLoop
 from midair.rig.live_touch.live_settings import RATES, LiveSettings
 from midair.rig.live_touch.receiving import NetworkSource
-from midair.rig.live_touch.repeated import streamed
+from midair.rig.live_touch.repeated_source import streamed
 from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
 from midair.rig.live_touch.touch import Touch
 from midair.rig.live_touch.touch_ring import TouchRing
@@ -108,7 +108,7 @@ def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: Le
     network: dict[str, int] = {}
     error: MidairError | None = None
     try:
-        with ordered_at(process_began()), one_blas_thread():
+        with ordered_at(process_start_time()), one_blas_thread():
             _play(order, ring, permit, leave, told, counted, network)
     except MidairError as wrong:
         error = wrong

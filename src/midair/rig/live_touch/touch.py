@@ -14,7 +14,7 @@ from midair.dsp import band_edges, check_band
 from midair.errors import InputError
 from midair.model import Acoustics, Calibration, ControlGrid, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import focus_amplitude, sound_amplitude
-from midair.solvers import FrameTracker, Live, problem_at, symmetric_modes
+from midair.solvers import FrameTracker, Live, multi_plane_problem, symmetric_modes
 from midair.targets import MappingStream, decouple, interpolation_matrix
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ class Touch:
         self._unit = float(sound_amplitude(np.array(1.0), medium)) / focus
         self._apart, self._between = _decoupling_matrix(sensor, grid, rate), interpolation_matrix(sensor, grid)
         none = np.zeros((1, grid.count))
-        problem = problem_at([grid.position], none, array, acoustics=settings.acoustics)
+        problem = multi_plane_problem([grid.position], none, array, acoustics=settings.acoustics)
         problem = replace(problem, level=level)
         mirrored = symmetric_modes(grid, array, acoustics=settings.acoustics, tolerance=settings.solver.tolerance)
         self._follower: FrameTracker = settings.solver.begin(problem, folded=mirrored)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-SOUNDS, LATE, HELD = 1, 2, 4
+FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED = 1, 2, 4
 """Flags of a frame: it was emitted; it was late, so the previous one stayed; the sensor lost it (repeated frame)."""
 
 STEP = 50e-6

@@ -11,7 +11,7 @@ FAR = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RoomAir:
+class AirCheck:
     """Result of the comparison, as one line."""
 
     said: str
@@ -20,14 +20,14 @@ class RoomAir:
     """Whether the pressure may differ from that of the solved drive."""
 
 
-def room_air(
+def check_air(
     drive: Drive,
     room: Medium | None,
     target: Callable[[], AmplitudeFrames | None],
     *,
     simulated: bool = False,
     frames: int = 64,
-) -> RoomAir:
+) -> AirCheck:
     """Describe the effect of the room's air on a drive.
 
     Parameters
@@ -44,13 +44,13 @@ def room_air(
     own = drive.acoustics.medium
     if room is None:
         if simulated:
-            return RoomAir(said=f"air: {own}, the drive's own", warns=False)
+            return AirCheck(said=f"air: {own}, the drive's own", warns=False)
         said = f"room temperature unknown: the drive was solved for {own}; give it with --temperature"
-        return RoomAir(said=said, warns=True)
+        return AirCheck(said=said, warns=True)
     both = f"the room has {room}, the drive was solved for {own}"
     if abs(room.degrees - own.degrees) <= FAR:
-        return RoomAir(said=f"air: {both}", warns=False)
-    return RoomAir(
+        return AirCheck(said=f"air: {both}", warns=False)
+    return AirCheck(
         said=f"air: {both}: {_error_text(drive, room, target(), frames)}; solve it again for this air", warns=True
     )
 

@@ -9,7 +9,7 @@ from types import FrameType
 
 from midair.devices import ArrayDevice, ExposureClearance, PlayReport
 from midair.model import Medium, Progress
-from midair.rig.signals import ENDING, handled
+from midair.rig.signals import END_SIGNALS, handle_signals
 
 
 def play_cleared(
@@ -44,10 +44,10 @@ def signals_end_the_program() -> Generator[None]:
     """Inside the context, SIGTERM and SIGHUP leave through every `with` and `finally`, as an error does."""
 
     def leave(number: int, _: FrameType | None) -> None:
-        for each in ENDING:
+        for each in END_SIGNALS:
             signal.signal(each, signal.SIG_IGN)  # a second one must not interrupt the silencing
         # Exit status by which shells recognise a program that a signal ended.
         sys.exit(128 + number)
 
-    with handled(ENDING, leave):
+    with handle_signals(END_SIGNALS, leave):
         yield

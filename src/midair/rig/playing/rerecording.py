@@ -10,7 +10,7 @@ from midair.model import Progress, Provenance, Recording
 from midair.rig.playing.cleared_play import play_cleared
 
 
-def usual_exposure() -> ExposureChoices:
+def default_exposure() -> ExposureChoices:
     """Default exposure limits: the default profile without override."""
     return ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
 

@@ -21,7 +21,7 @@ def event_message(event: Event, rate: float, grid: SensorGrid, drift: Drift | No
     return f"{event.frame / rate:.3f} s: {words[event.kind]}"
 
 
-def problems(take: Take, rate: float) -> list[tuple[str, str]]:
+def take_problems(take: Take, rate: float) -> list[tuple[str, str]]:
     """Problems of a take as (name, value) pairs; empty for a good take."""
     levels = take.levels
     rows: list[tuple[str, str]] = []

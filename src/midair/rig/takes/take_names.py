@@ -8,7 +8,7 @@ from pathlib import Path
 
 from midair.devices import make_state_folder, state_folder
 from midair.errors import InputError, MissingFileError
-from midair.files import whole_file
+from midair.files import atomic_file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +78,7 @@ def take_path(output: Path | None, subject: Subject, *, repeats: int) -> Path:
     return output
 
 
-def remembered() -> Subject:
+def last_subject() -> Subject:
     """Subject of the last recording, as a default for prompts; an empty one if there is none."""
     try:
         stored = json.loads((state_folder() / "subject.json").read_text(encoding="utf-8"))
@@ -88,8 +88,8 @@ def remembered() -> Subject:
         return Subject()
 
 
-def remember(subject: Subject) -> None:
+def store_subject(subject: Subject) -> None:
     """Store the subject as the default of later prompts; FileError if it cannot be stored."""
     path = make_state_folder() / "subject.json"
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         partial.write_text(json.dumps(asdict(subject)), encoding="utf-8")

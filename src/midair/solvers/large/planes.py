@@ -1,7 +1,8 @@
 """Targets on several planes at any place and tilt, such as two hands, or a hand and an arm.
 
 A `ControlGrid` is flat and parallel to the array; files and the command line support only one. A solver accepts rows of
-G for points anywhere: `placed` gives the points of a tilted grid, `problem_at` makes one problem from all planes.
+G for points anywhere: `place_grid` gives the points of a tilted grid, `multi_plane_problem` makes one problem of
+all planes.
 """
 
 from collections.abc import Sequence
@@ -17,7 +18,7 @@ from midair.solvers.problem import Problem
 Array = NDArray[np.float64]
 
 
-def placed(grid: ControlGrid, *, centre: tuple[float, float, float], normal: tuple[float, float, float]) -> Array:
+def place_grid(grid: ControlGrid, *, centre: tuple[float, float, float], normal: tuple[float, float, float]) -> Array:
     """Points of a grid that is moved and tilted, row by row, shape (point, 3), in m.
 
     Parameters
@@ -47,7 +48,7 @@ def placed(grid: ControlGrid, *, centre: tuple[float, float, float], normal: tup
     return np.asarray(flat @ turn.T + np.asarray(centre, float), np.float64)
 
 
-def problem_at(
+def multi_plane_problem(
     planes: Sequence[Array], amplitude: Array, array: TransducerArray, *, acoustics: Acoustics | None = None
 ) -> Problem:
     """One problem for the targets of all planes, for the `solve` method of a solver.
@@ -55,7 +56,7 @@ def problem_at(
     Parameters
     ----------
     planes : sequence of ndarray, shape (point, 3)
-        Points of each plane in m, from `placed` or the `position` of a grid.
+        Points of each plane in m, from `place_grid` or the `position` of a grid.
     amplitude : ndarray, shape (frame, point)
         Target peak sound pressure at the points of the first plane, then of the second and so on, in Pa.
     acoustics : Acoustics, optional

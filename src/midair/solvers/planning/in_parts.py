@@ -93,7 +93,7 @@ def _parts(
             rest, done = rest[cut:], done + cut
 
 
-def read_as_solved(amplitude: Array, first: int, last: int) -> Array:
+def read_solver_blocks(amplitude: Array, first: int, last: int) -> Array:
     """Read frames of a target in the same blocks as `solve_parts`.
 
     Lazy frames are computed on reading, and products of another number of frames differ in the last digit.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from midair.errors import InputError, MissingFileError
-from midair.files import whole_file
+from midair.files import atomic_file
 from midair.rig import Subject
 
 LARGEST = 256 * 2**20
@@ -18,13 +18,13 @@ READABLE = (".h5", ".csv", ".wav", ".mat", ".npz", ".npy", ".json", ".html")
 
 
 @dataclass(frozen=True, slots=True)
-class OneFolder:
+class StudioFolder:
     """A folder (absolute, links resolved) whose files have names relative to it."""
 
     path: Path
 
     @classmethod
-    def at(cls, path: Path) -> "OneFolder":
+    def at(cls, path: Path) -> "StudioFolder":
         """Return the folder at a path; MissingFileError if there is none."""
         if not path.is_dir():
             raise MissingFileError(f"{path}: expected a folder, found none; make it first")
@@ -82,7 +82,7 @@ class OneFolder:
             raise InputError(f"upload: expected a recording ({' '.join(READABLE[:-2])}), got {ending or 'no ending'}")
         path = self.free(Path(name).stem, ending)
         size = 0
-        with whole_file(path) as partial, partial.open("wb") as file:
+        with atomic_file(path) as partial, partial.open("wb") as file:
             async for part in parts:
                 size += len(part)
                 if size > largest:

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from midair.errors import DeviceStateError
-from midair.files import hold_open
+from midair.files import lock_or_raise
 
 PREFIX = "midair-studio-"
 _HELD = "held"
@@ -28,7 +28,7 @@ def folder_of_session(where: Path | None = None) -> Generator[Path]:
         made, folder = Path(name) / f".{_HELD}", Path(name)
         handle = os.open(made, os.O_RDWR | os.O_CREAT, 0o600)
         try:
-            hold_open(handle, f"{folder}: expected to lock it")
+            lock_or_raise(handle, f"{folder}: expected to lock it")
             # The file gets its name after it is locked, so that no other process finds it unlocked.
             made.rename(folder / _HELD)
             yield folder
@@ -59,7 +59,7 @@ def _left(folder: Path) -> bool:
         return time.time_ns() / 1e9 - folder.stat().st_mtime > _YOUNG  # noqa: TID251  # compared with a file's time
     handle = os.open(held, os.O_RDWR)
     try:
-        hold_open(handle, f"{folder}: in use by a studio")
+        lock_or_raise(handle, f"{folder}: in use by a studio")
     finally:
         os.close(handle)
     # Without such locks, as on Windows, an open file cannot be removed.

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from midair.errors import DeviceStateError
-from midair.rig import Subject, remember, remembered, take_path
+from midair.rig import Subject, last_subject, store_subject, take_path
 from midair.studio.feed import Feed
 from midair.studio.sensor_process import TakeRequest, run_sensor
 from midair.studio.studio_state import NoArguments, Page, StudioState
@@ -66,7 +66,7 @@ class RecordPanel:
         store.offer("record", "take", self.take, MakeTake)
         store.offer("record", "toggle", self.toggle, NoArguments)
         store.offer("calibrate", "taps", self.taps, NoArguments)
-        subject = remembered()
+        subject = last_subject()
         self._show(
             subject={
                 "object": subject.object,
@@ -146,7 +146,7 @@ class RecordPanel:
     def _next(self) -> str:
         order = self._left_to_do.pop(0)
         subject = Subject(object=order.object, surface=order.surface, speed=order.speed, operator=order.operator)
-        remember(subject)
+        store_subject(subject)
         path = take_path(self._takes.folder.path, subject, repeats=1)
         self._send(
             TakeRequest(

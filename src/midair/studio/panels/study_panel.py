@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
-from midair.studio.folders import OneFolder
+from midair.studio.folders import StudioFolder
 from midair.studio.jobs import Jobs, StudioJob
 from midair.studio.panels.page_presenter import PagePresenter
 from midair.studio.panels.play_panel import PlayPanel
@@ -65,7 +65,7 @@ class Reason(BaseModel):
 class StudyPanel:
     """Studies of the folder, and the running session."""
 
-    def __init__(self, store: StudioState, folder: OneFolder, jobs: Jobs, playing: PlayPanel, later: Any) -> None:
+    def __init__(self, store: StudioState, folder: StudioFolder, jobs: Jobs, playing: PlayPanel, later: Any) -> None:
         self._store, self._folder, self._jobs, self._playing, self._later = store, folder, jobs, playing, later
         self._session: Session | None = None
         self._presenter: PagePresenter | None = None

@@ -255,7 +255,7 @@ export class Reproduce {
     if (!made) return;
     const first = sample ? `midair record virtual:${name.slice(7)} ${file} --duration ${seconds}s\n` : "";
     this.studio.code("The same, as code", `${first}midair solve ${file} ${made.options || `--settings ${stem}.drive.h5`}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
-      `import midair\nfrom midair.pipeline import calibrated_pressure, lead_of, reproduce\nfrom midair.settings import ${made.python.startsWith("MODES") ? "MODES" : "Settings"}\nfrom midair.targets import led_in\n\ntake = ${sample ? `midair.record("virtual:${name.slice(7)}", ${seconds})` : `midair.open_take("${file}")`}\nsettings = ${made.python}\npressure = led_in(calibrated_pressure(take.recording, take.calibration, settings), lead_of(settings))\nmade = reproduce(pressure, midair.TransducerArray.autd3(), settings)\nplayed = midair.play(made.solution, "virtual")\nprint(made, played)`);
+      `import midair\nfrom midair.pipeline import calibrated_pressure, required_lead, reproduce\nfrom midair.settings import ${made.python.startsWith("MODES") ? "MODES" : "Settings"}\nfrom midair.targets import add_lead\n\ntake = ${sample ? `midair.record("virtual:${name.slice(7)}", ${seconds})` : `midair.open_take("${file}")`}\nsettings = ${made.python}\npressure = add_lead(calibrated_pressure(take.recording, take.calibration, settings), required_lead(settings))\nmade = reproduce(pressure, midair.TransducerArray.autd3(), settings)\nplayed = midair.play(made.solution, "virtual")\nprint(made, played)`);
   }
 }
 

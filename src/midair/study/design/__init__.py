@@ -13,11 +13,11 @@ from midair.study.design.analysis_plan import (
 )
 from midair.study.design.answers import answers_table
 from midair.study.design.blocks import Block, Criterion, Extra
-from midair.study.design.exclusions import left_out
+from midair.study.design.exclusions import excluded_participants
 from midair.study.design.order import balanced_latin_square, constrained_shuffle
 from midair.study.design.plan import Plan, Trial, block_order, digest_of, draw_plan
 from midair.study.design.question import Question
-from midair.study.design.session_state import Policy, SessionState, replay, right_of
+from midair.study.design.session_state import Policy, SessionState, replay, right_answer_of_trial
 from midair.study.design.stimulus import Stimulus, right_answer
 from midair.study.design.study_design import Design, MaskingNoise
 
@@ -47,11 +47,11 @@ __all__ = [
     "constrained_shuffle",
     "digest_of",
     "draw_plan",
-    "left_out",
+    "excluded_participants",
     "next_stimulus",
     "replay",
     "right_answer",
-    "right_of",
+    "right_answer_of_trial",
     "stimulus_levels",
     "thresholds_of",
 ]

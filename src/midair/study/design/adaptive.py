@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.study.statistics import CurveShape, steepness
+from midair.study.statistics import CurveShape, sigmoid
 
 Array = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ class QuestPlus:
         """Probability of a correct answer for every function, shape (..., threshold, slope, lapse)."""
         x = np.asarray(level, float)[..., None, None, None]
         t, s, lapse = np.ix_(self.thresholds, self.slopes, self.lapses)
-        return self.guess + (1 - self.guess - lapse) * steepness(x, t, s, self.shape)
+        return self.guess + (1 - self.guess - lapse) * sigmoid(x, t, s, self.shape)
 
     def answered(self, level: float, correct: bool) -> "QuestPlus":
         """State after one answer at a level."""

@@ -11,7 +11,7 @@ from midair.errors import InputError
 from midair.study.design.adaptive import QuestPlus, Staircase
 from midair.study.design.adaptive_levels import stimulus_levels
 from midair.study.design.blocks import Block
-from midair.study.design.exclusions import why_answer_left_out, why_left_out
+from midair.study.design.exclusions import answer_exclusion, participant_exclusion
 from midair.study.design.plan import Plan, Trial
 from midair.study.design.session_state import SessionState
 from midair.study.design.stimulus import right_answer
@@ -53,7 +53,7 @@ def threshold(plan: Plan, progress: SessionState, block_name: str) -> tuple[floa
     block = plan.design.block(block_name)
     if not block.adaptive:
         raise InputError(f"block {block_name!r}: expected an adaptive block, got order {block.order!r}")
-    if rule := why_left_out(plan, progress):
+    if rule := participant_exclusion(plan, progress):
         raise InputError(f"excluded by a rule of the plan, {rule}")
     tests = [trial for trial in progress.trials if trial.block == block_name and trial.role == "test"]
     due = sum((trial.code, block.questions[0]) not in progress.answers for trial in tests)
@@ -104,7 +104,7 @@ def scored_history(plan: Plan, progress: SessionState, block: Block) -> History:
         given = progress.answers.get((trial.code, question.name))
         if trial.block != block.name or trial.role != "test" or name not in level_index or given is None:
             continue
-        if not why_answer_left_out(plan, progress, trial.code, given):
+        if not answer_exclusion(plan, progress, trial.code, given):
             stimulus = plan.design.stimulus(name)
             right = right_answer(question, stimulus, {**stimulus.levels, **trial.levels})
             history.append((level_index[name], given.answer == right))

@@ -6,8 +6,8 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from midair.errors import BrokenFileError
-from midair.study.design.exclusions import why_answer_left_out, why_left_out
-from midair.study.design.session_state import right_of
+from midair.study.design.exclusions import answer_exclusion, participant_exclusion
+from midair.study.design.session_state import right_answer_of_trial
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,7 +34,7 @@ def answers_table(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
 
     rows: list[dict[str, Any]] = []
     for session in sessions:
-        out = why_left_out(plan, session)
+        out = participant_exclusion(plan, session)
         rows += [
             _answer_row(plan, session, trial, name, out)
             for trial in session.trials
@@ -49,8 +49,8 @@ def _answer_row(plan: Plan, session: SessionState, trial: Trial, name: str, out:
     given = session.answers[trial.code, name]
     stimulus = plan.design.stimulus(trial.stimulus or session.chosen[trial.code])
     levels = {**stimulus.levels, **trial.levels, **question.levels}
-    right = right_of(plan, trial, session.chosen, name)
-    why = why_answer_left_out(plan, session, trial.code, given) or out
+    right = right_answer_of_trial(plan, trial, session.chosen, name)
+    why = answer_exclusion(plan, session, trial.code, given) or out
     row: dict[str, Any] = {
         "participant": f"sub-{trial.participant:02d}",
         "session": trial.session,

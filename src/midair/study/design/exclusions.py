@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from midair.study.design.session_state import SessionState, right_of
+from midair.study.design.session_state import SessionState, right_answer_of_trial
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from midair.study.design.session_state import GivenAnswer
 
 
-def left_out(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
+def excluded_participants(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
     """Participants whom a rule of the plan excludes.
 
     Returns
@@ -30,12 +30,12 @@ def left_out(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
     return DataFrame(rows, columns=["participant", "rule", "value", "limit"])
 
 
-def why_left_out(plan: Plan, session: SessionState) -> str:
+def participant_exclusion(plan: Plan, session: SessionState) -> str:
     """First rule that excludes the participant of a session; empty if none does."""
     return next((f"participant: {row['rule']}" for row in _violated_rules(plan, session)), "")
 
 
-def why_answer_left_out(plan: Plan, session: SessionState, code: str, given: GivenAnswer) -> str:
+def answer_exclusion(plan: Plan, session: SessionState, code: str, given: GivenAnswer) -> str:
     """Rule that excludes one answer; empty if none does."""
     rules = plan.design.exclusions
     if given.late:
@@ -74,6 +74,6 @@ def _share_correct(plan: Plan, session: SessionState, role: str) -> float | None
         for trial in session.trials
         if trial.role == role
         for name in trial.questions
-        if (trial.code, name) in session.answers and (truth := right_of(plan, trial, session.chosen, name))
+        if (trial.code, name) in session.answers and (truth := right_answer_of_trial(plan, trial, session.chosen, name))
     ]
     return sum(right) / len(right) if right else None

@@ -245,7 +245,7 @@ def _training_result(plan: Plan, trials: Sequence[Trial], state: _EventState) ->
             if met:
                 waived.append(trial.code)
             elif trial.role == "test" and (given := state.answers.get((trial.code, block.questions[0]))):
-                last.append(given.answer == right_of(plan, trial, state.chosen, block.questions[0]))
+                last.append(given.answer == right_answer_of_trial(plan, trial, state.chosen, block.questions[0]))
                 recent = last[-block.criterion.last :]
                 met = len(recent) == block.criterion.last and sum(recent) >= block.criterion.right * len(recent)
         if last and not met:
@@ -253,7 +253,7 @@ def _training_result(plan: Plan, trials: Sequence[Trial], state: _EventState) ->
     return frozenset(waived), tuple(untrained)
 
 
-def right_of(plan: Plan, trial: Trial, chosen: Mapping[str, str], name: str) -> str:
+def right_answer_of_trial(plan: Plan, trial: Trial, chosen: Mapping[str, str], name: str) -> str:
     """Correct answer to a question of a trial; empty if there is none or nothing was presented yet."""
     presented = trial.stimulus or chosen.get(trial.code, "")
     if not presented:

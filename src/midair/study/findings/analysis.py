@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from midair.progress import passing
+from midair.progress import report_progress
 from midair.study.findings.choice_findings import choice_findings, compared, confusions, mixed
 from midair.study.findings.finding import Choices, Finding, attempt
 from midair.study.findings.question_findings import every_question, question_findings
@@ -61,7 +61,7 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     jobs.append(lambda: attempt("Psychometric function", lambda: psychometric(data, rng=rng)))
     jobs.append(lambda: attempt("Thresholds of adaptive blocks", lambda: adaptive(data)))
     # The order matters: all jobs use the same random generator.
-    for job in passing(jobs, len(jobs)):
+    for job in report_progress(jobs, len(jobs)):
         findings += job()
     if data.questions is not None:
         findings.append(every_question(data.questions))

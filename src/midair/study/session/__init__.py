@@ -1,6 +1,6 @@
 """Sessions of a study: presentation, questions, timing, the event log and simulated participants."""
 
-from midair.study.session.event_log import chain_hash, links_of, read_events
+from midair.study.session.event_log import chain_hash, chain_hashes, read_events
 from midair.study.session.participant import SimulatedParticipant
 from midair.study.session.presenters import (
     ArrayPresenter,
@@ -11,7 +11,7 @@ from midair.study.session.presenters import (
     SilentPresenter,
 )
 from midair.study.session.simulated_screen import SimulatedScreen
-from midair.study.session.steps import Clock, Reply, Screen, StillClock, SystemClock, TrialStep
+from midair.study.session.steps import Clock, InstantClock, Reply, Screen, SystemClock, TrialStep
 from midair.study.session.trials import Session, run
 
 __all__ = [
@@ -27,10 +27,10 @@ __all__ = [
     "Session",
     "SimulatedParticipant",
     "SimulatedScreen",
-    "StillClock",
+    "InstantClock",
     "SystemClock",
     "TrialStep",
-    "links_of",
+    "chain_hashes",
     "read_events",
     "run",
     "chain_hash",

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any, Protocol, Self
 
 from midair.errors import BrokenFileError, DeviceStateError, MissingFileError
-from midair.files import hold_open, json_of
+from midair.files import json_of, lock_or_raise
 
 _LINK = b', "chain": "'
 LINK = 32
@@ -61,7 +61,7 @@ class EventLog:
         self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
         try:
-            hold_open(self._file, f"{self.path.name}: another program is running this session; end it first")
+            lock_or_raise(self._file, f"{self.path.name}: another program is running this session; end it first")
             _sync_folder(self.path.parent)
             torn = _remove_torn_line(self._file, self.path)
             _, self._chain = _read_chain(self.path, self._chained)
@@ -122,10 +122,10 @@ def read_events(path: Path, *, chained: bool = False) -> list[dict[str, Any]]:
 
 def chain_hash(path: Path) -> str:
     """Last chain hash of a log; empty if it has none."""
-    return (links_of(path) or [""])[-1]
+    return (chain_hashes(path) or [""])[-1]
 
 
-def links_of(path: Path) -> list[str]:
+def chain_hashes(path: Path) -> list[str]:
     """Chain hash of each line of a log, empty where a line has none."""
     lines = path.read_bytes().split(b"\n")[:-1]
     return [line.rpartition(_LINK)[2][:LINK].decode(errors="replace") if _LINK in line else "" for line in lines]

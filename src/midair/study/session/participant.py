@@ -6,7 +6,16 @@ from hashlib import sha256
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.design import Design, Plan, Question, Stimulus, Trial, right_answer, right_of, stimulus_levels
+from midair.study.design import (
+    Design,
+    Plan,
+    Question,
+    Stimulus,
+    Trial,
+    right_answer,
+    right_answer_of_trial,
+    stimulus_levels,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +66,7 @@ class SimulatedParticipant:
         question, stimulus = plan.design.question(name), plan.design.stimulus(trial.stimulus or felt)
         rng = self._stream(f"{plan.design.name} {plan.design.seed} {trial.code} {name}")
         reaction = float(np.exp(rng.normal(np.log(0.9), 0.35)))
-        if trial.role == "attention" and (right := right_of(plan, trial, {trial.code: felt}, name)):
+        if trial.role == "attention" and (right := right_answer_of_trial(plan, trial, {trial.code: felt}, name)):
             return right, reaction
         if question.answers and rng.random() < self.lapse:
             return str(rng.choice(question.answers)), reaction

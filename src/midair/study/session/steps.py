@@ -7,7 +7,7 @@ from threading import Event
 from time import monotonic
 from typing import Any, Literal, Protocol
 
-from midair.study.design import Design, Plan, Question, SessionState, Trial, right_of
+from midair.study.design import Design, Plan, Question, SessionState, Trial, right_answer_of_trial
 
 
 class Clock(Protocol):
@@ -42,7 +42,7 @@ class SystemClock:
         ended.wait(seconds)
 
 
-class StillClock(SystemClock):
+class InstantClock(SystemClock):
     """Clock for simulated participants, without waiting."""
 
     def wait(self, seconds: float, ended: Event) -> None:
@@ -161,7 +161,7 @@ def _trial(
 def _feedback(plan: Plan, trial: Trial, now: SessionState) -> str:
     """Feedback on the answer to the first question."""
     name = trial.questions[0]
-    right = right_of(plan, trial, now.chosen, name)
+    right = right_answer_of_trial(plan, trial, now.chosen, name)
     if not right:
         return "This question has no correct answer."
     return "Correct." if now.answers[trial.code, name].answer == right else f"Wrong. The correct answer is {right}."

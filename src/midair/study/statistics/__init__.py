@@ -44,9 +44,9 @@ from midair.study.statistics.power import (
     power_paired_t,
     simulated_power,
 )
-from midair.study.statistics.psychometric import CurveShape, Psychometric, steepness
+from midair.study.statistics.psychometric import CurveShape, Psychometric, sigmoid
 from midair.study.statistics.psychometric_fit import PsychometricFit, fit_psychometric, fit_threshold
-from midair.study.statistics.published import chance_of_published, derive
+from midair.study.statistics.published import chance_of_published, published_statistics
 from midair.study.statistics.resample import Chance, Interval, Scale, limits_over_people, sign_flip
 
 __all__ = [
@@ -78,7 +78,7 @@ __all__ = [
     "d_prime_limits",
     "d_prime_same_different",
     "d_prime_yes_no",
-    "derive",
+    "published_statistics",
     "equivalence",
     "f_limits",
     "f_measure",
@@ -104,7 +104,7 @@ __all__ = [
     "share_limits",
     "sign_flip",
     "simulated_power",
-    "steepness",
+    "sigmoid",
     "two_answers_limits",
     "wilson",
 ]

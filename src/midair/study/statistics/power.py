@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.progress import passing
+from midair.progress import report_progress
 from midair.study.statistics.confusion import Confusion, chance_macro_f, wilson
 from midair.study.statistics.detection import proportion_correct
 from midair.study.statistics.paired import equivalence, holm
@@ -73,7 +73,7 @@ def simulated_power(
     """Share of simulated studies whose planned test has p < alpha."""
     if runs < 1:
         raise InputError(f"runs: expected 1 or more, got {runs}")
-    found = sum(experiment(participants, rng) < alpha for _ in passing(range(runs), runs))
+    found = sum(experiment(participants, rng) < alpha for _ in report_progress(range(runs), runs))
     low, high = wilson(found, runs)
     return Power(power=found / runs, low=float(low), high=float(high), participants=participants, runs=runs)
 
@@ -85,7 +85,7 @@ def power_curve(
     from pandas import DataFrame
 
     # The simulation time grows with the number of participants.
-    each = passing(candidates, sum(candidates), weight=lambda n: n)
+    each = report_progress(candidates, sum(candidates), weight=lambda n: n)
     found = [simulated_power(experiment, n, rng=rng, runs=runs, alpha=alpha) for n in each]
     return DataFrame(map(asdict, found), columns=["participants", "power", "low", "high"])
 

@@ -36,10 +36,10 @@ class Psychometric:
 
     def probability(self, level: Any) -> Array:
         """Probability of the answer at each level, same shape."""
-        return self.guess + (1 - self.guess - self.lapse) * steepness(level, self.threshold, self.slope, self.shape)
+        return self.guess + (1 - self.guess - self.lapse) * sigmoid(level, self.threshold, self.slope, self.shape)
 
 
-def steepness(level: Any, threshold: Any, slope: Any, shape: CurveShape) -> Array:
+def sigmoid(level: Any, threshold: Any, slope: Any, shape: CurveShape) -> Array:
     """F of `Psychometric`, 0 to 1; all arguments broadcast."""
     from scipy.special import expit, ndtr
 
@@ -81,7 +81,7 @@ class CurveFamily:
         """Log probabilities of the answer and of its absence, shape (level, ...) for z of shape (3, ...)."""
         threshold, slope = self._unpack(z[0], z[1])
         x = self.x.reshape(-1, *[1] * (z.ndim - 1))
-        p = self.guess + (1 - self.guess - z[2]) * steepness(x, threshold, slope, self.shape)
+        p = self.guess + (1 - self.guess - z[2]) * sigmoid(x, threshold, slope, self.shape)
         # Answers of probability 0 get a large but finite log loss.
         p = np.clip(p, 1e-9, 1 - 1e-9)
         return np.log(p), np.log1p(-p)

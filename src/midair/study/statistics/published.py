@@ -39,7 +39,7 @@ class Published:
         return self.people * self.scored_trials // self.objects
 
 
-def derive(published: Published | None = None) -> DataFrame:
+def published_statistics(published: Published | None = None) -> DataFrame:
     """Statistics that follow from the printed numbers alone.
 
     Returns

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from midair.study.design import right_of
+from midair.study.design import right_answer_of_trial
 from midair.study.folder import StudyFolder
 
 ROOT = Path(__file__).parents[4]
@@ -112,7 +112,7 @@ class Observer:
         stimulus = plan.design.stimulus(trial.stimulus or session.chosen[trial.code])
         faint = float(stimulus.levels.get("percent", self._least)) < self._least
         options = plan.design.question(name).keys
-        right = "no" if faint and "no" in options.values() else right_of(plan, trial, session.chosen, name)
+        right = "no" if faint and "no" in options.values() else right_answer_of_trial(plan, trial, session.chosen, name)
         # Without a difference the answer is the first.
         right = next(iter(options.values())) if faint and right != "no" else right
         return [next((key for key, answer in options.items() if answer == right), next(iter(options)))]

@@ -247,7 +247,7 @@ def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
     told = []
     monkeypatch.setattr(
-        "midair.cli.commands.study.running.say_how_long", lambda drive, *_, **__: told.append(drive.frames)
+        "midair.cli.commands.study.running.print_check_time", lambda drive, *_, **__: told.append(drive.frames)
     )
     assert study("run", folder, "--participant", 1, "--array", array) == 0
     assert told == [10], "how long its exposure takes is said of the drive beforehand, and once"

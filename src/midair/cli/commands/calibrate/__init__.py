@@ -5,18 +5,18 @@ from cyclopts import App
 from midair.cli.commands.calibrate.apply import apply_command, show_command
 from midair.cli.commands.calibrate.measure import beam_command, bench_command, measure_command, tone_command
 from midair.cli.commands.calibrate.measure_array import array_command
-from midair.cli.terminal import epilogue, examples_of, offer
+from midair.cli.terminal import add_command, epilogue, examples_of
 
 calibrate_app = App(
     name="calibrate",
     help_epilogue=epilogue(examples_of(apply_command)),
 )
 calibrate_app.default(apply_command)
-offer(calibrate_app, show_command, "show")
-offer(calibrate_app, measure_command, "measure")
-offer(calibrate_app, tone_command, "tone")
-offer(calibrate_app, beam_command, "beam")
-offer(calibrate_app, array_command, "array")
-offer(calibrate_app, bench_command, "bench")
+add_command(calibrate_app, show_command, "show")
+add_command(calibrate_app, measure_command, "measure")
+add_command(calibrate_app, tone_command, "tone")
+add_command(calibrate_app, beam_command, "beam")
+add_command(calibrate_app, array_command, "array")
+add_command(calibrate_app, bench_command, "bench")
 
 __all__ = ["calibrate_app"]

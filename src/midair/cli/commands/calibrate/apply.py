@@ -11,19 +11,19 @@ from midair.cli.terminal import (
     Force,
     Json,
     banner,
-    calibrated_by,
     calibration_from_options,
-    given_calibration,
+    calibration_text,
     may_write,
     prepare_page,
+    print_calibration,
     print_rows,
     quantity,
-    tell,
+    require_calibration,
     write_recording,
 )
 from midair.files import load_pressure, open_take
 from midair.lazy_frames import moments
-from midair.rig import uncertainty_of
+from midair.rig import describe_uncertainty
 
 Pressure = Annotated[float | None, quantity("Pa")]
 
@@ -66,7 +66,7 @@ def apply_command(
     take = open_take(source, streamed=True)
     recording = take.recording
     known = calibration_from_options(recording, sensitivity, peak)
-    known = known or (given_calibration(calibration) if calibration else take.calibration)
+    known = known or (require_calibration(calibration) if calibration else take.calibration)
     pressure = calibrate(
         recording, known, band=chosen.band, method=chosen.inverse, crosstalk=crosstalk, damping=damping
     )
@@ -78,8 +78,8 @@ def apply_command(
     print_rows(
         [
             ("recording", str(source)),
-            ("calibration", calibrated_by(known)),
-            *(() if known is None else (("uncertainty", uncertainty_of(known)),)),
+            ("calibration", calibration_text(known)),
+            *(() if known is None else (("uncertainty", describe_uncertainty(known)),)),
             ("band", f"{chosen.band[0]:g} to {chosen.band[1]:g} Hz"),
             ("crosstalk", "kept" if crosstalk == "keep" else f"undone, damping {damping:g}"),
             ("largest pressure", f"{found.largest:.3g} Pa"),
@@ -103,4 +103,4 @@ def show_command(source: Path, page: Path | None = None, /, *, force: Force = Fa
     $ midair calibrate show take.h5 calibration.html
     """
     prepare_page(page, force)
-    tell(given_calibration(source), [], page=page, json=json)
+    print_calibration(require_calibration(source), [], page=page, json=json)

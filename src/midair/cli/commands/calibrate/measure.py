@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from midair.calibration import BeamPlan, BeamSetting, MeasureSettings, anchored, measure_calibration, measure_tone
+from midair.calibration import BeamPlan, BeamSetting, MeasureSettings, measure_calibration, measure_tone, scale_to_tone
 from midair.cli.terminal import (
     AirOptions,
     ExposureOptions,
@@ -15,11 +15,11 @@ from midair.cli.terminal import (
     Length,
     OutputOptions,
     Time,
-    given_calibration,
     out,
+    print_air,
     progress_bars,
     quantity,
-    say_air,
+    require_calibration,
     stated_sensitivity,
     work_of,
 )
@@ -27,15 +27,15 @@ from midair.errors import InputError
 from midair.files import open_take
 from midair.model import Acoustics, Medium
 from midair.rig import (
-    PRACTICE,
+    PRACTICE_RECORDINGS,
     ReferenceChoice,
     VirtualRig,
     array_named,
     calibrate_by_beam,
-    read_quiet,
+    read_silence,
     read_takes,
     sensor_named,
-    write_practice,
+    write_practice_recordings,
 )
 
 Files = Annotated[tuple[Path, ...], Parameter(consume_multiple=True)]
@@ -104,7 +104,7 @@ def measure_command(
     options.path(sensor)
     calibration = measure_calibration(
         takes,
-        quiet=None if quiet is None else read_quiet(quiet),
+        quiet=None if quiet is None else read_silence(quiet),
         settings=MeasureSettings(resolution=resolution, coherence=coherence),
         date=options.day,
         version=options.version(sensor),
@@ -156,7 +156,7 @@ def tone_command(
         date=options.day,
         version=options.version(said.sensor),
     )
-    options.write(calibration if shape is None else anchored(given_calibration(shape), calibration), [])
+    options.write(calibration if shape is None else scale_to_tone(require_calibration(shape), calibration), [])
 
 
 def beam_command(
@@ -219,7 +219,7 @@ def beam_command(
     )
     source = rig.sensor(rig.skin() if skin is None else skin) if sensor == "virtual" else sensor_named(sensor, rig)
     array = rig.array_device(skin) if device == "virtual" else array_named(device)
-    say_air(medium, stated=room is not None)
+    print_air(medium, stated=room is not None)
     with progress_bars() as stage, array, source:
         options.path(source.grid)
         calibration = calibrate_by_beam(
@@ -257,9 +257,9 @@ def bench_command(
     $ midair calibrate bench bench --kind sweep
     """
     workload = f"{kind} of {duration:g} s"
-    with progress_bars([work_of("simulate", workload, PRACTICE)]) as stage:
+    with progress_bars([work_of("simulate", workload, PRACTICE_RECORDINGS)]) as stage:
         progress = stage("simulate", workload)
-        command = write_practice(folder, kind=kind, duration=duration, seed=seed, progress=progress)
+        command = write_practice_recordings(folder, kind=kind, duration=duration, seed=seed, progress=progress)
     out().print("now measure:", command, sep="\n")
 
 

@@ -16,11 +16,11 @@ from midair.cli.terminal import (
     array_rows,
     banner,
     may_write,
+    print_air,
     print_json,
     print_rows,
     progress_bars,
     quantity,
-    say_air,
 )
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import MissingFileError
@@ -88,7 +88,7 @@ def array_command(
     name = re.sub(r"[^\w.-]+", "-", array.array.name).strip("-") or "array"
     target = output or Path(f"{name}-{day}{ARRAY_SUFFIX}")
     may_write(target, force)
-    say_air(medium, stated=room is not None)
+    print_air(medium, stated=room is not None)
     with progress_bars() as stage, array, source:
         found = calibrate_array(
             array,

@@ -6,11 +6,11 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from midair.cli.terminal import say
+from midair.cli.terminal import print_line
 from midair.errors import InputError
-from midair.figures import png
-from midair.files import whole_file
-from midair.progress import passing
+from midair.figures import png_bytes
+from midair.files import atomic_file
+from midair.progress import report_progress
 from midair.study import (
     EquivalenceExperiment,
     Experiment,
@@ -19,11 +19,11 @@ from midair.study import (
     RatingExperiment,
     chance_figure,
     chance_of_published,
-    derive,
     participants_for_paired_t,
     power_curve,
     power_figure,
     power_paired_t,
+    published_statistics,
 )
 
 
@@ -76,7 +76,7 @@ def power_command(
         raise InputError(f"--power: expected between 0 and 1, got {power:g}")
     if test in ("paired", "threshold"):
         many, what = participants_for_paired_t(d_z=effect, power=power), "pairs" if test == "paired" else "thresholds"
-        say(f"{many} {what} for power {power:g} at {'d_z' if test == 'paired' else 'a distance'} = {effect:g}.")
+        print_line(f"{many} {what} for power {power:g} at {'d_z' if test == 'paired' else 'a distance'} = {effect:g}.")
         return
     experiment: Experiment = {
         "identification": IdentificationExperiment(objects=objects, trials=trials, d_prime=effect),
@@ -85,9 +85,11 @@ def power_command(
     }[test]
     curve = power_curve(experiment, [3, 5, 8, 10, 12, 16, 20, 30, 40], rng=np.random.default_rng(seed), runs=runs)
     for row in curve.to_dict("records"):
-        say(f"{row['participants']:>4} participants: power {row['power']:.2f} ({row['low']:.2f} to {row['high']:.2f})")
+        print_line(
+            f"{row['participants']:>4} participants: power {row['power']:.2f} ({row['low']:.2f} to {row['high']:.2f})"
+        )
     enough = curve["participants"][curve["power"] >= power].tolist()
-    say(f"Enough for {power:g}: {enough[0]}." if enough else f"More than 40 are needed for {power:g}.")
+    print_line(f"Enough for {power:g}: {enough[0]}." if enough else f"More than 40 are needed for {power:g}.")
 
 
 def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
@@ -104,12 +106,12 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
     --------
     $ midair study paper figures
     """
-    for row in derive().to_dict("records"):
+    for row in published_statistics().to_dict("records"):
         limits = "" if np.isnan(row["low"]) else f" ({row['low']:.3f} to {row['high']:.3f})"
-        say(f"{row['quantity']}: {row['value']:.4f}{limits}")
+        print_line(f"{row['quantity']}: {row['value']:.4f}{limits}")
     chance = chance_of_published(rng=np.random.default_rng(seed))
     low, high = chance.range95
-    say(f"macro F by chance: mean {chance.mean:.3f}, middle 95 % {low:.3f} to {high:.3f}")
+    print_line(f"macro F by chance: mean {chance.mean:.3f}, middle 95 % {low:.3f} to {high:.3f}")
     if output is None:
         return
     from pandas import DataFrame
@@ -119,7 +121,7 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
     power = {d_z: [power_paired_t(n, d_z=d_z) for n in pairs] for d_z in (0.3, 0.5, 0.8)}
     curves = [(f"d_z = {d_z:g}", DataFrame({"participants": pairs, "power": p})) for d_z, p in power.items()]
     drawn = {"paper-chance.png": chance_figure(chance, simulated=True), "paper-power.png": power_figure(curves)}
-    for name, figure in passing(drawn.items(), len(drawn)):
-        with whole_file(output / name) as partial:
-            partial.write_bytes(png(figure))
-    say(f"{output}: paper-chance.png, paper-power.png")
+    for name, figure in report_progress(drawn.items(), len(drawn)):
+        with atomic_file(output / name) as partial:
+            partial.write_bytes(png_bytes(figure))
+    print_line(f"{output}: paper-chance.png, paper-power.png")

@@ -5,9 +5,9 @@ import sys
 from hashlib import sha256
 from pathlib import Path
 
-from midair.cli.terminal import Force, banner, err, progress_bars, say
+from midair.cli.terminal import Force, banner, err, print_line, progress_bars
 from midair.errors import InputError
-from midair.files import read_text, whole_file
+from midair.files import atomic_file, read_text
 from midair.settings import Mode
 from midair.study import (
     Design,
@@ -79,10 +79,10 @@ def new_command(
         return {one.source: one.digest for one in gathered}
 
     plan = StudyFolder.create(path, text, design, drives=None if drives == "none" else fill).plan()
-    say(f"{path}: {len(plan.of(1))} trials for each of {design.participants} participants, plan {plan.digest}.")
+    print_line(f"{path}: {len(plan.of(1))} trials for each of {design.participants} participants, plan {plan.digest}.")
     for number in range(1, design.participants + 1):
         order = dict.fromkeys(block.group for block in block_order(plan.design, number))
-        say(f"  participant {number}: {', '.join(order)}")
+        print_line(f"  participant {number}: {', '.join(order)}")
     _print_drives(gathered)
     _print_next(path, design, gathered)
 
@@ -109,9 +109,9 @@ def plan_command(study: Path, output: Path | None = None, /, *, runs: int = 500,
     if target.exists() and not force:
         raise InputError(f"{target}: already exists; give another name, or --force to overwrite it")
     page = plan_page(plan, runs=runs)
-    with whole_file(target) as partial:
+    with atomic_file(target) as partial:
         partial.write_text(page, encoding="utf-8")
-    say(f"{target}: plan {plan.digest}, the page's SHA-256 {sha256(page.encode()).hexdigest()}")
+    print_line(f"{target}: plan {plan.digest}, the page's SHA-256 {sha256(page.encode()).hexdigest()}")
 
 
 def withdraw_command(study: Path, participant: int, /, *, force: Force = False) -> None:
@@ -137,8 +137,8 @@ def withdraw_command(study: Path, participant: int, /, *, force: Force = False) 
     if not force:
         _confirm_deletion(study, participant)
     for line in withdraw(folder, participant):
-        say(line)
-    say(f"participant {participant} is withdrawn.")
+        print_line(line)
+    print_line(f"participant {participant} is withdrawn.")
 
 
 def _confirm_deletion(study: Path, participant: int) -> None:
@@ -153,7 +153,7 @@ def _confirm_deletion(study: Path, participant: int) -> None:
 def _print_drives(gathered: list[StudyDrive]) -> None:
     words = {"found": "copied", "solved": "solved from its recording", "virtual": "from a virtual stroke"}
     for one in gathered:
-        say(f"  {one.source}: {one.duration:.2f} s, {words[one.how]}, SHA-256 {one.digest[:12]}")
+        print_line(f"  {one.source}: {one.duration:.2f} s, {words[one.how]}, SHA-256 {one.digest[:12]}")
     if any(one.how == "virtual" for one in gathered):
         banner(True)
 
@@ -163,10 +163,10 @@ def _print_next(path: Path, design: Design, gathered: list[StudyDrive]) -> None:
     there = shlex.quote(str(path))
     drives = any(one.kind == "drive" for one in design.stimuli)
     if drives and not gathered:
-        say(f"Next: midair study run {there} --simulate")
+        print_line(f"Next: midair study run {there} --simulate")
         return
     noise = " --noise none" if design.noise else ""
     array = f" --array virtual{noise}" if drives else ""
-    say(f"Next: midair study run {there} --participant 1{array}")
-    say(f"To preregister it: midair study plan {there}")
-    say(f"To simulate participants: midair study run {there} --simulate")
+    print_line(f"Next: midair study run {there} --participant 1{array}")
+    print_line(f"To preregister it: midair study plan {there}")
+    print_line(f"To simulate participants: midair study run {there} --simulate")

@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from midair.cli.terminal import AirOptions, ExposureOptions, PlainConsole, say, say_how_long, warn_simulated
+from midair.cli.terminal import AirOptions, ExposureOptions, PlainConsole, print_check_time, print_line, warn_simulated
 from midair.errors import InputError
 from midair.study import (
+    InstantClock,
     Plan,
     Policy,
     Session,
@@ -12,7 +13,6 @@ from midair.study import (
     SilentPresenter,
     SimulatedParticipant,
     SimulatedScreen,
-    StillClock,
     StudyFolder,
     TerminalScreen,
     chain_hash,
@@ -20,7 +20,7 @@ from midair.study import (
     keyboard_of_terminal,
     open_stimulus_rig,
     run,
-    stops_on_signals,
+    stop_on_signals,
     withdrawn,
 )
 
@@ -75,7 +75,7 @@ def run_command(
         raise InputError("participant: expected --participant N from 1, or --simulate, got neither")
     check_not_withdrawn(folder, participant)
     if done := _finished_log(folder, plan, participant):
-        say(f"participant {participant} has already finished; no question was asked. {done}")
+        print_line(f"participant {participant} has already finished; no question was asked. {done}")
         return 0
     room = (air or AirOptions()).medium()
     choices = (exposure or ExposureOptions()).choices(room)
@@ -83,14 +83,14 @@ def run_command(
         PlainConsole(markup=True, soft_wrap=False), keyboard=None if lines else keyboard_of_terminal()
     )
     with (
-        stops_on_signals(),
+        stop_on_signals(),
         open_stimulus_rig(
             array,
             folder,
             plan,
             exposure=choices,
             room=room,
-            before=lambda drive: say_how_long(drive, choices.profile, room=room),
+            before=lambda drive: print_check_time(drive, choices.profile, room=room),
             noise=noise,
         ) as rig,
     ):
@@ -111,8 +111,10 @@ def run_command(
             raise InputError(
                 "terminal: expected answers, got the end of input; the answers so far are stored"
             ) from closed
-    say("Done." if step.kind == "done" else "Stopped; the answers so far are stored.")
-    say(f"{folder.log(participant).name}: seal {session.seal}. Write it down elsewhere: it detects a replaced log.")
+    print_line("Done." if step.kind == "done" else "Stopped; the answers so far are stored.")
+    print_line(
+        f"{folder.log(participant).name}: seal {session.seal}. Write it down elsewhere: it detects a replaced log."
+    )
     _print_next_session(session.standing())
     return 0 if step.kind == "done" else 1
 
@@ -130,7 +132,7 @@ def _finished_log(folder: StudyFolder, plan: Plan, participant: int) -> str:
 def _print_next_session(standing: SessionState) -> None:
     if standing.next_trial < len(standing.trials) and not standing.broken_off:
         due = standing.trials[standing.next_trial].session
-        say(f"Session {due} is next: run the same command again.")
+        print_line(f"Session {due} is next: run the same command again.")
 
 
 def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Policy, d_prime: float) -> int:
@@ -143,8 +145,8 @@ def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Po
         presenter, log = SilentPresenter(), folder.log(number)
         screen = SimulatedScreen(plan=plan, participant=model, presenter=presenter, number=number)
         for _ in range(plan.design.sessions):
-            with Session(plan, number, log, presenter, policy=policy, simulated=True, clock=StillClock()) as session:
+            with Session(plan, number, log, presenter, policy=policy, simulated=True, clock=InstantClock()) as session:
                 run(session, screen)
-        say(f"participant {number}: done; {log.name}: seal {chain_hash(log)}")
+        print_line(f"participant {number}: done; {log.name}: seal {chain_hash(log)}")
     warn_simulated(True)
     return 0

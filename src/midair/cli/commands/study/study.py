@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from midair.cli.terminal import Json, say, warn_simulated
+from midair.cli.terminal import Json, print_line, warn_simulated
 from midair.errors import InputError
-from midair.files import whole_file
+from midair.files import atomic_file
 from midair.study import (
     Incomplete,
     Report,
@@ -127,7 +127,7 @@ def analyse_command(
     page = report_page(report, title=title, within=data.within)
     notebook = analysis_notebook(data, loading, title=title, seed=seed, draws=draws)
     for file, text in ((target, page), (target.with_suffix(".ipynb"), notebook)):
-        with whole_file(file) as partial:
+        with atomic_file(file) as partial:
             partial.chmod(0o600)
             partial.write_text(text, encoding="utf-8")
     _print_report(report, data, target, json=json)
@@ -159,14 +159,14 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
         written = write_bids(
             answers, plan.design, output, files=verified.summary, unfinished=tuple(verified.unfinished)
         )
-        say(f"{output}: {len(written)} files, {len(answers)} answers.")
+        print_line(f"{output}: {len(written)} files, {len(answers)} answers.")
     else:
         if answers.empty:
             raise InputError("export: expected answers, got none; run a participant first")
         log_derived_file(folder, output, "csv")
         write_csv(answers, output)
-        say(f"{output}: {len(answers)} answers.")
-    say(" ".join(part for part in (verified.summary, verified.unfinished_words) if part))
+        print_line(f"{output}: {len(answers)} answers.")
+    print_line(" ".join(part for part in (verified.summary, verified.unfinished_words) if part))
     warn_simulated(bool(answers["simulated"].any()))
 
 
@@ -191,7 +191,7 @@ def verify_command(study: Path, /, *, seal: Path | None = None) -> int:
     """
     verified = verify_study(StudyFolder(study), noted=None if seal is None else noted_seals(seal))
     for line in (*verified.sessions, verified.summary):
-        say(line)
+        print_line(line)
     return 1 if verified.faults else 0
 
 
@@ -208,6 +208,6 @@ def _print_report(report: Report, data: StudyData, target: Path, *, json: bool) 
     if json:
         print(report_json(report))  # noqa: T201
         return
-    say(report_text(report))
-    say(f"\nreport {target}, notebook of the analysis {target.with_suffix('.ipynb')}")
+    print_line(report_text(report))
+    print_line(f"\nreport {target}, notebook of the analysis {target.with_suffix('.ipynb')}")
     warn_simulated(data.simulated)

@@ -5,14 +5,14 @@ from cyclopts import App
 from midair.cli.commands.sweep.patterns import patterns_command
 from midair.cli.commands.sweep.recordings import recordings_command
 from midair.cli.commands.sweep.report import report_command
-from midair.cli.terminal import epilogue, offer
+from midair.cli.terminal import add_command, epilogue
 
 sweep_app = App(
     name="sweep",
     help_epilogue=epilogue(("midair sweep patterns patterns.zarr --count 1000 --strength 0.1",)),
 )
-offer(sweep_app, patterns_command, "patterns")
-offer(sweep_app, recordings_command, "recordings")
-offer(sweep_app, report_command, "report")
+add_command(sweep_app, patterns_command, "patterns")
+add_command(sweep_app, recordings_command, "recordings")
+add_command(sweep_app, report_command, "report")
 
 __all__ = ["sweep_app"]

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
-from midair.cli.terminal import AirOptions, out, parse_quantity, show_patterns, spell, swept
+from midair.cli.terminal import AirOptions, format_quantity, out, parse_quantity, run_with_bar, show_patterns
 from midair.model import Acoustics, Directivity, Medium
 from midair.sweep import PatternResults, PatternSweep, load_sweep, report_of
 
@@ -16,7 +16,7 @@ def _lengths(_: Any, tokens: Sequence[Token]) -> tuple[float, ...]:
 
 
 def _lengths_text(values: tuple[float, ...]) -> str:
-    return " ".join(spell(value, "m") for value in values)
+    return " ".join(format_quantity(value, "m") for value in values)
 
 
 Numbers = Annotated[tuple[float, ...], Parameter(consume_multiple=True)]
@@ -110,7 +110,7 @@ def patterns_command(
         bits=bits,
         chunk=chunk,
     )
-    status = swept(sweep, output, scheduler=scheduler, workers=workers)
+    status = run_with_bar(sweep, output, scheduler=scheduler, workers=workers)
     if status == 0:
         show_patterns(report_of(PatternResults.of(load_sweep(output))))
         out().print(f"Next: midair sweep report {output}")

@@ -8,11 +8,11 @@ from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
-from midair.cli.terminal import SolveOptions, Time, out, quantity, say_air, show_trials, swept
+from midair.cli.terminal import SolveOptions, Time, out, print_air, quantity, run_with_bar, show_trials
 from midair.errors import InputError
 from midair.files import open_take
 from midair.model import TransducerArray
-from midair.pipeline import at_strength, calibrated_pressure
+from midair.pipeline import calibrated_pressure, with_gain_for_strength
 from midair.sweep import RecordingSweep, SweepTrial, load_sweep, trial_report
 
 Choice = tuple[str, Any]
@@ -69,9 +69,9 @@ def recordings_command(
     for _, chosen in variants:
         chosen.refuse_idle_palm()
     if not any(text.startswith("temperature=") for text in vary):
-        say_air(options.settings().acoustics.medium, stated=options.air_is_stated)
+        print_air(options.settings().acoustics.medium, stated=options.air_is_stated)
     trials = [_trial(source, name, chosen, start_at, duration) for name, chosen in variants for source in sources]
-    status = swept(
+    status = run_with_bar(
         RecordingSweep(trials=tuple(trials), bits=bits, blocks=blocks), output, scheduler=scheduler, workers=workers
     )
     if status == 0:
@@ -86,7 +86,7 @@ def _trial(source: Path, variant: str, options: SolveOptions, start: float, dura
     take = open_take(source, streamed=settings.solver.name == "glide")
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     part = pressure if start == 0 and duration is None else pressure.cut(start, duration)
-    known = at_strength(part, TransducerArray.autd3(), settings)
+    known = with_gain_for_strength(part, TransducerArray.autd3(), settings)
     return SweepTrial(recording=source.name, variant=variant, pressure=part, settings=known)
 
 

@@ -5,13 +5,13 @@ import time
 import numpy as np
 import pytest
 
-from midair.devices import autd3_standing
-from midair.devices.arrays.autd3_places import autd3_place
-from midair.devices.arrays.standing_array import StandingArray
+from midair.devices import autd3_constant_frame
+from midair.devices.arrays.autd3_address import autd3_place
+from midair.devices.arrays.constant_frame_array import ConstantFrameArray
 from midair.devices.frame_bytes import phase_bytes
 from midair.errors import InputError, SilentFramesError, TooHotError, UnknownDeviceError
 from midair.model import Drive, Placement
-from midair.testing import overridden
+from midair.testing import clear_any_exposure
 
 pytest.importorskip("autd3")
 
@@ -39,8 +39,8 @@ def hangs_after(seconds, hang, tap):
 
 def test_a_frame_sounds_with_its_phases_until_it_is_silenced(tap):
     drive = stands(300)
-    with autd3_standing(tap.address, ONE, failsafe=0.5) as device:
-        report = device.play(overridden(drive, device, repeats=2))
+    with autd3_constant_frame(tap.address, ONE, failsafe=0.5) as device:
+        report = device.play(clear_any_exposure(drive, device, repeats=2))
     assert (report.frames, report.duration, report.late) == (600, 0.6, 0)
     shown = [datagram for _, _, command, datagram in tap.frames() if command == SHOW]
     loud = [datagram for datagram in shown if datagram[-1]]
@@ -53,12 +53,12 @@ def test_a_frame_sounds_with_its_phases_until_it_is_silenced(tap):
 
 
 def test_a_python_that_hangs_is_silent_though_its_process_lives(tap):
-    with autd3_standing(tap.address, ONE) as device:
+    with autd3_constant_frame(tap.address, ONE) as device:
         progress, states = hangs_after(0.2, 0.4, tap)
         with pytest.raises(SilentFramesError, match=r"failsafe silenced unit 0: frames \d+ to 1999 of 2000"):
-            device.play(overridden(stands(2000), device), progress=progress)
+            device.play(clear_any_exposure(stands(2000), device), progress=progress)
         assert states == [PATTERN | FAILSAFE]
-        assert device.play(overridden(stands(20), device)).frames == 20
+        assert device.play(clear_any_exposure(stands(20), device)).frames == 20
 
 
 @pytest.mark.long
@@ -67,9 +67,9 @@ def test_with_the_sdk_s_heartbeat_it_would_sound_on(tap):
     from midair.devices.arrays.autd3_udp import Autd3Udp
 
     place = autd3_place(tap.address)
-    with StandingArray(lambda placement: Autd3Udp(placement, place), ONE, name="with a heartbeat") as device:
+    with ConstantFrameArray(lambda placement: Autd3Udp(placement, place), ONE, name="with a heartbeat") as device:
         progress, states = hangs_after(0.2, 0.8, tap)
-        device.play(overridden(stands(2000), device), progress=progress)
+        device.play(clear_any_exposure(stands(2000), device), progress=progress)
     assert states == [PATTERN]
 
 
@@ -77,21 +77,21 @@ def test_a_unit_that_is_too_hot_ends_it(tap):
     def heat(done, total):
         tap.hot = range(65536)
 
-    with autd3_standing(tap.address, ONE) as device:
+    with autd3_constant_frame(tap.address, ONE) as device:
         with pytest.raises(TooHotError, match=r"unit 0 too hot after \d+ of 2000 frames"):
-            device.play(overridden(stands(2000), device), progress=heat)
+            device.play(clear_any_exposure(stands(2000), device), progress=heat)
         assert not tap.frames()[-1][3][-1]
         with pytest.raises(TooHotError, match="before the first frame"):
-            device.play(overridden(stands(2000), device))
+            device.play(clear_any_exposure(stands(2000), device))
 
 
 def test_a_drive_that_changes_is_refused():
     array = ONE.array()
     moving = Drive(phase=np.arange(2)[:, None] * np.ones(array.count), level=np.ones(2), rate=1000.0, array=array)
-    with autd3_standing("emulator", ONE) as device, pytest.raises(InputError, match="expected identical frames"):
-        device.play(overridden(moving, device))
+    with autd3_constant_frame("emulator", ONE) as device, pytest.raises(InputError, match="expected identical frames"):
+        device.play(clear_any_exposure(moving, device))
 
 
 def test_a_server_is_refused_since_its_heartbeat_keeps_units_on():
     with pytest.raises(UnknownDeviceError, match="a server's heartbeat keeps them on"):
-        autd3_standing("server", ONE).open()
+        autd3_constant_frame("server", ONE).open()

@@ -10,7 +10,7 @@ from midair.model import Place, StageSetup, StageStamp
 from midair.rig.takes.take_plan import CompanionReport
 
 
-class Stroking:
+class StageStroke:
     """Companion of a take that strokes an object over the sensor once.
 
     Parameters
@@ -89,7 +89,7 @@ class Stroking:
         return self._enough.is_set() or self._asked_to_stop()
 
 
-def bring_to_start(stage: StageDevice, setup: StageSetup, here: Place, stopped: Callable[[], bool]) -> bool:
+def move_to_start(stage: StageDevice, setup: StageSetup, here: Place, stopped: Callable[[], bool]) -> bool:
     """Raise the stage clear of the sensor and move it above the start of a stroke; return False if it was stopped."""
     height = max(here[2], setup.clear)
     for target in ((here[0], here[1], height), (*setup.start, height), setup.above):

@@ -56,7 +56,7 @@ class PlaybackChain:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Moment:
+class TransducerState:
     """State of the transducers between two frames, each shape (transducer,)."""
 
     phase: Array | None
@@ -64,14 +64,14 @@ class Moment:
     q: Complex
 
     @classmethod
-    def silent(cls, count: int) -> "Moment":
+    def silent(cls, count: int) -> "TransducerState":
         """The state before playing; the first phases are reached without a ramp."""
         return cls(phase=None, level=np.zeros(count), q=np.zeros(count, complex))
 
 
 def radiate(
-    drive: Drive, chain: PlaybackChain, steps: int, *, start: Moment | None = None, together: int = 1024
-) -> Iterator[tuple[Waves, Moment]]:
+    drive: Drive, chain: PlaybackChain, steps: int, *, start: TransducerState | None = None, together: int = 1024
+) -> Iterator[tuple[Waves, TransducerState]]:
     """Yield the output of each transducer, some frames at a time.
 
     The envelope is exact for a drive that changes linearly within each step: without ramps it is exact everywhere; with
@@ -96,7 +96,7 @@ def radiate(
         State after it.
     """
     exact = np.complex64 if chain.precision == "single" else np.complex128
-    moment, block = start or Moment.silent(drive.array.count), max(1, together // steps)
+    moment, block = start or TransducerState.silent(drive.array.count), max(1, together // steps)
     response = _EnvelopeStep.of(chain.transducers, 1 / (drive.rate * steps), drive.array.count)
     for first in range(0, drive.frames, block):
         last = min(first + block, drive.frames)
@@ -105,7 +105,7 @@ def radiate(
         level = np.broadcast_to(read_frames(drive.level, first, last).reshape(len(phase), -1), phase.shape)
         nodes, phase_now, level_now = _command(phase, level, chain, drive.rate, steps, moment, exact)
         q = response.follow(nodes, moment.q)
-        moment = Moment(phase=phase_now, level=level_now, q=np.asarray(q[-1], np.complex128))
+        moment = TransducerState(phase=phase_now, level=level_now, q=np.asarray(q[-1], np.complex128))
         yield q, moment
 
 
@@ -145,7 +145,7 @@ class _EnvelopeStep:
 
 
 def _command(
-    phase: Array, level: Array, chain: PlaybackChain, rate: float, steps: int, moment: Moment, exact: type
+    phase: Array, level: Array, chain: PlaybackChain, rate: float, steps: int, moment: TransducerState, exact: type
 ) -> tuple[Waves, Array, Array]:
     """Drive at the beginning, between the steps and at the end of each frame, (frame, step + 1, transducer).
 

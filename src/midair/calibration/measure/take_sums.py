@@ -46,7 +46,7 @@ class MeasureSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evidence:
+class TakeSums:
     """Spectral sums and takes from which a calibration is computed."""
 
     recording: Recording

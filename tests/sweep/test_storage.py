@@ -10,8 +10,8 @@ import zarr
 
 from midair.errors import FileError, InputError, MismatchError, MissingExtraError, MissingFileError
 from midair.sweep.pattern_sweep import PatternSweep
-from midair.sweep.place import SweepFolder, place_of
 from midair.sweep.run import do, run_sweep
+from midair.sweep.storage import SweepFolder, storage_of
 from midair.sweep.store import load_sweep, open_sweep
 
 SWEEP = PatternSweep(count=10, curve_count=4, chunk=4, strengths=(0.1,), curve_heights=(0.3,), method="naive")
@@ -112,11 +112,13 @@ def test_a_full_disk_is_reported_with_the_given_name(tmp_path):
 
 def test_a_file_address_is_a_folder(tmp_path, finished):
     finished(f"file://{tmp_path}/s.zarr", SWEEP)
-    assert place_of(f"file://{tmp_path}/s.zarr") == SweepFolder(path=tmp_path / "s.zarr")
+    assert storage_of(f"file://{tmp_path}/s.zarr") == SweepFolder(path=tmp_path / "s.zarr")
     assert load_sweep(tmp_path / "s.zarr").known
 
 
-@pytest.mark.parametrize("place", [SweepFolder(path=place_of("x").path), place_of("memory://bucket/n.zarr")], ids=str)
+@pytest.mark.parametrize(
+    "place", [SweepFolder(path=storage_of("x").path), storage_of("memory://bucket/n.zarr")], ids=str
+)
 def test_names_of_chunks_are_read_and_others_do_not_count(place, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     files, root = fsspec.url_to_fs(str(place))

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from midair.model.pictures import PictureStyle, curve, dots, framed, heat_map, path_of, sparklines, thinned
+from midair.model.svg_pictures import PictureStyle, curve, dots, framed, heat_map, path_of, sparklines, thinned
 
 SVG = "{http://www.w3.org/2000/svg}"
 ROUND = PictureStyle(width=200, left=50, right=50)

@@ -10,7 +10,7 @@ from midair.devices import PacedSensor, ReplaySensor, StageDevice
 from midair.errors import DeviceError
 from midair.files import open_take
 from midair.model import Recording, StageSetup, StageStamp
-from midair.rig.takes.stroking import Stroking, bring_to_start
+from midair.rig.takes.stage_stroke import StageStroke, move_to_start
 from midair.rig.takes.take import record_take
 from midair.rig.takes.take_plan import TakePlan
 
@@ -91,7 +91,7 @@ def sensor(seconds=20.0):
 def drawn(path, stage, watcher=None, seconds=20.0, stopped=lambda: False):
     stage.at = SETUP.above
     with sensor(seconds) as opened:
-        stroking = Stroking(stage, SETUP, stroke=0.05, speed=0.05, stopped=stopped)
+        stroking = StageStroke(stage, SETUP, stroke=0.05, speed=0.05, stopped=stopped)
         take = record_take(opened, TakePlan(path=path), watcher or Watcher(), stroking)
     return take, {step.stage: step.settings for step in open_take(path).recording.provenance.steps}
 
@@ -141,7 +141,7 @@ def test_a_request_to_stop_needs_no_frame(tmp_path):
     """The sensor may be waiting for one for seconds."""
     stage, stop = Ghost(), threading.Event()
     stage.at = SETUP.above
-    stroking = Stroking(stage, SETUP, stroke=0.05, speed=0.05, stopped=stop.is_set)
+    stroking = StageStroke(stage, SETUP, stroke=0.05, speed=0.05, stopped=stop.is_set)
     stroking.begin()
     time.sleep(0.3)
     stop.set()
@@ -162,11 +162,11 @@ def test_a_request_to_stop_needs_no_frame(tmp_path):
 def test_the_way_to_the_start_goes_up_first_and_down_last(here, first):
     stage = Ghost()
     stage.at = here
-    assert bring_to_start(stage, SETUP, here, lambda: False)
+    assert move_to_start(stage, SETUP, here, lambda: False)
     assert stage.went == [first, (0.01, 0.02, first[2]), (0.01, 0.02, 0.01)]
 
 
 def test_a_stopped_move_to_the_start_returns_false():
     stage = Ghost()
     stage.at = (0.1, 0.05, 0.04)
-    assert not bring_to_start(stage, SETUP, stage.at, lambda: True)
+    assert not move_to_start(stage, SETUP, stage.at, lambda: True)

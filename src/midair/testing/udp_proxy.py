@@ -19,7 +19,7 @@ THERMAL = 0x01
 """Bit of the FPGA state: the unit is too hot."""
 
 
-class UdpTap:
+class UdpProxy:
     """A proxy between a client and `units` emulated units; it forwards and records datagrams.
 
     Header of a datagram: version, kind, message id (2 bytes); of a frame also: sequence number, command.

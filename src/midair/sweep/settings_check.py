@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from midair.errors import MismatchError
-from midair.files import refusing
+from midair.files import parse_errors
 from midair.sweep.task import Sweep
 
 
 def check_settings(path: object, attrs: Mapping[str, Any], sweep: Sweep) -> None:
     """Raise a MismatchError that names the first different setting, or a BrokenFileError without settings."""
-    with refusing(str(path), "a sweep of midair"):
+    with parse_errors(str(path), "a sweep of midair"):
         stored = dict(attrs["settings"]) | {"kind": attrs["kind"]}
         asked = sweep.settings() | {"kind": sweep.kind}
     different = _difference(stored, asked)

@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 
-from midair.testing.openmpd_stand_in import CommandReader, OpenMpdStandIn, PinFrame
+from midair.testing.openmpd_simulator import CommandReader, OpenMpdSimulator, PinFrame
 
 
 def frame(first=0, length=0):
@@ -48,7 +48,7 @@ def test_the_first_harmonic_of_a_pulse(start, length):
 
 
 def test_a_frame_is_held_until_the_next_one():
-    board = OpenMpdStandIn()
+    board = OpenMpdSimulator()
     try:
         assert not board.sounds
         line = os.open(board.port, os.O_RDWR | os.O_NOCTTY)

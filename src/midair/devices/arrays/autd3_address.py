@@ -13,7 +13,7 @@ SIMULATOR_PORT, SERVER_PORT = 44336, 44338
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Autd3Place:
+class Autd3Address:
     """Address of units."""
 
     kind: Literal["auto", "interface", "address", "emulator", "simulator", "server"]
@@ -53,13 +53,13 @@ class Autd3Place:
         return f"emulator:{self.name}" if self.kind == "address" and self.simulated else self.device
 
 
-def autd3_place(where: str) -> Autd3Place:
+def autd3_place(where: str) -> Autd3Address:
     """Parse an address, see `autd3_array`; raises UnknownDeviceError if it is invalid or a server is not local."""
     kind, colon, rest = where.partition(":")
     if where in ("auto", "emulator"):
-        return Autd3Place(kind="auto" if where == "auto" else "emulator")
+        return Autd3Address(kind="auto" if where == "auto" else "emulator")
     if kind == "simulator":
-        return Autd3Place(kind="simulator", port=_port(where, rest, SIMULATOR_PORT, colon))
+        return Autd3Address(kind="simulator", port=_port(where, rest, SIMULATOR_PORT, colon))
     if kind == "server":
         host, _, port = rest.rpartition(":")
         if host not in ("", "localhost", "[::1]"):
@@ -67,11 +67,11 @@ def autd3_place(where: str) -> Autd3Place:
                 f"autd3-server: expected PORT, the SDK reaches a server on this computer only, got {rest!r}; forward "
                 f"its port with ssh -L [::1]:{SERVER_PORT}:[::1]:{SERVER_PORT} HOST"
             )
-        return Autd3Place(kind="server", port=_port(where, port, SERVER_PORT, colon))
+        return Autd3Address(kind="server", port=_port(where, port, SERVER_PORT, colon))
     if where.startswith("["):
         address, port = _address(where)
-        return Autd3Place(kind="address", name=f"[{_numbered(where, address)}]:{port}")
-    return Autd3Place(kind="interface", name=where)
+        return Autd3Address(kind="address", name=f"[{_numbered(where, address)}]:{port}")
+    return Autd3Address(kind="interface", name=where)
 
 
 def _port(where: str, text: str, usual: int, colon: str) -> int:

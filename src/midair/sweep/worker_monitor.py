@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 
-class WorkersWatch:
+class WorkerMonitor:
     """Monitor of the workers' heartbeats through their scheduler.
 
     Workers send heartbeats to their scheduler every half second or few seconds, also while they solve. The monitor only

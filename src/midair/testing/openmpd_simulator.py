@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Board
-from midair.testing.behind_pty import BehindPty
+from midair.testing.pty_device import BehindPty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,7 +45,7 @@ class PinFrame:
         return np.asarray(wave @ np.exp(2j * np.pi * count / 128) / full, np.complex128)
 
 
-class OpenMpdStandIn(BehindPty):
+class OpenMpdSimulator(BehindPty):
     """A simulated OpenMPD board; a driver opens `port`, and `close` ends it.
 
     Attributes

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.testing.behind_pty import BehindPty
+from midair.testing.pty_device import BehindPty
 
 Vector = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ class ParserState:
     target: Vector = field(default_factory=lambda: np.zeros(3))
 
 
-class GrblStandIn(BehindPty):
+class GrblSimulator(BehindPty):
     """A simulated Grbl machine; a driver opens `port`, and `close` ends it.
 
     Parameters

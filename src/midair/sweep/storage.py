@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from midair.errors import BrokenFileError, FileError, InputError, MidairError, MissingExtraError
-from midair.files import hold_open, refusing, writable_path
+from midair.files import lock_or_raise, parse_errors, writable_path
 
 
-class SweepPlace(Protocol):
+class SweepStorage(Protocol):
     """Storage for one sweep."""
 
     @property
@@ -81,7 +81,7 @@ class SweepFolder:
         """Open the Zarr group in this folder."""
         if not self.path.is_dir():
             raise BrokenFileError(f"{self}: expected a sweep, which is a folder, got a file; use another name")
-        with refusing(self.path, "a sweep of midair"):
+        with parse_errors(self.path, "a sweep of midair"):
             return zarr().open_group(self.path, mode=mode, zarr_format=3, use_consolidated=False)
 
     def chunks(self, array: str) -> set[tuple[int, int]]:
@@ -96,7 +96,7 @@ class SweepFolder:
             return
         held = os.open(self.path, os.O_RDONLY)
         try:
-            hold_open(held, f"{self}: another program is writing to this sweep; wait for it")
+            lock_or_raise(held, f"{self}: another program is writing to this sweep; wait for it")
             yield
         finally:
             os.close(held)
@@ -132,7 +132,7 @@ class SweepBucket:
 
     def group(self, mode: str) -> Any:
         """Open the Zarr group of this prefix."""
-        with self._reached(), refusing(self.url, "a sweep of midair"):
+        with self._reached(), parse_errors(self.url, "a sweep of midair"):
             return zarr().open_group(self.url, mode=mode, zarr_format=3, use_consolidated=False)
 
     def chunks(self, array: str) -> set[tuple[int, int]]:
@@ -164,7 +164,7 @@ class SweepBucket:
             raise FileError(f"{self}: cannot be reached: {wrong}") from wrong
 
 
-def place_of(where: Path | str) -> SweepPlace:
+def storage_of(where: Path | str) -> SweepStorage:
     """Return the storage for a path or an address; ``file://`` is a folder."""
     text = str(where)
     if isinstance(where, Path) or "://" not in text:

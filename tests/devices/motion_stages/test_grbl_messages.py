@@ -2,7 +2,7 @@
 
 import pytest
 
-from midair.devices.motion_stages.grbl_words import Outbox, parse_status, with_meaning
+from midair.devices.motion_stages.grbl_messages import Outbox, parse_status, with_meaning
 from midair.errors import DeviceError
 
 

@@ -7,7 +7,7 @@ from midair.errors import BrokenFileError, MidairError
 
 
 @contextmanager
-def as_stored() -> Generator[None]:
+def store_errors_raised() -> Generator[None]:
     """Turn errors from invalid settings, coordinates or results of a store into a BrokenFileError."""
     try:
         yield

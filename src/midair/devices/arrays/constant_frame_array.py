@@ -18,7 +18,7 @@ from midair.errors import DeviceStateError, InputError, SilentFramesError
 from midair.model import Drive, Placement, Progress
 
 
-class StandingUnits(Protocol):
+class ConstantFrameUnits(Protocol):
     """Open units that hold a single pattern; members with the same name as in `Banks` have the same meaning."""
 
     @property
@@ -47,7 +47,7 @@ class StandingUnits(Protocol):
         ...
 
 
-class StandingArray(ArrayDevice):
+class ConstantFrameArray(ArrayDevice):
     """Plays drives with identical frames as one constant pattern.
 
     `connect` opens the units, without a heartbeat and with a short failsafe. `word` is the interval of messages to the
@@ -56,7 +56,7 @@ class StandingArray(ArrayDevice):
 
     def __init__(
         self,
-        connect: Callable[[Placement], StandingUnits],
+        connect: Callable[[Placement], ConstantFrameUnits],
         placement: Placement,
         *,
         name: str,
@@ -65,7 +65,7 @@ class StandingArray(ArrayDevice):
     ) -> None:
         self.name, self.placement, self.array, self.exclusive = name, placement, placement.array(), exclusive
         self._connect, self._word = connect, word
-        self._units: StandingUnits | None = None
+        self._units: ConstantFrameUnits | None = None
         self._plays_pattern = False
 
     @property
@@ -113,14 +113,14 @@ class StandingArray(ArrayDevice):
         if units is not None:
             units.close()
 
-    def _wait(self, units: StandingUnits, delay: float) -> None:
+    def _wait(self, units: ConstantFrameUnits, delay: float) -> None:
         end = time.monotonic() + delay
         while (left := end - time.monotonic()) > 0:
             units.state().check_heat()
             time.sleep(min(left, self._word))
 
     def _hold(
-        self, units: StandingUnits, begun: float, total: int, rate: float, progress: Progress | None
+        self, units: ConstantFrameUnits, begun: float, total: int, rate: float, progress: Progress | None
     ) -> UnitsState:
         well = begun
         while True:

@@ -1,8 +1,8 @@
 import pytest
 
-from midair.cli.speeds import Speeds, Work, duration_text, estimate_text
 from midair.cli.terminal import console
 from midair.cli.terminal.console import progress_bars, work_of
+from midair.cli.time_estimates import Speeds, Work, duration_text, estimate_text
 
 SOLVE, PLAY = Work(kind="solve exact 256", frames=3000), Work(kind="play", frames=3000)
 

@@ -87,11 +87,11 @@ def practice_bench(seed: int = 0) -> CalibrationBench:
     )
 
 
-PRACTICE = 22
+PRACTICE_RECORDINGS = 22
 """Number of recordings: all cells at five levels, each of the sixteen alone, and one without pressure."""
 
 
-def write_practice(
+def write_practice_recordings(
     folder: Path,
     *,
     kind: Literal["noise", "sweep"] = "noise",
@@ -137,10 +137,10 @@ def write_practice(
         save(recording, folder / f"{name}.h5")
         save(reference, folder / f"{name}-reference.h5")
         if progress:
-            progress(number + 1, PRACTICE)
+            progress(number + 1, PRACTICE_RECORDINGS)
     save(bench.quiet(duration), folder / "quiet.h5")
     if progress:
-        progress(PRACTICE, PRACTICE)
+        progress(PRACTICE_RECORDINGS, PRACTICE_RECORDINGS)
     return (
         f"midair calibrate measure {folder}/all-*Pa.h5 {folder}/cell-??.h5 "
         f"--reference {folder}/all-*-reference.h5 {folder}/cell-*-reference.h5 --reference-sensitivity 50mV/Pa "

@@ -62,12 +62,12 @@ class Speeds:
         """Store the speeds; errors are ignored, since only the next estimate is lost."""
         import tomli_w
 
-        from midair.files import whole_file
+        from midair.files import atomic_file
 
         with suppress(OSError, FileError):
             folder = _folder()
             folder.mkdir(parents=True, exist_ok=True)
-            with whole_file(folder / _FILE) as partial:
+            with atomic_file(folder / _FILE) as partial:
                 partial.write_text(tomli_w.dumps(dict(self.rates)), encoding="utf-8")
 
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from midair.testing import GrblStandIn
+from midair.testing import GrblSimulator
 
 
 class Line:
@@ -39,7 +39,7 @@ class Line:
 
 @contextmanager
 def line(**options):
-    machine = GrblStandIn(**options)
+    machine = GrblSimulator(**options)
     talk = Line(machine)
     try:
         yield talk

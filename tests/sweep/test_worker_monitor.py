@@ -12,7 +12,7 @@ import pytest
 
 from midair.errors import ClusterError
 from midair.sweep.store import load_sweep
-from midair.sweep.watch import WorkersWatch
+from midair.sweep.worker_monitor import WorkerMonitor
 
 
 class FakeClient:
@@ -29,7 +29,7 @@ class FakeClient:
 
 
 def test_a_heartbeat_of_any_worker_is_enough():
-    watch = WorkersWatch(FakeClient([1.0, 5.0], [1.0, 6.0], [1.0, 7.0]), patience=0.0)
+    watch = WorkerMonitor(FakeClient([1.0, 5.0], [1.0, 6.0], [1.0, 7.0]), patience=0.0)
     for _ in range(3):
         watch.look()
 
@@ -38,7 +38,7 @@ def test_a_heartbeat_of_any_worker_is_enough():
     "silent", [[], [5.0], OSError("gone"), TimeoutError()], ids=["none", "stopped", "gone", "hangs"]
 )
 def test_no_new_heartbeat_is_an_error(silent):
-    watch = WorkersWatch(FakeClient([5.0], silent), patience=0.0)
+    watch = WorkerMonitor(FakeClient([5.0], silent), patience=0.0)
     watch.look()
     time.sleep(0.01)
     with pytest.raises(ClusterError, match="no heartbeat"):
@@ -48,8 +48,8 @@ def test_no_new_heartbeat_is_an_error(silent):
 @pytest.mark.parametrize("answered", [True, False])
 def test_an_answer_counts_as_a_heartbeat(answered, monkeypatch):
     clock = iter([0.0, 0.0, *([50.0] if answered else []), 70.0]).__next__
-    monkeypatch.setattr("midair.sweep.watch.time", SimpleNamespace(monotonic=clock))
-    watch = WorkersWatch(FakeClient([5.0], []), patience=60.0)
+    monkeypatch.setattr("midair.sweep.worker_monitor.time", SimpleNamespace(monotonic=clock))
+    watch = WorkerMonitor(FakeClient([5.0], []), patience=60.0)
     watch.look()
     if answered:
         watch.reset()
