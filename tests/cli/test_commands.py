@@ -79,6 +79,18 @@ def test_the_air_of_the_room_is_checked_at_play(take, capsys):
     assert 0 < changes[0] < changes[1]
 
 
+@pytest.mark.long
+def test_play_runs_no_solver(take, capsys, monkeypatch):
+    """It prints the pressure level of the drive; the limits of the array, for which patterns are solved, are in info."""
+    assert run(["solve", "take.h5", *QUICK, "--start-at", "0.1s", "--duration", "0.05s"]) == 0
+    assert "can be had" in capsys.readouterr().out
+    monkeypatch.setattr("midair.headroom.solve", lambda *_, **__: pytest.fail("play ran a solver"))
+    assert run(["play", "take.drive.h5"]) == 0
+    printed = capsys.readouterr().out
+    assert "comes" in printed
+    assert "can be had" not in printed
+
+
 @pytest.mark.slow
 def test_loop_writes_a_report(take, capsys):
     assert run(["loop", "take.h5", *QUICK, "--start-at", "0.1s", "--duration", "0.05s", "--json"]) == 0

@@ -199,7 +199,7 @@ def play_command(
     target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
     may_write(target, force)
     drive = load_solution(source, streamed=True).drive
-    level = level_rows(level_of_file(source))
+    level = level_rows(level_of_file(source, limits=False))
     # The virtual sensor has the cells, height and band that the drive was solved for.
     known, around = Settings.of(drive.provenance) or Settings(), None if room is None else Acoustics(medium=room)
     cells, height = sensor_from_provenance(drive.provenance), known.target.grid.height

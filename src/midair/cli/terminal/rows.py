@@ -79,10 +79,12 @@ def calibration_text(calibration: Calibration | None) -> str:
     return " ".join(part for part in (calibration.provenance.source, calibration.date) if part)
 
 
-def level_of_file(source: Path) -> PressureLevel | None:
-    """Requested and achieved pressure of a drive; None if its file has no target."""
+def level_of_file(source: Path, *, limits: bool = True) -> PressureLevel | None:
+    """Pressure level of the drive in a file, as `level_of`; None if the file has no target."""
     target = load_target(source, streamed=True)
-    return None if target is None else level_of(load_solution(source, streamed=True), target, band=band_of(target))
+    if target is None:
+        return None
+    return level_of(load_solution(source, streamed=True), target, band=band_of(target), limits=limits)
 
 
 def solve_error(solution: Solution, target: AmplitudeFrames) -> SolveError:
