@@ -37,7 +37,8 @@ array = placement.array()
 phase = np.random.default_rng(0).uniform(0, 6, (500, array.count))
 drive = Drive(phase=phase, level=np.ones(500), rate=1000.0, array=array)
 with signals_end_the_program(), autd3_array(sys.argv[1], placement) as device:
-    device.play(clear_any_exposure(drive, device, repeats=1000), progress=lambda done, total: print("plays", flush=True))
+    said = lambda done, total: print("plays", flush=True)
+    device.play(clear_any_exposure(drive, device, repeats=1000), progress=said)
 """
 
 
