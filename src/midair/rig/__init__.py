@@ -19,6 +19,8 @@ from midair.rig.bench import (
     write_practice_recordings,
 )
 from midair.rig.correction import (
+    FIELD_TITLE,
+    PALM_TITLE,
     BudgetPlan,
     DriveRerecording,
     Loop,
@@ -84,6 +86,8 @@ from midair.rig.takes import (
 )
 
 __all__ = [
+    "FIELD_TITLE",
+    "PALM_TITLE",
     "ArrayKind",
     "END_SIGNALS",
     "handle_signals",

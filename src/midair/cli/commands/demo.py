@@ -33,7 +33,17 @@ from midair.files import atomic_file, check_not_recording, save, save_solution
 from midair.headroom import level_of
 from midair.model import Calibration, Palm, Progress, Recording
 from midair.pipeline import calibrated_pressure, required_lead
-from midair.rig import Outcome, VirtualRig, capture_recording, open_rig, palm_of_loop, summarise_outcomes, write_report
+from midair.rig import (
+    FIELD_TITLE,
+    PALM_TITLE,
+    Outcome,
+    VirtualRig,
+    capture_recording,
+    open_rig,
+    palm_of_loop,
+    summarise_outcomes,
+    write_report,
+)
 from midair.rig import loop as go_round
 from midair.settings import Settings
 
@@ -184,7 +194,7 @@ def _write_files(
     save_solution(last.reproduction.solution, output / f"{piece.object_name}.drive.h5", target=last.reproduction.target)
     save(last.rerecorded, output / "rerecorded.h5")
     shown = write_report(loop, output / "report.html", commands=commands, beside=outcomes, progress=progress)
-    for name, title in (("palm.png", "What reaches a palm"), ("field.png", "Target and reproduced field")):
+    for name, title in (("palm.png", PALM_TITLE), ("field.png", FIELD_TITLE)):
         with atomic_file(output / name) as partial:
             partial.write_bytes(next(each.data for each in shown if each.title == title))
 

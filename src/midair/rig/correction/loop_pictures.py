@@ -22,6 +22,9 @@ from midair.model import Drive, PressureFrames, Progress
 from midair.physics import propagate
 from midair.rig.correction.correction_loop import Loop
 
+FIELD_TITLE = "Target and reproduced field"
+"""Title of the picture of the sound field."""
+
 
 def drawn(loop: Loop, card: PerceptualMetrics | None, progress: Progress | None = None) -> list[Picture]:
     """Draw every figure of a loop, those of the pipeline first; `progress` is called with (drawn, total)."""
@@ -62,7 +65,7 @@ def loop_figures(loop: Loop) -> Iterator[Picture]:
         ),
     )
     yield Picture(
-        title="Target and reproduced field",
+        title=FIELD_TITLE,
         caption=f"Peak sound pressure at the control points in the strongest frame ({moment}), where E is "
         f"{100 * solution.error[frame]:.1f} %. Circles are the sensor's cells.",
         data=png_bytes(

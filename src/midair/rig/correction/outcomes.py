@@ -78,6 +78,10 @@ def comparison_rows(outcomes: Sequence[Outcome]) -> list[Row]:
     return [(name, unit, *(column[name][0] for column in columns)) for name, (_, unit) in columns[0].items()]
 
 
+PALM_TITLE = "Vibration on a palm"
+"""Title of the picture of a palm."""
+
+
 def palm_picture(outcomes: Sequence[Outcome]) -> Picture | None:
     """Figure of the pressure of each outcome on a palm, and of its strongest cell; None without a simulated palm."""
     ways = [
@@ -88,7 +92,7 @@ def palm_picture(outcomes: Sequence[Outcome]) -> Picture | None:
     if not ways:
         return None
     return Picture(
-        title="Vibration on a palm",
+        title=PALM_TITLE,
         caption="Top: vibration at each point of a palm; the dashed square is the area of the sensor. "
         "Bottom: the cell with the highest pressure, around its maximum.",
         data=png_bytes(palm_figure(outcomes[0].loop.original, ways)),
