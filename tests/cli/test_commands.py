@@ -291,7 +291,7 @@ WRONG = {
     "a file that is there": (["export", "take.h5", "there.csv"], 1, "--force"),
     "humidity alone": (["play", "nothing.drive.h5", "--humidity", "50%"], 1, "--temperature"),
     "air that is none": (["solve", "take.h5", "--temperature", "99C"], 1, "99"),
-    "a temperature without a unit": (["solve", "take.h5", "--temperature", "22"], 2, "22C"),
+    "a temperature in another unit": (["solve", "take.h5", "--temperature", "22mm"], 2, "22C"),
     "both scales": (["import", "take.h5", "x.h5", "--peak", "1Pa", "--sensitivity", "1V/Pa"], 1, "one"),
     "bad sensitivity": (["import", "take.h5", "x.h5", "--sensitivity", "1mm"], 1, "sensitivity"),
     "another pitch of things": (["compare", "take.h5", "small.h5"], 1, "cells"),

@@ -32,7 +32,7 @@ def bench(samples):
 def test_a_swap_is_shown_and_put_right_in_the_sensor_file(tapped, capsys):
     order = list(range(16))
     order[3], order[7] = 7, 3
-    command = [*bench(tapped[:, order]), "--sensor", "palm.toml"]
+    command = [*bench(tapped[:, order]), "--sensor-file", "palm.toml"]
     assert run(command) == 0
     said = capsys.readouterr()
     assert [line.split() for line in said.out.splitlines()[1:5]][:2] == [["0", "1", "2", "7"], ["4", "5", "6", "3"]]
@@ -49,7 +49,7 @@ def test_the_right_order_is_worked_out_on_top_of_a_wrong_one(tapped):
     rng = np.random.default_rng(4)
     wires, wrong = rng.permutation(16), tuple(int(i) for i in rng.permutation(16))
     save_sensor(SensorWiring(order=wrong, unit="V", full_scale=5.0), "palm.toml")
-    assert run([*bench(tapped[:, np.argsort(wires)]), "--sensor", "palm.toml"]) == 0
+    assert run([*bench(tapped[:, np.argsort(wires)]), "--sensor-file", "palm.toml"]) == 0
     assert load_sensor("palm.toml").order == tuple(int(i) for i in wires)
     assert load_sensor("palm.toml").full_scale == 5.0
 
@@ -70,7 +70,7 @@ def test_an_uncertain_order_does_not_change_the_file(tapped, capsys):
     samples = tapped.copy()
     samples[:, 6] = samples[:, 9] = 0
     save_sensor(SensorWiring(unit="V"), "palm.toml")
-    assert run([*bench(samples), "--sensor", "palm.toml"]) == 1
+    assert run([*bench(samples), "--sensor-file", "palm.toml"]) == 1
     assert "not changed" in capsys.readouterr().err
     assert load_sensor("palm.toml").order == tuple(range(16))
 

@@ -195,7 +195,7 @@ def test_a_touch_starts_a_take(capsys):
 def test_a_sensor_file_puts_the_channels_in_order():
     order = tuple(int(i) for i in np.random.default_rng(2).permutation(16))
     save_sensor(SensorWiring(order=order, unit="V"), "sensor.toml")
-    assert run(["record", "replay:source.h5", "take.h5", "--sensor", "sensor.toml"]) == 0
+    assert run(["record", "replay:source.h5", "take.h5", "--sensor-file", "sensor.toml"]) == 0
     np.testing.assert_array_equal(
         load("take.h5").samples.reshape(600, 16), SOURCE.samples.reshape(600, 16)[:, list(order)]
     )
@@ -214,7 +214,7 @@ def test_a_sensor_file_puts_the_channels_in_order():
         (["replay:source.h5", "--trigger", "100V"], 1, "nothing was recorded"),
         (["replay:source.h5", "--pre-roll", "90s", "--trigger", "1V"], 1, "0 to 60 s"),
         (["replay:source.h5", "--duration", "soon"], 2, "quantity"),
-        (["replay:source.h5", "--sensor", "away.toml"], 1, "found no file"),
+        (["replay:source.h5", "--sensor-file", "away.toml"], 1, "found no file"),
     ],
 )
 def test_what_cannot_be_is_one_clear_line(arguments, status, words, capsys):

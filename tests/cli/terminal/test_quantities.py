@@ -21,6 +21,7 @@ from midair.cli.terminal.quantities import format_quantity, parse_quantity
         ("50mm/s", "m/s", 0.05),
         ("-0.5s", "s", -0.5),
         ("22C", "C", 22),
+        ("22", "C", 22),
         ("21.5 °C", "C", 21.5),
         ("295.15K", "C", 22),
         ("71.6F", "C", 22),
@@ -62,7 +63,7 @@ def test_any_text_is_read_or_refused(text):
 @pytest.mark.parametrize(
     ("text", "unit", "says"),
     [
-        ("22", "C", "such as 22C, got '22'; add the unit"),
+        ("22", "K", "got '22'; add the unit"),
         ("22mm", "C", "possible units: C, °C, K, F"),
         ("2m", "K", "such as 2C"),
         ("0.5", "%", "such as 50%"),

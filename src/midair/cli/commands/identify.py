@@ -31,7 +31,7 @@ def identify_command(
     sensor: str,
     /,
     *,
-    sensor_file: Annotated[Path | None, Parameter(name="--sensor")] = None,
+    sensor_file: Annotated[Path | None, Parameter(name="--sensor-file")] = None,
     every: Annotated[float | None, quantity("s")] = None,
     wait: Time = 10.0,
     tones: Annotated[tuple[float, float] | None, quantity("Hz", many=2)] = None,

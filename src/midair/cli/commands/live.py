@@ -94,7 +94,7 @@ class LiveOptions(ExposureOptions):
     placement
         TOML file with position and rotation of the units. [default: two by two, side by side]
     temperature
-        Air temperature in degrees Celsius. [default: 14, as in the paper]
+        Air temperature, such as 22C. [default: 14C, as in the paper]
     priority
         Real-time priority of the process to request, 1 to 99; 0 requests none.
     seed
@@ -115,7 +115,7 @@ class LiveOptions(ExposureOptions):
     band: Annotated[tuple[float, float], quantity("Hz", many=2)] = (20.0, 470.0)
     silencer: Literal["off", "quarter", "half", "default"] = "off"
     placement: Path | None = None
-    temperature: float | None = None
+    temperature: Annotated[float | None, quantity("C")] = None
     priority: int = 20
     seed: int = 0
 

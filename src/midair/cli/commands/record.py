@@ -116,7 +116,7 @@ def record_command(
     subject: SubjectOptions | None = None,
     options: TakeOptions | None = None,
     staging: StageOptions | None = None,
-    sensor_file: Annotated[Path | None, Parameter(name="--sensor")] = None,
+    sensor_file: Annotated[Path | None, Parameter(name="--sensor-file")] = None,
     real_time: bool = False,
     quiet: Quiet = False,
     json: Json = False,

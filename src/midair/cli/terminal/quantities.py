@@ -43,12 +43,13 @@ def parse_quantity(text: str, unit: str) -> float:
     parts = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµ°%]*(?:/[A-Za-zµ]+)?)\s*", text)
     if parts is None:
         raise ValueError(advice)
-    if not parts[2]:
+    written = parts[2] or ("C" if unit == "C" else "")  # A temperature is in degrees Celsius.
+    if not written:
         raise ValueError(f"{advice}; add the unit")
     if unit in _BY_HAND:
-        return _by_hand(float(parts[1]), parts[2], unit, advice)
+        return _by_hand(float(parts[1]), written, unit, advice)
     try:
-        value = float(_units().Quantity(float(parts[1]), parts[2]).to(unit).magnitude)
+        value = float(_units().Quantity(float(parts[1]), written).to(unit).magnitude)
     except pint.DimensionalityError:
         raise ValueError(f"{advice}; the unit measures another quantity") from None
     except (pint.UndefinedUnitError, pint.DefinitionSyntaxError, AttributeError, TypeError, ValueError):
