@@ -46,7 +46,7 @@ def test_a_value_set_by_the_user_stays(tmp_path):
 def test_the_command_line_sets_it_before_numpy_is_loaded():
     code = (
         "import sys, midair.__main__ as start; "
-        "start.take_wide_kernel = lambda: print('numpy' in sys.modules); "
+        "start.select_wide_kernel = lambda: print('numpy' in sys.modules); "
         "sys.argv = ['midair', '--version']; start.main()"
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

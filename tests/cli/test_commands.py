@@ -183,7 +183,7 @@ def test_demo_writes_a_report_and_its_files(capsys):
     assert "frames/s" in captured.err
     assert "996 transducers" in captured.out
     assert "fidelity on a whole palm, disc of 85 mm" in captured.out
-    assert "What a whole palm gets" in Path("out/report.html").read_text(encoding="utf-8")
+    assert "Fidelity on a whole palm" in Path("out/report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
