@@ -119,7 +119,7 @@ def test_stop_and_a_closed_tab_silence_live_touch_which_can_restart(feeling, loo
     page.until("studio.link.state.live.share === 0.3")
     began = time.monotonic()
     page.page.keyboard.press("Escape")
-    assert "asked for silence" in in_silence(page)
+    assert "stopped on request" in in_silence(page)
     assert time.monotonic() - began < 5
     page.page.locator("#live-check").click()
     drawn = page.page.evaluate("studio.room.drawn")
