@@ -57,7 +57,11 @@ def tones(samples, rate):
 
 @pytest.mark.parametrize(
     ("rate", "seconds"),
-    [(1000, 2), pytest.param(1000, 60, marks=pytest.mark.slow), pytest.param(48000, 60, marks=pytest.mark.slow)],
+    [
+        pytest.param(1000, 2, marks=pytest.mark.long),
+        pytest.param(1000, 60, marks=pytest.mark.slow),
+        pytest.param(48000, 60, marks=pytest.mark.slow),
+    ],
 )
 def test_jack_gives_every_frame_in_order(rate, seconds, jack_server):
     with jack_server(rate), source_sensor(f"audio:skin?channels=16&rate={rate}&timeout=20") as sensor:
@@ -66,7 +70,7 @@ def test_jack_gives_every_frame_in_order(rate, seconds, jack_server):
         assert sensor.describe()["driver"] == "JACK Audio Connection Kit"
 
 
-@pytest.mark.parametrize("seconds", [2, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seconds", [pytest.param(2, marks=pytest.mark.long), pytest.param(60, marks=pytest.mark.slow)])
 def test_pulseaudio_gives_every_frame_in_order(seconds, pulse_server, tmp_path):
     with (
         pulse_server(tmp_path, rate=1000, what="ramp"),
@@ -76,7 +80,7 @@ def test_pulseaudio_gives_every_frame_in_order(seconds, pulse_server, tmp_path):
         assert check_ramp(sensor, seconds) == 0
 
 
-@pytest.mark.parametrize("seconds", [1, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seconds", [pytest.param(1, marks=pytest.mark.long), pytest.param(60, marks=pytest.mark.slow)])
 def test_48_khz_become_1_khz_with_one_tone_a_channel_and_no_aliases(seconds, pulse_server, tmp_path):
     with (
         pulse_server(tmp_path, rate=48000, what="tones"),
