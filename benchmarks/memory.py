@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from midair.files import save, save_solutions
-from midair.lazy_frames import LazyFrames
 from midair.model import Drive, Provenance, Recording, SensorGrid, Solution, TransducerArray
+from midair.streaming import LazyFrames
 
 RATE, FRAME_RATE = 48_000, 1000
 

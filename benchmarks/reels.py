@@ -18,9 +18,9 @@ import numpy as np
 
 from benchmarks.clock import load
 from benchmarks.scale import resident
-from midair.lazy_frames import LazyFrames
 from midair.model import AmplitudeFrames, ControlGrid, Provenance, TransducerArray
 from midair.solvers import memory_of, one_blas_thread, solve_parts
+from midair.streaming import LazyFrames
 
 RATE = 1000.0
 ROWS = ("small 30", "small 120", "small 600", "paper 5", "paper 20")

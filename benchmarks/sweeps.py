@@ -23,9 +23,9 @@ import numpy as np
 
 from benchmarks.clock import heading, line, load, timed
 from midair.datasets import stroke
-from midair.lazy_frames import LazyFrames, blocks
 from midair.pipeline import resample_pressure, target_amplitude
 from midair.settings import best_mode, paper_mode
+from midair.streaming import LazyFrames, blocks
 from midair.sweep import PatternSweep, load_sweep, run_sweep
 from midair.sweep.run import cluster
 

@@ -1,5 +1,6 @@
 """Generate the reference pages: every public name by module, and the help of every command."""
 
+import ast
 import contextlib
 import importlib
 import inspect
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import midair
 
-CLOSED = {"__main__", "blas", "cli", "progress", "ram", "temp_frames", "version", "validation"}
+CLOSED = {"__main__", "blas", "cli", "progress", "ram", "version", "validation"}
 """Internal modules without a reference page."""
 
 
@@ -25,14 +26,21 @@ def modules():
 
 
 def names_of(module):
-    """The ``__all__`` of a module, or the functions and classes that it defines."""
-    if hasattr(module, "__all__"):
-        return [name for name in module.__all__ if not inspect.ismodule(getattr(module, name))]
+    """Names that a package exports (``from .x import Y as Y``), or the functions and classes that a module defines."""
+    if exported := exports(module):
+        return exported
     return [
         name
         for name, value in vars(module).items()
         if not name.startswith("_") and getattr(value, "__module__", None) == module.__name__ and callable(value)
     ]
+
+
+def exports(module):
+    """Names in ``from .x import Y as Y`` statements of a package, and those in its ``__all__``."""
+    tree = ast.parse(inspect.getsource(module))
+    imported = [alias for each in tree.body if isinstance(each, ast.ImportFrom) for alias in each.names]
+    return [each.name for each in imported if each.name == each.asname] + list(getattr(module, "__all__", []))
 
 
 def directive(full, value):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from midair.headroom import _at_point, headroom, level_of, linear_range, thinned
-from midair.lazy_frames import BYTES, LazyFrames
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance, TransducerArray
 from midair.physics import radiation_pressure, sound_amplitude, transfer_matrix
 from midair.solvers import solve
+from midair.streaming import BYTES, LazyFrames
 
 ARRAY = TransducerArray.autd3()
 GRID = ControlGrid(rows=6, columns=6, pitch=11e-3)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from midair.lazy_frames import LazyFrames, blocks
 from midair.progress import report_progress, report_to
+from midair.streaming import LazyFrames, blocks
 
 
 def test_only_the_outermost_loop_reports():

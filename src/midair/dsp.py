@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BandError, InputError
-from midair.lazy_filters import convolve_lazily, extend, filter_lazily, resample_lazily
-from midair.lazy_frames import BYTES, LazyFrames, read_frames
+from midair.streaming import BYTES, LazyFrames, convolve_lazily, extend, filter_lazily, read_frames, resample_lazily
 from midair.validation import positive
 
 Array = NDArray[np.float64]

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.evaluate import in_band
-from midair.lazy_frames import blocks, read_frames
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, SensorGrid, Solution, TransducerArray
 from midair.physics import focus_amplitude, radiation_pressure, sound_amplitude, transfer_matrix
 from midair.settings import Settings
 from midair.solvers import solve
+from midair.streaming import blocks, read_frames
 from midair.targets import frames_without_lead, interpolation_matrix
 
 Array = NDArray[np.float64]

@@ -14,7 +14,6 @@ from midair.correct import EnvelopePrediction
 from midair.dsp import resample
 from midair.errors import InputError
 from midair.evaluate import band_settling_frames
-from midair.lazy_filters import pad_with_silence
 from midair.model import (
     AmplitudeFrames,
     Calibration,
@@ -27,6 +26,7 @@ from midair.model import (
 from midair.physics import Transducers, check_frame_rate, focus_amplitude
 from midair.settings import Settings
 from midair.solvers import Cells, Windows, check_memory, memory_of, one_blas_thread, pressure_means, solve, solve_parts
+from midair.streaming import pad_with_silence
 from midair.targets import decouple, default_lead, precompensate, precompensate_sound, prepare
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from midair.errors import InputError, NonFiniteError, ShapeError
-from midair.lazy_frames import LazyFrames
+from midair.streaming import LazyFrames
 
 
 def frozen_array(

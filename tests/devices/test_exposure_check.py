@@ -21,9 +21,9 @@ from midair.devices import (
 from midair.devices.exposure_check import ExposureClearance, with_checked_reading
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.files import profile_named
-from midair.lazy_frames import LazyFrames
 from midair.model import Acoustics, Drive, Medium, Provenance, TransducerArray
 from midair.physics import airs_of_room, exposure, focus_phase, searched_points, sound_level, transfer_matrix
+from midair.streaming import LazyFrames
 
 ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")

@@ -7,8 +7,8 @@ from scipy.signal import firwin
 from midair.dsp import filter_fir, welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate import advance, compare, dominant_frequency, find_delay, in_band, spectral_error
-from midair.lazy_frames import LazyFrames
 from midair.model import PressureFrames, Provenance, SensorGrid
+from midair.streaming import LazyFrames
 
 
 def frames(scale=1.0, rate=1000.0, channel=5, frequency=100.0, simulated=False):
@@ -123,7 +123,7 @@ def reeled(pressure):
 @pytest.mark.parametrize(("highest", "apart"), [(470.0, 1e-6), (500.0, 2e-4)])
 def test_lazy_frames_give_the_same_figures(highest, apart, monkeypatch):
     """Except near half the rate, because the impulse response of a fractional delay does not end there."""
-    monkeypatch.setattr("midair.lazy_filters.BYTES", 2**17)
+    monkeypatch.setattr("midair.streaming.lazy_filters.BYTES", 2**17)
     rng = np.random.default_rng(0)
     noise = rng.standard_normal((2, 20_000, 4, 4))
     if highest < 500:

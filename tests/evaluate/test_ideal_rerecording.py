@@ -7,8 +7,8 @@ import pytest
 
 from midair.dsp import band_edges, band_window
 from midair.evaluate import apply_band_twice, band_settling_frames, compare
-from midair.lazy_frames import LazyFrames
 from midair.model import PressureFrames
+from midair.streaming import LazyFrames
 from midair.targets import add_lead
 
 RATE, BAND = 1000.0, (20.0, 470.0)

@@ -7,8 +7,8 @@ import pytest
 
 from midair.errors import MismatchError, RateError, ShapeError
 from midair.evaluate import advance, perceptual_metrics
-from midair.lazy_frames import LazyFrames
 from midair.model import PressureFrames, SensorGrid
+from midair.streaming import LazyFrames
 
 
 def frames(signal=None, channel=5, rate=1000.0):

@@ -3,7 +3,7 @@ import pytest
 
 from midair.evaluate import dominant_frequency, pacinian_level, spectral_error
 from midair.evaluate.spectrum import long_stretches, power_spectrum
-from midair.lazy_frames import LazyFrames
+from midair.streaming import LazyFrames
 
 
 def test_equal_spectra_do_not_differ():

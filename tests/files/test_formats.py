@@ -23,9 +23,9 @@ from midair.errors import (
     UnknownFormatError,
 )
 from midair.files import FORMATS, load, open_take, save, save_calibration, save_solution
-from midair.lazy_frames import LazyFrames
 from midair.model import Provenance, Recording, SensorGrid
 from midair.recordings import cut
+from midair.streaming import LazyFrames
 
 BOTH = [ending for ending, form in FORMATS.items() if form.write and not form.effect]
 IN = [ending for ending, form in FORMATS.items() if not form.effect]
@@ -331,7 +331,7 @@ def test_a_streamed_number_that_is_none_is_refused_when_it_is_read(tmp_path):
 @each_writer
 def test_lazy_frames_are_written_like_an_array(ending, tmp_path, monkeypatch):
     """With runs of one value, which MPEG haptics leaves out, over the ends of blocks."""
-    monkeypatch.setattr("midair.lazy_frames.BYTES", 2**10)
+    monkeypatch.setattr("midair.streaming.lazy_frames.BYTES", 2**10)
     samples = np.round(np.random.default_rng(3).normal(size=(700, 3, 5)).cumsum(axis=0))
     whole = Recording(samples=samples, rate=1000.0, sensor=SensorGrid(rows=3, columns=5), unit="V")
     lazy = LazyFrames(lambda first, last: samples[first:last], samples.shape, stored="f4")

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from midair.errors import InputError, MismatchError, ShapeError
 from midair.files.native.provenance_json import from_json, to_json
-from midair.lazy_frames import LazyFrames
 from midair.model import Provenance, Recording, SensorGrid
 from midair.recordings import edit
+from midair.streaming import LazyFrames
 
 
 def noise(frames=200, rate=1000.0, **says):
@@ -207,8 +207,8 @@ EDITS = {
 
 @pytest.mark.parametrize("act", EDITS.values(), ids=list(EDITS))
 def test_lazy_recordings_are_edited_like_arrays(act, monkeypatch):
-    monkeypatch.setattr("midair.lazy_frames.BYTES", 2**14)
-    monkeypatch.setattr("midair.lazy_filters.BYTES", 2**14)
+    monkeypatch.setattr("midair.streaming.lazy_frames.BYTES", 2**14)
+    monkeypatch.setattr("midair.streaming.lazy_filters.BYTES", 2**14)
     whole = noise(4001)
     x = whole.samples.astype(np.float32).astype(np.float64)
     whole = replace(whole, samples=x)

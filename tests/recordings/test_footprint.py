@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from midair.errors import InputError, ShapeError
-from midair.lazy_frames import LazyFrames
 from midair.model import Provenance, Recording, SensorGrid
 from midair.recordings.footprint import Footprint, covered, disc_in_rectangle, footprint_field
+from midair.streaming import LazyFrames
 
 SENSOR = SensorGrid()
 CELL = SENSOR.pitch**2

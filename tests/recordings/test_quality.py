@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from midair.lazy_frames import LazyFrames
 from midair.model import Recording
 from midair.physics import SensorModel, channel_response, sense
 from midair.recordings import at_limit, dead_channels, suspicious
+from midair.streaming import LazyFrames
 
 
 def recording(samples):

@@ -16,11 +16,11 @@ import zarr
 from midair.datasets import am_stimulus
 from midair.errors import InputError, MismatchError
 from midair.files import load_solution
-from midair.lazy_frames import LazyFrames
 from midair.model import ControlGrid, TransducerArray
 from midair.pipeline import reproduce_stream
 from midair.settings import Settings
 from midair.solvers import Glide
+from midair.streaming import LazyFrames
 from midair.sweep.recording_report import trial_report
 from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
 from midair.sweep.run import do, run_sweep

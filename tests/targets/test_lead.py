@@ -7,8 +7,8 @@ import pytest
 
 from midair.dsp import band_energy
 from midair.errors import InputError
-from midair.lazy_frames import LazyFrames
 from midair.model import PressureFrames
+from midair.streaming import LazyFrames
 from midair.targets import add_lead, default_lead, mapping_of, remove_lead
 
 RATE = 1000.0

@@ -4,9 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import InputError
-from midair.lazy_frames import LazyFrames
 from midair.model import ControlGrid, Medium, PressureFrames, SensorGrid
 from midair.physics import sound_amplitude
+from midair.streaming import LazyFrames
 from midair.targets import (
     MAPPINGS,
     Circle,
@@ -139,7 +139,7 @@ def test_pressure_on_disk_becomes_the_target_of_the_same_in_memory(mapping, circ
 
     White noise has all of that there is.
     """
-    monkeypatch.setattr("midair.lazy_filters.BYTES", 2**17)
+    monkeypatch.setattr("midair.streaming.lazy_filters.BYTES", 2**17)
     pressure = frames(20 * np.random.default_rng(0).standard_normal((5000, 4, 4)))
     reel = LazyFrames(lambda first, last: pressure.pressure[first:last], pressure.pressure.shape)
     whole, made = (_target(each, mapping, circle, compensate) for each in (pressure, frames_of(reel)))

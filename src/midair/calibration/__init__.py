@@ -4,90 +4,43 @@ A calibration is measured against a reference (`measure_calibration`, `measure_t
 (`midair.calibration.measure.beam`). `fit_array` measures the transducers of an array.
 """
 
-from midair.calibration.apply import (
-    CausalInverse,
-    Method,
-    StreamingInverse,
-    calibrate,
-    causal_error,
-    causal_fir,
-    default_taps,
-    inverse_fir,
-    inverse_response,
-    typical_uncertainty,
-    undo_matrix,
-)
-from midair.calibration.measure import (
-    ArrayCodes,
-    ArrayField,
-    ArrayPlan,
-    BeamPlan,
-    BeamReading,
-    BeamSetting,
-    MeasureSettings,
-    MicrophoneScale,
-    Reference,
-    ReferencedTake,
-    SensorPlace,
-    TransducerPrior,
-    array_codes,
-    beam_field,
-    find_lag,
-    fit_array,
-    focus_position,
-    measure_beam,
-    measure_calibration,
-    measure_response,
-    measure_tone,
-    noise_equivalent_pressure,
-    noise_signal,
-    scale_of_drop,
-    scale_of_tone,
-    scale_to_tone,
-    split_channel,
-    sweep_signal,
-    tone_amplitudes,
-)
-
-__all__ = [
-    "MicrophoneScale",
-    "scale_of_drop",
-    "scale_of_tone",
-    "ArrayCodes",
-    "ArrayField",
-    "ArrayPlan",
-    "BeamPlan",
-    "BeamReading",
-    "BeamSetting",
-    "CausalInverse",
-    "MeasureSettings",
-    "Method",
-    "Reference",
-    "ReferencedTake",
-    "StreamingInverse",
-    "SensorPlace",
-    "TransducerPrior",
-    "scale_to_tone",
-    "array_codes",
-    "beam_field",
-    "calibrate",
-    "causal_error",
-    "causal_fir",
-    "default_taps",
-    "find_lag",
-    "fit_array",
-    "focus_position",
-    "inverse_fir",
-    "inverse_response",
-    "measure_beam",
-    "measure_calibration",
-    "measure_response",
-    "measure_tone",
-    "noise_equivalent_pressure",
-    "noise_signal",
-    "split_channel",
-    "sweep_signal",
-    "tone_amplitudes",
-    "typical_uncertainty",
-    "undo_matrix",
-]
+from .apply import CausalInverse as CausalInverse
+from .apply import Method as Method
+from .apply import StreamingInverse as StreamingInverse
+from .apply import calibrate as calibrate
+from .apply import causal_error as causal_error
+from .apply import causal_fir as causal_fir
+from .apply import default_taps as default_taps
+from .apply import inverse_fir as inverse_fir
+from .apply import inverse_response as inverse_response
+from .apply import typical_uncertainty as typical_uncertainty
+from .apply import undo_matrix as undo_matrix
+from .measure import ArrayCodes as ArrayCodes
+from .measure import ArrayField as ArrayField
+from .measure import ArrayPlan as ArrayPlan
+from .measure import BeamPlan as BeamPlan
+from .measure import BeamReading as BeamReading
+from .measure import BeamSetting as BeamSetting
+from .measure import MeasureSettings as MeasureSettings
+from .measure import MicrophoneScale as MicrophoneScale
+from .measure import Reference as Reference
+from .measure import ReferencedTake as ReferencedTake
+from .measure import SensorPlace as SensorPlace
+from .measure import TransducerPrior as TransducerPrior
+from .measure import array_codes as array_codes
+from .measure import beam_field as beam_field
+from .measure import find_lag as find_lag
+from .measure import fit_array as fit_array
+from .measure import focus_position as focus_position
+from .measure import measure_beam as measure_beam
+from .measure import measure_calibration as measure_calibration
+from .measure import measure_response as measure_response
+from .measure import measure_tone as measure_tone
+from .measure import noise_equivalent_pressure as noise_equivalent_pressure
+from .measure import noise_signal as noise_signal
+from .measure import scale_of_drop as scale_of_drop
+from .measure import scale_of_tone as scale_of_tone
+from .measure import scale_to_tone as scale_to_tone
+from .measure import split_channel as split_channel
+from .measure import sweep_signal as sweep_signal
+from .measure import tone_amplitudes as tone_amplitudes

@@ -1,5 +1,6 @@
 """The command line: what a person types."""
 
-from midair.cli.app import app, load, main, run
-
-__all__ = ["app", "load", "main", "run"]
+from .app import app as app
+from .app import load as load
+from .app import main as main
+from .app import run as run

@@ -1,20 +1,13 @@
 """Correct a reproduction from its re-recording or prediction: gains (paper, 5.2), iteration, envelope prediction."""
 
-from midair.correct.envelope_prediction import EnvelopePrediction
-from midair.correct.gains import BeamGain, amplitude_gain, beam_drive, beam_gain, commanded_pressure, sine_amplitude
-from midair.correct.iterative import IterativeCorrection, Response, measured_response
-from midair.correct.minimum_norm import MinimumNorm
-
-__all__ = [
-    "BeamGain",
-    "EnvelopePrediction",
-    "IterativeCorrection",
-    "MinimumNorm",
-    "Response",
-    "amplitude_gain",
-    "beam_drive",
-    "beam_gain",
-    "sine_amplitude",
-    "commanded_pressure",
-    "measured_response",
-]
+from .envelope_prediction import EnvelopePrediction as EnvelopePrediction
+from .gains import BeamGain as BeamGain
+from .gains import amplitude_gain as amplitude_gain
+from .gains import beam_drive as beam_drive
+from .gains import beam_gain as beam_gain
+from .gains import commanded_pressure as commanded_pressure
+from .gains import sine_amplitude as sine_amplitude
+from .iterative import IterativeCorrection as IterativeCorrection
+from .iterative import Response as Response
+from .iterative import measured_response as measured_response
+from .minimum_norm import MinimumNorm as MinimumNorm

@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from midair.correct.descent import descend
 from midair.correct.envelope_tracking import EnvelopeTracking
 from midair.errors import InputError
-from midair.lazy_frames import read_frames
 from midair.model import AmplitudeFrames, Drive, Provenance, Solution
 from midair.physics import SensorModel, TransducerDynamics, Transducers, cell_weights, radiation_pressure
+from midair.streaming import read_frames
 from midair.validation import positive
 
 Array = NDArray[np.float64]

@@ -1,27 +1,19 @@
 """Example data: synthetic strokes and stimuli with seeds, and real recordings."""
 
-from midair.datasets.catalogue import SAMPLES, Sample, sample, sample_path, samples, with_credits
-from midair.datasets.patterns import binary_patterns, channel_amplitudes
-from midair.datasets.stimuli import Probe, Stimulus, am_stimulus, probe_signal
-from midair.datasets.strokes import Motion, Object, Texture, stroke
-from midair.datasets.tap_sequence import taps
-
-__all__ = [
-    "Motion",
-    "Object",
-    "Probe",
-    "SAMPLES",
-    "Sample",
-    "Stimulus",
-    "Texture",
-    "am_stimulus",
-    "binary_patterns",
-    "channel_amplitudes",
-    "with_credits",
-    "probe_signal",
-    "sample",
-    "sample_path",
-    "samples",
-    "stroke",
-    "taps",
-]
+from .catalogue import SAMPLES as SAMPLES
+from .catalogue import Sample as Sample
+from .catalogue import sample as sample
+from .catalogue import sample_path as sample_path
+from .catalogue import samples as samples
+from .catalogue import with_credits as with_credits
+from .patterns import binary_patterns as binary_patterns
+from .patterns import channel_amplitudes as channel_amplitudes
+from .stimuli import Probe as Probe
+from .stimuli import Stimulus as Stimulus
+from .stimuli import am_stimulus as am_stimulus
+from .stimuli import probe_signal as probe_signal
+from .strokes import Motion as Motion
+from .strokes import Object as Object
+from .strokes import Texture as Texture
+from .strokes import stroke as stroke
+from .tap_sequence import taps as taps

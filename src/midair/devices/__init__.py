@@ -1,106 +1,54 @@
 """Drivers of arrays, sensors and motion stages, real and virtual, and the exposure check."""
 
-from midair.devices.arrays import (
-    BankedArray,
-    ImmediateArray,
-    OpenMpdArray,
-    Put,
-    SilencerChoice,
-    autd3_array,
-    autd3_constant_frame,
-    autd3_firmware,
-    autd3_immediate,
-    choose_silencer,
-    pyautd3_array,
-)
-from midair.devices.exposure_check import (
-    ExposureChoices,
-    ExposureClearance,
-    check_exposure,
-    check_exposure_level,
-    check_exposure_parts,
-    felt_pressure_text,
-    measure_exposure,
-)
-from midair.devices.frame_bytes import amplitude_of, intensity_bytes, phase_bytes
-from midair.devices.interface import ArrayDevice, FrameBlock, PlayReport, SensorDevice
-from midair.devices.motion_stages import StageDevice
-from midair.devices.reading import GapFiller, fill_gaps, read_frames
-from midair.devices.safety import (
-    Stopped,
-    device_lock,
-    make_state_folder,
-    ordered_at,
-    playing_now,
-    process_start_time,
-    state_folder,
-    stop_playing,
-    uptime,
-)
-from midair.devices.sensors import (
-    Chunk,
-    Decimated,
-    PacedSensor,
-    RemappedSensor,
-    ReplaySensor,
-    SensorOptions,
-    Source,
-    Stream,
-    StreamedSensor,
-)
-from midair.devices.virtual import VirtualArray, VirtualSensor, VirtualSkin, VirtualUnits, virtual_immediate
-
-__all__ = [
-    "ExposureClearance",
-    "ArrayDevice",
-    "BankedArray",
-    "Chunk",
-    "Decimated",
-    "FrameBlock",
-    "ImmediateArray",
-    "OpenMpdArray",
-    "PacedSensor",
-    "PlayReport",
-    "Put",
-    "ReplaySensor",
-    "SensorOptions",
-    "RemappedSensor",
-    "GapFiller",
-    "SensorDevice",
-    "SilencerChoice",
-    "Source",
-    "StageDevice",
-    "Stream",
-    "Stopped",
-    "StreamedSensor",
-    "VirtualArray",
-    "VirtualSensor",
-    "VirtualSkin",
-    "VirtualUnits",
-    "check_exposure",
-    "check_exposure_level",
-    "check_exposure_parts",
-    "ExposureChoices",
-    "amplitude_of",
-    "felt_pressure_text",
-    "measure_exposure",
-    "autd3_array",
-    "autd3_firmware",
-    "autd3_immediate",
-    "autd3_constant_frame",
-    "choose_silencer",
-    "fill_gaps",
-    "intensity_bytes",
-    "phase_bytes",
-    "read_frames",
-    "pyautd3_array",
-    "device_lock",
-    "make_state_folder",
-    "ordered_at",
-    "playing_now",
-    "process_start_time",
-    "state_folder",
-    "stop_playing",
-    "virtual_immediate",
-    "uptime",
-]
+from .arrays import BankedArray as BankedArray
+from .arrays import ImmediateArray as ImmediateArray
+from .arrays import OpenMpdArray as OpenMpdArray
+from .arrays import Put as Put
+from .arrays import SilencerChoice as SilencerChoice
+from .arrays import autd3_array as autd3_array
+from .arrays import autd3_constant_frame as autd3_constant_frame
+from .arrays import autd3_firmware as autd3_firmware
+from .arrays import autd3_immediate as autd3_immediate
+from .arrays import choose_silencer as choose_silencer
+from .arrays import pyautd3_array as pyautd3_array
+from .exposure_check import ExposureChoices as ExposureChoices
+from .exposure_check import ExposureClearance as ExposureClearance
+from .exposure_check import check_exposure as check_exposure
+from .exposure_check import check_exposure_level as check_exposure_level
+from .exposure_check import check_exposure_parts as check_exposure_parts
+from .exposure_check import felt_pressure_text as felt_pressure_text
+from .exposure_check import measure_exposure as measure_exposure
+from .frame_bytes import amplitude_of as amplitude_of
+from .frame_bytes import intensity_bytes as intensity_bytes
+from .frame_bytes import phase_bytes as phase_bytes
+from .interface import ArrayDevice as ArrayDevice
+from .interface import FrameBlock as FrameBlock
+from .interface import PlayReport as PlayReport
+from .interface import SensorDevice as SensorDevice
+from .motion_stages import StageDevice as StageDevice
+from .reading import GapFiller as GapFiller
+from .reading import fill_gaps as fill_gaps
+from .reading import read_frames as read_frames
+from .safety import Stopped as Stopped
+from .safety import device_lock as device_lock
+from .safety import make_state_folder as make_state_folder
+from .safety import ordered_at as ordered_at
+from .safety import playing_now as playing_now
+from .safety import process_start_time as process_start_time
+from .safety import state_folder as state_folder
+from .safety import stop_playing as stop_playing
+from .safety import uptime as uptime
+from .sensors import Chunk as Chunk
+from .sensors import Decimated as Decimated
+from .sensors import PacedSensor as PacedSensor
+from .sensors import RemappedSensor as RemappedSensor
+from .sensors import ReplaySensor as ReplaySensor
+from .sensors import SensorOptions as SensorOptions
+from .sensors import Source as Source
+from .sensors import Stream as Stream
+from .sensors import StreamedSensor as StreamedSensor
+from .virtual import VirtualArray as VirtualArray
+from .virtual import VirtualSensor as VirtualSensor
+from .virtual import VirtualSkin as VirtualSkin
+from .virtual import VirtualUnits as VirtualUnits
+from .virtual import virtual_immediate as virtual_immediate

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from midair.devices.frame_bytes import PHASE_STEPS, actual_level, amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.evaluate import SkinModel
-from midair.lazy_frames import LazyFrames, cached_blocks, each_frame
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import Exposure, ExposureProfile, airs_of_room, exposure, greatest_exposure
+from midair.streaming import LazyFrames, cached_blocks, each_frame
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import RateError
-from midair.lazy_frames import each_frame
 from midair.model import Drive
+from midair.streaming import each_frame
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]

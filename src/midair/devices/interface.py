@@ -20,8 +20,8 @@ from midair.devices.exposure_check import ExposureClearance
 from midair.devices.frame_bytes import PHASE_STEPS
 from midair.devices.safety import Ending, StopGuard, log_end, log_order
 from midair.errors import DeviceError, DeviceStateError, InputError
-from midair.lazy_frames import Stored
 from midair.model import Calibration, Drive, Medium, Progress, SensorGrid, SensorWiring, TransducerArray, Unit
+from midair.streaming import Stored
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,59 +1,42 @@
 """Evaluate reproductions: field errors, spectra, peaks, comparison with the original, perceptual metrics."""
 
-from midair.evaluate.alignment import advance, find_delay
-from midair.evaluate.comparison import Comparison, compare
-from midair.evaluate.distortion import Fidelity, fidelity, image_level, in_band
-from midair.evaluate.energy_error import SolveError, error_by_energy
-from midair.evaluate.error_budget import Budget, StageLoss, StageOutput, budget
-from midair.evaluate.ideal_rerecording import apply_band_twice, band_settling_frames
-from midair.evaluate.leakage import Leak, leak, surroundings
-from midair.evaluate.palm_metrics import PalmFidelity, PalmFrames, PressedPalm, palm_fidelity, palm_frames
-from midair.evaluate.peak import peak_position
-from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
-from midair.evaluate.skin_metrics import PerceptualFigure, PerceptualMetrics, perceptual_metrics
-from midair.evaluate.spectrum import dominant_frequency, spectral_error
-from midair.evaluate.temperature_error import error_at_temperature
-from midair.evaluate.timbre import THIRD_OCTAVES, third_octaves
-from midair.physics import printed_error, relative_error
+from midair.physics import printed_error as printed_error
+from midair.physics import relative_error as relative_error
 
-__all__ = [
-    "Budget",
-    "PerceptualFigure",
-    "Comparison",
-    "Fidelity",
-    "Leak",
-    "SolveError",
-    "PalmFidelity",
-    "PalmFrames",
-    "PerceptualMetrics",
-    "PressedPalm",
-    "SkinModel",
-    "StageLoss",
-    "StageOutput",
-    "THIRD_OCTAVES",
-    "advance",
-    "budget",
-    "compare",
-    "dominant_frequency",
-    "error_at_temperature",
-    "fidelity",
-    "find_delay",
-    "apply_band_twice",
-    "image_level",
-    "in_band",
-    "leak",
-    "error_by_energy",
-    "pacinian_level",
-    "palm_fidelity",
-    "palm_frames",
-    "peak_position",
-    "perceptual_metrics",
-    "printed_error",
-    "relative_error",
-    "band_settling_frames",
-    "spectral_error",
-    "spqi",
-    "st_sim",
-    "surroundings",
-    "third_octaves",
-]
+from .alignment import advance as advance
+from .alignment import find_delay as find_delay
+from .comparison import Comparison as Comparison
+from .comparison import compare as compare
+from .distortion import Fidelity as Fidelity
+from .distortion import fidelity as fidelity
+from .distortion import image_level as image_level
+from .distortion import in_band as in_band
+from .energy_error import SolveError as SolveError
+from .energy_error import error_by_energy as error_by_energy
+from .error_budget import Budget as Budget
+from .error_budget import StageLoss as StageLoss
+from .error_budget import StageOutput as StageOutput
+from .error_budget import budget as budget
+from .ideal_rerecording import apply_band_twice as apply_band_twice
+from .ideal_rerecording import band_settling_frames as band_settling_frames
+from .leakage import Leak as Leak
+from .leakage import leak as leak
+from .leakage import surroundings as surroundings
+from .palm_metrics import PalmFidelity as PalmFidelity
+from .palm_metrics import PalmFrames as PalmFrames
+from .palm_metrics import PressedPalm as PressedPalm
+from .palm_metrics import palm_fidelity as palm_fidelity
+from .palm_metrics import palm_frames as palm_frames
+from .peak import peak_position as peak_position
+from .perception import SkinModel as SkinModel
+from .perception import pacinian_level as pacinian_level
+from .perception import spqi as spqi
+from .perception import st_sim as st_sim
+from .skin_metrics import PerceptualFigure as PerceptualFigure
+from .skin_metrics import PerceptualMetrics as PerceptualMetrics
+from .skin_metrics import perceptual_metrics as perceptual_metrics
+from .spectrum import dominant_frequency as dominant_frequency
+from .spectrum import spectral_error as spectral_error
+from .temperature_error import error_at_temperature as error_at_temperature
+from .timbre import THIRD_OCTAVES as THIRD_OCTAVES
+from .timbre import third_octaves as third_octaves

@@ -5,8 +5,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.lazy_filters import shift_earlier
-from midair.lazy_frames import LazyFrames, block_ranges, read_frames
+from midair.streaming import LazyFrames, block_ranges, read_frames, shift_earlier
 
 Array = NDArray[np.float64]
 
@@ -83,7 +82,7 @@ def advance(samples: Array, delay: float, rate: float) -> Array:
     Parameters
     ----------
     samples : ndarray or LazyFrames, shape (frame, ...)
-        Lazy frames give lazy frames, see `midair.lazy_filters.shift_earlier`.
+        Lazy frames give lazy frames, see `midair.streaming.lazy_filters.shift_earlier`.
     delay : float
         In s, of any sign, also fractions of a frame.
     rate : float

@@ -12,8 +12,8 @@ from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.distortion import decibels
 from midair.evaluate.peak import peak_position
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
-from midair.lazy_frames import LazyFrames, blocks
 from midair.model import PressureFrames, SensorGrid
+from midair.streaming import LazyFrames, blocks
 
 Array = NDArray[np.float64]
 

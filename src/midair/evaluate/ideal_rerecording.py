@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.dsp import band_edges, band_window, filter_response
-from midair.lazy_filters import pad_with_silence
 from midair.model import PressureFrames
+from midair.streaming import pad_with_silence
 
 Array = NDArray[np.float64]
 

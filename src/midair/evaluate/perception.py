@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from midair.errors import ShapeError
 from midair.evaluate.spectrum import long_stretches
-from midair.lazy_frames import LazyFrames, read_frames
+from midair.streaming import LazyFrames, read_frames
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from midair.dsp import resample
 from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.comparison import check_alike
 from midair.evaluate.perception import RATE, SkinModel, pacinian_level, similarities
-from midair.lazy_frames import LazyFrames, as_lazy, blocks, each_frame
 from midair.model import PressureFrames
+from midair.streaming import LazyFrames, as_lazy, blocks, each_frame
 
 Array = NDArray[np.float64]
 

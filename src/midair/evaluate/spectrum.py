@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.lazy_frames import LazyFrames, read_frames
+from midair.streaming import LazyFrames, read_frames
 
 Array = NDArray[np.float64]
 

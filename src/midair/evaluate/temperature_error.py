@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import MismatchError
-from midair.lazy_frames import blocks
 from midair.model import AmplitudeFrames, Drive, Medium
 from midair.physics import propagate, radiation_pressure, relative_error
+from midair.streaming import blocks
 
 Array = NDArray[np.float64]
 

@@ -1,52 +1,34 @@
 """Matplotlib figures and HTML pages with units on every axis; nothing here writes files."""
 
-from midair.figures.calibration_sheet import calibration_figure
-from midair.figures.card_maps import card_figure
-from midair.figures.confusion_matrices import ConfusionPanel, confusion_figures
-from midair.figures.correction_passes import passes_figure
-from midair.figures.error_budget import budget_figure
-from midair.figures.error_spread import ErrorSpread, trials_figure
-from midair.figures.exposure import exposure_figure
-from midair.figures.maps import maps_figure, phase_figure
-from midair.figures.page import Picture, render_page
-from midair.figures.palm_maps import PalmPanel, palm_figure
-from midair.figures.paper_figures import FieldRow, fields_figure, objects_figure, stimuli_figure
-from midair.figures.pattern_curves import Curve, Example, curve_figure, examples_figure, histogram_figure
-from midair.figures.solve_errors import error_figure
-from midair.figures.style import Style, new_figure, plain_axes, png_bytes
-from midair.figures.traces import beam_figure, spectra_figure, traces_figure
-
-__all__ = [
-    "Curve",
-    "ErrorSpread",
-    "Example",
-    "FieldRow",
-    "ConfusionPanel",
-    "Picture",
-    "Style",
-    "PalmPanel",
-    "beam_figure",
-    "budget_figure",
-    "calibration_figure",
-    "card_figure",
-    "curve_figure",
-    "error_figure",
-    "examples_figure",
-    "exposure_figure",
-    "fields_figure",
-    "histogram_figure",
-    "maps_figure",
-    "confusion_figures",
-    "new_figure",
-    "objects_figure",
-    "palm_figure",
-    "passes_figure",
-    "phase_figure",
-    "plain_axes",
-    "png_bytes",
-    "render_page",
-    "spectra_figure",
-    "stimuli_figure",
-    "traces_figure",
-    "trials_figure",
-]
+from .calibration_sheet import calibration_figure as calibration_figure
+from .card_maps import card_figure as card_figure
+from .confusion_matrices import ConfusionPanel as ConfusionPanel
+from .confusion_matrices import confusion_figures as confusion_figures
+from .correction_passes import passes_figure as passes_figure
+from .error_budget import budget_figure as budget_figure
+from .error_spread import ErrorSpread as ErrorSpread
+from .error_spread import trials_figure as trials_figure
+from .exposure import exposure_figure as exposure_figure
+from .maps import maps_figure as maps_figure
+from .maps import phase_figure as phase_figure
+from .page import Picture as Picture
+from .page import render_page as render_page
+from .palm_maps import PalmPanel as PalmPanel
+from .palm_maps import palm_figure as palm_figure
+from .paper_figures import FieldRow as FieldRow
+from .paper_figures import fields_figure as fields_figure
+from .paper_figures import objects_figure as objects_figure
+from .paper_figures import stimuli_figure as stimuli_figure
+from .pattern_curves import Curve as Curve
+from .pattern_curves import Example as Example
+from .pattern_curves import curve_figure as curve_figure
+from .pattern_curves import examples_figure as examples_figure
+from .pattern_curves import histogram_figure as histogram_figure
+from .solve_errors import error_figure as error_figure
+from .style import Style as Style
+from .style import new_figure as new_figure
+from .style import plain_axes as plain_axes
+from .style import png_bytes as png_bytes
+from .traces import beam_figure as beam_figure
+from .traces import spectra_figure as spectra_figure
+from .traces import traces_figure as traces_figure

@@ -1,103 +1,58 @@
 """Read and write recordings, calibrations and drives in HDF5, and recordings in other formats."""
 
-from midair.files.atomic import atomic_file, atomic_folder, collect_written_files, parse_errors, writable_path
-from midair.files.file_locks import NoLocksWarning, check_not_recording, lock_or_raise
-from midair.files.format_loss import FormatLoss
-from midair.files.formats import FORMATS, format_of, load, open_take, save
-from midair.files.importers import load_board
-from midair.files.listing import Contents, contents
-from midair.files.native import (
-    ARRAY_SUFFIX,
-    CALIBRATION_SUFFIX,
-    DRIVE_SUFFIX,
-    RecordingWriter,
-    load_array_calibration,
-    load_calibration,
-    load_played,
-    load_pressure,
-    load_solution,
-    load_target,
-    repair,
-    save_array_calibration,
-    save_calibration,
-    save_pressure,
-    save_solution,
-    save_solutions,
-    to_json,
-)
-from midair.files.opened_take import Format, ImportOptions, OpenedTake
-from midair.files.report_rows import csv_text, for_json
-from midair.files.sanitise_text import no_formula, printable
-from midair.files.size_check import check_memory_for
-from midair.files.text_files import json_of, read_text, read_toml, toml_of
-from midair.files.toml import (
-    DEFAULT_PROFILE,
-    from_plain,
-    load_palm,
-    load_placement,
-    load_profiles,
-    load_sensor,
-    load_stage,
-    profile_named,
-    save_sensor,
-    to_plain,
-)
-
-__all__ = [
-    "ARRAY_SUFFIX",
-    "CALIBRATION_SUFFIX",
-    "Contents",
-    "DEFAULT_PROFILE",
-    "DRIVE_SUFFIX",
-    "FORMATS",
-    "Format",
-    "ImportOptions",
-    "OpenedTake",
-    "FormatLoss",
-    "NoLocksWarning",
-    "RecordingWriter",
-    "check_memory_for",
-    "check_not_recording",
-    "contents",
-    "csv_text",
-    "collect_written_files",
-    "for_json",
-    "format_of",
-    "from_plain",
-    "lock_or_raise",
-    "json_of",
-    "load",
-    "load_board",
-    "load_array_calibration",
-    "load_calibration",
-    "load_played",
-    "load_pressure",
-    "load_palm",
-    "load_placement",
-    "load_profiles",
-    "load_sensor",
-    "load_solution",
-    "load_stage",
-    "load_target",
-    "no_formula",
-    "open_take",
-    "printable",
-    "profile_named",
-    "read_text",
-    "read_toml",
-    "parse_errors",
-    "repair",
-    "save",
-    "save_array_calibration",
-    "save_calibration",
-    "save_pressure",
-    "save_sensor",
-    "save_solution",
-    "save_solutions",
-    "to_json",
-    "to_plain",
-    "toml_of",
-    "atomic_file",
-    "atomic_folder",
-    "writable_path",
-]
+from .atomic import atomic_file as atomic_file
+from .atomic import atomic_folder as atomic_folder
+from .atomic import collect_written_files as collect_written_files
+from .atomic import parse_errors as parse_errors
+from .atomic import writable_path as writable_path
+from .file_locks import NoLocksWarning as NoLocksWarning
+from .file_locks import check_not_recording as check_not_recording
+from .file_locks import lock_or_raise as lock_or_raise
+from .format_loss import FormatLoss as FormatLoss
+from .formats import FORMATS as FORMATS
+from .formats import format_of as format_of
+from .formats import load as load
+from .formats import open_take as open_take
+from .formats import save as save
+from .importers import load_board as load_board
+from .listing import Contents as Contents
+from .listing import contents as contents
+from .native import ARRAY_SUFFIX as ARRAY_SUFFIX
+from .native import CALIBRATION_SUFFIX as CALIBRATION_SUFFIX
+from .native import DRIVE_SUFFIX as DRIVE_SUFFIX
+from .native import RecordingWriter as RecordingWriter
+from .native import load_array_calibration as load_array_calibration
+from .native import load_calibration as load_calibration
+from .native import load_played as load_played
+from .native import load_pressure as load_pressure
+from .native import load_solution as load_solution
+from .native import load_target as load_target
+from .native import repair as repair
+from .native import save_array_calibration as save_array_calibration
+from .native import save_calibration as save_calibration
+from .native import save_pressure as save_pressure
+from .native import save_solution as save_solution
+from .native import save_solutions as save_solutions
+from .native import to_json as to_json
+from .opened_take import Format as Format
+from .opened_take import ImportOptions as ImportOptions
+from .opened_take import OpenedTake as OpenedTake
+from .report_rows import csv_text as csv_text
+from .report_rows import for_json as for_json
+from .sanitise_text import no_formula as no_formula
+from .sanitise_text import printable as printable
+from .size_check import check_memory_for as check_memory_for
+from .text_files import json_of as json_of
+from .text_files import read_text as read_text
+from .text_files import read_toml as read_toml
+from .text_files import toml_of as toml_of
+from .toml import DEFAULT_PROFILE as DEFAULT_PROFILE
+from .toml import from_plain as from_plain
+from .toml import load_palm as load_palm
+from .toml import load_placement as load_placement
+from .toml import load_profiles as load_profiles
+from .toml import load_sensor as load_sensor
+from .toml import load_stage as load_stage
+from .toml import profile_named as profile_named
+from .toml import save_sensor as save_sensor
+from .toml import to_plain as to_plain

@@ -20,10 +20,10 @@ from midair.files.native import (
 )
 from midair.files.opened_take import Format, ImportOptions, OpenedTake
 from midair.files.size_check import check_memory_for
-from midair.lazy_frames import LazyFrames
 from midair.model import Calibration, Event, PressureFrames, Recording, SensorGrid, Solution, Unit
 from midair.recordings import Mending, suspicious
 from midair.registry import Registry
+from midair.streaming import LazyFrames
 
 FORMATS: Registry[Format] = Registry(
     "midair.formats",

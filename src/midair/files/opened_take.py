@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
 from midair.files.timestamps import repeated_rows
-from midair.lazy_frames import blocks, each_frame
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Setting, Unit
 from midair.recordings import Mended, Mending, mend
+from midair.streaming import blocks, each_frame
 
 ONE = SensorGrid(rows=1, columns=1)
 """Default sensor of a file with one channel."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import RateError
-from midair.lazy_frames import blocks
+from midair.streaming import blocks
 
 Array = NDArray[np.float64]
 

@@ -1,59 +1,40 @@
 """Data classes that the stages exchange: frozen dataclasses that hold read-only NumPy arrays."""
 
-from midair.model.acoustics import Acoustics, Directivity
-from midair.model.array_calibration import ArrayCalibration
-from midair.model.board import Board, array_of_boards
-from midair.model.calibration import Calibration
-from midair.model.drive import Drive, PlayedTouch, Solution, Status
-from midair.model.frames import AmplitudeFrames, PressureFrames
-from midair.model.geometry import ControlGrid, SensorGrid, TransducerArray
-from midair.model.measurement import Crosstalk, Linearity, Measurement
-from midair.model.medium import Medium
-from midair.model.palm import Palm
-from midair.model.placement import UNIT, Placement
-from midair.model.provenance import Provenance, Setting, Step
-from midair.model.recording import Recording, Unit
-from midair.model.recording_events import Event, EventKind
-from midair.model.stage import Heading, Place, StageSetup, StageStamp, check_reached, speed_of
-from midair.model.wiring import SensorWiring
-from midair.progress import Progress
+from midair.progress import Progress as Progress
 
-__all__ = [
-    "ArrayCalibration",
-    "Acoustics",
-    "AmplitudeFrames",
-    "Board",
-    "Calibration",
-    "ControlGrid",
-    "Crosstalk",
-    "Directivity",
-    "Drive",
-    "Event",
-    "EventKind",
-    "Heading",
-    "Linearity",
-    "Measurement",
-    "Medium",
-    "PressureFrames",
-    "UNIT",
-    "Placement",
-    "PlayedTouch",
-    "Palm",
-    "Place",
-    "Progress",
-    "Provenance",
-    "Recording",
-    "SensorGrid",
-    "SensorWiring",
-    "Setting",
-    "Solution",
-    "StageSetup",
-    "StageStamp",
-    "Status",
-    "Step",
-    "TransducerArray",
-    "Unit",
-    "array_of_boards",
-    "check_reached",
-    "speed_of",
-]
+from .acoustics import Acoustics as Acoustics
+from .acoustics import Directivity as Directivity
+from .array_calibration import ArrayCalibration as ArrayCalibration
+from .board import Board as Board
+from .board import array_of_boards as array_of_boards
+from .calibration import Calibration as Calibration
+from .drive import Drive as Drive
+from .drive import PlayedTouch as PlayedTouch
+from .drive import Solution as Solution
+from .drive import Status as Status
+from .frames import AmplitudeFrames as AmplitudeFrames
+from .frames import PressureFrames as PressureFrames
+from .geometry import ControlGrid as ControlGrid
+from .geometry import SensorGrid as SensorGrid
+from .geometry import TransducerArray as TransducerArray
+from .measurement import Crosstalk as Crosstalk
+from .measurement import Linearity as Linearity
+from .measurement import Measurement as Measurement
+from .medium import Medium as Medium
+from .palm import Palm as Palm
+from .placement import UNIT as UNIT
+from .placement import Placement as Placement
+from .provenance import Provenance as Provenance
+from .provenance import Setting as Setting
+from .provenance import Step as Step
+from .recording import Recording as Recording
+from .recording import Unit as Unit
+from .recording_events import Event as Event
+from .recording_events import EventKind as EventKind
+from .stage import Heading as Heading
+from .stage import Place as Place
+from .stage import StageSetup as StageSetup
+from .stage import StageStamp as StageStamp
+from .stage import check_reached as check_reached
+from .stage import speed_of as speed_of
+from .wiring import SensorWiring as SensorWiring

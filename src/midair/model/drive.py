@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.lazy_frames import LazyFrames
 from midair.model.acoustics import Acoustics
 from midair.model.geometry import TransducerArray
 from midair.model.provenance import Provenance
 from midair.model.reprs import clipped, counted, frames_and_duration, from_source, span, summary
 from midair.model.svg_pictures import curve, dots, framed
+from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.lazy_frames import LazyFrames
 from midair.model.geometry import ControlGrid, SensorGrid
 from midair.model.provenance import Provenance
 from midair.model.reprs import frames_and_duration, from_source, span, summary
 from midair.model.svg_pictures import framed, heat_map, sparklines
+from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]

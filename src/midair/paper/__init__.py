@@ -1,20 +1,11 @@
 """Reproduce the paper's figures and numbers in its own mode and in another mode."""
 
-from midair.paper.figure3 import figure_3
-from midair.paper.figure4 import StimuliPlan, figure_4
-from midair.paper.figure9 import figure_9
-from midair.paper.materials_apart import MaterialsPlan, materials_table
-from midair.paper.modes_compared import FidelityPlan, fidelity_table
-from midair.paper.result import PaperResult
-
-__all__ = [
-    "FidelityPlan",
-    "MaterialsPlan",
-    "PaperResult",
-    "StimuliPlan",
-    "fidelity_table",
-    "figure_3",
-    "figure_4",
-    "figure_9",
-    "materials_table",
-]
+from .figure3 import figure_3 as figure_3
+from .figure4 import StimuliPlan as StimuliPlan
+from .figure4 import figure_4 as figure_4
+from .figure9 import figure_9 as figure_9
+from .materials_apart import MaterialsPlan as MaterialsPlan
+from .materials_apart import materials_table as materials_table
+from .modes_compared import FidelityPlan as FidelityPlan
+from .modes_compared import fidelity_table as fidelity_table
+from .result import PaperResult as PaperResult

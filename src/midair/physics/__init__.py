@@ -1,83 +1,50 @@
 """Physical models as pure functions: radiation pressure, propagation, transducers, sensors, exposure, skin."""
 
-from midair.physics.cell_means import Between, cell_weights
-from midair.physics.directivity import off_axis
-from midair.physics.dynamics import TransducerDynamics, envelope
-from midair.physics.exposure_level import Exposure, exposure, greatest_exposure, sound_level
-from midair.physics.exposure_places import ExposureProfile, Place
-from midair.physics.exposure_search import airs_of_room, searched_points
-from midair.physics.field_error import printed_error, relative_error
-from midair.physics.narrow_cone import cone_points
-from midair.physics.playback import Spread, check_frame_rate, playback_response, simulate, steps_per_frame
-from midair.physics.playback_chain import PlaybackChain, TransducerState, radiate
-from midair.physics.propagation import (
-    focus_amplitude,
-    focus_phase,
-    propagate,
-    quantise_phase,
-    transfer_matrix,
-    wavenumber,
-)
-from midair.physics.radiation import radiation_pressure, sound_amplitude
-from midair.physics.sensing import (
-    SensorModel,
-    calibration_of,
-    cell_pressure,
-    channel_response,
-    sense,
-    sensor_output,
-)
-from midair.physics.sensing_by_channel import channel_volts
-from midair.physics.skin import SKINS, Tissue, skin_compliance
-from midair.physics.skin_channels import TOUCH_CHANNELS, TouchChannel
-from midair.physics.skin_motion import SkinMotion
-from midair.physics.transducers import Transducers
-
-__all__ = [
-    "SKINS",
-    "TOUCH_CHANNELS",
-    "Between",
-    "Exposure",
-    "ExposureProfile",
-    "TransducerState",
-    "Place",
-    "PlaybackChain",
-    "SensorModel",
-    "SkinMotion",
-    "Spread",
-    "Tissue",
-    "TouchChannel",
-    "TransducerDynamics",
-    "Transducers",
-    "calibration_of",
-    "cell_weights",
-    "channel_response",
-    "channel_volts",
-    "check_frame_rate",
-    "cone_points",
-    "airs_of_room",
-    "searched_points",
-    "envelope",
-    "exposure",
-    "cell_pressure",
-    "greatest_exposure",
-    "focus_amplitude",
-    "focus_phase",
-    "off_axis",
-    "playback_response",
-    "printed_error",
-    "propagate",
-    "quantise_phase",
-    "radiate",
-    "radiation_pressure",
-    "relative_error",
-    "sense",
-    "simulate",
-    "skin_compliance",
-    "sound_amplitude",
-    "sound_level",
-    "sensor_output",
-    "steps_per_frame",
-    "transfer_matrix",
-    "wavenumber",
-]
+from .cell_means import Between as Between
+from .cell_means import cell_weights as cell_weights
+from .directivity import off_axis as off_axis
+from .dynamics import TransducerDynamics as TransducerDynamics
+from .dynamics import envelope as envelope
+from .exposure_level import Exposure as Exposure
+from .exposure_level import exposure as exposure
+from .exposure_level import greatest_exposure as greatest_exposure
+from .exposure_level import sound_level as sound_level
+from .exposure_places import ExposureProfile as ExposureProfile
+from .exposure_places import Place as Place
+from .exposure_search import airs_of_room as airs_of_room
+from .exposure_search import searched_points as searched_points
+from .field_error import printed_error as printed_error
+from .field_error import relative_error as relative_error
+from .lazy_sensing import sense_lazily as sense_lazily
+from .lazy_sensing import storage_precision as storage_precision
+from .narrow_cone import cone_points as cone_points
+from .playback import Spread as Spread
+from .playback import check_frame_rate as check_frame_rate
+from .playback import playback_response as playback_response
+from .playback import simulate as simulate
+from .playback import steps_per_frame as steps_per_frame
+from .playback_chain import PlaybackChain as PlaybackChain
+from .playback_chain import TransducerState as TransducerState
+from .playback_chain import radiate as radiate
+from .propagation import focus_amplitude as focus_amplitude
+from .propagation import focus_phase as focus_phase
+from .propagation import propagate as propagate
+from .propagation import quantise_phase as quantise_phase
+from .propagation import transfer_matrix as transfer_matrix
+from .propagation import wavenumber as wavenumber
+from .radiation import radiation_pressure as radiation_pressure
+from .radiation import sound_amplitude as sound_amplitude
+from .sensing import SensorModel as SensorModel
+from .sensing import calibration_of as calibration_of
+from .sensing import cell_pressure as cell_pressure
+from .sensing import channel_response as channel_response
+from .sensing import sense as sense
+from .sensing import sensor_output as sensor_output
+from .sensing_by_channel import channel_volts as channel_volts
+from .skin import SKINS as SKINS
+from .skin import Tissue as Tissue
+from .skin import skin_compliance as skin_compliance
+from .skin_channels import TOUCH_CHANNELS as TOUCH_CHANNELS
+from .skin_channels import TouchChannel as TouchChannel
+from .skin_motion import SkinMotion as SkinMotion
+from .transducers import Transducers as Transducers

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.lazy_frames import read_frames
 from midair.model import Drive
 from midair.physics.propagation import quantise_phase
 from midair.physics.transducers import Transducers
+from midair.streaming import read_frames
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -1,28 +1,21 @@
 """Edit recordings, fill gaps, check channels, and turn one channel into a pressure field on the sensor."""
 
-from midair.recordings.edit import Fill, cut, gain, join, mask, resample, trim
-from midair.recordings.footprint import Footprint, Path, Shape, Turn, footprint_field
-from midair.recordings.mending import GapFill, Mended, Mending, mend
-from midair.recordings.quality import at_limit, dead_channels, suspicious
-
-__all__ = [
-    "at_limit",
-    "Fill",
-    "Footprint",
-    "GapFill",
-    "Mended",
-    "Mending",
-    "Path",
-    "Shape",
-    "Turn",
-    "cut",
-    "dead_channels",
-    "footprint_field",
-    "gain",
-    "join",
-    "mask",
-    "mend",
-    "resample",
-    "suspicious",
-    "trim",
-]
+from .edit import Fill as Fill
+from .edit import cut as cut
+from .edit import gain as gain
+from .edit import join as join
+from .edit import mask as mask
+from .edit import resample as resample
+from .edit import trim as trim
+from .footprint import Footprint as Footprint
+from .footprint import Path as Path
+from .footprint import Shape as Shape
+from .footprint import Turn as Turn
+from .footprint import footprint_field as footprint_field
+from .mending import GapFill as GapFill
+from .mending import Mended as Mended
+from .mending import Mending as Mending
+from .mending import mend as mend
+from .quality import at_limit as at_limit
+from .quality import dead_channels as dead_channels
+from .quality import suspicious as suspicious

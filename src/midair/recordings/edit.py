@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from midair import dsp
 from midair.errors import InputError, MismatchError, ShapeError
-from midair.lazy_frames import LazyFrames, blocks, concatenate_lazy, each_frame, moments
-from midair.medians import medians
 from midair.model import Provenance, Recording, Setting, Step
+from midair.streaming import LazyFrames, blocks, concatenate_lazy, each_frame, medians, moments
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]

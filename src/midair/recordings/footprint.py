@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.lazy_frames import LazyFrames
 from midair.model import Recording, SensorGrid, Setting
+from midair.streaming import LazyFrames
 from midair.validation import positive
 
 Array = NDArray[np.float64]

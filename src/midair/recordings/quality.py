@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.lazy_frames import LazyFrames, Moments, blocks, moments
 from midair.model import Recording
+from midair.streaming import LazyFrames, Moments, blocks, moments
 
 
 def dead_channels(recording: Recording) -> NDArray[np.bool_]:

@@ -1,183 +1,96 @@
 """Rigs: devices, pipeline and files combined to record, play, correct and play live."""
 
-from midair.rig.bench import (
-    PRACTICE_RECORDINGS,
-    Identity,
-    ReferenceChoice,
-    TapTest,
-    assignment_problems,
-    calibrate_array,
-    calibrate_by_beam,
-    calibration_rows,
-    check_page_name,
-    describe_uncertainty,
-    identify_by_taps,
-    identify_by_tones,
-    read_silence,
-    read_takes,
-    write_calibration_page,
-    write_practice_recordings,
-)
-from midair.rig.correction import (
-    FIELD_TITLE,
-    PALM_TITLE,
-    BudgetPlan,
-    DriveRerecording,
-    Loop,
-    Outcome,
-    PlayedPair,
-    Stage,
-    aligned_pair,
-    band_power_share,
-    comparison_rows,
-    error_budget,
-    loop_figures,
-    metrics_of_loop,
-    no_progress,
-    original_of_drive,
-    palm_frames_of_drive,
-    palm_of_drive,
-    palm_of_loop,
-    played_chain,
-    rerecord_drive,
-    run_loop,
-    summarise_outcomes,
-    view_of_loop,
-    write_report,
-)
-from midair.rig.doctor import run_checks
-from midair.rig.live_touch import (
-    FRAME_EMITTED,
-    FRAME_LATE,
-    FRAME_REPEATED,
-    LiveSession,
-    LiveSettings,
-    LiveStatistics,
-    LiveTake,
-    LoopStarted,
-    live,
-    live_clearance,
-    make_key,
-    send_touch,
-)
-from midair.rig.names import ArrayKind, VirtualRig, array_named, array_of_kind, sensor_named, stage_named
-from midair.rig.play_lease import LeaseGuard, LeaseToken, PlayLease, under_lease
-from midair.rig.playing import check_air, default_exposure, play_cleared, rerecord, stop_playing
-from midair.rig.recorder import OpenRig, Played, loop, open_rig, play, record
-from midair.rig.signals import END_SIGNALS, handle_signals
-from midair.rig.takes import (
-    Companion,
-    Drift,
-    Levels,
-    StageStroke,
-    Subject,
-    Take,
-    TakeOrder,
-    TakePlan,
-    View,
-    capture_recording,
-    event_message,
-    last_subject,
-    move_to_start,
-    record_take,
-    store_subject,
-    take_path,
-    take_problems,
-)
-
-__all__ = [
-    "FIELD_TITLE",
-    "PALM_TITLE",
-    "ArrayKind",
-    "END_SIGNALS",
-    "handle_signals",
-    "OpenRig",
-    "Played",
-    "FRAME_REPEATED",
-    "FRAME_LATE",
-    "FRAME_EMITTED",
-    "LiveTake",
-    "LoopStarted",
-    "live",
-    "live_clearance",
-    "make_key",
-    "send_touch",
-    "LiveSettings",
-    "LiveSession",
-    "LiveStatistics",
-    "loop",
-    "open_rig",
-    "play",
-    "record",
-    "BudgetPlan",
-    "Companion",
-    "DriveRerecording",
-    "PlayedPair",
-    "original_of_drive",
-    "aligned_pair",
-    "Drift",
-    "Identity",
-    "LeaseToken",
-    "Levels",
-    "Loop",
-    "PlayLease",
-    "LeaseGuard",
-    "Outcome",
-    "ReferenceChoice",
-    "Stage",
-    "StageStroke",
-    "Subject",
-    "Take",
-    "TakeOrder",
-    "TakePlan",
-    "TapTest",
-    "View",
-    "VirtualRig",
-    "array_named",
-    "array_of_kind",
-    "move_to_start",
-    "calibrate_array",
-    "calibrate_by_beam",
-    "calibration_rows",
-    "metrics_of_loop",
-    "check_page_name",
-    "run_checks",
-    "error_budget",
-    "assignment_problems",
-    "identify_by_taps",
-    "identify_by_tones",
-    "rerecord_drive",
-    "band_power_share",
-    "palm_frames_of_drive",
-    "palm_of_drive",
-    "palm_of_loop",
-    "played_chain",
-    "under_lease",
-    "loop_figures",
-    "play_cleared",
-    "take_problems",
-    "no_progress",
-    "read_silence",
-    "read_takes",
-    "capture_recording",
-    "record_take",
-    "store_subject",
-    "last_subject",
-    "rerecord",
-    "check_air",
-    "run_loop",
-    "comparison_rows",
-    "summarise_outcomes",
-    "sensor_named",
-    "stage_named",
-    "stop_playing",
-    "take_path",
-    "event_message",
-    "describe_uncertainty",
-    "default_exposure",
-    "write_calibration_page",
-    "PRACTICE_RECORDINGS",
-    "write_practice_recordings",
-    "view_of_loop",
-    "write_report",
-]
+from .bench import PRACTICE_RECORDINGS as PRACTICE_RECORDINGS
+from .bench import Identity as Identity
+from .bench import ReferenceChoice as ReferenceChoice
+from .bench import TapTest as TapTest
+from .bench import assignment_problems as assignment_problems
+from .bench import calibrate_array as calibrate_array
+from .bench import calibrate_by_beam as calibrate_by_beam
+from .bench import calibration_rows as calibration_rows
+from .bench import check_page_name as check_page_name
+from .bench import describe_uncertainty as describe_uncertainty
+from .bench import identify_by_taps as identify_by_taps
+from .bench import identify_by_tones as identify_by_tones
+from .bench import read_silence as read_silence
+from .bench import read_takes as read_takes
+from .bench import write_calibration_page as write_calibration_page
+from .bench import write_practice_recordings as write_practice_recordings
+from .correction import FIELD_TITLE as FIELD_TITLE
+from .correction import PALM_TITLE as PALM_TITLE
+from .correction import BudgetPlan as BudgetPlan
+from .correction import DriveRerecording as DriveRerecording
+from .correction import Loop as Loop
+from .correction import Outcome as Outcome
+from .correction import PlayedPair as PlayedPair
+from .correction import Stage as Stage
+from .correction import aligned_pair as aligned_pair
+from .correction import band_power_share as band_power_share
+from .correction import comparison_rows as comparison_rows
+from .correction import error_budget as error_budget
+from .correction import loop_figures as loop_figures
+from .correction import metrics_of_loop as metrics_of_loop
+from .correction import no_progress as no_progress
+from .correction import original_of_drive as original_of_drive
+from .correction import palm_frames_of_drive as palm_frames_of_drive
+from .correction import palm_of_drive as palm_of_drive
+from .correction import palm_of_loop as palm_of_loop
+from .correction import played_chain as played_chain
+from .correction import rerecord_drive as rerecord_drive
+from .correction import run_loop as run_loop
+from .correction import summarise_outcomes as summarise_outcomes
+from .correction import view_of_loop as view_of_loop
+from .correction import write_report as write_report
+from .doctor import run_checks as run_checks
+from .live_touch import FRAME_EMITTED as FRAME_EMITTED
+from .live_touch import FRAME_LATE as FRAME_LATE
+from .live_touch import FRAME_REPEATED as FRAME_REPEATED
+from .live_touch import LiveSession as LiveSession
+from .live_touch import LiveSettings as LiveSettings
+from .live_touch import LiveStatistics as LiveStatistics
+from .live_touch import LiveTake as LiveTake
+from .live_touch import LoopStarted as LoopStarted
+from .live_touch import live as live
+from .live_touch import live_clearance as live_clearance
+from .live_touch import make_key as make_key
+from .live_touch import send_touch as send_touch
+from .names import ArrayKind as ArrayKind
+from .names import VirtualRig as VirtualRig
+from .names import array_named as array_named
+from .names import array_of_kind as array_of_kind
+from .names import sensor_named as sensor_named
+from .names import stage_named as stage_named
+from .play_lease import LeaseGuard as LeaseGuard
+from .play_lease import LeaseToken as LeaseToken
+from .play_lease import PlayLease as PlayLease
+from .play_lease import under_lease as under_lease
+from .playing import check_air as check_air
+from .playing import default_exposure as default_exposure
+from .playing import play_cleared as play_cleared
+from .playing import rerecord as rerecord
+from .playing import stop_playing as stop_playing
+from .recorder import OpenRig as OpenRig
+from .recorder import Played as Played
+from .recorder import loop as loop
+from .recorder import open_rig as open_rig
+from .recorder import play as play
+from .recorder import record as record
+from .signals import END_SIGNALS as END_SIGNALS
+from .signals import handle_signals as handle_signals
+from .takes import Companion as Companion
+from .takes import Drift as Drift
+from .takes import Levels as Levels
+from .takes import StageStroke as StageStroke
+from .takes import Subject as Subject
+from .takes import Take as Take
+from .takes import TakeOrder as TakeOrder
+from .takes import TakePlan as TakePlan
+from .takes import View as View
+from .takes import capture_recording as capture_recording
+from .takes import event_message as event_message
+from .takes import last_subject as last_subject
+from .takes import move_to_start as move_to_start
+from .takes import record_take as record_take
+from .takes import store_subject as store_subject
+from .takes import take_path as take_path
+from .takes import take_problems as take_problems

@@ -3,43 +3,22 @@
 The options of the command line, the provenance of drives and the table of the documentation are derived from them.
 """
 
-from midair.settings.choices import CHOICES, Choice, choices_table, format_setting, format_value, nearest_mode
-from midair.settings.mode import (
-    MODES,
-    Mode,
-    best_mode,
-    finest_mode,
-    paper_mode,
-    quick_mode,
-    with_fewer_points,
-    with_paper_mode,
-)
-from midair.settings.settings import (
-    CalibrationSettings,
-    CompensationSettings,
-    Settings,
-    SolverSettings,
-    TargetSettings,
-)
-
-__all__ = [
-    "CHOICES",
-    "MODES",
-    "CalibrationSettings",
-    "Choice",
-    "CompensationSettings",
-    "Mode",
-    "Settings",
-    "SolverSettings",
-    "TargetSettings",
-    "with_paper_mode",
-    "best_mode",
-    "choices_table",
-    "with_fewer_points",
-    "finest_mode",
-    "nearest_mode",
-    "paper_mode",
-    "quick_mode",
-    "format_value",
-    "format_setting",
-]
+from .choices import CHOICES as CHOICES
+from .choices import Choice as Choice
+from .choices import choices_table as choices_table
+from .choices import format_setting as format_setting
+from .choices import format_value as format_value
+from .choices import nearest_mode as nearest_mode
+from .mode import MODES as MODES
+from .mode import Mode as Mode
+from .mode import best_mode as best_mode
+from .mode import finest_mode as finest_mode
+from .mode import paper_mode as paper_mode
+from .mode import quick_mode as quick_mode
+from .mode import with_fewer_points as with_fewer_points
+from .mode import with_paper_mode as with_paper_mode
+from .settings import CalibrationSettings as CalibrationSettings
+from .settings import CompensationSettings as CompensationSettings
+from .settings import Settings as Settings
+from .settings import SolverSettings as SolverSettings
+from .settings import TargetSettings as TargetSettings

@@ -1,58 +1,41 @@
 """Solvers for the phases of a phased array whose transducers all have the same amplitude (paper, 4.2)."""
 
-from midair.solvers.amplitudes import Amplitudes
-from midair.solvers.exact import Exact
-from midair.solvers.fast import Fast
-from midair.solvers.glide import Glide, Piece, pieces
-from midair.solvers.initial_phase import spreading_phase
-from midair.solvers.large import check_memory, memory_needed, multi_plane_problem, place_grid
-from midair.solvers.levenberg_marquardt import LevenbergMarquardt
-from midair.solvers.live import FrameTracker, Live, symmetric_modes
-from midair.solvers.methods import METHODS, TAKES, Method, check_terms, name_of, solver, terms_of
-from midair.solvers.planning import read_solver_blocks, solve_parts, solve_piece
-from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
-from midair.solvers.solving import memory_of, solve
-from midair.solvers.terms import Cells, Fit, Guard, QuietPalm, Windows, pressure_means
-from midair.solvers.threads import one_blas_thread
-
-__all__ = [
-    "Amplitudes",
-    "Answer",
-    "Cells",
-    "Exact",
-    "Fast",
-    "Fit",
-    "FrameTracker",
-    "Glide",
-    "Guard",
-    "LevenbergMarquardt",
-    "Method",
-    "Live",
-    "METHODS",
-    "Piece",
-    "Problem",
-    "QuietPalm",
-    "Solver",
-    "Start",
-    "TAKES",
-    "Windows",
-    "check_memory",
-    "check_terms",
-    "pressure_means",
-    "memory_needed",
-    "memory_of",
-    "name_of",
-    "one_blas_thread",
-    "error_of",
-    "symmetric_modes",
-    "pieces",
-    "place_grid",
-    "multi_plane_problem",
-    "read_solver_blocks",
-    "solve",
-    "solve_parts",
-    "solve_piece",
-    "solver",
-    "spreading_phase",
-    "terms_of",
-]
+from .amplitudes import Amplitudes as Amplitudes
+from .exact import Exact as Exact
+from .fast import Fast as Fast
+from .glide import Glide as Glide
+from .glide import Piece as Piece
+from .glide import pieces as pieces
+from .initial_phase import spreading_phase as spreading_phase
+from .large import check_memory as check_memory
+from .large import memory_needed as memory_needed
+from .large import multi_plane_problem as multi_plane_problem
+from .large import place_grid as place_grid
+from .levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
+from .live import FrameTracker as FrameTracker
+from .live import Live as Live
+from .live import symmetric_modes as symmetric_modes
+from .methods import METHODS as METHODS
+from .methods import TAKES as TAKES
+from .methods import Method as Method
+from .methods import check_terms as check_terms
+from .methods import name_of as name_of
+from .methods import solver as solver
+from .methods import terms_of as terms_of
+from .planning import read_solver_blocks as read_solver_blocks
+from .planning import solve_parts as solve_parts
+from .planning import solve_piece as solve_piece
+from .problem import Answer as Answer
+from .problem import Problem as Problem
+from .problem import Solver as Solver
+from .problem import Start as Start
+from .problem import error_of as error_of
+from .solving import memory_of as memory_of
+from .solving import solve as solve
+from .terms import Cells as Cells
+from .terms import Fit as Fit
+from .terms import Guard as Guard
+from .terms import QuietPalm as QuietPalm
+from .terms import Windows as Windows
+from .terms import pressure_means as pressure_means
+from .threads import one_blas_thread as one_blas_thread

@@ -1,220 +1,120 @@
 """Perception studies: design, sessions, statistics, findings and report."""
 
-from midair.study.design import (
-    Analysis,
-    Block,
-    Design,
-    Incomplete,
-    Plan,
-    Policy,
-    PowerTest,
-    Question,
-    QuestPlus,
-    SessionState,
-    Staircase,
-    Stimulus,
-    Trial,
-    UnpresentedAnswers,
-    answers_table,
-    balanced_latin_square,
-    block_order,
-    constrained_shuffle,
-    draw_plan,
-    excluded_participants,
-    replay,
-    thresholds_of,
-)
-from midair.study.drives import StudyDrive, check_digests, prepare_drives
-from midair.study.findings import Report, StudyData, analyse, data_of_answers, data_of_columns
-from midair.study.folder import StudyFolder, Template, paper_design_text, read_design, template_text
-from midair.study.headphones import Headphones
-from midair.study.keyboard import keyboard_of_terminal
-from midair.study.registration import plan_page
-from midair.study.session import (
-    ArrayPresenter,
-    InstantClock,
-    MaskedPresenter,
-    Presenter,
-    Reply,
-    Session,
-    SilentPresenter,
-    SimulatedParticipant,
-    SimulatedScreen,
-    chain_hash,
-    read_events,
-    run,
-)
-from midair.study.statistics import (
-    Chance,
-    ChoiceModel,
-    Confusion,
-    Equivalence,
-    EquivalenceExperiment,
-    Experiment,
-    IdentificationExperiment,
-    Interval,
-    PairedT,
-    Power,
-    Psychometric,
-    PsychometricFit,
-    RatingExperiment,
-    Sensitivity,
-    bayes_factor,
-    chance_macro_f,
-    chance_of_published,
-    choice_model,
-    cohen_kappa,
-    confusion_matrix,
-    d_prime_choice,
-    d_prime_same_different,
-    d_prime_yes_no,
-    equivalence,
-    f_measure,
-    fit_psychometric,
-    holm,
-    limits_over_people,
-    logistic_mixed,
-    logistic_posterior,
-    mutual_information,
-    ordinal_check,
-    paired_t,
-    participants_for_paired_t,
-    power_curve,
-    power_paired_t,
-    proportion_correct,
-    published_statistics,
-    rm_anova,
-    scores,
-    sign_flip,
-    simulated_power,
-    wilson,
-)
-from midair.study.stimulus_rig import StimulusRig, open_stimulus_rig
-from midair.study.study_figures import chance_figure, power_figure
-from midair.study.study_notebook import analysis_notebook, load_study, load_table
-from midair.study.study_report import report_json, report_page, report_text, study_pictures
-from midair.study.tables import read_bids, read_csv, write_bids, write_csv
-from midair.study.terminal_screen import TerminalScreen, stop_on_signals
-from midair.study.verification import Verification, data_of_study, noted_seals, verify_study
-from midair.study.withdrawal import check_not_withdrawn, log_derived_file, withdraw, withdrawn
-
-__all__ = [
-    "analysis_notebook",
-    "load_study",
-    "load_table",
-    "study_pictures",
-    "UnpresentedAnswers",
-    "Headphones",
-    "check_digests",
-    "Incomplete",
-    "excluded_participants",
-    "Analysis",
-    "ArrayPresenter",
-    "Block",
-    "Chance",
-    "ChoiceModel",
-    "Confusion",
-    "Design",
-    "Equivalence",
-    "EquivalenceExperiment",
-    "Experiment",
-    "IdentificationExperiment",
-    "Interval",
-    "MaskedPresenter",
-    "SilentPresenter",
-    "PairedT",
-    "Plan",
-    "Policy",
-    "Power",
-    "PowerTest",
-    "Presenter",
-    "Psychometric",
-    "PsychometricFit",
-    "QuestPlus",
-    "Question",
-    "RatingExperiment",
-    "Reply",
-    "Report",
-    "Sensitivity",
-    "Session",
-    "SimulatedParticipant",
-    "SimulatedScreen",
-    "Staircase",
-    "SessionState",
-    "InstantClock",
-    "Stimulus",
-    "StimulusRig",
-    "StudyData",
-    "StudyDrive",
-    "StudyFolder",
-    "Template",
-    "TerminalScreen",
-    "Trial",
-    "analyse",
-    "answers_table",
-    "balanced_latin_square",
-    "bayes_factor",
-    "block_order",
-    "chance_figure",
-    "chance_macro_f",
-    "chance_of_published",
-    "check_not_withdrawn",
-    "choice_model",
-    "cohen_kappa",
-    "confusion_matrix",
-    "constrained_shuffle",
-    "d_prime_choice",
-    "d_prime_same_different",
-    "d_prime_yes_no",
-    "Verification",
-    "noted_seals",
-    "verify_study",
-    "data_of_study",
-    "data_of_answers",
-    "data_of_columns",
-    "published_statistics",
-    "draw_plan",
-    "equivalence",
-    "f_measure",
-    "prepare_drives",
-    "keyboard_of_terminal",
-    "fit_psychometric",
-    "holm",
-    "limits_over_people",
-    "logistic_mixed",
-    "logistic_posterior",
-    "mutual_information",
-    "ordinal_check",
-    "paired_t",
-    "paper_design_text",
-    "participants_for_paired_t",
-    "plan_page",
-    "power_curve",
-    "power_figure",
-    "power_paired_t",
-    "proportion_correct",
-    "read_bids",
-    "read_csv",
-    "read_design",
-    "read_events",
-    "log_derived_file",
-    "replay",
-    "report_json",
-    "report_page",
-    "report_text",
-    "rm_anova",
-    "run",
-    "scores",
-    "chain_hash",
-    "sign_flip",
-    "simulated_power",
-    "stop_on_signals",
-    "template_text",
-    "open_stimulus_rig",
-    "thresholds_of",
-    "wilson",
-    "withdraw",
-    "withdrawn",
-    "write_bids",
-    "write_csv",
-]
+from .design import Analysis as Analysis
+from .design import Block as Block
+from .design import Design as Design
+from .design import Incomplete as Incomplete
+from .design import Plan as Plan
+from .design import Policy as Policy
+from .design import PowerTest as PowerTest
+from .design import Question as Question
+from .design import QuestPlus as QuestPlus
+from .design import SessionState as SessionState
+from .design import Staircase as Staircase
+from .design import Stimulus as Stimulus
+from .design import Trial as Trial
+from .design import UnpresentedAnswers as UnpresentedAnswers
+from .design import answers_table as answers_table
+from .design import balanced_latin_square as balanced_latin_square
+from .design import block_order as block_order
+from .design import constrained_shuffle as constrained_shuffle
+from .design import draw_plan as draw_plan
+from .design import excluded_participants as excluded_participants
+from .design import replay as replay
+from .design import thresholds_of as thresholds_of
+from .drives import StudyDrive as StudyDrive
+from .drives import check_digests as check_digests
+from .drives import prepare_drives as prepare_drives
+from .findings import Report as Report
+from .findings import StudyData as StudyData
+from .findings import analyse as analyse
+from .findings import data_of_answers as data_of_answers
+from .findings import data_of_columns as data_of_columns
+from .folder import StudyFolder as StudyFolder
+from .folder import Template as Template
+from .folder import paper_design_text as paper_design_text
+from .folder import read_design as read_design
+from .folder import template_text as template_text
+from .headphones import Headphones as Headphones
+from .keyboard import keyboard_of_terminal as keyboard_of_terminal
+from .registration import plan_page as plan_page
+from .session import ArrayPresenter as ArrayPresenter
+from .session import InstantClock as InstantClock
+from .session import MaskedPresenter as MaskedPresenter
+from .session import Presenter as Presenter
+from .session import Reply as Reply
+from .session import Session as Session
+from .session import SilentPresenter as SilentPresenter
+from .session import SimulatedParticipant as SimulatedParticipant
+from .session import SimulatedScreen as SimulatedScreen
+from .session import chain_hash as chain_hash
+from .session import read_events as read_events
+from .session import run as run
+from .statistics import Chance as Chance
+from .statistics import ChoiceModel as ChoiceModel
+from .statistics import Confusion as Confusion
+from .statistics import Equivalence as Equivalence
+from .statistics import EquivalenceExperiment as EquivalenceExperiment
+from .statistics import Experiment as Experiment
+from .statistics import IdentificationExperiment as IdentificationExperiment
+from .statistics import Interval as Interval
+from .statistics import PairedT as PairedT
+from .statistics import Power as Power
+from .statistics import Psychometric as Psychometric
+from .statistics import PsychometricFit as PsychometricFit
+from .statistics import RatingExperiment as RatingExperiment
+from .statistics import Sensitivity as Sensitivity
+from .statistics import bayes_factor as bayes_factor
+from .statistics import chance_macro_f as chance_macro_f
+from .statistics import chance_of_published as chance_of_published
+from .statistics import choice_model as choice_model
+from .statistics import cohen_kappa as cohen_kappa
+from .statistics import confusion_matrix as confusion_matrix
+from .statistics import d_prime_choice as d_prime_choice
+from .statistics import d_prime_same_different as d_prime_same_different
+from .statistics import d_prime_yes_no as d_prime_yes_no
+from .statistics import equivalence as equivalence
+from .statistics import f_measure as f_measure
+from .statistics import fit_psychometric as fit_psychometric
+from .statistics import holm as holm
+from .statistics import limits_over_people as limits_over_people
+from .statistics import logistic_mixed as logistic_mixed
+from .statistics import logistic_posterior as logistic_posterior
+from .statistics import mutual_information as mutual_information
+from .statistics import ordinal_check as ordinal_check
+from .statistics import paired_t as paired_t
+from .statistics import participants_for_paired_t as participants_for_paired_t
+from .statistics import power_curve as power_curve
+from .statistics import power_paired_t as power_paired_t
+from .statistics import proportion_correct as proportion_correct
+from .statistics import published_statistics as published_statistics
+from .statistics import rm_anova as rm_anova
+from .statistics import scores as scores
+from .statistics import sign_flip as sign_flip
+from .statistics import simulated_power as simulated_power
+from .statistics import wilson as wilson
+from .stimulus_rig import StimulusRig as StimulusRig
+from .stimulus_rig import open_stimulus_rig as open_stimulus_rig
+from .study_figures import chance_figure as chance_figure
+from .study_figures import power_figure as power_figure
+from .study_notebook import analysis_notebook as analysis_notebook
+from .study_notebook import load_study as load_study
+from .study_notebook import load_table as load_table
+from .study_report import report_json as report_json
+from .study_report import report_page as report_page
+from .study_report import report_text as report_text
+from .study_report import study_pictures as study_pictures
+from .tables import read_bids as read_bids
+from .tables import read_csv as read_csv
+from .tables import write_bids as write_bids
+from .tables import write_csv as write_csv
+from .terminal_screen import TerminalScreen as TerminalScreen
+from .terminal_screen import stop_on_signals as stop_on_signals
+from .verification import Verification as Verification
+from .verification import data_of_study as data_of_study
+from .verification import noted_seals as noted_seals
+from .verification import verify_study as verify_study
+from .withdrawal import check_not_withdrawn as check_not_withdrawn
+from .withdrawal import log_derived_file as log_derived_file
+from .withdrawal import withdraw as withdraw
+from .withdrawal import withdrawn as withdrawn

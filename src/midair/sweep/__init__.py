@@ -1,25 +1,15 @@
 """Sweeps: solve many patterns or recordings in parallel processes, store the results in Zarr, and report them."""
 
-from midair.sweep.pattern_report import PatternReport, PatternResults, report_of, write_sweep_report
-from midair.sweep.pattern_sweep import PatternSweep
-from midair.sweep.recording_report import TrialReport, trial_report, write_trial_report
-from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
-from midair.sweep.run import run_sweep
-from midair.sweep.store import load_sweep
-from midair.sweep.task import Sweep
-
-__all__ = [
-    "PatternReport",
-    "PatternResults",
-    "PatternSweep",
-    "RecordingSweep",
-    "Sweep",
-    "SweepTrial",
-    "TrialReport",
-    "load_sweep",
-    "report_of",
-    "run_sweep",
-    "trial_report",
-    "write_sweep_report",
-    "write_trial_report",
-]
+from .pattern_report import PatternReport as PatternReport
+from .pattern_report import PatternResults as PatternResults
+from .pattern_report import report_of as report_of
+from .pattern_report import write_sweep_report as write_sweep_report
+from .pattern_sweep import PatternSweep as PatternSweep
+from .recording_report import TrialReport as TrialReport
+from .recording_report import trial_report as trial_report
+from .recording_report import write_trial_report as write_trial_report
+from .recording_sweep import RecordingSweep as RecordingSweep
+from .recording_sweep import SweepTrial as SweepTrial
+from .run import run_sweep as run_sweep
+from .store import load_sweep as load_sweep
+from .task import Sweep as Sweep

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from midair.errors import InputError
-from midair.lazy_frames import blocks
 from midair.model import PressureFrames, Provenance, TransducerArray
 from midair.physics import propagate, quantise_phase, relative_error
 from midair.pipeline import reproduce
 from midair.settings import Settings
 from midair.solvers import solver as solver_of
+from midair.streaming import blocks
 from midair.sweep.task import Coordinate, Found, Job, Task, settings_of
 from midair.sweep.trial_cut import TrialCut, is_cut
 

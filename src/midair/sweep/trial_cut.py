@@ -6,12 +6,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.lazy_frames import blocks
 from midair.model import AmplitudeFrames, PressureFrames, TransducerArray
 from midair.physics import check_frame_rate, focus_amplitude, propagate, quantise_phase, relative_error
 from midair.pipeline import target_amplitude
 from midair.settings import Settings
 from midair.solvers import Glide, Piece, pieces, read_solver_blocks, solve_piece, solver
+from midair.streaming import blocks
 from midair.sweep.task import Found
 
 Array = NDArray[np.float64]

@@ -1,37 +1,25 @@
 """Convert the pressure on a few cells to target sound amplitudes at the control points (paper, 4.1)."""
 
-from midair.targets.compensation import precompensate, precompensate_sound
-from midair.targets.cost import MappingReport, mapping_report
-from midair.targets.decoupling import coupling, decouple
-from midair.targets.interpolation import interpolation_matrix, moved_interpolation
-from midair.targets.lead import add_lead, default_lead, frames_without_lead, remove_lead
-from midair.targets.mapping import MAPPINGS, SlowBias, constant_offset, half_wave, mapping_of, slow_bias
-from midair.targets.mapping_stream import MappingStream
-from midair.targets.motion import Circle
-from midair.targets.preparing import Interpolated, prepare, sensor_from_provenance
-
-__all__ = [
-    "Circle",
-    "Interpolated",
-    "MAPPINGS",
-    "MappingReport",
-    "MappingStream",
-    "SlowBias",
-    "sensor_from_provenance",
-    "constant_offset",
-    "coupling",
-    "decouple",
-    "half_wave",
-    "interpolation_matrix",
-    "add_lead",
-    "mapping_of",
-    "mapping_report",
-    "moved_interpolation",
-    "frames_without_lead",
-    "precompensate",
-    "precompensate_sound",
-    "prepare",
-    "slow_bias",
-    "default_lead",
-    "remove_lead",
-]
+from .compensation import precompensate as precompensate
+from .compensation import precompensate_sound as precompensate_sound
+from .cost import MappingReport as MappingReport
+from .cost import mapping_report as mapping_report
+from .decoupling import coupling as coupling
+from .decoupling import decouple as decouple
+from .interpolation import interpolation_matrix as interpolation_matrix
+from .interpolation import moved_interpolation as moved_interpolation
+from .lead import add_lead as add_lead
+from .lead import default_lead as default_lead
+from .lead import frames_without_lead as frames_without_lead
+from .lead import remove_lead as remove_lead
+from .mapping import MAPPINGS as MAPPINGS
+from .mapping import SlowBias as SlowBias
+from .mapping import constant_offset as constant_offset
+from .mapping import half_wave as half_wave
+from .mapping import mapping_of as mapping_of
+from .mapping import slow_bias as slow_bias
+from .mapping_stream import MappingStream as MappingStream
+from .motion import Circle as Circle
+from .preparing import Interpolated as Interpolated
+from .preparing import prepare as prepare
+from .preparing import sensor_from_provenance as sensor_from_provenance

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from midair.dsp import band_window, filter_response
-from midair.lazy_frames import each_frame
 from midair.model import AmplitudeFrames, PressureFrames, Setting
 from midair.physics import TransducerDynamics, playback_response
+from midair.streaming import each_frame
 
 Band = tuple[float, float]
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.lazy_frames import each_frame
 from midair.model import ControlGrid, PressureFrames
 from midair.physics import SensorModel, cell_weights
+from midair.streaming import each_frame
 from midair.targets.interpolation import interpolation_matrix
 
 Array = NDArray[np.float64]

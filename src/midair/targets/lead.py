@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.lazy_filters import pad_with_fade
 from midair.model import PressureFrames, Provenance
+from midair.streaming import pad_with_fade
 from midair.targets.mapping import SlowBias, mapping_of
 
 Array = NDArray[np.float64]

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.lazy_filters import with_context
-from midair.lazy_frames import LazyFrames, each_frame
+from midair.streaming import LazyFrames, each_frame, with_context
 from midair.validation import positive
 
 Array = NDArray[np.float64]

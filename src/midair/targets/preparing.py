@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.lazy_frames import LazyFrames
 from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, SensorGrid, Setting
 from midair.physics import sound_amplitude
+from midair.streaming import LazyFrames
 from midair.targets.interpolation import interpolation_matrix, moved_interpolation
 from midair.targets.mapping import mapping_of
 from midair.targets.motion import Circle

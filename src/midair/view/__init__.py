@@ -1,66 +1,43 @@
 """Interactive views of frames, used by the studio, notebooks and standalone pages; also films and sound files."""
 
-from midair.view.audio import ChannelSound, channel_sound, comparison_sounds
-from midair.view.colours import TABLES, colour_table
-from midair.view.film import Film, ffmpeg, write_gif, write_mp4
-from midair.view.frame_encoding import Kind, Section, encode_counts, pack, phase_counts, unpack
-from midair.view.interpolated_field import InterpolatedField, finer_points, fit_interpolation
-from midair.view.page_payload import check_size, metadata, sections, size_of
-from midair.view.pages import WEB, one_module, page_parts, show_page, style, with_content_policy
-from midair.view.palm_film import PalmMaps, film_of_palm
-from midair.view.view_data import (
-    Channels,
-    Part,
-    Sound,
-    ViewData,
-    played_field,
-    show_comparison,
-    show_drive,
-    show_recording,
-    show_target,
-)
-from midair.view.widget import iframe_page, in_notebook
-
-__all__ = [
-    "check_size",
-    "in_notebook",
-    "iframe_page",
-    "comparison_sounds",
-    "PalmMaps",
-    "Part",
-    "write_mp4",
-    "write_gif",
-    "ffmpeg",
-    "Film",
-    "channel_sound",
-    "ChannelSound",
-    "Channels",
-    "InterpolatedField",
-    "Kind",
-    "Section",
-    "ViewData",
-    "Sound",
-    "TABLES",
-    "WEB",
-    "metadata",
-    "colour_table",
-    "encode_counts",
-    "fit_interpolation",
-    "finer_points",
-    "page_parts",
-    "one_module",
-    "pack",
-    "film_of_palm",
-    "phase_counts",
-    "played_field",
-    "with_content_policy",
-    "sections",
-    "show_comparison",
-    "show_drive",
-    "show_page",
-    "show_recording",
-    "show_target",
-    "size_of",
-    "style",
-    "unpack",
-]
+from .audio import ChannelSound as ChannelSound
+from .audio import channel_sound as channel_sound
+from .audio import comparison_sounds as comparison_sounds
+from .colours import TABLES as TABLES
+from .colours import colour_table as colour_table
+from .film import Film as Film
+from .film import ffmpeg as ffmpeg
+from .film import write_gif as write_gif
+from .film import write_mp4 as write_mp4
+from .frame_encoding import Kind as Kind
+from .frame_encoding import Section as Section
+from .frame_encoding import encode_counts as encode_counts
+from .frame_encoding import pack as pack
+from .frame_encoding import phase_counts as phase_counts
+from .frame_encoding import unpack as unpack
+from .interpolated_field import InterpolatedField as InterpolatedField
+from .interpolated_field import finer_points as finer_points
+from .interpolated_field import fit_interpolation as fit_interpolation
+from .page_payload import check_size as check_size
+from .page_payload import metadata as metadata
+from .page_payload import sections as sections
+from .page_payload import size_of as size_of
+from .pages import WEB as WEB
+from .pages import one_module as one_module
+from .pages import page_parts as page_parts
+from .pages import show_page as show_page
+from .pages import style as style
+from .pages import with_content_policy as with_content_policy
+from .palm_film import PalmMaps as PalmMaps
+from .palm_film import film_of_palm as film_of_palm
+from .view_data import Channels as Channels
+from .view_data import Part as Part
+from .view_data import Sound as Sound
+from .view_data import ViewData as ViewData
+from .view_data import played_field as played_field
+from .view_data import show_comparison as show_comparison
+from .view_data import show_drive as show_drive
+from .view_data import show_recording as show_recording
+from .view_data import show_target as show_target
+from .widget import iframe_page as iframe_page
+from .widget import in_notebook as in_notebook

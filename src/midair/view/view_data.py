@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, RateError
-from midair.lazy_frames import read_frames
 from midair.model import AmplitudeFrames, ControlGrid, Drive, PressureFrames, Recording, SensorGrid, Solution
 from midair.physics import transfer_matrix
+from midair.streaming import read_frames
 from midair.validation import frozen_array
 from midair.view.interpolated_field import InterpolatedField, fit_interpolation
 

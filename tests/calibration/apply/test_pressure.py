@@ -9,10 +9,10 @@ from midair.calibration import calibrate
 from midair.datasets import sample
 from midair.dsp import band_edges, band_window, filter_response
 from midair.errors import BandError, InputError, MismatchError, UnitError
-from midair.lazy_frames import LazyFrames
 from midair.model import Calibration, Provenance, Recording, SensorGrid
 from midair.physics import SensorModel, calibration_of, sense
 from midair.recordings import dead_channels
+from midair.streaming import LazyFrames
 
 RATE = 1000.0
 BAND = (20.0, 470.0)
@@ -250,7 +250,7 @@ def test_other_settings_are_checked():
 @pytest.mark.parametrize(("method", "tolerance"), [("fft", 2e-5), ("fir", 1e-9)])
 def test_a_recording_on_disk_is_calibrated_as_one_in_memory(method, tolerance, monkeypatch):
     """Equal to the decay of the FFT filter after four periods of the narrowest edge; for the FIR filter to rounding."""
-    monkeypatch.setattr("midair.lazy_filters.BYTES", 2**17)
+    monkeypatch.setattr("midair.streaming.lazy_filters.BYTES", 2**17)
     recording = recorded(noise(3, frames=10_000), rng=np.random.default_rng(1))
     reel = LazyFrames(lambda first, last: recording.samples[first:last], recording.samples.shape)
     whole = calibrate(recording, CALIBRATION, band=BAND, method=method)

@@ -8,9 +8,9 @@ import pytest
 from midair.devices import autd3_firmware
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import amplitude_of, phase_bytes
-from midair.lazy_frames import LazyFrames
 from midair.model import Acoustics, Drive, Medium, Placement
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
+from midair.streaming import LazyFrames
 from midair.testing import clear_any_exposure
 
 pytest.importorskip("autd3_emulator")

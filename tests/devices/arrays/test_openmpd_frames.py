@@ -13,8 +13,8 @@ from midair.devices.arrays.openmpd_frames import (
     rate_divider,
 )
 from midair.errors import RateError
-from midair.lazy_frames import LazyFrames
 from midair.model import Board, Drive, array_of_boards
+from midair.streaming import LazyFrames
 from midair.testing import measured_board
 from midair.testing.openmpd_simulator import CommandReader
 

@@ -3,9 +3,9 @@ import pytest
 
 from midair.calibration import calibrate
 from midair.devices import VirtualSensor, VirtualSkin
-from midair.lazy_frames import LazyFrames
 from midair.model import PressureFrames, Recording
 from midair.physics.sensing import SensorModel
+from midair.streaming import LazyFrames
 
 TIME = np.arange(8000) / 8000
 

@@ -6,8 +6,8 @@ import pytest
 
 from midair.errors import BrokenFileError, MismatchError, MissingFileError, NonFiniteError, UnknownFormatError
 from midair.files import load_solution, load_target, save_solution, save_solutions
-from midair.lazy_frames import LazyFrames
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Solution, TransducerArray
+from midair.streaming import LazyFrames
 
 
 @pytest.fixture

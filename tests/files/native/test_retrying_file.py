@@ -14,7 +14,7 @@ import numpy as np
 from midair.errors import FileError
 from midair.files import save
 from midair.model import Recording
-from midair.lazy_frames import LazyFrames
+from midair.streaming import LazyFrames
 
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))

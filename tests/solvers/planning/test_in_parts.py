@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.lazy_frames import LazyFrames
 from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
 from midair.solvers import Glide, solve, solve_parts
+from midair.streaming import LazyFrames
 
 UNIT = TransducerArray.autd3(columns=1, rows=1)
 

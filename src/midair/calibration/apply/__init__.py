@@ -1,21 +1,13 @@
 """Apply a calibration to whole recordings or to a stream of blocks."""
 
-from midair.calibration.apply.causal import CausalInverse, causal_error, causal_fir
-from midair.calibration.apply.crosstalk_inverse import undo_matrix
-from midair.calibration.apply.inverse import default_taps, inverse_fir, inverse_response
-from midair.calibration.apply.pressure import Method, calibrate, typical_uncertainty
-from midair.calibration.apply.streaming_inverse import StreamingInverse
-
-__all__ = [
-    "CausalInverse",
-    "Method",
-    "StreamingInverse",
-    "calibrate",
-    "causal_error",
-    "causal_fir",
-    "default_taps",
-    "inverse_fir",
-    "inverse_response",
-    "typical_uncertainty",
-    "undo_matrix",
-]
+from .causal import CausalInverse as CausalInverse
+from .causal import causal_error as causal_error
+from .causal import causal_fir as causal_fir
+from .crosstalk_inverse import undo_matrix as undo_matrix
+from .inverse import default_taps as default_taps
+from .inverse import inverse_fir as inverse_fir
+from .inverse import inverse_response as inverse_response
+from .pressure import Method as Method
+from .pressure import calibrate as calibrate
+from .pressure import typical_uncertainty as typical_uncertainty
+from .streaming_inverse import StreamingInverse as StreamingInverse

@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 
 from midair.calibration.apply.inverse import check_band_covered, default_taps, inverse_fir, inverse_response
 from midair.calibration.apply.streaming_inverse import crosstalk_inverse
-from midair.channels import channels
 from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, filter_response
 from midair.errors import BandError, InputError, MismatchError, UnitError
-from midair.lazy_frames import LazyFrames, blocks, each_frame, moments
 from midair.model import Calibration, PressureFrames, Recording, Setting
 from midair.recordings import dead_channels
+from midair.streaming import LazyFrames, blocks, channels, each_frame, moments
 
 Method = Literal["fft", "fir"]
 LEAST = 1e-6

@@ -1,49 +1,32 @@
 """Measure a calibration against a reference, with a tone of known pressure, or with a focused beam."""
 
-from midair.calibration.measure.against_reference import measure_calibration, measure_response
-from midair.calibration.measure.array_field import ArrayField, SensorPlace
-from midair.calibration.measure.array_fit import fit_array
-from midair.calibration.measure.array_plan import ArrayCodes, ArrayPlan, array_codes
-from midair.calibration.measure.beam import BeamReading, find_lag, measure_beam, tone_amplitudes
-from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting, beam_field, focus_position
-from midair.calibration.measure.excitation import noise_signal, sweep_signal
-from midair.calibration.measure.frequency_response import FrequencyResponse
-from midair.calibration.measure.microphone_scale import MicrophoneScale, scale_of_drop, scale_of_tone
-from midair.calibration.measure.noise import noise_equivalent_pressure
-from midair.calibration.measure.referenced_take import Reference, ReferencedTake, split_channel
-from midair.calibration.measure.shared_parameters import TransducerPrior
-from midair.calibration.measure.take_sums import MeasureSettings
-from midair.calibration.measure.tone import measure_tone, scale_to_tone
-
-__all__ = [
-    "MicrophoneScale",
-    "scale_of_drop",
-    "scale_of_tone",
-    "ArrayCodes",
-    "ArrayField",
-    "ArrayPlan",
-    "BeamPlan",
-    "BeamReading",
-    "BeamSetting",
-    "FrequencyResponse",
-    "MeasureSettings",
-    "Reference",
-    "ReferencedTake",
-    "SensorPlace",
-    "TransducerPrior",
-    "scale_to_tone",
-    "array_codes",
-    "beam_field",
-    "find_lag",
-    "fit_array",
-    "focus_position",
-    "measure_beam",
-    "measure_calibration",
-    "measure_response",
-    "measure_tone",
-    "noise_equivalent_pressure",
-    "noise_signal",
-    "split_channel",
-    "sweep_signal",
-    "tone_amplitudes",
-]
+from .against_reference import measure_calibration as measure_calibration
+from .against_reference import measure_response as measure_response
+from .array_field import ArrayField as ArrayField
+from .array_field import SensorPlace as SensorPlace
+from .array_fit import fit_array as fit_array
+from .array_plan import ArrayCodes as ArrayCodes
+from .array_plan import ArrayPlan as ArrayPlan
+from .array_plan import array_codes as array_codes
+from .beam import BeamReading as BeamReading
+from .beam import find_lag as find_lag
+from .beam import measure_beam as measure_beam
+from .beam import tone_amplitudes as tone_amplitudes
+from .beam_plan import BeamPlan as BeamPlan
+from .beam_plan import BeamSetting as BeamSetting
+from .beam_plan import beam_field as beam_field
+from .beam_plan import focus_position as focus_position
+from .excitation import noise_signal as noise_signal
+from .excitation import sweep_signal as sweep_signal
+from .frequency_response import FrequencyResponse as FrequencyResponse
+from .microphone_scale import MicrophoneScale as MicrophoneScale
+from .microphone_scale import scale_of_drop as scale_of_drop
+from .microphone_scale import scale_of_tone as scale_of_tone
+from .noise import noise_equivalent_pressure as noise_equivalent_pressure
+from .referenced_take import Reference as Reference
+from .referenced_take import ReferencedTake as ReferencedTake
+from .referenced_take import split_channel as split_channel
+from .shared_parameters import TransducerPrior as TransducerPrior
+from .take_sums import MeasureSettings as MeasureSettings
+from .tone import measure_tone as measure_tone
+from .tone import scale_to_tone as scale_to_tone

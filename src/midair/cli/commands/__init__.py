@@ -146,6 +146,3 @@ def __getattr__(name: str) -> App:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, command = COMMANDS[typed][1].partition(":")
     return app_of_command(getattr(import_module(f"{__name__}.{module}"), command), typed)
-
-
-__all__ = ["COMMANDS", "FOLDERS", "PASSES", "command_of"]

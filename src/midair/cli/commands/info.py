@@ -30,10 +30,10 @@ from midair.files import (
     load_target,
     open_take,
 )
-from midair.lazy_frames import moments
 from midair.model import Provenance, Setting
 from midair.rig import calibration_rows, describe_uncertainty
 from midair.settings import format_setting
+from midair.streaming import moments
 from midair.targets import frames_without_lead
 
 

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any, cast
 
 from midair.files import open_take
-from midair.lazy_frames import blocks
 from midair.model import PressureFrames, Provenance
 from midair.pipeline import calibrated_pressure
 from midair.settings import Settings
-from midair.temp_frames import TempFrames
+from midair.streaming import TempFrames, blocks
 
 
 def calibrated_part(

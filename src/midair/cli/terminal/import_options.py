@@ -12,9 +12,9 @@ from cyclopts import Parameter, Token
 from midair.cli.terminal.quantities import format_quantity, parse_quantity, quantity
 from midair.errors import InputError
 from midair.files import OpenedTake, open_take
-from midair.lazy_frames import LazyFrames
 from midair.model import Recording, SensorGrid, Unit
 from midair.recordings import Footprint, Mending, Path, Shape, Turn, footprint_field, resample, suspicious
+from midair.streaming import LazyFrames
 
 Patch = tuple[str, float]
 """Shape and size (m) of a footprint."""

@@ -9,9 +9,9 @@ from midair.cli.terminal.quantities import format_quantity
 from midair.evaluate import SolveError, error_by_energy
 from midair.files import load_solution, load_target
 from midair.headroom import PressureLevel, band_of, level_of
-from midair.lazy_frames import blocks
 from midair.model import AmplitudeFrames, Calibration, Recording, Solution
 from midair.recordings import dead_channels
+from midair.streaming import blocks
 from midair.targets import frames_without_lead
 
 

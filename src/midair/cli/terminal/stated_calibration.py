@@ -10,9 +10,8 @@ from midair.calibration import MicrophoneScale, scale_of_drop, scale_of_tone
 from midair.cli.terminal.import_options import FileOptions, import_recording
 from midair.cli.terminal.quantities import parse_quantity
 from midair.errors import InputError, MismatchError
-from midair.lazy_frames import moments
-from midair.medians import medians
 from midair.model import Calibration, Provenance, Recording
+from midair.streaming import medians, moments
 
 
 def calibration_from_options(recording: Recording, sensitivity: str | None, peak: float | None) -> Calibration | None:

@@ -1,29 +1,15 @@
 """Phased arrays: AUTD3 through both of its SDKs, OpenMPD boards, and the transmission of frames."""
 
-from midair.devices.arrays.autd3 import (
-    autd3_array,
-    autd3_constant_frame,
-    autd3_firmware,
-    autd3_immediate,
-    pyautd3_array,
-)
-from midair.devices.arrays.banked_array import BankedArray
-from midair.devices.arrays.immediate import ImmediateArray, ImmediateUnits, Put
-from midair.devices.arrays.openmpd import OpenMpdArray
-from midair.devices.arrays.silencer import Silencer, SilencerChoice, choose_silencer
-
-__all__ = [
-    "BankedArray",
-    "ImmediateArray",
-    "ImmediateUnits",
-    "OpenMpdArray",
-    "Put",
-    "Silencer",
-    "SilencerChoice",
-    "autd3_array",
-    "autd3_firmware",
-    "autd3_immediate",
-    "autd3_constant_frame",
-    "choose_silencer",
-    "pyautd3_array",
-]
+from .autd3 import autd3_array as autd3_array
+from .autd3 import autd3_constant_frame as autd3_constant_frame
+from .autd3 import autd3_firmware as autd3_firmware
+from .autd3 import autd3_immediate as autd3_immediate
+from .autd3 import pyautd3_array as pyautd3_array
+from .banked_array import BankedArray as BankedArray
+from .immediate import ImmediateArray as ImmediateArray
+from .immediate import ImmediateUnits as ImmediateUnits
+from .immediate import Put as Put
+from .openmpd import OpenMpdArray as OpenMpdArray
+from .silencer import Silencer as Silencer
+from .silencer import SilencerChoice as SilencerChoice
+from .silencer import choose_silencer as choose_silencer

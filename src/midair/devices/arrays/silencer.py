@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from midair.devices.frame_bytes import TICK
 from midair.errors import InputError
-from midair.lazy_frames import blocks
 from midair.model import Drive
 from midair.physics import PlaybackChain, TransducerDynamics, Transducers, simulate, transfer_matrix
+from midair.streaming import blocks
 
 Array = NDArray[np.float64]
 SilencerChoice = Literal["auto", "off", "quarter", "half", "default"]

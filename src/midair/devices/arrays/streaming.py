@@ -15,8 +15,8 @@ from midair.devices.arrays.frame_capture import FrameCapture
 from midair.devices.frame_bytes import TICK, Bytes
 from midair.devices.interface import PlayReport
 from midair.errors import DeviceError, SilentFramesError, StoppedError, TooHotError
-from midair.lazy_frames import read_frames
 from midair.model import Progress
+from midair.streaming import read_frames
 
 MS = 1_000_000
 QUERY_INTERVAL = 250 * MS

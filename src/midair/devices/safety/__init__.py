@@ -1,30 +1,15 @@
 """Safety of playback: one program per device, a log, and a channel through which another terminal stops it."""
 
-from midair.devices.safety.device_locks import device_lock
-from midair.devices.safety.play_log import Ending, log_end, log_order
-from midair.devices.safety.state_folders import make_state_folder, state_folder
-from midair.devices.safety.stop_channel import (
-    Stopped,
-    ordered_at,
-    playing_now,
-    process_start_time,
-    stop_playing,
-    uptime,
-)
-from midair.devices.safety.stop_guard import StopGuard
-
-__all__ = [
-    "Ending",
-    "StopGuard",
-    "Stopped",
-    "device_lock",
-    "log_end",
-    "log_order",
-    "make_state_folder",
-    "ordered_at",
-    "playing_now",
-    "process_start_time",
-    "state_folder",
-    "stop_playing",
-    "uptime",
-]
+from .device_locks import device_lock as device_lock
+from .play_log import Ending as Ending
+from .play_log import log_end as log_end
+from .play_log import log_order as log_order
+from .state_folders import make_state_folder as make_state_folder
+from .state_folders import state_folder as state_folder
+from .stop_channel import Stopped as Stopped
+from .stop_channel import ordered_at as ordered_at
+from .stop_channel import playing_now as playing_now
+from .stop_channel import process_start_time as process_start_time
+from .stop_channel import stop_playing as stop_playing
+from .stop_channel import uptime as uptime
+from .stop_guard import StopGuard as StopGuard

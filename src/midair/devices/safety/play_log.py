@@ -17,9 +17,9 @@ from midair.devices.exposure_check import ExposureClearance
 from midair.devices.safety.lock_files import command, token, user
 from midair.devices.safety.state_folders import make_state_folder
 from midair.errors import FileError
-from midair.lazy_frames import blocks
 from midair.model import Drive, Medium
 from midair.physics import ExposureProfile
+from midair.streaming import blocks
 from midair.version import __version__
 
 LOG = "played.jsonl"

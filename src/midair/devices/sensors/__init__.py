@@ -1,20 +1,11 @@
 """Sensors: network streams, sound cards, converters, serial ports, and replayed files."""
 
-from midair.devices.sensors.decimated import Decimated
-from midair.devices.sensors.paced import PacedSensor
-from midair.devices.sensors.remapped import RemappedSensor
-from midair.devices.sensors.replay import ReplaySensor
-from midair.devices.sensors.sources import Chunk, SensorOptions, Source, Stream
-from midair.devices.sensors.streamed_sensor import StreamedSensor
-
-__all__ = [
-    "Chunk",
-    "Decimated",
-    "PacedSensor",
-    "ReplaySensor",
-    "RemappedSensor",
-    "SensorOptions",
-    "Source",
-    "Stream",
-    "StreamedSensor",
-]
+from .decimated import Decimated as Decimated
+from .paced import PacedSensor as PacedSensor
+from .remapped import RemappedSensor as RemappedSensor
+from .replay import ReplaySensor as ReplaySensor
+from .sources import Chunk as Chunk
+from .sources import SensorOptions as SensorOptions
+from .sources import Source as Source
+from .sources import Stream as Stream
+from .streamed_sensor import StreamedSensor as StreamedSensor

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
 
-from midair.lazy_frames import Stored
 from midair.model import SensorGrid, SensorWiring, Unit
+from midair.streaming import Stored
 
 Samples = NDArray[Any]
 """Shape (frame, channel), of any number type."""

@@ -7,10 +7,9 @@ import numpy as np
 from midair.devices.interface import FrameBlock, SensorDevice
 from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError
-from midair.lazy_frames import LazyFrames
-from midair.lazy_sensing import sense_lazily, storage_precision
 from midair.model import PressureFrames
-from midair.physics import calibration_of, sense
+from midair.physics import calibration_of, sense, sense_lazily, storage_precision
+from midair.streaming import LazyFrames
 
 
 class VirtualSensor(SensorDevice):

@@ -4,10 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import RateError, ShapeError
-from midair.lazy_frames import LazyFrames
 from midair.model import ControlGrid, PressureFrames
 from midair.physics import SensorModel, cell_weights
-from midair.temp_frames import TempFrames
+from midair.streaming import LazyFrames, TempFrames
 
 Array = NDArray[np.float64]
 

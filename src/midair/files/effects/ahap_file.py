@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from midair.files.atomic import atomic_file
 from midair.files.format_loss import FormatLoss, calibration_lost
-from midair.lazy_frames import read_frames, with_cache
-from midair.medians import medians
 from midair.model import Calibration, Recording
+from midair.streaming import medians, read_frames, with_cache
 
 Array = NDArray[np.float64]
 

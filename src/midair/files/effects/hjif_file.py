@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from midair.files.atomic import atomic_file
 from midair.files.format_loss import FormatLoss, calibration_lost
-from midair.lazy_frames import block_ranges, moments, read_frames
-from midair.medians import medians
 from midair.model import Calibration, Recording
+from midair.streaming import block_ranges, medians, moments, read_frames
 from midair.version import __version__
 
 VERSION = "2023"

@@ -15,8 +15,8 @@ from midair.files.importers.text_table import TextTable, read_table
 from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 from midair.files.sanitise_text import without_formulas
 from midair.files.timestamps import to_fixed_rate
-from midair.lazy_frames import blocks
 from midair.model import Calibration, Recording, Unit
+from midair.streaming import blocks
 
 MARK = "# midair "
 """First characters of midair's own files."""

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError, UnknownFormatError
 from midair.files.native import FORMAT, from_plain, to_plain
 from midair.files.text_files import json_of
-from midair.lazy_frames import each_frame
 from midair.model import Recording, SensorGrid
+from midair.streaming import each_frame
 from midair.version import __version__
 
 

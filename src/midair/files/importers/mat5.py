@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
 from midair.files.decompression_limits import inflated, max_expanded_size
-from midair.lazy_frames import LazyFrames, blocks
+from midair.streaming import LazyFrames, blocks
 
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}

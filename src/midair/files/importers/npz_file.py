@@ -12,8 +12,8 @@ from midair.files.format_loss import FormatLoss, calibration_lost
 from midair.files.importers.header import header_of
 from midair.files.importers.named_arrays import from_arrays
 from midair.files.opened_take import Format, ImportOptions, OpenedTake
-from midair.lazy_frames import blocks
 from midair.model import Calibration, Recording
+from midair.streaming import blocks
 
 
 def write_npz(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:

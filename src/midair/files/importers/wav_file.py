@@ -14,8 +14,8 @@ from midair.files.format_loss import FormatLoss, calibration_lost
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.importers.riff import CHUNK, append_chunk, chunks, content
 from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake, of_two
-from midair.lazy_frames import LazyFrames, blocks, each_frame, moments
 from midair.model import Calibration, Recording, Unit
+from midair.streaming import LazyFrames, blocks, each_frame, moments
 from midair.validation import check_finite
 
 if TYPE_CHECKING:

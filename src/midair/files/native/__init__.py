@@ -1,45 +1,32 @@
 """midair's own file formats: HDF5 with a documented schema, and NetCDF."""
 
-from midair.files.native.array_file import ARRAY_SUFFIX, load_array_calibration, save_array_calibration
-from midair.files.native.calibration_file import CALIBRATION_SUFFIX, load_calibration, save_calibration
-from midair.files.native.drive_file import DRIVE_SUFFIX, load_solution, load_target, save_solution, save_solutions
-from midair.files.native.hdf5 import check_kind, kind_of, open_file, open_plain, plain_text, stored_dataset
-from midair.files.native.netcdf_file import NETCDF4
-from midair.files.native.played_group import load_played
-from midair.files.native.provenance_json import from_plain, to_json, to_plain
-from midair.files.native.recording_file import HDF5, load_pressure, repair, save_pressure, write_recording
-from midair.files.native.recording_writer import RecordingWriter
-from midair.files.native.schema import FORMAT, Kind
-
-__all__ = [
-    "HDF5",
-    "NETCDF4",
-    "ARRAY_SUFFIX",
-    "CALIBRATION_SUFFIX",
-    "DRIVE_SUFFIX",
-    "FORMAT",
-    "Kind",
-    "RecordingWriter",
-    "check_kind",
-    "from_plain",
-    "kind_of",
-    "load_array_calibration",
-    "load_calibration",
-    "load_played",
-    "load_pressure",
-    "load_solution",
-    "load_target",
-    "open_file",
-    "open_plain",
-    "plain_text",
-    "repair",
-    "save_array_calibration",
-    "save_calibration",
-    "save_pressure",
-    "save_solution",
-    "save_solutions",
-    "stored_dataset",
-    "to_json",
-    "to_plain",
-    "write_recording",
-]
+from .array_file import ARRAY_SUFFIX as ARRAY_SUFFIX
+from .array_file import load_array_calibration as load_array_calibration
+from .array_file import save_array_calibration as save_array_calibration
+from .calibration_file import CALIBRATION_SUFFIX as CALIBRATION_SUFFIX
+from .calibration_file import load_calibration as load_calibration
+from .calibration_file import save_calibration as save_calibration
+from .drive_file import DRIVE_SUFFIX as DRIVE_SUFFIX
+from .drive_file import load_solution as load_solution
+from .drive_file import load_target as load_target
+from .drive_file import save_solution as save_solution
+from .drive_file import save_solutions as save_solutions
+from .hdf5 import check_kind as check_kind
+from .hdf5 import kind_of as kind_of
+from .hdf5 import open_file as open_file
+from .hdf5 import open_plain as open_plain
+from .hdf5 import plain_text as plain_text
+from .hdf5 import stored_dataset as stored_dataset
+from .netcdf_file import NETCDF4 as NETCDF4
+from .played_group import load_played as load_played
+from .provenance_json import from_plain as from_plain
+from .provenance_json import to_json as to_json
+from .provenance_json import to_plain as to_plain
+from .recording_file import HDF5 as HDF5
+from .recording_file import load_pressure as load_pressure
+from .recording_file import repair as repair
+from .recording_file import save_pressure as save_pressure
+from .recording_file import write_recording as write_recording
+from .recording_writer import RecordingWriter as RecordingWriter
+from .schema import FORMAT as FORMAT
+from .schema import Kind as Kind

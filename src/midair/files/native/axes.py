@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from midair.errors import BrokenFileError
-from midair.lazy_frames import LazyFrames, blocks
 from midair.model import SensorGrid
+from midair.streaming import LazyFrames, blocks
 
 
 def time_values(frames: int, rate: float) -> dict[str, Any]:

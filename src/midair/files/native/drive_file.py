@@ -26,7 +26,6 @@ from midair.files.native.hdf5 import (
     write_group,
 )
 from midair.files.native.provenance_json import from_json, to_json
-from midair.lazy_frames import LazyFrames, each_frame, from_iterator
 from midair.model import (
     Acoustics,
     AmplitudeFrames,
@@ -39,7 +38,7 @@ from midair.model import (
     Status,
     TransducerArray,
 )
-from midair.temp_frames import TempFrames
+from midair.streaming import LazyFrames, TempFrames, each_frame, from_iterator
 
 DRIVE_SUFFIX = ".drive.h5"
 

@@ -21,7 +21,7 @@ from midair.files.native.inspection import get_ready, inspect
 from midair.files.native.provenance_json import to_json
 from midair.files.native.retrying_file import RetryingFile
 from midair.files.native.schema import FORMAT, TABLE, Entry, Kind
-from midair.lazy_frames import LazyFrames, block_ranges
+from midair.streaming import LazyFrames, block_ranges
 from midair.validation import check_finite
 from midair.version import __version__
 

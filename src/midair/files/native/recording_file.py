@@ -29,8 +29,8 @@ from midair.files.native.played_group import load_played, write_played
 from midair.files.native.provenance_json import from_json
 from midair.files.native.stage_stamps import stamps_from, with_stage
 from midair.files.opened_take import Format, ImportOptions, OpenedTake
-from midair.lazy_frames import LazyFrames, block_ranges
 from midair.model import Calibration, Event, PlayedTouch, PressureFrames, Recording
+from midair.streaming import LazyFrames, block_ranges
 
 if TYPE_CHECKING:
     import h5py

@@ -23,8 +23,8 @@ from midair.files.native.hdf5 import LAYOUT, fixed_text, signature, stored_datas
 from midair.files.native.live_file import LiveFile
 from midair.files.native.played_group import PLAYED, played_values
 from midair.files.native.stage_stamps import stage_values
-from midair.lazy_frames import Stored
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, StageStamp, TransducerArray, Unit
+from midair.streaming import Stored
 from midair.validation import frozen_array, positive
 
 if TYPE_CHECKING:

@@ -1,21 +1,12 @@
 """TOML files that users write by hand."""
 
-from midair.files.toml.exposure_profiles import DEFAULT_PROFILE, load_profiles, profile_named
-from midair.files.toml.palms import load_palm
-from midair.files.toml.placements import load_placement
-from midair.files.toml.plain import from_plain, to_plain
-from midair.files.toml.sensors import load_sensor, save_sensor
-from midair.files.toml.stages import load_stage
-
-__all__ = [
-    "from_plain",
-    "to_plain",
-    "DEFAULT_PROFILE",
-    "load_palm",
-    "load_placement",
-    "load_profiles",
-    "load_sensor",
-    "load_stage",
-    "profile_named",
-    "save_sensor",
-]
+from .exposure_profiles import DEFAULT_PROFILE as DEFAULT_PROFILE
+from .exposure_profiles import load_profiles as load_profiles
+from .exposure_profiles import profile_named as profile_named
+from .palms import load_palm as load_palm
+from .placements import load_placement as load_placement
+from .plain import from_plain as from_plain
+from .plain import to_plain as to_plain
+from .sensors import load_sensor as load_sensor
+from .sensors import save_sensor as save_sensor
+from .stages import load_stage as load_stage

@@ -1,17 +1,10 @@
 """Highest sound level anywhere in a cube around an ear, for every frame of a drive."""
 
-from midair.physics.exposure_search.exposure_airs import airs_of_room
-from midair.physics.exposure_search.exposure_drive import drive_parts
-from midair.physics.exposure_search.exposure_products import Workspace
-from midair.physics.exposure_search.exposure_search import Searches, ceiling, point_search, searched_points, searches_of
-
-__all__ = [
-    "Searches",
-    "Workspace",
-    "airs_of_room",
-    "ceiling",
-    "drive_parts",
-    "point_search",
-    "searched_points",
-    "searches_of",
-]
+from .exposure_airs import airs_of_room as airs_of_room
+from .exposure_drive import drive_parts as drive_parts
+from .exposure_products import Workspace as Workspace
+from .exposure_search import Searches as Searches
+from .exposure_search import ceiling as ceiling
+from .exposure_search import point_search as point_search
+from .exposure_search import searched_points as searched_points
+from .exposure_search import searches_of as searches_of

@@ -1,33 +1,18 @@
 """Measure calibrations of sensors and arrays, and identify which channel belongs to which cell."""
 
-from midair.rig.bench.array_bench import calibrate_array
-from midair.rig.bench.beam_bench import calibrate_by_beam
-from midair.rig.bench.calibration_page import (
-    calibration_rows,
-    check_page_name,
-    describe_uncertainty,
-    write_calibration_page,
-)
-from midair.rig.bench.identify import Identity, assignment_problems
-from midair.rig.bench.reference_files import ReferenceChoice, read_silence, read_takes
-from midair.rig.bench.simulated_bench import PRACTICE_RECORDINGS, write_practice_recordings
-from midair.rig.bench.tap_test import TapTest, identify_by_taps, identify_by_tones
-
-__all__ = [
-    "Identity",
-    "ReferenceChoice",
-    "TapTest",
-    "calibrate_array",
-    "calibrate_by_beam",
-    "calibration_rows",
-    "check_page_name",
-    "assignment_problems",
-    "identify_by_taps",
-    "identify_by_tones",
-    "read_silence",
-    "read_takes",
-    "describe_uncertainty",
-    "write_calibration_page",
-    "PRACTICE_RECORDINGS",
-    "write_practice_recordings",
-]
+from .array_bench import calibrate_array as calibrate_array
+from .beam_bench import calibrate_by_beam as calibrate_by_beam
+from .calibration_page import calibration_rows as calibration_rows
+from .calibration_page import check_page_name as check_page_name
+from .calibration_page import describe_uncertainty as describe_uncertainty
+from .calibration_page import write_calibration_page as write_calibration_page
+from .identify import Identity as Identity
+from .identify import assignment_problems as assignment_problems
+from .reference_files import ReferenceChoice as ReferenceChoice
+from .reference_files import read_silence as read_silence
+from .reference_files import read_takes as read_takes
+from .simulated_bench import PRACTICE_RECORDINGS as PRACTICE_RECORDINGS
+from .simulated_bench import write_practice_recordings as write_practice_recordings
+from .tap_test import TapTest as TapTest
+from .tap_test import identify_by_taps as identify_by_taps
+from .tap_test import identify_by_tones as identify_by_tones

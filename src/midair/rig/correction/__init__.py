@@ -1,40 +1,27 @@
 """The correction loop (play, re-record, correct, compare), its report, and the error budget of each stage."""
 
-from midair.rig.correction.budget_stages import BudgetPlan, band_power_share, error_budget
-from midair.rig.correction.correction_loop import Loop, run_loop
-from midair.rig.correction.drive_rerecording import DriveRerecording, rerecord_drive
-from midair.rig.correction.loop_pictures import FIELD_TITLE, loop_figures
-from midair.rig.correction.loop_report import write_report
-from midair.rig.correction.loop_view import view_of_loop
-from midair.rig.correction.outcomes import PALM_TITLE, Outcome, comparison_rows, metrics_of_loop, summarise_outcomes
-from midair.rig.correction.palm_simulation import palm_frames_of_drive, palm_of_drive, palm_of_loop, played_chain
-from midair.rig.correction.passes import Stage, no_progress
-from midair.rig.correction.played_pair import PlayedPair, aligned_pair, original_of_drive
-
-__all__ = [
-    "FIELD_TITLE",
-    "PALM_TITLE",
-    "BudgetPlan",
-    "DriveRerecording",
-    "Loop",
-    "Outcome",
-    "PlayedPair",
-    "Stage",
-    "original_of_drive",
-    "aligned_pair",
-    "metrics_of_loop",
-    "error_budget",
-    "rerecord_drive",
-    "band_power_share",
-    "palm_frames_of_drive",
-    "palm_of_drive",
-    "palm_of_loop",
-    "played_chain",
-    "loop_figures",
-    "no_progress",
-    "run_loop",
-    "comparison_rows",
-    "summarise_outcomes",
-    "view_of_loop",
-    "write_report",
-]
+from .budget_stages import BudgetPlan as BudgetPlan
+from .budget_stages import band_power_share as band_power_share
+from .budget_stages import error_budget as error_budget
+from .correction_loop import Loop as Loop
+from .correction_loop import run_loop as run_loop
+from .drive_rerecording import DriveRerecording as DriveRerecording
+from .drive_rerecording import rerecord_drive as rerecord_drive
+from .loop_pictures import FIELD_TITLE as FIELD_TITLE
+from .loop_pictures import loop_figures as loop_figures
+from .loop_report import write_report as write_report
+from .loop_view import view_of_loop as view_of_loop
+from .outcomes import PALM_TITLE as PALM_TITLE
+from .outcomes import Outcome as Outcome
+from .outcomes import comparison_rows as comparison_rows
+from .outcomes import metrics_of_loop as metrics_of_loop
+from .outcomes import summarise_outcomes as summarise_outcomes
+from .palm_simulation import palm_frames_of_drive as palm_frames_of_drive
+from .palm_simulation import palm_of_drive as palm_of_drive
+from .palm_simulation import palm_of_loop as palm_of_loop
+from .palm_simulation import played_chain as played_chain
+from .passes import Stage as Stage
+from .passes import no_progress as no_progress
+from .played_pair import PlayedPair as PlayedPair
+from .played_pair import aligned_pair as aligned_pair
+from .played_pair import original_of_drive as original_of_drive

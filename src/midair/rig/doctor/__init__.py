@@ -1,7 +1,3 @@
 """Check the installation, the computer and the devices, with advice for each problem."""
 
-from midair.rig.doctor.checkup import run_checks
-
-__all__ = [
-    "run_checks",
-]
+from .checkup import run_checks as run_checks

@@ -1,33 +1,21 @@
 """Live touch: the signal of a sensor is played on an array while it is measured."""
 
-from midair.rig.live_touch.encryption import make_key
-from midair.rig.live_touch.live_loop import LiveLoop, Pace
-from midair.rig.live_touch.live_settings import LiveSettings
-from midair.rig.live_touch.live_take import LiveTake
-from midair.rig.live_touch.playing_live import live, live_clearance, send_touch
-from midair.rig.live_touch.process import LoopStarted, play_live
-from midair.rig.live_touch.session import LiveSession, LiveStatistics
-from midair.rig.live_touch.touch import Touch, TouchSettings
-from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, RingShape, TouchRing
-
-__all__ = [
-    "FRAME_REPEATED",
-    "FRAME_LATE",
-    "FRAME_EMITTED",
-    "LiveLoop",
-    "LiveSettings",
-    "LiveSession",
-    "LiveStatistics",
-    "LiveTake",
-    "LoopStarted",
-    "Pace",
-    "TouchRing",
-    "RingShape",
-    "Touch",
-    "TouchSettings",
-    "live",
-    "live_clearance",
-    "make_key",
-    "play_live",
-    "send_touch",
-]
+from .encryption import make_key as make_key
+from .live_loop import LiveLoop as LiveLoop
+from .live_loop import Pace as Pace
+from .live_settings import LiveSettings as LiveSettings
+from .live_take import LiveTake as LiveTake
+from .playing_live import live as live
+from .playing_live import live_clearance as live_clearance
+from .playing_live import send_touch as send_touch
+from .process import LoopStarted as LoopStarted
+from .process import play_live as play_live
+from .session import LiveSession as LiveSession
+from .session import LiveStatistics as LiveStatistics
+from .touch import Touch as Touch
+from .touch import TouchSettings as TouchSettings
+from .touch_ring import FRAME_EMITTED as FRAME_EMITTED
+from .touch_ring import FRAME_LATE as FRAME_LATE
+from .touch_ring import FRAME_REPEATED as FRAME_REPEATED
+from .touch_ring import RingShape as RingShape
+from .touch_ring import TouchRing as TouchRing

@@ -1,18 +1,10 @@
 """Make devices from the names that users type, and the virtual rig."""
 
-from midair.rig.names.array_names import ArrayKind, array_named, array_of_kind
-from midair.rig.names.sensor_names import sensor_named
-from midair.rig.names.source_names import SENSORS, source_sensor
-from midair.rig.names.stage_names import stage_named
-from midair.rig.names.virtual_rig import VirtualRig
-
-__all__ = [
-    "ArrayKind",
-    "SENSORS",
-    "VirtualRig",
-    "array_named",
-    "array_of_kind",
-    "sensor_named",
-    "source_sensor",
-    "stage_named",
-]
+from .array_names import ArrayKind as ArrayKind
+from .array_names import array_named as array_named
+from .array_names import array_of_kind as array_of_kind
+from .sensor_names import sensor_named as sensor_named
+from .source_names import SENSORS as SENSORS
+from .source_names import source_sensor as source_sensor
+from .stage_names import stage_named as stage_named
+from .virtual_rig import VirtualRig as VirtualRig

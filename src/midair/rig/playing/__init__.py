@@ -1,15 +1,9 @@
 """Play cleared drives with a log entry, stop them on request, and re-record them."""
 
-from midair.devices import stop_playing
-from midair.rig.playing.air_check import AirCheck, check_air
-from midair.rig.playing.cleared_play import play_cleared
-from midair.rig.playing.rerecording import default_exposure, rerecord
+from midair.devices import stop_playing as stop_playing
 
-__all__ = [
-    "AirCheck",
-    "play_cleared",
-    "rerecord",
-    "check_air",
-    "stop_playing",
-    "default_exposure",
-]
+from .air_check import AirCheck as AirCheck
+from .air_check import check_air as check_air
+from .cleared_play import play_cleared as play_cleared
+from .rerecording import default_exposure as default_exposure
+from .rerecording import rerecord as rerecord

@@ -1,30 +1,19 @@
 """Record takes of a sensor, with meters and triggers while they run."""
 
-from midair.rig.takes.capture import capture_recording
-from midair.rig.takes.clocks import Drift
-from midair.rig.takes.event_messages import event_message, take_problems
-from midair.rig.takes.meters import Levels
-from midair.rig.takes.stage_stroke import StageStroke, move_to_start
-from midair.rig.takes.take import record_take
-from midair.rig.takes.take_names import Subject, last_subject, store_subject, take_path
-from midair.rig.takes.take_plan import Companion, Take, TakeOrder, TakePlan, View
-
-__all__ = [
-    "Companion",
-    "Drift",
-    "Levels",
-    "StageStroke",
-    "Subject",
-    "Take",
-    "TakeOrder",
-    "TakePlan",
-    "View",
-    "move_to_start",
-    "take_problems",
-    "capture_recording",
-    "record_take",
-    "store_subject",
-    "last_subject",
-    "take_path",
-    "event_message",
-]
+from .capture import capture_recording as capture_recording
+from .clocks import Drift as Drift
+from .event_messages import event_message as event_message
+from .event_messages import take_problems as take_problems
+from .meters import Levels as Levels
+from .stage_stroke import StageStroke as StageStroke
+from .stage_stroke import move_to_start as move_to_start
+from .take import record_take as record_take
+from .take_names import Subject as Subject
+from .take_names import last_subject as last_subject
+from .take_names import store_subject as store_subject
+from .take_names import take_path as take_path
+from .take_plan import Companion as Companion
+from .take_plan import Take as Take
+from .take_plan import TakeOrder as TakeOrder
+from .take_plan import TakePlan as TakePlan
+from .take_plan import View as View

@@ -1,6 +1,5 @@
 """Solve whole recordings by bisection in time."""
 
-from midair.solvers.glide.glide import Glide
-from midair.solvers.glide.recording_pieces import Piece, pieces
-
-__all__ = ["Glide", "Piece", "pieces"]
+from .glide import Glide as Glide
+from .recording_pieces import Piece as Piece
+from .recording_pieces import pieces as pieces

@@ -1,6 +1,5 @@
 """Solve one frame after another within a millisecond: solver, Numba kernel, and mirror symmetry."""
 
-from midair.solvers.live.live import FrameTracker, Live
-from midair.solvers.live.mirror_symmetry import symmetric_modes
-
-__all__ = ["FrameTracker", "Live", "symmetric_modes"]
+from .live import FrameTracker as FrameTracker
+from .live import Live as Live
+from .mirror_symmetry import symmetric_modes as symmetric_modes

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.lazy_frames import blocks, read_frames
 from midair.model import AmplitudeFrames, Progress, Solution, TransducerArray
 from midair.solvers.planning.solve_plan import SolvePlan
 from midair.solvers.problem import WarmStart
+from midair.streaming import blocks, read_frames
 
 Array = NDArray[np.float64]
 

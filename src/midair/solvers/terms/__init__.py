@@ -4,34 +4,21 @@ Their functions accept arrays of any library of the array API standard; rows are
 the terms that each method supports.
 """
 
-from midair.solvers.terms.cells import Cells, CellTarget, cell_misfit
-from midair.solvers.terms.error_measure import Fit, name_of_pressure_means, pressure_means
-from midair.solvers.terms.guard import Guard, GuardField, excess, excess_rows
-from midair.solvers.terms.level import automatic_level
-from midair.solvers.terms.points import misfit
-from midair.solvers.terms.quiet_ears import QuietEars
-from midair.solvers.terms.quiet_palm import QuietPalm
-from midair.solvers.terms.smooth import change
-from midair.solvers.terms.temperatures import airs_around, psi_at_temperatures
-from midair.solvers.terms.windows import Windows
-
-__all__ = [
-    "CellTarget",
-    "Cells",
-    "Fit",
-    "Guard",
-    "GuardField",
-    "QuietEars",
-    "QuietPalm",
-    "Windows",
-    "airs_around",
-    "automatic_level",
-    "cell_misfit",
-    "change",
-    "excess",
-    "excess_rows",
-    "pressure_means",
-    "misfit",
-    "name_of_pressure_means",
-    "psi_at_temperatures",
-]
+from .cells import Cells as Cells
+from .cells import CellTarget as CellTarget
+from .cells import cell_misfit as cell_misfit
+from .error_measure import Fit as Fit
+from .error_measure import name_of_pressure_means as name_of_pressure_means
+from .error_measure import pressure_means as pressure_means
+from .guard import Guard as Guard
+from .guard import GuardField as GuardField
+from .guard import excess as excess
+from .guard import excess_rows as excess_rows
+from .level import automatic_level as automatic_level
+from .points import misfit as misfit
+from .quiet_ears import QuietEars as QuietEars
+from .quiet_palm import QuietPalm as QuietPalm
+from .smooth import change as change
+from .temperatures import airs_around as airs_around
+from .temperatures import psi_at_temperatures as psi_at_temperatures
+from .windows import Windows as Windows

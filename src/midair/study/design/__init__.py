@@ -1,57 +1,34 @@
 """Design of a study: stimuli, questions, blocks, trial orders, the plan and adaptive blocks."""
 
-from midair.study.design.adaptive import QuestPlus, Staircase
-from midair.study.design.adaptive_block import next_stimulus, thresholds_of
-from midair.study.design.adaptive_levels import stimulus_levels
-from midair.study.design.analysis_plan import (
-    Analysis,
-    Exclusions,
-    Incomplete,
-    PlannedPower,
-    PowerTest,
-    UnpresentedAnswers,
-)
-from midair.study.design.answers import answers_table
-from midair.study.design.blocks import Block, Criterion, Extra
-from midair.study.design.exclusions import excluded_participants
-from midair.study.design.order import balanced_latin_square, constrained_shuffle
-from midair.study.design.plan import Plan, Trial, block_order, digest_of, draw_plan
-from midair.study.design.question import Question
-from midair.study.design.session_state import Policy, SessionState, replay, right_answer_of_trial
-from midair.study.design.stimulus import Stimulus, right_answer
-from midair.study.design.study_design import Design, MaskingNoise
-
-__all__ = [
-    "Analysis",
-    "Block",
-    "Criterion",
-    "Design",
-    "Exclusions",
-    "UnpresentedAnswers",
-    "Incomplete",
-    "Extra",
-    "MaskingNoise",
-    "Plan",
-    "PlannedPower",
-    "PowerTest",
-    "Policy",
-    "QuestPlus",
-    "Question",
-    "Staircase",
-    "SessionState",
-    "Stimulus",
-    "Trial",
-    "answers_table",
-    "balanced_latin_square",
-    "block_order",
-    "constrained_shuffle",
-    "digest_of",
-    "draw_plan",
-    "excluded_participants",
-    "next_stimulus",
-    "replay",
-    "right_answer",
-    "right_answer_of_trial",
-    "stimulus_levels",
-    "thresholds_of",
-]
+from .adaptive import QuestPlus as QuestPlus
+from .adaptive import Staircase as Staircase
+from .adaptive_block import next_stimulus as next_stimulus
+from .adaptive_block import thresholds_of as thresholds_of
+from .adaptive_levels import stimulus_levels as stimulus_levels
+from .analysis_plan import Analysis as Analysis
+from .analysis_plan import Exclusions as Exclusions
+from .analysis_plan import Incomplete as Incomplete
+from .analysis_plan import PlannedPower as PlannedPower
+from .analysis_plan import PowerTest as PowerTest
+from .analysis_plan import UnpresentedAnswers as UnpresentedAnswers
+from .answers import answers_table as answers_table
+from .blocks import Block as Block
+from .blocks import Criterion as Criterion
+from .blocks import Extra as Extra
+from .exclusions import excluded_participants as excluded_participants
+from .order import balanced_latin_square as balanced_latin_square
+from .order import constrained_shuffle as constrained_shuffle
+from .plan import Plan as Plan
+from .plan import Trial as Trial
+from .plan import block_order as block_order
+from .plan import digest_of as digest_of
+from .plan import draw_plan as draw_plan
+from .question import Question as Question
+from .session_state import Policy as Policy
+from .session_state import SessionState as SessionState
+from .session_state import replay as replay
+from .session_state import right_answer_of_trial as right_answer_of_trial
+from .stimulus import Stimulus as Stimulus
+from .stimulus import right_answer as right_answer
+from .study_design import Design as Design
+from .study_design import MaskingNoise as MaskingNoise

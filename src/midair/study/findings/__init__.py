@@ -1,15 +1,9 @@
 """Report texts and tables of the planned analyses."""
 
-from midair.study.findings.analysis import Choices, Report, analyse
-from midair.study.findings.finding import Finding
-from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns
-
-__all__ = [
-    "Choices",
-    "Finding",
-    "Report",
-    "StudyData",
-    "analyse",
-    "data_of_answers",
-    "data_of_columns",
-]
+from .analysis import Choices as Choices
+from .analysis import Report as Report
+from .analysis import analyse as analyse
+from .finding import Finding as Finding
+from .study_data import StudyData as StudyData
+from .study_data import data_of_answers as data_of_answers
+from .study_data import data_of_columns as data_of_columns

@@ -1,37 +1,21 @@
 """Sessions of a study: presentation, questions, timing, the event log and simulated participants."""
 
-from midair.study.session.event_log import chain_hash, chain_hashes, read_events
-from midair.study.session.participant import SimulatedParticipant
-from midair.study.session.presenters import (
-    ArrayPresenter,
-    ExperimenterPresenter,
-    MaskedPresenter,
-    Masking,
-    Presenter,
-    SilentPresenter,
-)
-from midair.study.session.simulated_screen import SimulatedScreen
-from midair.study.session.steps import Clock, InstantClock, Reply, Screen, SystemClock, TrialStep
-from midair.study.session.trials import Session, run
-
-__all__ = [
-    "ArrayPresenter",
-    "Clock",
-    "ExperimenterPresenter",
-    "MaskedPresenter",
-    "Masking",
-    "SilentPresenter",
-    "Presenter",
-    "Reply",
-    "Screen",
-    "Session",
-    "SimulatedParticipant",
-    "SimulatedScreen",
-    "InstantClock",
-    "SystemClock",
-    "TrialStep",
-    "chain_hashes",
-    "read_events",
-    "run",
-    "chain_hash",
-]
+from .event_log import chain_hash as chain_hash
+from .event_log import chain_hashes as chain_hashes
+from .event_log import read_events as read_events
+from .participant import SimulatedParticipant as SimulatedParticipant
+from .presenters import ArrayPresenter as ArrayPresenter
+from .presenters import ExperimenterPresenter as ExperimenterPresenter
+from .presenters import MaskedPresenter as MaskedPresenter
+from .presenters import Masking as Masking
+from .presenters import Presenter as Presenter
+from .presenters import SilentPresenter as SilentPresenter
+from .simulated_screen import SimulatedScreen as SimulatedScreen
+from .steps import Clock as Clock
+from .steps import InstantClock as InstantClock
+from .steps import Reply as Reply
+from .steps import Screen as Screen
+from .steps import SystemClock as SystemClock
+from .steps import TrialStep as TrialStep
+from .trials import Session as Session
+from .trials import run as run

@@ -1,110 +1,59 @@
 """Statistics of choices, ratings and thresholds as pure functions of arrays and tables."""
 
-from midair.study.statistics.anova import rm_anova
-from midair.study.statistics.cell_averages import cell_means
-from midair.study.statistics.choice_limits import (
-    d_prime_limits,
-    f_limits,
-    kappa_limits,
-    macro_f_limits,
-    share_limits,
-    two_answers_limits,
-)
-from midair.study.statistics.columns import column, frame_of, levels
-from midair.study.statistics.confusion import (
-    Confusion,
-    chance_macro_f,
-    cohen_kappa,
-    confusion_matrix,
-    f_measure,
-    mutual_information,
-    scores,
-    wilson,
-)
-from midair.study.statistics.detection import (
-    ChoiceModel,
-    Sensitivity,
-    choice_model,
-    d_prime_choice,
-    d_prime_same_different,
-    d_prime_yes_no,
-    proportion_correct,
-)
-from midair.study.statistics.mixed import logistic_mixed, logistic_posterior
-from midair.study.statistics.ordinal import ordinal_check
-from midair.study.statistics.paired import Equivalence, PairedT, bayes_factor, equivalence, holm, paired_t
-from midair.study.statistics.power import (
-    EquivalenceExperiment,
-    Experiment,
-    IdentificationExperiment,
-    Power,
-    RatingExperiment,
-    participants_for_paired_t,
-    power_curve,
-    power_paired_t,
-    simulated_power,
-)
-from midair.study.statistics.psychometric import CurveShape, Psychometric, sigmoid
-from midair.study.statistics.psychometric_fit import PsychometricFit, fit_psychometric, fit_threshold
-from midair.study.statistics.published import chance_of_published, published_statistics
-from midair.study.statistics.resample import Chance, Interval, Scale, limits_over_people, sign_flip
-
-__all__ = [
-    "Chance",
-    "ChoiceModel",
-    "Confusion",
-    "CurveShape",
-    "Equivalence",
-    "EquivalenceExperiment",
-    "Experiment",
-    "IdentificationExperiment",
-    "Interval",
-    "PairedT",
-    "Power",
-    "Psychometric",
-    "PsychometricFit",
-    "RatingExperiment",
-    "Scale",
-    "Sensitivity",
-    "bayes_factor",
-    "cell_means",
-    "chance_macro_f",
-    "chance_of_published",
-    "choice_model",
-    "cohen_kappa",
-    "column",
-    "confusion_matrix",
-    "d_prime_choice",
-    "d_prime_limits",
-    "d_prime_same_different",
-    "d_prime_yes_no",
-    "published_statistics",
-    "equivalence",
-    "f_limits",
-    "f_measure",
-    "fit_psychometric",
-    "fit_threshold",
-    "frame_of",
-    "holm",
-    "kappa_limits",
-    "levels",
-    "limits_over_people",
-    "logistic_mixed",
-    "logistic_posterior",
-    "macro_f_limits",
-    "mutual_information",
-    "ordinal_check",
-    "paired_t",
-    "participants_for_paired_t",
-    "power_curve",
-    "power_paired_t",
-    "proportion_correct",
-    "rm_anova",
-    "scores",
-    "share_limits",
-    "sign_flip",
-    "simulated_power",
-    "sigmoid",
-    "two_answers_limits",
-    "wilson",
-]
+from .anova import rm_anova as rm_anova
+from .cell_averages import cell_means as cell_means
+from .choice_limits import d_prime_limits as d_prime_limits
+from .choice_limits import f_limits as f_limits
+from .choice_limits import kappa_limits as kappa_limits
+from .choice_limits import macro_f_limits as macro_f_limits
+from .choice_limits import share_limits as share_limits
+from .choice_limits import two_answers_limits as two_answers_limits
+from .columns import column as column
+from .columns import frame_of as frame_of
+from .columns import levels as levels
+from .confusion import Confusion as Confusion
+from .confusion import chance_macro_f as chance_macro_f
+from .confusion import cohen_kappa as cohen_kappa
+from .confusion import confusion_matrix as confusion_matrix
+from .confusion import f_measure as f_measure
+from .confusion import mutual_information as mutual_information
+from .confusion import scores as scores
+from .confusion import wilson as wilson
+from .detection import ChoiceModel as ChoiceModel
+from .detection import Sensitivity as Sensitivity
+from .detection import choice_model as choice_model
+from .detection import d_prime_choice as d_prime_choice
+from .detection import d_prime_same_different as d_prime_same_different
+from .detection import d_prime_yes_no as d_prime_yes_no
+from .detection import proportion_correct as proportion_correct
+from .mixed import logistic_mixed as logistic_mixed
+from .mixed import logistic_posterior as logistic_posterior
+from .ordinal import ordinal_check as ordinal_check
+from .paired import Equivalence as Equivalence
+from .paired import PairedT as PairedT
+from .paired import bayes_factor as bayes_factor
+from .paired import equivalence as equivalence
+from .paired import holm as holm
+from .paired import paired_t as paired_t
+from .power import EquivalenceExperiment as EquivalenceExperiment
+from .power import Experiment as Experiment
+from .power import IdentificationExperiment as IdentificationExperiment
+from .power import Power as Power
+from .power import RatingExperiment as RatingExperiment
+from .power import participants_for_paired_t as participants_for_paired_t
+from .power import power_curve as power_curve
+from .power import power_paired_t as power_paired_t
+from .power import simulated_power as simulated_power
+from .psychometric import CurveShape as CurveShape
+from .psychometric import Psychometric as Psychometric
+from .psychometric import sigmoid as sigmoid
+from .psychometric_fit import PsychometricFit as PsychometricFit
+from .psychometric_fit import fit_psychometric as fit_psychometric
+from .psychometric_fit import fit_threshold as fit_threshold
+from .published import chance_of_published as chance_of_published
+from .published import published_statistics as published_statistics
+from .resample import Chance as Chance
+from .resample import Interval as Interval
+from .resample import Scale as Scale
+from .resample import limits_over_people as limits_over_people
+from .resample import sign_flip as sign_flip

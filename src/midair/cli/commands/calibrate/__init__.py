@@ -2,10 +2,11 @@
 
 from cyclopts import App
 
-from midair.cli.commands.calibrate.apply import apply_command, show_command
-from midair.cli.commands.calibrate.measure import beam_command, bench_command, measure_command, tone_command
-from midair.cli.commands.calibrate.measure_array import array_command
 from midair.cli.terminal import add_command, epilogue, examples_of
+
+from .apply import apply_command, show_command
+from .measure import beam_command, bench_command, measure_command, tone_command
+from .measure_array import array_command
 
 calibrate_app = App(
     name="calibrate",
@@ -18,5 +19,3 @@ add_command(calibrate_app, tone_command, "tone")
 add_command(calibrate_app, beam_command, "beam")
 add_command(calibrate_app, array_command, "array")
 add_command(calibrate_app, bench_command, "bench")
-
-__all__ = ["calibrate_app"]

@@ -22,8 +22,8 @@ from midair.cli.terminal import (
     write_recording,
 )
 from midair.files import load_pressure, open_take
-from midair.lazy_frames import moments
 from midair.rig import describe_uncertainty
+from midair.streaming import moments
 
 Pressure = Annotated[float | None, quantity("Pa")]
 

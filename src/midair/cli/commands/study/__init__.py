@@ -2,11 +2,12 @@
 
 from cyclopts import App
 
-from midair.cli.commands.study.numbers import paper_command, power_command
-from midair.cli.commands.study.planning import new_command, plan_command, withdraw_command
-from midair.cli.commands.study.running import run_command
-from midair.cli.commands.study.study import analyse_command, export_command, verify_command
 from midair.cli.terminal import add_command, epilogue
+
+from .numbers import paper_command, power_command
+from .planning import new_command, plan_command, withdraw_command
+from .running import run_command
+from .study import analyse_command, export_command, verify_command
 
 study_app = App(
     name="study",
@@ -21,5 +22,3 @@ add_command(study_app, verify_command, "verify")
 add_command(study_app, withdraw_command, "withdraw")
 add_command(study_app, power_command, "power")
 add_command(study_app, paper_command, "paper")
-
-__all__ = ["study_app"]

@@ -2,10 +2,11 @@
 
 from cyclopts import App
 
-from midair.cli.commands.sweep.patterns import patterns_command
-from midair.cli.commands.sweep.recordings import recordings_command
-from midair.cli.commands.sweep.report import report_command
 from midair.cli.terminal import add_command, epilogue
+
+from .patterns import patterns_command
+from .recordings import recordings_command
+from .report import report_command
 
 sweep_app = App(
     name="sweep",
@@ -14,5 +15,3 @@ sweep_app = App(
 add_command(sweep_app, patterns_command, "patterns")
 add_command(sweep_app, recordings_command, "recordings")
 add_command(sweep_app, report_command, "report")
-
-__all__ = ["sweep_app"]

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from midair.lazy_frames import LazyFrames
-from midair.medians import medians
+from midair.streaming import LazyFrames, medians
 
 RNG = np.random.default_rng(0)
 STEPS = np.round(RNG.standard_normal((30_000, 2, 2)) * 3) / 3
@@ -23,8 +22,8 @@ SIGNALS = {
 @pytest.mark.parametrize("few", [2**16, 7])
 @pytest.mark.parametrize("x", SIGNALS.values(), ids=list(SIGNALS))
 def test_they_equal_numpy_bit_by_bit(x, few, monkeypatch):
-    monkeypatch.setattr("midair.medians._FEW", few)
-    monkeypatch.setattr("midair.lazy_frames.BYTES", 2**15)
+    monkeypatch.setattr("midair.streaming.by_channel._FEW", few)
+    monkeypatch.setattr("midair.streaming.lazy_frames.BYTES", 2**15)
     lazy = LazyFrames(lambda first, last: x[first:last], x.shape)
     with np.errstate(over="ignore"):
         np.testing.assert_array_equal(medians(lazy), np.median(x, axis=0))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import FileError
-from midair.lazy_frames import LazyFrames, blocks
+from midair.streaming.lazy_frames import LazyFrames, blocks
 
 Array = NDArray[np.float64]
 

@@ -1,17 +1,28 @@
-"""Exact median of every channel of frames that do not fit into memory, by counting instead of sorting."""
+"""Single channels of frames that do not fit into memory: their values in turn, and their exact medians."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.lazy_frames import LazyFrames, moments
+from midair.streaming.lazy_frames import LazyFrames, blocks, moments
 
 Array = NDArray[np.float64]
 
 _BINS = 2**14
 _FEW = 2**16
 """Maximum number of values of one channel that are kept and sorted."""
+
+
+def channels(x: "NDArray[Any] | LazyFrames") -> Iterator[Array]:
+    """Yield each channel, shape (frame,), in the order of the other axes; lazy frames are read once per channel."""
+    for number in range(int(np.prod(x.shape[1:], dtype=np.int64))):
+        whole, first = np.empty(len(x)), 0
+        for block in blocks(x):
+            whole[first : first + len(block)] = block.reshape(len(block), -1)[:, number]
+            first += len(block)
+        yield whole
 
 
 def medians(x: "NDArray[Any] | LazyFrames") -> Array:

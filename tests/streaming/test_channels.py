@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from midair.channels import channels
-from midair.lazy_frames import LazyFrames
+from midair.streaming import LazyFrames, channels
 
 
 def test_channels_of_arrays_and_lazy_frames_are_in_order():

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import ShapeError
-from midair.lazy_frames import BYTES, LazyFrames, cached_blocks
+from midair.streaming.lazy_frames import BYTES, LazyFrames, cached_blocks
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

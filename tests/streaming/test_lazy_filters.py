@@ -5,10 +5,9 @@ import pytest
 
 from midair import dsp
 from midair.calibration.apply.inverse import default_taps, inverse_response
-from midair.lazy_filters import shift_earlier, with_context
-from midair.lazy_frames import LazyFrames
 from midair.model import SensorGrid
 from midair.physics import SensorModel, calibration_of
+from midair.streaming import LazyFrames, shift_earlier, with_context
 
 RNG = np.random.default_rng(0)
 X = RNG.standard_normal((60_000, 2, 2)) + 0.01 * RNG.standard_normal((60_000, 2, 2)).cumsum(axis=0)
@@ -16,7 +15,7 @@ X = RNG.standard_normal((60_000, 2, 2)) + 0.01 * RNG.standard_normal((60_000, 2,
 
 @pytest.fixture(autouse=True)
 def _many_segments(monkeypatch):
-    monkeypatch.setattr("midair.lazy_filters.BYTES", 2**17)  # 4096 frames
+    monkeypatch.setattr("midair.streaming.lazy_filters.BYTES", 2**17)  # 4096 frames
 
 
 def reel_of(x):

@@ -1,10 +1,13 @@
 """Sensor output for a pressure that does not fit into memory, with intermediate results on disk."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from midair.lazy_frames import LazyFrames, Stored, each_frame
-from midair.physics import SensorModel, cell_pressure, channel_volts, sensor_output
-from midair.temp_frames import Array, TempChannels, TempFrames
+from midair.physics.sensing import SensorModel, cell_pressure, sensor_output
+from midair.physics.sensing_by_channel import channel_volts
+from midair.streaming import LazyFrames, Stored, TempChannels, TempFrames, each_frame
+
+Array = NDArray[np.float64]
 
 
 def sense_lazily(

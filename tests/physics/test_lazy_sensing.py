@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
-from midair import lazy_sensing
-from midair.lazy_frames import LazyFrames
-from midair.lazy_sensing import sense_lazily
-from midair.physics import SensorModel, sense
+from midair.physics import SensorModel, lazy_sensing, sense, sense_lazily
+from midair.streaming import LazyFrames
 
 MIXED = SensorModel(crosstalk=np.eye(16) + 0.05, saturation=2.0).with_spread(seed=1)
 

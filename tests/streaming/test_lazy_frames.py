@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError, NonFiniteError, ShapeError
-from midair.lazy_frames import (
+from midair.model import Recording, SensorGrid
+from midair.streaming import (
     BYTES,
     LazyFrames,
     Moments,
@@ -17,7 +18,6 @@ from midair.lazy_frames import (
     moments,
     with_cache,
 )
-from midair.model import Recording, SensorGrid
 from midair.validation import check_finite, frozen_array
 
 X = np.random.default_rng(0).standard_normal((1000, 2, 3)).cumsum(axis=0) + 40
@@ -77,7 +77,7 @@ def test_a_block_is_about_eight_megabytes_and_one_frame_at_least():
 
 @pytest.mark.parametrize("size", [1, 7, 1000])
 def test_moments_are_numpys(size, monkeypatch):
-    monkeypatch.setattr("midair.lazy_frames.BYTES", 8 * 6 * size)
+    monkeypatch.setattr("midair.streaming.lazy_frames.BYTES", 8 * 6 * size)
     found = Moments.of(reel_of(X))
     np.testing.assert_array_equal(found.least, X.min(axis=0))
     np.testing.assert_array_equal(found.greatest, X.max(axis=0))
@@ -145,7 +145,7 @@ def test_consecutive_frames_are_read_together():
 
 
 def test_chosen_frames_are_read_in_blocks(monkeypatch):
-    monkeypatch.setattr("midair.lazy_frames.BYTES", 8 * 6 * 400)
+    monkeypatch.setattr("midair.streaming.lazy_frames.BYTES", 8 * 6 * 400)
     asked = []
     np.testing.assert_array_equal(reel_of(X, asked)[np.arange(1000)], X)
     assert asked == [(0, 400), (400, 800), (800, 1000)]
@@ -193,7 +193,7 @@ def test_a_concatenation_is_lazy_if_a_part_is():
 
 
 def test_successive_short_reads_are_cached(monkeypatch):
-    monkeypatch.setattr("midair.lazy_frames.BYTES", 48 * 100)
+    monkeypatch.setattr("midair.streaming.lazy_frames.BYTES", 48 * 100)
     asked = []
     lazy = with_cache(reel_of(X, asked))
     for first in range(0, 950, 10):

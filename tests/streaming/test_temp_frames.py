@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midair.errors import FileError
-from midair.temp_frames import TempChannels, TempFrames
+from midair.streaming import TempChannels, TempFrames
 
 
 def test_appended_frames_are_read_in_any_order():
