@@ -162,6 +162,48 @@ def test_a_machine_without_switches_needs_homing_by_hand():
         machine.close()
 
 
+class Damaging(GrblSimulator):
+    """Sends answers to nothing when it starts, and `damaged` of its status reports with one wrong letter."""
+
+    damaged = 0
+
+    def _greet(self):
+        self._say("error:7")
+        self._say("ok")
+        super()._greet()
+
+    def _say(self, line):
+        if self.damaged and line.startswith("<"):
+            self.damaged -= 1
+            line = line.replace("Run", "Rvn").replace("Idle", "Sdle")
+        super()._say(line)
+
+
+def test_answers_from_before_the_port_was_opened_are_ignored():
+    machine = Damaging()
+    try:
+        with GrblStage(machine.port) as stage:
+            assert stage.ready(homing=True).position == pytest.approx((-0.001, -0.001, -0.001))
+    finally:
+        machine.close()
+
+
+def test_one_damaged_status_report_is_queried_again_and_four_end_the_move():
+    machine = Damaging()
+    try:
+        with GrblStage(machine.port) as stage:
+            stage.ready(homing=True)
+            machine.damaged = 3
+            times, _ = go(stage, (-0.02, -0.001, -0.001), 0.05)
+            assert times is not None
+            machine.damaged = 4
+            with pytest.raises(LinkLostError, match=r"got '<Rvn.*check cable and baud rate.*was stopped at x -"):
+                go(stage, FAR, 0.05)
+        assert machine.state == "Idle"
+    finally:
+        machine.close()
+
+
 def test_a_machine_in_feed_hold_is_refused(machine):
     machine._hold(time.monotonic())
     with GrblStage(machine.port) as stage, pytest.raises(DeviceError, match=r"got Hold:0: it is in a feed hold"):

@@ -24,6 +24,9 @@ QUERY_INTERVAL = 0.1
 ANSWER_LIMIT = 2.0
 """Seconds without an answer to a query after which the connection counts as lost."""
 
+DAMAGED_LIMIT = 4
+"""Number of damaged status reports in a row at which the connection counts as lost."""
+
 HOMING = 120.0
 """Time limit for homing in s, during which Grbl does not answer."""
 
@@ -46,6 +49,7 @@ class GrblStage(StageDevice):
         self._asked: float | None = None
         self._reported_at = self._when = -1e9
         self._restarting, self._greeted, self._flushing, self._locked = True, False, False, False
+        self._damaged = 0
         self._report: StatusReport | None = None
         self._offset: Place = (0.0, 0.0, 0.0)
         self._settings: dict[int, float] = {}
@@ -146,8 +150,7 @@ class GrblStage(StageDevice):
                     f"{self.name}: expected a status report of Grbl 1.1, got none in {self._search:g} s; check the "
                     "port, and after an alarm reset the machine by its button"
                 )
-            self._write(QUERY)
-            self._asked = time.monotonic()
+            self._asked = None
             self._wait_for_report(0.5)
         self._restarting = False
 
@@ -219,16 +222,17 @@ class GrblStage(StageDevice):
 
     def _query_status(self) -> StatusReport:
         """Request a new status report."""
-        if self._asked is None:
-            self._write(QUERY)
-            self._asked = time.monotonic()
         if (report := self._wait_for_report(ANSWER_LIMIT)) is None:
             raise LinkLostError(f"{self.name}: expected a status report, got none in {ANSWER_LIMIT:g} s")
         return report
 
     def _wait_for_report(self, limit: float) -> StatusReport | None:
+        """Query unless an answer is due, and wait for it; a damaged report is queried again."""
         end = time.monotonic() + limit
         while time.monotonic() < end:
+            if self._asked is None:
+                self._write(QUERY)
+                self._asked = time.monotonic()
             if (report := self._listen()) is not None:
                 return report
         return None
@@ -243,6 +247,9 @@ class GrblStage(StageDevice):
         return None
 
     def _handle_line(self, line: str) -> StatusReport | None:
+        if self._restarting and line.startswith(("ok", "error:")):
+            # An answer from before the port was opened, or from the start of a board with an empty memory.
+            return None
         if line == "ok":
             # During a hold, answers to cancelled lines may still arrive.
             _ = None if self._flushing else self._outbox.answered()
@@ -265,10 +272,14 @@ class GrblStage(StageDevice):
             self._version = line[5:].split(":")[0].rstrip("]")
         elif (report := parse_status(line)) is not None:
             return self._store_report(report)
+        elif line.startswith("<"):
+            self._damaged, self._asked = self._damaged + 1, None
+            if self._damaged == DAMAGED_LIMIT:
+                raise LinkLostError(f"{self.name}: expected a status report, got {line!r}; check cable and baud rate")
         return None
 
     def _store_report(self, report: StatusReport) -> StatusReport:
-        self._report, self._reported_at = report, time.monotonic()
+        self._report, self._reported_at, self._damaged = report, time.monotonic(), 0
         # The position is that at about the middle between query and answer.
         self._when = self._reported_at if self._asked is None else (self._reported_at + self._asked) / 2
         self._asked = None

@@ -59,10 +59,12 @@ class StatusReport:
 
 
 def parse_status(line: str) -> StatusReport | None:
-    """Parse a status report; None for any other or an incomplete line."""
+    """Parse a status report; None for any other, incomplete or damaged line."""
     if not (line.startswith("<") and line.endswith(">")):
         return None
     state, *rest = line[1:-1].split("|")
+    if state.partition(":")[0] not in ("Idle", "Alarm", *STATES):
+        return None
     fields = dict(part.split(":", 1) for part in rest if ":" in part)
     try:
         work = "WPos" in fields
