@@ -53,7 +53,7 @@ class Machine:
         tty.setraw(slave)
         self._slave, self.port = slave, os.ttyname(slave)
         self.process = subprocess.Popen(
-            # -i0: the simulator polls the file while its bytes would wait in a buffer. -b, -s: no trace of blocks and steps.
+            # -i0: the simulator polls the file, so no byte may wait in a buffer. -b, -s: no traces.
             ["stdbuf", "-i0", "-o0", program, "1", "-n", "-s", os.devnull, "-b", os.devnull],
             cwd=folder,
             stdin=self._driver,

@@ -20,7 +20,8 @@ def test_a_report_of_the_work_without_a_spindle():
 
 
 @pytest.mark.parametrize(
-    "line", ["ok", "<Idle>", "<Idle|MPos:1,2>", "<Idle|MPos:a,b,c|FS:0,0>", "<Idle|MPos:0,0,0", "<Sdle|MPos:0,0,0|FS:0,0>", ""]
+    "line",
+    ["ok", "<Idle>", "<Idle|MPos:1,2>", "<Idle|MPos:a,b,c|FS:0,0>", "<Idle|MPos:0,0,0", "<Sdle|MPos:0,0,0|FS:0,0>", ""],
 )
 def test_what_is_no_report_is_none(line):
     assert parse_status(line) is None
