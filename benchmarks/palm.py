@@ -26,8 +26,7 @@ from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
 from midair.pipeline import calibrated_pressure, reproduce, required_lead
 from midair.rig import BudgetPlan, VirtualRig, error_budget
 from midair.settings import Settings, best_mode, finest_mode, paper_mode
-from midair.solvers import Fast, Guard
-from midair.solvers.terms import automatic_level
+from midair.solvers import Fast, Guard, automatic_level
 from midair.targets import add_lead
 
 ROOM = Acoustics(medium=best_mode().acoustics.medium)

@@ -32,7 +32,7 @@ from midair.settings import Settings, best_mode, paper_mode
 from midair.solvers import Fast, Glide, Guard, Live, Problem, Windows, error_of, one_blas_thread, spreading_phase
 from midair.solvers.backend import backend
 from midair.solvers.field_operators import FieldOperators
-from midair.solvers.terms.guard import GuardField
+from midair.solvers.terms import GuardField, Smooth
 
 RATE = 8000.0
 PARTS = ("paper", "best", "skin", "jobs", "live")
@@ -151,7 +151,7 @@ def best(seconds: float) -> None:
         frames = len(asked.amplitude)
         print(f"\nbest mode, {label}, {frames} frames, strength .15; {load()}")
         heading("E mean", "E worst", "ms", "ratio", "rad step")
-        before = replace(asked, cells=None, guard=replace(asked.guard, ceiling=0.6), smooth=0.2)
+        before = replace(asked, cells=None, guard=replace(asked.guard, ceiling=0.6), costs=(Smooth(weight=0.2),))
         short = replace(before, amplitude=before.amplitude[:512])
         answer, cost = timed(lambda short=short: Fast().solve(short))
         base = cost / len(short.amplitude)

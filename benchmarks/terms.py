@@ -17,10 +17,19 @@ import numpy as np
 from benchmarks.targets import AIR, ARRAY, GRID, TEN, beating_blob, binary, moving_blob, problem_of
 from midair.model import Acoustics, ControlGrid
 from midair.physics import quantise_phase, transfer_matrix
-from midair.solvers import Cells, Fast, Guard, LevenbergMarquardt, Problem, Solver, error_of, one_blas_thread
-from midair.solvers.amplitudes import doubled, halves
-from midair.solvers.terms.guard import GuardField
-from midair.solvers.terms.level import automatic_level
+from midair.solvers import (
+    Cells,
+    Fast,
+    Guard,
+    LevenbergMarquardt,
+    Problem,
+    Solver,
+    automatic_level,
+    error_of,
+    one_blas_thread,
+)
+from midair.solvers.terms import GuardField, Smooth
+from midair.solvers.terms.amplitudes import doubled, halves
 
 PLANE = ControlGrid(rows=121, columns=121, pitch=2.5e-3)
 EDGE = 27.5e-3 + GRID.pitch / 2
@@ -80,7 +89,7 @@ def sequence(label: str, problem: Problem, fast: Fast) -> None:
     print(f"\n{label} blob, strength 0.1, {int(sounding.sum())} sounding frames; E without the first ten")
     print(f"{'':44}{'E mean':>8}{'worst':>7}{'step rad':>10}{'1 - cos':>9}{'ms':>8}")
     weights = (0.0, 1e-3, 3e-3, 1e-2, 3e-2)
-    rows = [(f"fast, smooth {mu:g}", replace(problem, smooth=mu), fast) for mu in weights]
+    rows = [(f"fast, smooth {mu:g}", replace(problem, costs=(Smooth(weight=mu),)), fast) for mu in weights]
     rows.append(("lm, 50 then 20 iterations", problem, LevenbergMarquardt()))
     for name, asked, method in rows:
         theta, _, cost = solved(asked, method, False)

@@ -25,7 +25,7 @@ from midair.model import (
 )
 from midair.physics import Transducers, check_frame_rate, focus_amplitude
 from midair.settings import Settings
-from midair.solvers import Cells, Windows, check_memory, memory_of, one_blas_thread, pressure_means, solve, solve_parts
+from midair.solvers import Cells, PressureMeans, Windows, check_memory, memory_of, one_blas_thread, solve, solve_parts
 from midair.streaming import pad_with_silence
 from midair.targets import decouple, default_lead, precompensate, precompensate_sound, prepare
 
@@ -167,7 +167,7 @@ def solve_with(
         If the solution would not fit into memory.
     """
     _check_solution_memory(target, array, settings, parts=False)
-    made = solve(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
+    made = solve(target, array, settings.solver, acoustics=settings.acoustics, progress=progress)
     return Solution.joined(list(compensate_envelope(iter([made]), target, array, settings)))
 
 
@@ -182,7 +182,7 @@ def compensate_envelope(
     if not len(array.pole) or settings.target.mapping == "half-wave":
         yield from parts
         return
-    means = pressure_means(settings.solver.fit) or Windows()
+    means = PressureMeans.of(settings.solver.fit) or Windows()
     foresight = EnvelopePrediction(
         transducers=Transducers(pole=array.pole, response=array.response),
         dynamics=settings.compensation.dynamics,
@@ -199,7 +199,7 @@ def compensate_envelope(
 
 
 def _check_solution_memory(target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, parts: bool) -> None:
-    needed = memory_of(target, array, acoustics=settings.acoustics, parts=parts, **settings.solver.arguments())
+    needed = memory_of(target, array, settings.solver, acoustics=settings.acoustics, parts=parts)
     check_memory(needed, ram.available_memory(), points=target.grid.count, transducers=array.count)
 
 
@@ -217,7 +217,7 @@ def reproduce_stream(
     settings = with_gain_for_strength(pressure, array, settings)
     target = target_amplitude(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
     _check_solution_memory(target, array, settings, parts=True)
-    parts = solve_parts(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
+    parts = solve_parts(target, array, settings.solver, acoustics=settings.acoustics, progress=progress)
     return target, compensate_envelope(parts, target, array, settings)
 
 

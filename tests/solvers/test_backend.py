@@ -11,8 +11,8 @@ from midair.solvers import Fast, Glide, Problem, error_of, solve, solver
 from midair.solvers import backend as module
 from midair.solvers.backend import LIBRARIES, Backend, backend
 from midair.solvers.lbfgs import LBFGS
-from midair.solvers.terms.cells import CellTarget
-from midair.solvers.terms.guard import GuardField
+from midair.solvers.terms import GuardField, Smooth
+from midair.solvers.terms.fit import CellTarget
 
 NEEDS = {"numpy": (), "strict": ("array_api_strict",), "torch": ("torch", "array_api_compat"), "cupy": ("cupy",)}
 
@@ -99,7 +99,7 @@ TERMS = {
     "points": small(),
     "guard": small(guard=GUARD),
     "cells": small(cells=CellTarget(weights=WEIGHTS, wanted=small().amplitude ** 2 @ WEIGHTS.T)),
-    "smooth": small(smooth=1e-2),
+    "smooth": small(costs=(Smooth(weight=1e-2),)),
 }
 
 

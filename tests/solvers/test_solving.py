@@ -6,7 +6,7 @@ import pytest
 from midair.evaluate import error_at_temperature
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, TransducerArray
 from midair.physics import SensorModel, cell_weights, focus_amplitude, propagate, radiation_pressure
-from midair.solvers import TAKES, Cells, Guard, memory_of, solve
+from midair.solvers import METHODS, Cells, Guard, memory_of, solve, takes
 
 SMALL = ControlGrid(rows=4, columns=4, pitch=11e-3, height=0.1)
 UNIT = TransducerArray.autd3(columns=1, rows=1)
@@ -153,7 +153,7 @@ def over_the_range(solution, wanted):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("method", [method for method, taken in TAKES.items() if "robust" in taken])
+@pytest.mark.parametrize("method", [method for method in METHODS if "robust" in takes(method)])
 @pytest.mark.parametrize("amplitudes", ["equal", "bounded"])
 def test_robust_phases_hold_over_the_range(method, amplitudes):
     """At both ends E is smaller than that of phases for the middle, and so is the root mean square over the range."""

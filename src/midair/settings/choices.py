@@ -9,7 +9,7 @@ from midair.errors import InputError
 from midair.model import Medium
 from midair.settings.mode import MODES, Mode
 from midair.settings.settings import Settings
-from midair.solvers import Guard, QuietPalm, name_of
+from midair.solvers import Term, name_of, registered_terms
 from midair.targets import Circle
 
 
@@ -25,34 +25,38 @@ class Choice:
     """Help text: one sentence or noun phrase."""
     unit: str = ""
     """SI unit of a quantity; empty for plain numbers, names and switches."""
+    term: type[Term] | None = None
+    """The term of the solver that it belongs to."""
 
     def of(self, settings: Settings) -> Any:
-        """Value of this setting; None where the term that it belongs to is switched off."""
+        """Value of this setting; None where the circle or the guard that it belongs to is switched off."""
+        if self.term is not None:
+            return self.term.number(getattr(settings.solver, self.term.keyword))
         value: Any = settings
         for part in self.path.split("."):
-            # A term that is off has no attributes, and a guard given by its width alone is its own margin.
+            # A circle that is off has no attributes.
             value = getattr(value, part, value)
-        # For a palm with an outline, the option is its weight.
-        return value.weight if isinstance(value, QuietPalm) else value
+        return value
 
     def put(self, settings: Settings, value: Any) -> Settings:
-        """Return the settings with this one set to `value`; 0 switches a circle or a guard off.
+        """Return the settings with this one set to `value`; 0 switches a circle or a term off.
 
-        InputError if the value is out of range, or the term that it belongs to is off.
+        InputError if the value is out of range, or the circle that it belongs to is off.
         """
+        if self.term is not None:
+            name = self.term.keyword
+            return settings.but(**{name: self.term.with_number(getattr(settings.solver, name), value)})
         group, name, *inner = self.path.split(".")
         if group == "acoustics":
             chosen = _in_air(settings.acoustics.medium, inner[0], value) if name == "medium" else value
             return settings.but(acoustics=replace(settings.acoustics, **{name: chosen}))
-        if name == "quiet_palm" and value > 0 and isinstance(settings.solver.quiet_palm, QuietPalm):
-            value = replace(settings.solver.quiet_palm, weight=value)
         if not inner:
             return settings.but(**{name: value})
         part = getattr(getattr(settings, group), name)
-        if name in _SWITCHED and inner[0] == _SWITCHED[name][0]:
+        if self.name == "circle":
             if value == 0:
-                return settings.but(**{name: None})
-            part = part if isinstance(part, Guard | Circle) else _SWITCHED[name][1]()
+                return settings.but(circle=None)
+            part = part or Circle()
         if part is None:
             raise InputError(f"--{self.name}: expected --{name} beside it, got none")
         changes = dict.fromkeys(("rows", "columns") if inner[0] == "rows" else inner, value)
@@ -66,11 +70,6 @@ def _in_air(medium: Medium, name: str, value: float) -> Medium:
     known = {"temperature": medium.temperature, "humidity": medium.humidity} | {name: value}
     return Medium.at(alpha=medium.alpha, **{key: each for key, each in known.items() if each is not None})
 
-
-_SWITCHED: Mapping[str, tuple[str, type[Guard] | type[Circle]]] = MappingProxyType(
-    {"guard": ("margin", Guard), "circle": ("radius", Circle)}
-)
-"""Terms that are on when their first length is above 0."""
 
 CHOICES: tuple[Choice, ...] = (
     Choice(name="band", path="calibration.band", unit="Hz", help="Frequency band that is kept."),
@@ -109,34 +108,9 @@ CHOICES: tuple[Choice, ...] = (
     Choice(name="iterations", path="solver.iterations", help="Maximum iterations: first frame, later frames."),
     Choice(name="start", path="solver.start", help="Initial phases: the previous frame's, or zero."),
     Choice(name="level", path="solver.level", help="Drive level, 0 to 1; auto fits the loudest frame."),
-    Choice(name="amplitudes", path="solver.amplitudes", help="All transducers equal, or each up to the level."),
-    Choice(
-        name="guard",
-        path="solver.guard.margin",
-        unit="m",
-        help="Width of the quiet ring around the control points; 0mm switches it off.",
-    ),
-    Choice(
-        name="fit",
-        path="solver.fit",
-        help="Where the error is measured: control points, 8 mm windows, or sensor cells.",
-    ),
-    Choice(name="smooth", path="solver.smooth", help="Penalty on phase change between frames; 0.01 is strong."),
-    Choice(
-        name="robust",
-        path="solver.robust",
-        unit="K",
-        help="Range below and above --temperature in which the phases stay accurate.",
-    ),
-    Choice(
-        name="quiet-ears",
-        path="solver.quiet_ears",
-        help="Penalty on sound at the ears of the user; 3 is moderate, 30 strong.",
-    ),
-    Choice(
-        name="quiet-palm",
-        path="solver.quiet_palm",
-        help="Penalty on sound on the palm around the points (100 mm, or --palm); 0.1 is strong.",
+    *(
+        Choice(name=term.option(), path=f"solver.{term.path or keyword}", unit=term.unit, help=term.help, term=term)
+        for keyword, term in registered_terms().items()
     ),
     Choice(
         name="backend",
@@ -197,7 +171,7 @@ def nearest_mode(settings: Settings) -> tuple[Mode, dict[str, Any]] | None:
     }
     mode = min(differing, key=lambda name: len(differing[name]))
     chosen = {
-        name: name_of(value) if name == "method" else 0.0 if value is None and name in _SWITCHED else value
+        name: name_of(value) if name == "method" else 0.0 if value is None and name in ("circle", "guard") else value
         for name, value in differing[mode].items()
     }
     made = MODES[mode]()

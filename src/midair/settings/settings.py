@@ -4,13 +4,13 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from midair.errors import BrokenFileError, InputError
 from midair.files import atomic_file, from_plain, read_toml, to_plain
 from midair.model import Acoustics, ArrayCalibration, ControlGrid, Medium, Provenance, Setting
 from midair.physics import TransducerDynamics
-from midair.solvers import Amplitudes, Fit, Guard, Method, QuietPalm, name_of
+from midair.solvers import name_of, settings_type
 from midair.solvers import solver as solver_of
 from midair.targets import Circle, Interpolated
 
@@ -73,46 +73,10 @@ class CompensationSettings:
     """Ramp of the silencer that is compensated, in s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SolverSettings:
-    """Settings of the solver, from target to drive; the arguments of `midair.solve`."""
-
-    method: str | Method = "exact"
-    """A name in `solvers.METHODS`, or a configured solver of `midair.solvers` (4.2)."""
-    iterations: int | tuple[int, int] | None = None
-    """Maximum iterations, (first frame, later frames); the method's own if None (5.2)."""
-    start: Literal["previous", "zero"] | None = None
-    """Initial phases of a frame (4.2); the solver's own, "previous" unless configured, if None."""
-    level: float | Literal["auto"] = 1.0
-    """Drive of every transducer, 0 to 1: the equal amplitude A (4.2); "auto" takes what the loudest frame needs."""
-    amplitudes: Amplitudes = "equal"
-    """All transducers at `level`, as in the paper, or each at its own amplitude up to `level`."""
-    guard: float | Guard | None = None
-    """Quiet ring around the control points, as its width in m or as a term; not in the paper."""
-    fit: Fit = "points"
-    """Where the error is measured: control points (as in the paper), 8 mm windows, or cells of a fixed sensor."""
-    smooth: float = 0.0
-    """Penalty on phase change between frames; not in the paper."""
-    robust: float = 0.0
-    """Temperature range of the air in K, below and above that of the settings; not in the paper."""
-    quiet_ears: float = 0.0
-    """Penalty on sound at the ears of a person in front of the array; not in the paper."""
-    quiet_palm: float | QuietPalm = 0.0
-    """Penalty on sound on a palm around the control points, or the term with an outline; not in the paper."""
-    backend: str | None = None
-    """Array library of methods "fast" and "glide"; NumPy if None."""
-
-    jobs: int | None = field(default=None, compare=False)
-    """Number of blocks that method "glide" solves at once, 1 if None; it does not affect the result."""
-
-    @property
-    def name(self) -> str:
-        """Name of the method."""
-        return name_of(self.method)
-
-    def arguments(self) -> dict[str, Any]:
-        """Return the settings as keyword arguments of `midair.solve`."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+if TYPE_CHECKING:
+    from midair.solvers import MethodSettings as SolverSettings
+else:
+    SolverSettings = settings_type()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

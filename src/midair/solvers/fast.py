@@ -29,7 +29,7 @@ class Fast:
     """Settings of the batch solver."""
 
     iterations: int = 40
-    """Iterations of the refinement; five times as many with `Problem.smooth`, which refines a batch as a whole."""
+    """Iterations of the refinement; five times as many with `Problem.costs`, which refine a batch as a whole."""
     more_iterations: int = 100
     """Additional iterations for the worst quarter of a batch, where frames are independent."""
     field_iterations: int = 110
@@ -105,13 +105,13 @@ class Fast:
             batch, self.field_iterations, loudness=self.loudness, floor=self.floor, every=self.every
         )
         theta = operators.phase_fit(field, self.lift_iterations, relaxation=self.relaxation)
-        if operators.problem.smooth > 0:
+        if operators.problem.costs:
             # Coupled frames converge together, so the worst quarter cannot get iterations of its own.
             return operators.refine_together(theta, batch, before, 5 * self.iterations)
         return operators.refine(theta, batch, self.iterations, more=self.more_iterations)
 
     def _iterations(self, problem: Problem) -> int:
-        refinement = 5 * self.iterations if problem.smooth > 0 else self.iterations
+        refinement = 5 * self.iterations if problem.costs else self.iterations
         return self.field_iterations + self.lift_iterations + refinement
 
 

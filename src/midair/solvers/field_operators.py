@@ -15,7 +15,7 @@ from midair.solvers.lbfgs import LBFGS, Function, RowsState
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
 from midair.solvers.problem import Problem
-from midair.solvers.terms import cell_misfit, change, excess, misfit
+from midair.solvers.terms import cell_misfit, excess, misfit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -193,13 +193,13 @@ class FieldOperators:
     def refine_together(
         self, theta: Rows, batch: Batch, before: Rows, iterations: int, *, slowest: float = 1e-2
     ) -> Rows:
-        """Minimise the errors and the phase changes of all rows at once, from theta on, (row, transducer).
+        """Minimise the errors and the costs of the phases of all rows at once, from theta on, (row, transducer).
 
         One descent for the whole batch, since each row depends on its neighbours. The cost of a faint frame is steeper
         by the square of its gain; its unknown is the phase over a factor between `slowest` and 1, so that one step
         length suits all. `before` (1, transducer) is the fixed drive before the first frame, zero if there is none.
         """
-        xp, shape, smooth = self.backend.xp, theta.shape, self.problem.smooth
+        xp, shape = self.backend.xp, theta.shape
         least = xp.min(batch.gain)
         part = xp.clip(least / batch.gain, slowest, None)
         alone = self.phase_function(batch)
@@ -207,9 +207,11 @@ class FieldOperators:
         def function(x: Rows) -> tuple[Numbers, Rows]:
             here = part * xp.reshape(x, shape)
             cost, gradient = alone(here)
-            extra, pull = change(xp, self.backend.phasor(here), before, smooth)
-            total = xp.reshape(xp.sum(cost + extra), (1,))
-            return total, xp.reshape(part * (gradient + pull), (1, -1))
+            q = self.backend.phasor(here)
+            for term in self.problem.costs:
+                extra, pull = term.cost(xp, q, before)
+                cost, gradient = cost + extra, gradient + pull
+            return xp.reshape(xp.sum(cost), (1,)), xp.reshape(part * gradient, (1, -1))
 
         step = xp.reshape(1 / (self.strongest * least) ** 2, (1,))
         start = xp.reshape(theta / part, (1, -1))

@@ -1,4 +1,4 @@
-"""The solvers by name, and the terms that each of them supports."""
+"""The solvers by name, and the check of the terms that each of them supports."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, replace
@@ -6,15 +6,14 @@ from types import MappingProxyType
 from typing import Any
 
 from midair.errors import InputError
-from midair.solvers.amplitudes import Amplitudes
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.glide import Glide
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Live
-from midair.solvers.problem import Start, Term
+from midair.solvers.problem import Start
 from midair.solvers.reference import GSPAT, GerchbergSaxton, Greedy, Naive, WeightedGerchbergSaxton
-from midair.solvers.terms import Fit, Guard, QuietPalm
+from midair.solvers.terms import registered_terms
 
 Method = (
     LevenbergMarquardt
@@ -46,57 +45,21 @@ METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
 """Name and constructor of each method."""
 
 
-TAKES: Mapping[str, frozenset[Term]] = MappingProxyType(
-    {
-        "lm": frozenset({"guard", "quiet-ears", "quiet-palm", "amplitudes", "robust"}),
-        "exact": frozenset({"amplitudes", "robust"}),
-        "fast": frozenset({"guard", "quiet-ears", "quiet-palm", "cells", "smooth", "amplitudes", "robust"}),
-        "glide": frozenset({"guard", "quiet-ears", "quiet-palm", "cells", "amplitudes", "robust"}),
-        "live": frozenset({"amplitudes", "robust"}),
-        "naive": frozenset(),
-        "gs": frozenset(),
-        "wgs": frozenset(),
-        "gs-pat": frozenset(),
-        "greedy": frozenset(),
-    }
-)
-"""Terms that each method supports besides the error of the paper; published methods support none."""
+def takes(method: str | Method) -> frozenset[str]:
+    """Names of the terms that a method supports besides the error of the paper; published methods support none."""
+    return frozenset(term.shown() for term in registered_terms().values() if name_of(method) in term.methods)
 
 
-def terms_of(
-    *,
-    amplitudes: Amplitudes = "equal",
-    guard: float | Guard | None = None,
-    fit: Fit = "points",
-    smooth: float = 0.0,
-    robust: float = 0.0,
-    quiet_ears: float = 0.0,
-    quiet_palm: float | QuietPalm = 0.0,
-    **_: object,
-) -> frozenset[Term]:
-    """Terms that these arguments of `midair.solve` switch on; other arguments are ignored."""
-    switched: dict[Term, bool] = {
-        "amplitudes": amplitudes == "bounded",
-        "guard": guard is not None,
-        "cells": not isinstance(fit, str) or fit != "points",
-        "smooth": smooth > 0,
-        "robust": robust > 0,
-        "quiet-ears": quiet_ears > 0,
-        "quiet-palm": isinstance(quiet_palm, QuietPalm) or quiet_palm > 0,
-    }
-    return frozenset(term for term, on in switched.items() if on)
-
-
-def check_terms(method: str | Method, asked: Iterable[Term]) -> None:
+def check_terms(method: str | Method, asked: Iterable[str]) -> None:
     """Raise InputError if the method does not support one of these terms."""
     method = name_of(method)
-    left = sorted(set(asked) - TAKES[method])
+    left = sorted(set(asked) - takes(method))
     if left:
-        able = [name for name, taken in TAKES.items() if taken >= set(left)]
-        taken = ", ".join(sorted(TAKES[method])) or "none"
+        able = [name for name in METHODS if takes(name) >= set(left)]
+        able += [term.instead for term in registered_terms().values() if term.instead and term.shown() in left]
+        taken = ", ".join(sorted(takes(method))) or "none"
         raise InputError(
-            f"method {method}: expected supported terms ({taken}), got {', '.join(left)}; "
-            f"choose {' or '.join([*able, *(['fit points'] if 'cells' in left else [])])}"
+            f"method {method}: expected supported terms ({taken}), got {', '.join(left)}; choose {' or '.join(able)}"
         )
 
 

@@ -5,7 +5,7 @@ each control point, which the paper leaves free. With q = A exp(j theta) and u =
 diag(p) u, paper eq. (5). It counts as 2M real numbers, real parts first.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, Protocol
 
@@ -14,16 +14,13 @@ from numpy.typing import NDArray
 
 from midair.model import Progress, Status
 from midair.physics import relative_error
-from midair.solvers.terms import CellTarget, GuardField
+from midair.solvers.terms import CellTarget, GuardField, PhaseTerm
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 Start = Literal["previous", "zero"]
 """Initial phases of a frame: those of the previous frame, or zero. The first frame starts at zero."""
-
-Term = Literal["guard", "cells", "smooth", "amplitudes", "robust", "quiet-ears", "quiet-palm"]
-"""Terms that a problem may add to the error of the paper."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,27 +36,22 @@ class Problem:
     level: float = 1.0
     """A, drive of every transducer, 0 to 1."""
     psi: Array | None = None
-    """Initial phases of the field in rad, shape (point,); zero if None. See `initial_phase.spreading_phase`."""
+    """Initial phases of the field in rad, shape (point,); zero if None. See `phases.spreading_phase`."""
     guard: GuardField | None = None
     """Points outside the control grid where the field shall be quiet; see `terms.guard`."""
     cells: CellTarget | None = None
-    """Target pressures of sensor cells or windows, which replace the error at the points; see `terms.cells`.
+    """Target pressures of sensor cells or windows, which replace the error at the points; see `terms.fit`.
     `amplitude` still decides which frames are silent, and where the solver starts.
     """
-    smooth: float = 0.0
-    """Weight of phase changes between frames; see `terms.smooth`."""
+    costs: tuple[PhaseTerm, ...] = ()
+    """Costs of the phases of successive frames; see `terms.smooth`."""
     position: Array | None = None
     """Positions of the transducers in m, shape (transducer, 3), for methods that sample them evenly."""
 
-    @property
-    def terms(self) -> frozenset[Term]:
-        """The terms that this problem adds to the error of the paper."""
-        asked: dict[Term, bool] = {
-            "guard": self.guard is not None,
-            "cells": self.cells is not None,
-            "smooth": self.smooth > 0,
-        }
-        return frozenset(term for term, present in asked.items() if present)
+    def with_quiet(self, rows: Complex, weight: float) -> "Problem":
+        """Add rows (row, transducer) whose field shall be minimal, with their weight."""
+        none = GuardField(G=np.zeros((0, self.transducers), complex), ceiling=0.0, weight=1.0)
+        return replace(self, guard=(self.guard or none).and_quiet(rows, weight))
 
     @property
     def first_psi(self) -> Array:

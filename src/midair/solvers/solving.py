@@ -1,37 +1,32 @@
-"""Solve a target: from sound amplitudes at the control points to a drive."""
+"""Solve a target, from sound amplitudes at the control points to a drive: as a whole, part by part, or one piece."""
 
-from typing import Any, Literal
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import chain
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, Progress, Solution, TransducerArray
-from midair.solvers.amplitudes import Amplitudes
-from midair.solvers.large import memory_needed
-from midair.solvers.methods import Method, name_of
-from midair.solvers.methods import solver as solver_of
-from midair.solvers.planning import SolvePlan, frames_per_part
-from midair.solvers.problem import Start
-from midair.solvers.terms import Fit, Guard, QuietPalm, airs_around
+from midair.solvers.problem import WarmStart
+from midair.solvers.solve_plan import SolvePlan
+from midair.solvers.solver_settings import MethodSettings
+from midair.streaming import blocks, read_frames
+
+Array = NDArray[np.float64]
 
 
 def solve(
     target: AmplitudeFrames,
     array: TransducerArray,
+    settings: MethodSettings | None = None,
     *,
-    method: str | Method = "lm",
     acoustics: Acoustics | None = None,
-    iterations: int | tuple[int, int] | None = None,
-    start: Start | None = None,
-    level: float | Literal["auto"] = 1.0,
-    amplitudes: Amplitudes = "equal",
-    guard: float | Guard | None = None,
-    fit: Fit = "points",
-    smooth: float = 0.0,
-    robust: float = 0.0,
-    quiet_ears: float = 0.0,
-    quiet_palm: float | QuietPalm = 0.0,
     bits: int | None = None,
-    backend: str | None = None,
-    jobs: int | None = None,
     progress: Progress | None = None,
+    **changes: Any,
 ) -> Solution:
     """Compute transducer phases whose field comes closest to the target, frame by frame.
 
@@ -39,51 +34,23 @@ def solve(
     ----------
     target : AmplitudeFrames
         Target peak sound pressure at each control point, in Pa.
-    method : str or a solver
-        A name in `METHODS`, or a configured solver such as ``Exact(tolerance=1e-3)``. "lm": Levenberg-Marquardt of
-        the paper. "exact": the same steps in the modes of G above .5 % of the strongest, cheaper. "fast": batches
-        of independent frames. "glide": whole recordings, by bisection in time. "live": less than a millisecond per
-        frame. "naive", "gs", "wgs", "gs-pat", "greedy": published methods for comparison.
+    settings : SolverSettings, optional
+        The solver group of `Settings`; if None, the method of the paper, "lm", without further terms.
     acoustics : Acoustics, optional
         Air and directivity of a transducer; the paper's if None. The drive stores it.
-    iterations : int or tuple of int, optional
-        Maximum iterations for every frame, or for frames that start at zero and frames that start at the previous
-        frame. If None, the default of the method (lm: 50 and 20).
-    start : {"previous", "zero"}, optional
-        Start of every frame after the first; "zero" makes the frames independent. Only "lm" and "exact" have this
-        choice. If None, the setting of the solver, "previous" by default.
-    level : float or "auto"
-        Drive of every transducer, above 0 to 1. "auto" takes the level that the loudest target needs, see
-        `terms.level.automatic_level`. Silent frames get 0.
-    amplitudes : {"equal", "bounded"}
-        "equal": all transducers at `level`, as in the paper. "bounded": each transducer between 0 and `level`; the
-        drive's level then has shape (frame, transducer).
-    guard : float or Guard, optional
-        Limit the field in a ring around the control points: the width of the ring in m, or a configured term.
-    fit : {"points", "windows", "cells"}, Windows or Cells
-        Where the error is measured: at the control points; in 8 mm windows that overlap over the whole square; or
-        in the cells of a sensor at one place. The reported error is measured there, too.
-    smooth : float
-        Weight of phase changes between frames: E^2 / 2 plus this times mean(1 - cos(change)) is minimised. 0 turns
-        it off; .01 is strong.
-    robust : float
-        Half the temperature range, 0 to 10 degrees Celsius, around the air of `acoustics`: the root mean square of
-        E over the range is minimised. The reported error is that at the temperature of `acoustics`;
-        `evaluate.error_at_temperature` gives the others.
-    quiet_ears : float
-        Weight of the sound at the ears of a person in front of the array: 3 is moderate, 30 strong, 0 turns it off.
-    quiet_palm : float or QuietPalm
-        Weight of the sound on the palm around the control points, or a configured term: .1 is strong, 0 turns it
-        off.
     bits : int, optional
         Round phases to 2 pi / 2^bits, as firmware does (8 bits: AUTD3); the error is that of the rounded phases.
         Amplitudes are not rounded.
-    backend : str, optional
-        Array library for "fast" and "glide": "numpy", "torch", "torch:cuda", "cupy".
-    jobs : int, optional
-        Number of worker threads of "glide"; 1 if None. The result does not depend on it. Other methods ignore it.
     progress : callable, optional
         Called with (frames done, frames in total).
+    **changes
+        Settings by name, in place of those of `settings`: ``solve(target, array, method="fast", guard=0.02)``. They
+        are `method`, `iterations`, `start`, `level`, `backend` and `jobs` of `MethodSettings`, and the terms of
+        `TERMS`: `amplitudes` ("equal", "bounded"), `guard` (width of a quiet ring in m, or `Guard`), `fit` ("points",
+        "windows", "cells", `Windows` or `Cells`: where the error is measured and reported), `smooth` (E^2 / 2 plus
+        this times mean(1 - cos(change of phase)) is minimised), `robust` (half a temperature range in degrees Celsius,
+        in which the root mean square of E is minimised; the reported error is that in the nominal air), `quiet_ears`,
+        `quiet_palm` (a weight, or `QuietPalm`), and those of installed packages.
 
     Returns
     -------
@@ -93,61 +60,112 @@ def solve(
     Raises
     ------
     InputError
-        If a setting is out of range or unknown, or the method does not support a term (`TAKES`).
+        If a setting is out of range or unknown, or the method does not support a term (`takes`).
     MissingExtraError
         If the backend, or Numba for "live", is not installed.
     """
-    order = SolvePlan.of(
-        target,
-        array,
-        method=method,
-        acoustics=acoustics,
-        iterations=iterations,
-        start=start,
-        level=level,
-        amplitudes=amplitudes,
-        guard=guard,
-        fit=fit,
-        smooth=smooth,
-        robust=robust,
-        quiet_ears=quiet_ears,
-        quiet_palm=quiet_palm,
-        bits=bits,
-        backend=backend,
-        jobs=jobs,
-    )
-    return order.solve(target, None, progress)[0]
+    return SolvePlan.of(target, array, settings, acoustics=acoustics, bits=bits, **changes).solve(
+        target, None, progress
+    )[0]
 
 
-def memory_of(
+_READ = 256
+"""Frames of a target that are read at once."""
+
+
+def solve_parts(
     target: AmplitudeFrames,
     array: TransducerArray,
+    settings: MethodSettings | None = None,
     *,
-    method: str | Method = "lm",
-    acoustics: Acoustics | None = None,
-    amplitudes: Amplitudes = "equal",
-    guard: float | Guard | None = None,
-    robust: float = 0.0,
-    quiet_palm: float | QuietPalm = 0.0,
-    backend: str | None = None,
-    jobs: int | None = None,
-    parts: bool = False,
-    **_: Any,
-) -> int:
-    """Maximum memory in bytes that `solve`, or `solve_parts` with `parts`, needs with these settings.
+    progress: Progress | None = None,
+    **changes: Any,
+) -> Iterator[Solution]:
+    """Yield the solution of `solve` part by part, with memory that does not grow with the recording.
 
-    Settings that do not change the memory are accepted and ignored.
+    Each part continues from the end of the previous one. Parts end where the method ends a batch or a block, so all
+    parts together equal the result of `solve`, except for rounding.
+
+    Parameters
+    ----------
+    target : AmplitudeFrames
+        Its amplitude may be lazy frames, which are read once, and once more for the level "auto".
+    progress : callable, optional
+        Called with (frames done, frames in total).
+    settings, **changes
+        As in `solve`.
     """
-    ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
-    palm = quiet_palm if isinstance(quiet_palm, QuietPalm) else QuietPalm() if quiet_palm > 0 else None
-    quiet = [] if ring is None else [ring.ring(target.grid)]
-    quiet += [] if palm is None else [palm.points(target.grid)]
-    whole = frames_per_part(solver_of(method, backend=backend, jobs=jobs)) if parts else target.frames
-    return memory_needed(
-        target.grid.count,
-        array.count * (2 if amplitudes == "bounded" else 1),
-        min(target.frames, whole),
-        method=name_of(method),
-        guard=sum(len(each) for each in quiet),
-        airs=len(airs_around(acoustics or Acoustics(), robust)),
-    )
+    return _parts(SolvePlan.of(target, array, settings, **changes), target, progress)
+
+
+def solve_piece(
+    target: AmplitudeFrames,
+    array: TransducerArray,
+    settings: MethodSettings | None = None,
+    *,
+    marks: Array,
+    loudest: float,
+    **changes: Any,
+) -> Iterator[Solution]:
+    """Yield the solution of one of the `pieces` of a recording, part by part, without the frames before it.
+
+    The phases are bit-identical to those of the whole recording.
+
+    Parameters
+    ----------
+    target : AmplitudeFrames
+        The frames of the piece.
+    marks : ndarray, shape (mark, point)
+        Amplitude of the piece's marks, in Pa; empty for the first piece.
+    loudest : float
+        Highest amplitude of the whole recording, in Pa, which determines the level "auto".
+    settings, **changes
+        As in `solve`, with method "glide".
+
+    Raises
+    ------
+    InputError
+        As in `solve`, or if the method is not "glide".
+    """
+    order = SolvePlan.of(target, array, settings, loudest=loudest, **changes)
+    if not order.leads:
+        raise InputError(f"method: expected glide, the only method that solves pieces, got {order.settings.name}")
+    after = order.end_of(replace(target, amplitude=marks)) if len(marks) else None
+    return _parts(order, target, None, after, marks[-1:])
+
+
+def _parts(
+    order: SolvePlan,
+    target: AmplitudeFrames,
+    progress: Progress | None,
+    after: WarmStart | None = None,
+    lead: Array | None = None,
+) -> Iterator[Solution]:
+    none = np.zeros((0, target.grid.count))
+    lead, rest, done = none if lead is None else lead, none, 0
+    for block in chain(blocks(target.amplitude, _READ), [None]):
+        rest = rest if block is None else np.concatenate([rest, block])
+        while cut := order.joint(rest, first=after is None) or (len(rest) if block is None else 0):
+            known = len(lead)
+            part = replace(target, amplitude=np.concatenate([lead, rest[:cut]]))
+            shifted = None if progress is None else _shifted_progress(progress, done - known, target.frames)
+            solution, after = order.solve(part, after, shifted)
+            yield solution.cut(known, solution.drive.frames) if known else solution
+            sounding = np.flatnonzero(rest[:cut].any(axis=1))
+            if order.leads and len(sounding):
+                lead = rest[sounding[-1:]]
+            rest, done = rest[cut:], done + cut
+
+
+def read_solver_blocks(amplitude: Array, first: int, last: int) -> Array:
+    """Read frames of a target in the same blocks as `solve_parts`.
+
+    Lazy frames are computed on reading, and products of another number of frames differ in the last digit.
+    """
+    begin = first // _READ * _READ
+    read = [read_frames(amplitude, at, min(at + _READ, len(amplitude))) for at in range(begin, last, _READ)]
+    return np.concatenate(read)[first - begin : last - begin]
+
+
+def _shifted_progress(progress: Progress, before: int, frames: int) -> Progress:
+    return lambda done, _: progress(before + done, frames)

@@ -27,7 +27,7 @@ from midair.rig import (
     write_report,
 )
 from midair.settings import CHOICES, MODES, Mode, Settings
-from midair.solvers import TAKES, check_terms, terms_of
+from midair.solvers import METHODS, check_terms, takes
 from midair.studio.jobs import Progressed
 from midair.study import StudyFolder, Template, prepare_drives, read_design, template_text
 from midair.targets import add_lead
@@ -70,7 +70,7 @@ def settings_of(order: SolveRequest) -> Settings:
         if name not in known:
             raise InputError(f"{name}: expected one of {', '.join(known)}")
         settings = known[name].put(settings, value)
-    check_terms(settings.solver.method, terms_of(**settings.solver.arguments()))
+    check_terms(settings.solver.method, settings.solver.asked)
     return settings
 
 
@@ -263,11 +263,8 @@ def draw_study(request: StudyRequest, progress: Progressed) -> str:
 
 
 def methods_of_modes() -> dict[Mode, list[str]]:
-    """Return the solvers that take all terms of each mode, in the order of `TAKES`."""
-    return {
-        mode: [name for name, taken in TAKES.items() if taken >= terms_of(**make().solver.arguments())]
-        for mode, make in MODES.items()
-    }
+    """Return the solvers that take all terms of each mode, in the order of `METHODS`."""
+    return {mode: [name for name in METHODS if takes(name) >= make().solver.asked] for mode, make in MODES.items()}
 
 
 def _spectra(before: PressureFrames, after: PressureFrames) -> dict[str, Any]:

@@ -89,10 +89,10 @@ class PieceJob:
         parts = solve_piece(
             asked,
             self.array,
+            self.settings.solver,
             marks=self.marks,
             loudest=self.loudest,
             acoustics=acoustics,
-            **self.settings.solver.arguments(),
         )
         for part in parts:
             wanted_here = asked.amplitude[first : first + len(part.error)]

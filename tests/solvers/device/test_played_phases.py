@@ -8,7 +8,7 @@ from midair.physics import quantise_phase
 from midair.solvers import Fast, Problem, error_of, solve
 from midair.solvers.backend import backend
 from midair.solvers.device import phases_and_errors
-from midair.solvers.terms.cells import CellTarget
+from midair.solvers.terms.fit import CellTarget
 
 
 @pytest.fixture(params=["numpy", "strict", "torch", "cupy"])

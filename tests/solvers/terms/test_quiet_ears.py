@@ -25,7 +25,7 @@ def target():
 def test_rows_add_up_to_the_mean_square_over_the_cubes():
     """Against 4000 random points in the cubes, for random drives and for one focused on an ear."""
     rng = np.random.default_rng(0)
-    rows = QuietEars().rows(ARRAY, Acoustics())
+    rows = QuietEars().rows(ControlGrid(), ARRAY, Acoustics())
     field = transfer_matrix(somewhere_at_the_ears(2000, rng), ARRAY)
     for q in np.exp(1j * rng.uniform(0, 2 * np.pi, (5, ARRAY.count))):
         assert (np.abs(rows @ q) ** 2).sum() == pytest.approx((np.abs(field @ q) ** 2).mean(), rel=0.1)

@@ -49,7 +49,7 @@ class _SettingsOptions:
             value = getattr(self, choice.name.replace("-", "_"), None)
             if value is not None:
                 made = choice.put(made, value)
-        palm, weight = getattr(self, "palm", None), _quiet_palm_weight(made)
+        palm, weight = getattr(self, "palm", None), QuietPalm.number(made.solver.quiet_palm)
         if palm is not None and weight > 0:
             made = made.but(quiet_palm=QuietPalm.under(load_palm(palm), weight=weight))
         if made.solver.jobs is None:
@@ -58,7 +58,7 @@ class _SettingsOptions:
 
     def refuse_idle_palm(self) -> None:
         """Raise InputError for --palm without a quiet palm, where the command would ignore it."""
-        if getattr(self, "palm", None) is not None and _quiet_palm_weight(self.settings()) == 0:
+        if getattr(self, "palm", None) is not None and not QuietPalm.number(self.settings().solver.quiet_palm):
             raise InputError("--palm: expected --quiet-palm or --mode finest with it, got neither")
 
     def outline(self) -> Palm:
@@ -87,12 +87,6 @@ class _SettingsOptions:
     def air_is_stated(self) -> bool:
         """Whether the user gave the air, by an option or by a settings file."""
         return getattr(self, "temperature", None) is not None or getattr(self, "settings_file", None) is not None
-
-
-def _quiet_palm_weight(settings: Settings) -> float:
-    """Weight of the quiet palm."""
-    asked = settings.solver.quiet_palm
-    return asked.weight if isinstance(asked, QuietPalm) else asked
 
 
 def _argument(value: Any, unit: str) -> str:

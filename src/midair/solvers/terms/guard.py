@@ -5,21 +5,35 @@ strength. The term is one-sided, ``lambda sum max(|p| - kappa p_peak, 0)^2 / 2``
 square.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import ControlGrid
+from midair.model import ControlGrid, Setting
+from midair.physics import transfer_matrix
 from midair.solvers.backend import Numbers, Rows, squares
+from midair.solvers.terms.term import Term
 from midair.validation import positive
+
+if TYPE_CHECKING:
+    from midair.solvers.problem import Problem
+    from midair.solvers.solve_plan import NormalisedSetup
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Guard:
+class Guard(Term):
     """Settings of the guard ring."""
+
+    keyword = "guard"
+    help = "Width of the quiet ring around the control points; 0mm switches it off."
+    methods = frozenset({"lm", "fast", "glide"})
+    unit = "m"
+    default = None
+    values = float | None
+    path = "guard.margin"
 
     margin: float = 20e-3
     """Width of the ring in m."""
@@ -37,6 +51,32 @@ class Guard:
             positive(self.pitch, "pitch of the guard", "m")
         if not 0 <= self.ceiling < np.inf:
             raise InputError(f"ceiling of the guard: expected 0 or more of the target's peak, got {self.ceiling:g}")
+
+    @classmethod
+    def of(cls, value: "float | Guard | None") -> "Guard | None":
+        """The ring for its width in m or a configured ring."""
+        return cls(margin=value) if isinstance(value, int | float) else value
+
+    @classmethod
+    def with_number(cls, value: "float | Guard | None", number: float) -> "Guard | None":
+        """The ring with another width; None for 0."""
+        return replace(value if isinstance(value, cls) else cls(), margin=number) if number else None
+
+    @classmethod
+    def noted(cls, value: "float | Guard | None") -> dict[str, Setting]:
+        """All settings of the ring; none without a ring."""
+        ring = cls.of(value)
+        return {} if ring is None else {f"guard_{one.name}": getattr(ring, one.name) for one in fields(ring)}
+
+    def added(self, problem: "Problem", setup: "NormalisedSetup") -> "Problem":
+        """The problem with the field on the ring."""
+        ring = self.ring(setup.target.grid)
+        G = np.concatenate([transfer_matrix(ring, setup.array, acoustics=each) for each in setup.airs])
+        return replace(problem, guard=GuardField(G=G / setup.focus, ceiling=self.ceiling, weight=self.weight))
+
+    def quiet_rows(self, grid: ControlGrid) -> int:
+        """Number of points of the ring."""
+        return len(self.ring(grid))
 
     def ring(self, grid: ControlGrid) -> NDArray[np.float64]:
         """The points of the ring, shape (point, 3), in m, at least half a pitch from the control grid.

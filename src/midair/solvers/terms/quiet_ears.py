@@ -10,14 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.model import Acoustics, TransducerArray
+from midair.model import Acoustics, ControlGrid, TransducerArray
 from midair.physics import Place, cone_points, transfer_matrix
+from midair.solvers.terms.term import QuietTerm
 from midair.validation import positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class QuietEars:
+class QuietEars(QuietTerm):
     """Positions of the ears and weight of the sound there."""
+
+    keyword = "quiet_ears"
+    help = "Penalty on sound at the ears of the user; 3 is moderate, 30 strong."
 
     # lambda: weight of the mean square at the ears relative to that of the error at the control points
     weight: float = 30.0
@@ -29,7 +33,11 @@ class QuietEars:
         positive(self.weight, "weight of quiet ears")
         positive(self.reach, "reach of quiet ears", "m")
 
-    def rows(self, array: TransducerArray, acoustics: Acoustics) -> NDArray[np.complex128]:
+    def quiet_rows(self, grid: ControlGrid) -> int:  # noqa: ARG002
+        """The few components of `rows` do not count."""
+        return 0
+
+    def rows(self, grid: ControlGrid, array: TransducerArray, acoustics: Acoustics) -> NDArray[np.complex128]:  # noqa: ARG002
         """Rows whose squared fields add up to the mean of |p|^2 over the cubes, shape (row, transducer), in Pa."""
         ears = [Place(name="ear", position=each, reach=self.reach, limit=0.0) for each in self.positions]
         # Half as dense as for the exposure bound, since a mean is smoother than a maximum.

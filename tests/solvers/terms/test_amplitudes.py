@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.solvers import Problem
-from midair.solvers.amplitudes import doubled, halves
+from midair.solvers.terms.amplitudes import doubled, halves
 from midair.solvers.terms.guard import GuardField
 
 

@@ -27,7 +27,7 @@ PARTS = {
 
 @pytest.mark.parametrize("settings", PARTS.values(), ids=PARTS)
 def test_a_recording_in_parts_is_solved_as_a_whole(settings, monkeypatch):
-    monkeypatch.setattr("midair.solvers.planning.solve_plan.TOGETHER", 64)
+    monkeypatch.setattr("midair.solvers.solve_plan.TOGETHER", 64)
     frame = np.arange(150)[:, None]
     place = 18 + 10 * np.sin(2 * np.pi * frame / 150)
     amplitude = 2000 * np.abs(np.sin(frame / 25)) * np.exp(-(((np.arange(36) - place) / 5) ** 2))

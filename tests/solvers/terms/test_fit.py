@@ -1,13 +1,93 @@
+"""Errors at control points, in windows and in cells."""
+
 import numpy as np
 import pytest
 
 from midair.errors import MidairError
-from midair.model import AmplitudeFrames, ControlGrid, Medium, TransducerArray
+from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import SensorModel, cell_weights, propagate, radiation_pressure, sound_amplitude
-from midair.solvers import Windows, solve
+from midair.solvers import Cells, Windows, solve
+from midair.solvers.terms.fit import CellTarget, cell_misfit, misfit
 from midair.targets import interpolation_matrix
 
 GRID = ControlGrid()
+
+
+def test_the_misfit_of_points_by_hand():
+    """|3 + 4j| = 5 against 3: cost 2, slope 2 along y; |-2| against 2: nothing."""
+    cost, slope = misfit(np, np.array([[3 + 4j, -2.0]]), np.array([[3.0, 2.0]]))
+    assert cost == pytest.approx(2)
+    np.testing.assert_allclose(slope, [[2 * (3 + 4j) / 5, 0]], atol=1e-15)
+
+
+def test_silence_where_sound_is_wanted_has_a_cost_and_no_direction():
+    cost, slope = misfit(np, np.zeros((1, 2), complex), np.ones((1, 2)))
+    assert cost == pytest.approx(1)
+    np.testing.assert_array_equal(slope, 0)
+
+
+def test_the_slope_of_points_is_the_derivative(complex_slope):
+    rng = np.random.default_rng(0)
+    y, p = rng.normal(size=(3, 4)) + 1j * rng.normal(size=(3, 4)), rng.uniform(0, 2, (3, 4))
+    slope = misfit(np, y.copy(), p)[1]
+    np.testing.assert_allclose(slope, complex_slope(lambda z: misfit(np, z.copy(), p)[0], y), atol=1e-7)
+
+
+def test_the_misfit_of_cells_by_hand():
+    """Two cells, one of both points and one of the second: readings (1 + 4) / 2 and 4 against 2 and 4."""
+    weights = np.array([[0.5, 0.5], [0.0, 1.0]])
+    y, wanted = np.array([[1j, -2.0]]), np.array([[2.0, 4.0]])
+    cost, slope = cell_misfit(np, y, weights.T, wanted, np.array([10.0]))
+    assert cost == pytest.approx(10 * 0.5**2 / 2)
+    np.testing.assert_allclose(slope, [[2 * 10 * 0.5 * 0.5 * 1j, 2 * 10 * 0.5 * 0.5 * -2]])
+
+
+def test_the_slope_of_cells_is_the_derivative(complex_slope):
+    rng = np.random.default_rng(0)
+    y, weights = rng.normal(size=(3, 5)) + 1j * rng.normal(size=(3, 5)), rng.uniform(0, 1, (5, 2))
+    wanted, scale = rng.uniform(0, 3, (3, 2)), np.array([1.0, 0.2, 3.0])
+    slope = cell_misfit(np, y, weights, wanted, scale)[1]
+    expected = complex_slope(lambda z: cell_misfit(np, z, weights, wanted, scale)[0], y)
+    np.testing.assert_allclose(slope, expected, atol=1e-6)
+
+
+def test_the_target_is_the_reading_of_the_target_at_the_points():
+    amplitude = np.random.default_rng(1).uniform(0, 1, (2, GRID.count))
+    target = Cells().target(amplitude, GRID, 1.0)
+    np.testing.assert_allclose(target.wanted, amplitude**2 @ cell_weights(SensorModel(), GRID, between="lines").T)
+    heard = target.weights @ amplitude[0] ** 2
+    assert target.error(amplitude)[0] == pytest.approx(
+        np.linalg.norm(heard - target.wanted[0]) / np.linalg.norm(target.wanted[0])
+    )
+
+
+def test_the_cells_go_where_the_grid_goes():
+    amplitude = np.ones((1, GRID.count))
+    moved = Cells().target(amplitude, ControlGrid(centre=(0.03, 0.01)), 1.0)
+    np.testing.assert_allclose(moved.weights, Cells().target(amplitude, GRID, 1.0).weights, atol=1e-12)
+
+
+def test_a_given_pressure_is_in_pascal():
+    """Amplitude 1 exerts 2 Pa: 6 Pa are an amplitude squared of 3."""
+    pressure = PressureFrames(pressure=np.full((2, 4, 4), 6.0), rate=1000.0)
+    target = Cells(pressure=pressure).target(np.ones((2, GRID.count)), GRID, 2.0)
+    np.testing.assert_allclose(target.wanted, 3.0)
+
+
+def test_a_pressure_of_other_frames_is_refused():
+    pressure = PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0)
+    with pytest.raises(MidairError, match="pressure of the cells"):
+        Cells(pressure=pressure).target(np.ones((2, GRID.count)), GRID, 1.0)
+
+
+def test_other_sensors():
+    sensor = SensorModel(grid=SensorGrid(rows=2, columns=3, pitch=15e-3))
+    assert Cells(sensor=sensor).target(np.ones((1, GRID.count)), GRID, 1.0).wanted.shape == (1, 6)
+
+
+def test_cells_that_should_read_nothing_have_no_error():
+    target = CellTarget(weights=np.ones((1, 2)), wanted=np.zeros((1, 1)))
+    assert target.error(np.ones((1, 2))) == 0
 
 
 def test_thirteen_by_thirteen_over_the_papers_points():

@@ -4,8 +4,7 @@ import sys
 import pytest
 
 from midair.errors import InputError
-from midair.solvers import memory_needed
-from midair.solvers.large import check_memory
+from midair.solvers import check_memory, memory_needed
 
 GROWTH = r"""
 import re, sys

@@ -1,10 +1,15 @@
-"""Estimate the memory that a problem needs before it is allocated.
+"""Estimate the memory that a solution needs before it is allocated.
 
 The estimate counts the arrays alive at once where there are most of them; tests compare it with the memory measured by
 the system (`python -m benchmarks.scale` prints both).
 """
 
+from typing import Any
+
 from midair.errors import InputError
+from midair.model import Acoustics, AmplitudeFrames, TransducerArray
+from midair.solvers.solve_plan import frames_per_part, settings_with
+from midair.solvers.solver_settings import MethodSettings
 
 _EIGEN = 5
 """Matrices of the size of G G^H during its eigendecomposition: itself, a copy, LAPACK's workspace."""
@@ -49,6 +54,32 @@ def memory_needed(points: int, transducers: int, frames: int, *, method: str, gu
     else:
         work = gram if method == "lm" else 16 * M * N
     return G + work + answer
+
+
+def memory_of(
+    target: AmplitudeFrames,
+    array: TransducerArray,
+    settings: MethodSettings | None = None,
+    *,
+    acoustics: Acoustics | None = None,
+    bits: int | None = None,  # noqa: ARG001
+    parts: bool = False,
+    **changes: Any,
+) -> int:
+    """Maximum memory in bytes that `solve`, or `solve_parts` with `parts`, needs with these settings.
+
+    `bits` is accepted for the sake of `solve` and does not matter.
+    """
+    settings = settings_with(settings, changes)
+    terms, frames = settings.terms(), target.frames
+    return memory_needed(
+        target.grid.count,
+        array.count * max((term.copies for term in terms), default=1),
+        min(frames, frames_per_part(settings.solver())) if parts else frames,
+        method=settings.name,
+        guard=sum(term.quiet_rows(target.grid) for term in terms),
+        airs=len(settings.airs(acoustics or Acoustics())),
+    )
 
 
 def check_memory(needed: int, available: int | None, *, points: int, transducers: int) -> None:

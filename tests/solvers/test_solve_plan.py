@@ -1,11 +1,13 @@
-"""Settings are checked before solving, and reach the solver."""
+"""Settings are checked before solving, and reach the solver; normalised units suit any array and any air."""
 
 import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
-from midair.solvers import Glide, solve
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, TransducerArray
+from midair.physics import focus_amplitude, transfer_matrix
+from midair.solvers import Glide, automatic_level, solve
+from midair.solvers.solve_plan import NormalisedSetup
 
 SMALL = ControlGrid(rows=4, columns=4, pitch=11e-3, height=0.1)
 UNIT = TransducerArray.autd3(columns=1, rows=1)
@@ -66,3 +68,33 @@ def test_methods_get_the_positions_of_the_transducers(monkeypatch):
     monkeypatch.setattr(Glide, "solve", solve_and_look)
     solve(target(wave()), UNIT, method="glide")
     np.testing.assert_array_equal(seen[0], UNIT.position)
+
+
+@pytest.mark.parametrize(("peak", "level"), [(0.05, 0.5), (0.1, 1.0), (3.0, 1.0), (1e-4, 0.05), (0.0, 0.05)])
+def test_the_loudest_target_is_a_tenth_of_the_focus_at_the_level(peak, level):
+    assert automatic_level(np.array([[0.0, peak / 2], [peak, 0.0]])) == pytest.approx(level)
+
+
+NINE = ControlGrid(rows=3, columns=3, pitch=11e-3, height=0.1)
+
+
+def scene(*airs):
+    amplitude = 1000.0 * np.random.default_rng(0).uniform(size=(4, 9))
+    return NormalisedSetup.of(AmplitudeFrames(amplitude=amplitude, rate=500.0, grid=NINE), UNIT, airs or (Acoustics(),))
+
+
+def test_one_is_the_strongest_focus():
+    made = scene()
+    assert made.focus == pytest.approx(focus_amplitude(NINE, UNIT, acoustics=Acoustics()))
+    assert np.abs(made.G[0]).sum(axis=1).max() == pytest.approx(1)
+    np.testing.assert_allclose(made.focus * made.G[0], transfer_matrix(NINE, UNIT, acoustics=Acoustics()))
+
+
+def test_airs_stand_below_each_other_in_the_units_of_the_first():
+    warm = Acoustics(medium=Medium.at(temperature=30.0))
+    made = scene(Acoustics(), warm)
+    problem = made.problem(1.0)
+    assert problem.G.shape == (18, UNIT.count)
+    assert problem.amplitude.shape == (4, 18)
+    np.testing.assert_allclose(made.focus * problem.G[9:], transfer_matrix(NINE, UNIT, acoustics=warm))
+    np.testing.assert_array_equal(problem.amplitude[:, :9], problem.amplitude[:, 9:])

@@ -4,10 +4,9 @@ import pytest
 from midair.errors import InputError, ShapeError
 from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import propagate, relative_error
-from midair.solvers import solver
+from midair.solvers import multi_plane_problem, place_grid, solver
 from midair.solvers.initial_phase import spreading_phase
-from midair.solvers.large import multi_plane_problem, place_grid
-from midair.solvers.large.planes import converging_phase
+from midair.solvers.planes import converging_phase
 
 SMALL = ControlGrid(rows=6, columns=5)
 LEFT, RIGHT = (-0.05, 0.0, 0.15), (0.05, 0.0, 0.2)

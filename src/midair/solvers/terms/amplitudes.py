@@ -6,14 +6,18 @@ are equal amplitudes on 2N transducers of half the strength, which every solver 
 (Hsueh & Sawchuk, "Computer-generated double-phase holograms", Applied Optics 17 (1978)).
 """
 
-from dataclasses import replace
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.solvers.problem import Problem
-from midair.solvers.terms import GuardField
+from midair.errors import InputError
+from midair.solvers.terms.guard import GuardField
+from midair.solvers.terms.term import Term
+
+if TYPE_CHECKING:
+    from midair.solvers.problem import Answer, Problem
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -22,7 +26,40 @@ Amplitudes = Literal["equal", "bounded"]
 """All transducers at the same drive, as in the paper; or each at its own, between 0 and that drive."""
 
 
-def doubled(problem: Problem, *, apart: float = np.pi / 4) -> Problem:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bounded(Term):
+    """Each transducer at its own amplitude, up to the level."""
+
+    keyword = "amplitudes"
+    help = "All transducers equal, or each up to the level."
+    methods = frozenset({"lm", "exact", "fast", "glide", "live"})
+    default = "equal"
+    values = Amplitudes
+    copies = 2
+
+    @classmethod
+    def setting(cls) -> Any:
+        """The names alone."""
+        return Amplitudes
+
+    @classmethod
+    def of(cls, value: str) -> "Bounded | None":
+        """The term for "bounded", None for "equal"."""
+        if value not in get_args(Amplitudes):
+            raise InputError(f"amplitudes: expected {' or '.join(get_args(Amplitudes))}, got {value!r}")
+        return cls() if value == "bounded" else None
+
+    def asked(self, problem: "Problem") -> "Problem":
+        """The problem with twice as many transducers."""
+        return doubled(problem)
+
+    def answered(self, answer: "Answer") -> "Answer":
+        """The answer of the doubled problem as phases of the array, and the amplitude of each transducer."""
+        phase, part = halves(answer.phase)
+        return replace(answer, phase=phase, level=part if answer.level is None else answer.level[:, None] * part)
+
+
+def doubled(problem: "Problem", *, apart: float = np.pi / 4) -> "Problem":
     """The same problem for twice as many transducers of half the strength.
 
     `apart` is half the angle, in rad, between the two phases of a pair when both unknowns are 0: a solver that starts

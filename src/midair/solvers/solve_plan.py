@@ -1,0 +1,218 @@
+"""The checked settings of a solution, and the solution of one part of a recording."""
+
+from dataclasses import dataclass, fields, replace
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.model import Acoustics, AmplitudeFrames, Drive, Progress, Setting, Solution, TransducerArray
+from midair.physics import quantise_phase, transfer_matrix
+from midair.solvers.backend import backend as backend_of
+from midair.solvers.device import phases_and_errors
+from midair.solvers.exact import Exact
+from midair.solvers.fast import Fast
+from midair.solvers.glide import Glide
+from midair.solvers.initial_phase import spreading_phase
+from midair.solvers.methods import Method, check_terms
+from midair.solvers.problem import Problem, WarmStart, error_of
+from midair.solvers.solver_settings import MethodSettings, settings_type
+from midair.solvers.terms import Term, psi_at_temperatures
+from midair.solvers.threads import one_blas_thread
+
+Array = NDArray[np.float64]
+
+TOGETHER = 256
+"""Approximate number of sounding frames in a part."""
+
+
+def frames_per_part(solver: Method) -> int:
+    """Number of sounding frames in a part: whole batches, or whole blocks.
+
+    A batch cut at the end of a part would have matrix products of another size, and so differ in the last digit.
+    """
+    if isinstance(solver, Glide):
+        return solver.coarse * max(-(-solver.block_on() // solver.coarse), 1) * solver.jobs
+    if isinstance(solver, Fast):
+        return _whole_batches(solver)
+    if isinstance(solver, Exact) and solver.start == "zero" and solver.first == "field":
+        return _whole_batches(solver.first_moves)
+    return TOGETHER
+
+
+def _whole_batches(solver: Fast) -> int:
+    batch = solver.batch or backend_of(solver.backend).rows
+    return batch * max(1, TOGETHER // batch)
+
+
+def automatic_level(amplitude: Array, *, strength: float = 0.1, lowest: float = 0.05) -> float:
+    """Level at which the loudest target, in units of the focus, has this strength; between `lowest` and 1.
+
+    If the strength is small, the array's power goes to places outside the target; if it is large, the target cannot be
+    reached: E hardly grows up to strength .1, and fast above. Below `lowest` an 8-bit intensity has hardly a dozen
+    steps.
+    """
+    return float(np.clip(amplitude.max() / strength, lowest, 1.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NormalisedSetup:
+    """Target and transfer matrices in units of the strongest focus, in which tolerances and weights suit any array."""
+
+    target: AmplitudeFrames
+    array: TransducerArray
+    airs: tuple[Acoustics, ...]
+    G: list[NDArray[np.complex128]]  # One matrix for each air, the nominal air first
+    focus: float  # The strongest focus in the nominal air
+
+    @classmethod
+    def of(cls, target: AmplitudeFrames, array: TransducerArray, airs: tuple[Acoustics, ...]) -> "NormalisedSetup":
+        """Compute the matrix for each air, divided by the strongest focus in the first."""
+        G = [transfer_matrix(target.grid, array, acoustics=each) for each in airs]
+        focus = float(np.abs(G[0]).sum(axis=1).max())
+        for each in G:
+            each /= focus
+        return cls(target=target, array=array, airs=airs, G=G, focus=focus)
+
+    def problem(self, level: float, terms: tuple[Term, ...] = ()) -> Problem:
+        """The problem for a solver: the target in all airs, and the terms."""
+        times = len(self.airs)
+        problem = Problem(
+            G=self.G[0] if times == 1 else np.concatenate(self.G),
+            amplitude=np.tile(self.target.amplitude / self.focus, (1, times)),
+            level=level,
+            psi=psi_at_temperatures(self.G, spreading_phase(self.target.grid, self.array, self.airs[0].medium)),
+            position=self.array.position,
+        )
+        for term in terms:
+            problem = term.added(problem, self)
+        return problem
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SolvePlan:
+    """Checked settings for solving a recording, as a whole or part by part."""
+
+    settings: MethodSettings
+    solver: Method
+    terms: tuple[Term, ...]
+    own: NormalisedSetup
+    scene: NormalisedSetup
+    level: float
+    bits: int | None
+
+    @classmethod
+    def of(
+        cls,
+        target: AmplitudeFrames,
+        array: TransducerArray,
+        settings: MethodSettings | None = None,
+        *,
+        acoustics: Acoustics | None = None,
+        bits: int | None = None,
+        loudest: float | None = None,
+        **changes: Any,
+    ) -> "SolvePlan":
+        """Check the settings of `solve`; `loudest` is the highest amplitude in Pa of the whole recording."""
+        settings = settings_with(settings, changes)
+        level: Any = settings.level
+        solver, acoustics = settings.solver(), acoustics or Acoustics()
+        if level != "auto" and not (isinstance(level, int | float) and 0 < level <= 1):
+            shown = f"{level:g}" if isinstance(level, int | float) else repr(level)
+            raise InputError(f"level: expected above 0 and at most 1 of full drive, or auto, got {shown}")
+        if bits is not None and not 1 <= bits <= 16:
+            raise InputError(f"bits: expected 1 to 16 bits per phase, or None, got {bits}")
+        check_terms(settings.method, settings.asked)
+        airs = settings.airs(acoustics)
+        own = NormalisedSetup.of(target, array, (acoustics,))
+        if level == "auto":
+            level = automatic_level(np.array((target.amplitude.max() if loudest is None else loudest) / own.focus))
+        return cls(
+            settings=settings,
+            solver=solver,
+            terms=settings.terms(),
+            own=own,
+            scene=own if len(airs) == 1 else NormalisedSetup.of(target, array, airs),
+            level=level,
+            bits=bits,
+        )
+
+    @property
+    def leads(self) -> bool:
+        """Whether a part begins with the last frame of the part before it."""
+        return isinstance(self.solver, Glide)
+
+    def joint(self, amplitude: Array, *, first: bool) -> int:
+        """Number of next frames that form a part; 0 while there are too few."""
+        sounding = np.flatnonzero(amplitude.any(axis=1))
+        # With bisection, the first part also contains the first mark.
+        wanted = frames_per_part(self.solver) + (self.leads and first)
+        return int(sounding[wanted - 1]) + 1 if len(sounding) >= wanted else 0
+
+    def end_of(self, marks: AmplitudeFrames) -> WarmStart:
+        """Warm start after a block with these marks, for method "glide"."""
+        problem = replace(self.scene, target=marks).problem(self.level, self.terms)
+        with one_blas_thread():
+            return cast("Glide", self.solver).end_of(self._asked(problem))
+
+    def _asked(self, problem: Problem) -> Problem:
+        for term in self.terms:
+            problem = term.asked(problem)
+        return problem
+
+    def solve(
+        self, target: AmplitudeFrames, after: WarmStart | None, progress: Progress | None
+    ) -> tuple[Solution, WarmStart | None]:
+        """Solve a part from the end of the part before it; returns the solution and its own end."""
+        own = problem = replace(self.own, target=target).problem(self.level, self.terms)
+        if self.scene is not self.own:
+            problem = replace(self.scene, target=target).problem(self.level, self.terms)
+        with one_blas_thread():
+            answer = self.solver.solve(self._asked(problem), after=after, progress=progress)
+            for term in self.terms:
+                answer = term.answered(answer)
+            # The error is computed after rounding, so that it is the error of the phases that are played.
+            phase, error = self._played(own, answer.phase, answer.level)
+        audible = np.array([status != "silent" for status in answer.status], float)
+        # Transposed twice, so that (frame,) and (frame, transducer) are both multiplied frame by frame.
+        played = self.level * (audible if answer.level is None else (audible * answer.level.T).T)
+        drive = Drive(
+            phase=phase,
+            level=played,
+            rate=target.rate,
+            array=self.own.array,
+            acoustics=self.own.airs[0],
+            provenance=target.provenance.then("solve", self._noted()),
+        )
+        return Solution(drive=drive, error=error, iterations=answer.iterations, status=answer.status), answer.end
+
+    def _played(self, own: Problem, turned: Array, part: Array | None) -> tuple[Array, Array]:
+        """Phases as they are played, and their errors, computed on the solver's device."""
+        name = getattr(self.solver, "backend", "numpy")
+        # Metal has no double precision.
+        if name == "numpy" or name.startswith("torch:mps"):
+            phase = np.mod(turned, 2 * np.pi) if self.bits is None else quantise_phase(turned, bits=self.bits)
+            return phase, error_of(own, phase, part)
+        return phases_and_errors(backend_of(name, precision="double"), own, turned, part, self.bits)
+
+    def _noted(self) -> dict[str, Setting]:
+        """All settings for the provenance; `jobs` does not change the result."""
+        acoustics, solver = self.own.airs[0], self.solver
+        return {
+            "method": self.settings.name,
+            "level": self.level,
+            **self.settings.noted(),
+            "bits": self.bits,
+            "directivity": acoustics.directivity,
+            "speed_m_s": acoustics.medium.speed,
+            "temperature_c": acoustics.medium.temperature,
+            "humidity": acoustics.medium.humidity,
+            "array": self.own.array.name,
+            **{field.name: getattr(solver, field.name) for field in fields(solver) if field.name != "jobs"},
+        }
+
+
+def settings_with(settings: MethodSettings | None, changes: dict[str, Any]) -> MethodSettings:
+    """The settings, those of method "lm" if None, with changes."""
+    return replace(settings, **changes) if settings is not None else settings_type()(**{"method": "lm"} | changes)
