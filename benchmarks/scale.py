@@ -24,8 +24,8 @@ from benchmarks.clock import load
 from midair.model import Acoustics, ControlGrid, Medium, SensorGrid, TransducerArray
 from midair.physics import transfer_matrix
 from midair.solvers import Live, Problem, memory_needed, multi_plane_problem, one_blas_thread, place_grid, solver
-from midair.solvers.initial_phase import spreading_phase
 from midair.solvers.modes import modes
+from midair.solvers.phases import spreading_phase
 from midair.targets import interpolation_matrix
 
 ACOUSTICS = Acoustics(medium=Medium(attenuation=0), directivity="point")

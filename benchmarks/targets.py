@@ -10,7 +10,7 @@ from midair.datasets import stroke
 from midair.model import Acoustics, ControlGrid, Medium, SensorGrid, TransducerArray
 from midair.physics import transfer_matrix
 from midair.solvers import Problem
-from midair.solvers.initial_phase import spreading_phase
+from midair.solvers.phases import spreading_phase
 from midair.targets import interpolation_matrix, prepare
 
 TEN = (0x0001, 0x8001, 0x0660, 0xF99F, 0x5A5A, 0x1248, 0xFFFF, 0x00FF, 0x8421, 0x3C18)

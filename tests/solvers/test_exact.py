@@ -3,7 +3,7 @@ import pytest
 
 from midair.model import ControlGrid
 from midair.solvers import Exact, LevenbergMarquardt, Problem, error_of
-from midair.solvers.initial_phase import spreading_phase
+from midair.solvers.phases import spreading_phase
 
 TEN = (0x0001, 0x8001, 0x0660, 0xF99F, 0x5A5A, 0x1248, 0xFFFF, 0x00FF, 0x8421, 0x3C18)
 

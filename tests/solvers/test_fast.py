@@ -5,7 +5,7 @@ import pytest
 
 from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
 from midair.solvers import Fast, Problem, error_of, solve
-from midair.solvers.initial_phase import spreading_phase
+from midair.solvers.phases import spreading_phase
 from midair.solvers.terms import GuardField, Smooth
 from midair.solvers.terms.fit import CellTarget
 

@@ -5,7 +5,7 @@ from midair.errors import InputError, ShapeError
 from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import propagate, relative_error
 from midair.solvers import multi_plane_problem, place_grid, solver
-from midair.solvers.initial_phase import spreading_phase
+from midair.solvers.phases import spreading_phase
 from midair.solvers.planes import converging_phase
 
 SMALL = ControlGrid(rows=6, columns=5)

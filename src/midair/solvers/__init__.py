@@ -1,11 +1,11 @@
 """Solvers for the phases of a phased array whose transducers all have the same amplitude (paper, 4.2)."""
 
+from .backend import one_blas_thread as one_blas_thread
 from .exact import Exact as Exact
 from .fast import Fast as Fast
 from .glide import Glide as Glide
 from .glide import Piece as Piece
 from .glide import pieces as pieces
-from .initial_phase import spreading_phase as spreading_phase
 from .levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
 from .live import FrameTracker as FrameTracker
 from .live import Live as Live
@@ -19,6 +19,7 @@ from .methods import check_terms as check_terms
 from .methods import name_of as name_of
 from .methods import solver as solver
 from .methods import takes as takes
+from .phases import spreading_phase as spreading_phase
 from .planes import multi_plane_problem as multi_plane_problem
 from .planes import place_grid as place_grid
 from .problem import Answer as Answer
@@ -45,4 +46,3 @@ from .terms import QuietTerm as QuietTerm
 from .terms import Term as Term
 from .terms import Windows as Windows
 from .terms import registered_terms as registered_terms
-from .threads import one_blas_thread as one_blas_thread

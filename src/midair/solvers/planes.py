@@ -90,7 +90,7 @@ def multi_plane_problem(
 def converging_phase(places: Array, array: TransducerArray, medium: Medium) -> Array:
     """Phases of the field that map the whole array onto a plane, shape (point,), in rad.
 
-    Like `initial_phase.spreading_phase`, for a plane anywhere: psi = -k |x - f|, a wave that converges on a point f
+    Like `phases.spreading_phase`, for a plane anywhere: psi = -k |x - f|, a wave that converges on a point f
     behind the plane. Rays from the array of half width W through the plane of half width w meet at W / (W - w) times
     the distance between the centres. If the array is not wider than the plane, a plane wave along that line.
     """

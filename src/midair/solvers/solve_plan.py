@@ -10,16 +10,16 @@ from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, Drive, Progress, Setting, Solution, TransducerArray
 from midair.physics import quantise_phase, transfer_matrix
 from midair.solvers.backend import backend as backend_of
+from midair.solvers.backend import one_blas_thread
 from midair.solvers.device import phases_and_errors
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.glide import Glide
-from midair.solvers.initial_phase import spreading_phase
 from midair.solvers.methods import Method, check_terms
+from midair.solvers.phases import spreading_phase
 from midair.solvers.problem import Problem, WarmStart, error_of
 from midair.solvers.solver_settings import MethodSettings, settings_type
 from midair.solvers.terms import Term, psi_at_temperatures
-from midair.solvers.threads import one_blas_thread
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ import pytest
 
 from midair.model import ControlGrid
 from midair.solvers import Live, Problem, error_of
-from midair.solvers.initial_phase import spreading_phase
+from midair.solvers.phases import spreading_phase
 
 pytest.importorskip("numba")
 
