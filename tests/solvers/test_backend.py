@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError, MissingExtraError
-from midair.solvers import Fast, Glide, Problem, error_of, solve, solver
+from midair.solvers import Fast, Glide, Problem, error_of, settings_type, solver
 from midair.solvers import backend as module
 from midair.solvers.backend import LIBRARIES, Backend, backend
 from midair.solvers.lbfgs import LBFGS
@@ -180,4 +180,4 @@ def test_other_methods_have_no_backend():
     with pytest.raises(InputError, match="backend: expected method fast or glide, got lm"):
         solver("lm", backend="torch")
     assert solver("fast", backend="strict").backend == "strict"
-    assert solve.__kwdefaults__["backend"] is None
+    assert settings_type()().backend is None

@@ -13,7 +13,7 @@ from midair.solvers import Fast, Glide, Problem, spreading_phase
 from midair.solvers.backend import Backend, backend
 from midair.solvers.device import RingLBFGS
 from midair.solvers.field_operators import FieldOperators
-from midair.solvers.glide.frame_block import FrameBlock, SolvedFrames
+from midair.solvers.glide.blocks import FrameBlock, SolvedFrames
 from midair.solvers.lbfgs import LBFGS
 
 ROWS = 512

@@ -1,5 +1,5 @@
 """Solve whole recordings by bisection in time."""
 
+from .blocks import Piece as Piece
+from .blocks import pieces as pieces
 from .glide import Glide as Glide
-from .recording_pieces import Piece as Piece
-from .recording_pieces import pieces as pieces

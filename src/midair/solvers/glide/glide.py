@@ -23,8 +23,15 @@ from midair.model import Progress
 from midair.solvers.backend import Backend, backend
 from midair.solvers.field_operators import FieldOperators
 from midair.solvers.glide.bisection_step import BisectionStep, Effort
-from midair.solvers.glide.frame_block import BlockIterations, FrameBlock, SolvedFrames, solve_marks
-from midair.solvers.glide.schedule import BlockRange, Indices, blocks
+from midair.solvers.glide.blocks import (
+    BlockIterations,
+    BlockRange,
+    FrameBlock,
+    Indices,
+    SolvedFrames,
+    blocks,
+    solve_marks,
+)
 from midair.solvers.phases import hold
 from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 

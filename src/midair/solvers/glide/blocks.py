@@ -1,8 +1,12 @@
-"""Solve the frames of one block, from its marks down to the last frame."""
+"""Blocks of a recording: the order in which their frames are solved, their solution, and pieces of whole blocks.
+
+Marks are solved first, then midpoints until no frame is left. Marks are counted from the first sounding frame, and a
+block is a fixed number of marks, so that batches do not depend on the length of the recording or on the number of jobs.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +14,81 @@ from numpy.typing import NDArray
 from midair.solvers.backend import Backend, Rows
 from midair.solvers.field_operators import Batch
 from midair.solvers.glide.bisection_step import BisectionStep, Effort, FrameSolution, Neighbours
-from midair.solvers.glide.schedule import Indices, midpoints
 from midair.solvers.lbfgs import RowsState
+
+if TYPE_CHECKING:
+    from midair.solvers.glide.glide import Glide
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BlockRange:
+    """Frames `first` to `last`, both included; `first` is the last frame of the previous block, if there is one."""
+
+    first: int
+    last: int
+    marks: Indices  # Frames that are solved from scratch, shape (mark,), `first` only in the first block
+
+    @property
+    def leads(self) -> bool:
+        """Whether this is the first block."""
+        return self.first == int(self.marks[0])
+
+
+def blocks(frames: int, *, coarse: int, size: int) -> Iterator[BlockRange]:
+    """Yield all blocks of this number of sounding frames, in order.
+
+    `coarse` is the distance between marks (the last frame is a mark, too), `size` the frames of a block, rounded up to
+    whole distances.
+    """
+    size = coarse * max(-(-size // coarse), 1)
+    for first in range(0, max(frames - 1, 1), size):
+        last = min(first + size, frames - 1)
+        start = first if first == 0 else first + coarse
+        marks = np.unique(np.minimum(np.arange(start, last + coarse, coarse), last))
+        yield BlockRange(first=first, last=last, marks=marks)
+
+
+def midpoints(marks: Indices) -> Iterator[Indices]:
+    """Frames between the marks, level by level: rows (before, middle, after), where the outer two are solved."""
+    pairs = np.stack([marks[:-1], marks[1:]], axis=1)
+    while len(pairs := pairs[pairs[:, 1] - pairs[:, 0] > 1]):
+        middle = pairs.sum(axis=1) // 2
+        yield np.stack([pairs[:, 0], middle, pairs[:, 1]], axis=1)
+        pairs = np.stack([pairs[:, 0], middle, middle, pairs[:, 1]], axis=1).reshape(-1, 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Piece:
+    """Frames `first` to `last` - 1 of a recording: whole blocks, and the silent frames among and before them."""
+
+    first: int
+    last: int
+    marks: Indices
+    """Frames of the recording, shape (mark,): the marks of the block before the piece; empty for the first piece."""
+
+
+def pieces(solver: "Glide", sounds: NDArray[np.bool_], *, together: int) -> Iterator[Piece]:
+    """Yield all frames of a recording in pieces of `together` blocks of the solver.
+
+    Pieces can be solved anywhere in any order, with bit-identical results: consecutive blocks share one frame, the last
+    mark of the earlier block, and the marks of that block alone give everything that the next block needs.
+
+    Parameters
+    ----------
+    sounds : ndarray of bool, shape (frame,)
+        False for silent frames.
+    """
+    audible = np.flatnonzero(sounds)
+    every = list(blocks(len(audible), coarse=solver.coarse, size=solver.block_on())) if len(audible) else []
+    first = 0
+    for number in range(0, max(len(every), 1), together):
+        ends = number + together >= len(every)
+        last = len(sounds) if ends else int(audible[every[number + together - 1].last]) + 1
+        marks = audible[every[number - 1].marks] if number else np.zeros(0, np.int64)
+        yield Piece(first=first, last=last, marks=marks)
+        first = last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
