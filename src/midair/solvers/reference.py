@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.model import Progress, Status
+from midair.model import Progress
 from midair.solvers.phases import hold, unit
-from midair.solvers.problem import Answer, Problem, WarmStart
+from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]
@@ -154,11 +154,8 @@ def _answer(
     audible = np.flatnonzero(problem.amplitude.any(axis=1))
     made = np.zeros(frames, np.int64)
     made[audible] = iterations
-    status: list[Status] = ["silent"] * frames
-    for frame in audible:
-        status[frame] = "iterations"
     if progress is not None:
         progress(frames, frames)
     phase = hold(np.angle(q).astype(np.float64), audible, None if after is None else after.theta)
     end = WarmStart(theta=phase[-1]) if len(audible) else after
-    return Answer(phase=phase, iterations=made, status=tuple(status), end=end)
+    return Answer(phase=phase, iterations=made, status=status_of(frames, audible), end=end)

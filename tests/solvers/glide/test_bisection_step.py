@@ -17,9 +17,8 @@ def bisection(problem_of, moving_spot):
 @pytest.fixture(scope="module")
 def around(bisection):
     """Neighbours of frame 10: frames 0 and 20."""
-    efforts = Glide()._efforts()
-    block_frames = FrameBlock(bisection, efforts, np.arange(21))
-    block_frames.known.put(np.array([0, 20]), solve_marks(bisection, efforts, np.array([0, 20])))
+    block_frames = FrameBlock(bisection, np.arange(21))
+    block_frames.known.put(np.array([0, 20]), solve_marks(bisection, np.array([0, 20])))
     return block_frames._neighbours(np.array([[0, 10, 20]]))
 
 

@@ -57,9 +57,9 @@ FRAMES, MARKS = np.arange(33), np.array([0, 16, 32])
 
 
 def walked(bisection, **changes):
-    efforts = replace(Glide()._efforts(), **changes)
-    block_frames = FrameBlock(bisection, efforts, FRAMES)
-    block_frames.known.put(MARKS, solve_marks(bisection, efforts, MARKS))
+    bisection = replace(bisection, settings=replace(bisection.settings, **changes))
+    block_frames = FrameBlock(bisection, FRAMES)
+    block_frames.known.put(MARKS, solve_marks(bisection, MARKS))
     before = block_frames.known.theta[MARKS].copy()
     block_frames.solve(MARKS)
     assert np.array_equal(block_frames.known.theta[MARKS], before)
@@ -89,7 +89,7 @@ def test_where_any_start_is_near_enough_only_the_polish_runs(bisection):
 def test_where_no_start_is_near_and_everything_is_far_all_get_the_effort_of_rough_frames(bisection):
     known = walked(bisection, near=0.0, far=0.0, rough=(3, 2, 1))
     between = np.setdiff1d(FRAMES, MARKS)
-    assert (known.iterations[between] == 3 + 2 + 1 + bisection.admm_iterations).all()
+    assert (known.iterations[between] == 3 + 2 + 1 + Glide().split).all()
 
 
 def test_batch_size_does_not_change_frames(problem_of, moving_spot):

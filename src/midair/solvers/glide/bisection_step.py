@@ -3,8 +3,9 @@
 A row is a frame.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from numpy.typing import NDArray
 from midair.solvers.backend import Numbers, Rows
 from midair.solvers.field_operators import Batch, FieldMove, FieldOperators, in_order
 from midair.solvers.lbfgs import LBFGS, RowsState
+
+if TYPE_CHECKING:
+    from midair.solvers.glide.glide import Glide
 
 Effort = tuple[int, int, int]
 """Iterations of the field step, the phase fit and the refinement."""
@@ -51,21 +55,22 @@ class BisectionStep:
 
     operators: FieldOperators
     field: FieldMove  # The field step
-    step: float  # Step size of the heavy-ball phase fit
-    momentum: float  # Momentum of the heavy-ball phase fit
-    relaxation: float  # Over-relaxation of the projections, 1 to 2
-    even_field_weight: float  # Weight, relative to the peak, of an even field in the phases of the new part of a target
-    admm_iterations: int  # Iterations of `FieldOperators.admm`
-    stiffness: float  # Stiffness of `FieldOperators.admm`
-    max_power_share: float  # Limit of `FieldOperators.reachable`, above which a longer refinement replaces ADMM
-    hard_polish: int  # Iterations of that refinement
+    settings: "Glide"
+
+    def chunks(self, rows: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
+        """The rows in batches."""
+        size = self.settings.rows or self.operators.backend.rows
+        for first in range(0, len(rows), size):
+            yield rows[first : first + size]
 
     def from_scratch(self, batch: Batch, effort: Effort) -> FrameSolution:
         """Solve frames without solved neighbours."""
         operators, xp = self.operators, self.operators.backend.xp
         one = xp.ones_like(batch.gain[:, 0]) / operators.strongest
         state = self.field.run(batch, self.field.first(batch.p * operators.psi), one, effort[0])
-        theta = operators.phase_fit(self.field.coordinates(batch, state), effort[1], relaxation=self.relaxation)
+        theta = operators.phase_fit(
+            self.field.coordinates(batch, state), effort[1], relaxation=self.settings.relaxation
+        )
         polished = self._refine(batch, theta, one / operators.strongest, effort[2])
         return self._solved(batch, polished, self.operators.backend.as_complex(state.x), state.scale)
 
@@ -92,7 +97,7 @@ class BisectionStep:
         operators, backend = self.operators, self.operators.backend
         y = (around.z @ self.field.out)[:, : batch.p.shape[1]]
         # The phases of the mean field; where it is nearly silent, the initial phases.
-        even = self.even_field_weight * backend.xp.max(around.p, axis=1, keepdims=True)
+        even = self.settings.towards * backend.xp.max(around.p, axis=1, keepdims=True)
         u = backend.unit(backend.unit(y) * around.p + even * operators.psi)
         z = around.part * around.z + self.field.first(around.missed * u)
         state = self.field.run(batch, z, around.field_scale, effort[0])
@@ -128,7 +133,7 @@ class BisectionStep:
         for _ in range(iterations):
             change = (a - q @ operators.drive_back) @ operators.drive
             uphill = xp.real(q) * xp.imag(change) - xp.imag(q) * xp.real(change)
-            speed = self.momentum * speed + self.step * uphill
+            speed = self.settings.momentum * speed + self.settings.step * uphill
             # Rotate by the angle whose tangent is the speed, which needs no sine.
             q = backend.unit(backend.complex(xp.real(q) - speed * xp.imag(q), xp.imag(q) + speed * xp.real(q)))
         return q
@@ -137,7 +142,7 @@ class BisectionStep:
         """Refine all rows: after ADMM where equal amplitudes can reach the field, with more iterations elsewhere."""
         operators = self.operators
         xp, put = operators.backend.xp, operators.backend.put
-        reachable = operators.reachable(a, self.max_power_share)
+        reachable = operators.reachable(a, self.settings.hardest)
         parts: list[tuple[NDArray[np.int64], RowsState]] = []
         for rows, easy in ((np.flatnonzero(reachable), True), (np.flatnonzero(~reachable), False)):
             if len(rows):
@@ -148,11 +153,11 @@ class BisectionStep:
                         some,
                         xp.take(a, index, axis=0),
                         drives,
-                        self.admm_iterations,
-                        stiffness=self.stiffness,
-                        relaxation=self.relaxation,
+                        self.settings.split,
+                        stiffness=self.settings.stiffness,
+                        relaxation=self.settings.relaxation,
                     )
-                its = iterations if easy else self.hard_polish
+                its = iterations if easy else self.settings.hard_polish
                 parts.append((rows, self._refine(some, self._angle(drives), xp.take(scale, index), its)))
         return self._joined(parts)
 

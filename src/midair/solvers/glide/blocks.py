@@ -91,23 +91,6 @@ def pieces(solver: "Glide", sounds: NDArray[np.bool_], *, together: int) -> Iter
         first = last
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BlockIterations:
-    """Iterations for frames of each kind, and the limits between the kinds; fields as in `glide.Glide`."""
-
-    cold: Effort
-    smooth: int
-    smooth_wide: int
-    bent: Effort
-    bent_wide: Effort
-    rough: Effort
-    wide: int
-    near: float
-    far: float
-    rows: int
-    faintest: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SolvedFrames:
     """Solutions of frames as NumPy arrays, one row per frame, with the fields of `FrameSolution`."""
@@ -147,32 +130,31 @@ class SolvedFrames:
         return SolvedFrames(**{field.name: getattr(self, field.name)[-1:].copy() for field in fields(self)})
 
 
-def solve_marks(bisection: BisectionStep, efforts: BlockIterations, frames: Indices) -> SolvedFrames:
+def solve_marks(bisection: BisectionStep, frames: Indices) -> SolvedFrames:
     """Solve frames of the problem from scratch."""
-    backend, found = bisection.operators.backend, SolvedFrames.empty(len(frames), bisection)
-    for some in _chunks(np.arange(len(frames)), efforts.rows):
-        solved = bisection.from_scratch(
-            bisection.operators.batch(frames[some], faintest=efforts.faintest), efforts.cold
-        )
-        found.keep(some, solved, sum(efforts.cold), backend)
+    efforts, operators = bisection.settings, bisection.operators
+    found = SolvedFrames.empty(len(frames), bisection)
+    for some in bisection.chunks(np.arange(len(frames))):
+        solved = bisection.from_scratch(operators.batch(frames[some], faintest=efforts.faintest), efforts.cold)
+        found.keep(some, solved, sum(efforts.cold), operators.backend)
     return found
 
 
 class FrameBlock:
     """The frames from one mark to another; `known` holds their solutions, one row per frame."""
 
-    def __init__(self, bisection: BisectionStep, efforts: BlockIterations, frames: Indices) -> None:
-        self._bisection, self._efforts, self._frames = bisection, efforts, frames
+    def __init__(self, bisection: BisectionStep, frames: Indices) -> None:
+        self._bisection, self._efforts, self._frames = bisection, bisection.settings, frames
         self.known = SolvedFrames.empty(len(frames), bisection)
         amplitude = bisection.operators.problem.amplitude[frames]
-        size = np.maximum(np.linalg.norm(amplitude, axis=1, keepdims=True), efforts.faintest)
+        size = np.maximum(np.linalg.norm(amplitude, axis=1, keepdims=True), self._efforts.faintest)
         self._p = (amplitude / size).astype(self.known.theta.dtype)
 
     def solve(self, marks: Indices) -> None:
         """Solve all frames between the marks, which are in `known` already, level by level."""
         for level in midpoints(marks):
             wide = bool((level[:, 2] - level[:, 0]).max() >= 2 * self._efforts.wide)
-            left = [self._solve_near(rows, wide=wide) for rows in _chunks(level, self._efforts.rows)]
+            left = [self._solve_near(rows, wide=wide) for rows in self._bisection.chunks(level)]
             self._solve_rest(np.concatenate(left), wide=wide)
 
     def _solve_near(self, rows: Indices, *, wide: bool) -> Indices:
@@ -195,14 +177,14 @@ class FrameBlock:
         efforts = self._efforts
         mean, part = self._mean_target(rows)
         rough = np.linalg.norm(self._p[rows[:, 1]] - part * mean, axis=1) > efforts.far
-        for some in _chunks(rows[~rough], efforts.rows):
+        for some in self._bisection.chunks(rows[~rough]):
             self._solve_from_field(some, efforts.bent_wide if wide else efforts.bent, rough=False)
-        for some in _chunks(rows[rough], efforts.rows):
+        for some in self._bisection.chunks(rows[rough]):
             self._solve_from_field(some, efforts.rough, rough=True)
 
     def _solve_from_field(self, rows: Indices, effort: Effort, *, rough: bool) -> None:
         solved = self._bisection.from_field(self._batch(rows[:, 1]), self._neighbours(rows), effort, rough=rough)
-        self._keep(rows[:, 1], solved, sum(effort) + (self._bisection.admm_iterations if rough else 0))
+        self._keep(rows[:, 1], solved, sum(effort) + (self._efforts.split if rough else 0))
 
     def _batch(self, index: Indices) -> Batch:
         return self._bisection.operators.batch(self._frames[index], faintest=self._efforts.faintest)
@@ -238,11 +220,6 @@ class FrameBlock:
 
     def _keep(self, index: Indices, solved: FrameSolution, iterations: int) -> None:
         self.known.keep(index, solved, iterations, self._bisection.operators.backend)
-
-
-def _chunks(rows: Indices, size: int) -> Iterator[Indices]:
-    for first in range(0, len(rows), size):
-        yield rows[first : first + size]
 
 
 def _some(xp: Any, state: RowsState, index: Rows) -> RowsState:

@@ -12,7 +12,7 @@ docs/decisions/0024-glide.md compares the alternatives.
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -24,7 +24,6 @@ from midair.solvers.backend import Backend, backend
 from midair.solvers.field_operators import FieldOperators
 from midair.solvers.glide.bisection_step import BisectionStep, Effort
 from midair.solvers.glide.blocks import (
-    BlockIterations,
     BlockRange,
     FrameBlock,
     Indices,
@@ -143,21 +142,18 @@ class Glide:
         self, bisection: BisectionStep, audible: Indices, before: SolvedFrames | None
     ) -> Iterator[tuple[Indices, SolvedFrames]]:
         """Yield frames and solutions of each block in order; `before` is the solution of the first frame, if known."""
-        efforts = self._efforts()
         every = list(blocks(len(audible), coarse=self.coarse, size=self.block_on()))
         if before is not None:
             every[0] = replace(every[0], marks=every[0].marks[every[0].marks > 0])
         with ThreadPoolExecutor(self.jobs) as pool:
             marks = deque(
-                pool.submit(_without_warnings, solve_marks, bisection, efforts, audible[block.marks]) for block in every
+                pool.submit(_without_warnings, solve_marks, bisection, audible[block.marks]) for block in every
             )
             walks: deque[Future[SolvedFrames]] = deque()
             for block in every:
                 found = marks.popleft().result()
                 frames = audible[block.first : block.last + 1]
-                walks.append(
-                    pool.submit(_without_warnings, _solve_block, bisection, efforts, frames, block, before, found)
-                )
+                walks.append(pool.submit(_without_warnings, _solve_block, bisection, frames, block, before, found))
                 before = found.last()
             for block in every:
                 yield audible[block.first : block.last + 1], walks.popleft().result()
@@ -170,17 +166,12 @@ class Glide:
         array_backend = backend(self.backend, precision=self.precision)
         with array_backend.at_work():
             bisection = self._bisection(marks, array_backend)
-            last = _without_warnings(solve_marks, bisection, self._efforts(), np.arange(len(marks.amplitude))).last()
+            last = _without_warnings(solve_marks, bisection, np.arange(len(marks.amplitude))).last()
         return WarmStart(theta=last.theta[0], known=last)
 
     def block_on(self) -> int:
         """Frames per block: 1024 on a CPU; on a GPU enough that the marks of one block fill a batch."""
         return self.block or (32 * 1024 if backend(self.backend).on_gpu else 1024)
-
-    def _efforts(self) -> BlockIterations:
-        own: dict[str, Any] = {one.name: getattr(self, one.name) for one in fields(BlockIterations)}
-        own["rows"] = self.rows or backend(self.backend).rows
-        return BlockIterations(**own)
 
     def _bisection(self, problem: Problem, array_backend: Backend) -> BisectionStep:
         operators = FieldOperators.of(
@@ -190,14 +181,7 @@ class Glide:
         return BisectionStep(
             operators=operators,
             field=operators.field_move(loudness=self.loudness, floor=self.floor, sampled=sampled),
-            step=self.step,
-            momentum=self.momentum,
-            relaxation=self.relaxation,
-            even_field_weight=self.towards,
-            admm_iterations=self.split,
-            stiffness=self.stiffness,
-            max_power_share=self.hardest,
-            hard_polish=self.hard_polish,
+            settings=self,
         )
 
 
@@ -218,14 +202,13 @@ def evenly_spread(position: NDArray[np.float64] | None, *, every: int, count: in
 
 def _solve_block(
     bisection: BisectionStep,
-    efforts: BlockIterations,
     frames: Indices,
     block: BlockRange,
     before: SolvedFrames | None,
     marks: SolvedFrames,
 ) -> SolvedFrames:
     """Solve all frames of a block, from its marks and the last mark of the block before it."""
-    block_frames, index = FrameBlock(bisection, efforts, frames), block.marks - block.first
+    block_frames, index = FrameBlock(bisection, frames), block.marks - block.first
     block_frames.known.put(index, marks)
     if before is not None:
         block_frames.known.put(np.zeros(1, np.int64), before)
