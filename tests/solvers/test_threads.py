@@ -24,7 +24,7 @@ def test_a_blas_that_would_be_loaded_within_is_limited_too():
     """NumPy and SciPy have one BLAS each, and Numba loads SciPy's when the first kernel compiles."""
     program = """
 from threadpoolctl import threadpool_info
-from midair.solvers.backend import one_blas_thread
+from midair.solvers import one_blas_thread
 with one_blas_thread():
     import scipy.linalg
     print([pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"])
