@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BandError, InputError
+from midair.model import BAND
 from midair.streaming import BYTES, LazyFrames, convolve_lazily, extend, filter_lazily, read_frames, resample_lazily
 from midair.validation import positive
 
@@ -30,7 +31,7 @@ def check_band(band: Band, rate: float) -> Band:
     low, high = float(band[0]), float(band[1])
     nyquist = rate / 2
     if not 0 <= low < high <= nyquist:
-        fits = (20.0, 470.0) if nyquist >= 500 else (0.01 * nyquist, 0.9 * nyquist)
+        fits = BAND if nyquist >= 500 else (0.01 * nyquist, 0.9 * nyquist)
         raise BandError(
             f"band: expected 0 <= low < high <= {nyquist:g} Hz, half the recording's rate of {rate:g} Hz, "
             f"got {low:g} to {high:g} Hz; give one that fits, such as ({fits[0]:.2g}, {fits[1]:.3g})"

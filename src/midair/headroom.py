@@ -12,7 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.evaluate import in_band
-from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, SensorGrid, Solution, TransducerArray
+from midair.model import (
+    BAND,
+    RATE,
+    Acoustics,
+    AmplitudeFrames,
+    ControlGrid,
+    Drive,
+    SensorGrid,
+    Solution,
+    TransducerArray,
+)
 from midair.physics import focus_amplitude, radiation_pressure, sound_amplitude, transfer_matrix
 from midair.settings import Settings
 from midair.solvers import solve
@@ -122,7 +132,7 @@ def headroom(
 
 
 def level_of(
-    solution: Solution, target: AmplitudeFrames, *, band: tuple[float, float] = (20.0, 470.0), limits: bool = True
+    solution: Solution, target: AmplitudeFrames, *, band: tuple[float, float] = BAND, limits: bool = True
 ) -> PressureLevel:
     """Requested and predicted pressure of a solution for its target; vibration is measured within `band`, in Hz.
 
@@ -152,7 +162,7 @@ def level_of(
 def band_of(target: AmplitudeFrames) -> tuple[float, float]:
     """Band of the recording that a target was made from, in Hz; 20 to 470 Hz where its provenance has none."""
     known = Settings.of(target.provenance)
-    return (20.0, 470.0) if known is None else known.calibration.band
+    return BAND if known is None else known.calibration.band
 
 
 def linear_range(
@@ -167,7 +177,7 @@ def linear_range(
     focus = radiation_pressure(np.array(focus_amplitude(grid, array, acoustics=acoustics)), acoustics.medium)
     asked = float(focus) * np.geomspace(2e-3, 1.0, 9)
     wanted = asked[:, None] * pattern / top
-    frames = AmplitudeFrames(amplitude=sound_amplitude(wanted, acoustics.medium), rate=1000.0, grid=grid)
+    frames = AmplitudeFrames(amplitude=sound_amplitude(wanted, acoustics.medium), rate=RATE, grid=grid)
     drive = solve(frames, array, acoustics=acoustics, method="fast", iterations=(30, 30)).drive
     G = transfer_matrix(grid, array, acoustics=acoustics)
     pressed = radiation_pressure(drive.q @ G.T, acoustics.medium)

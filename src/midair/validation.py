@@ -64,9 +64,6 @@ def positive(value: float, name: str, unit: str = "") -> float:
     return number
 
 
-HEIGHTS = (20e-3, 1.0)
-"""Allowed heights of a palm above an array, in m."""
-
 PITCHES = (1e-6, 0.2)
 """Allowed distances between grid points, in m."""
 

@@ -55,6 +55,8 @@ def ask(socket, order, **given):
         ("keep", {}, "start live touch first"),
         ("keep", {"seconds": 61}, "less than or equal to 60"),
         ("check", {"sensor": "virtual:towel", "delay_ms": 1}, "greater than or equal to 2"),
+        ("check", {"sensor": "virtual:towel", "height_mm": 19}, "greater than or equal to 20"),
+        ("check", {"sensor": "virtual:towel", "height_mm": 1001}, "less than or equal to 1000"),
         ("check", {"sensor": "/etc/passwd"}, "match pattern"),
         ("check", {"sensor": "virtual:towel", "calibration": "../other.h5"}, "leads out"),
         ("check", {"sensor": "virtual:towel", "device": "autd3"}, "not permitted"),

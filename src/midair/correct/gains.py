@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model import Acoustics, Drive, Provenance, TransducerArray
+from midair.model import RATE, Acoustics, Drive, Provenance, TransducerArray
 from midair.physics import focus_phase, radiation_pressure, transfer_matrix
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ def beam_drive(
     *,
     frequency: float = 100.0,
     cycles: int = 20,
-    rate: float = 1000.0,
+    rate: float = RATE,
     acoustics: Acoustics | None = None,
 ) -> Drive:
     """A focus whose pressure oscillates at each level in turn, to measure the beam gain.

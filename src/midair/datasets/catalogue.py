@@ -11,7 +11,7 @@ import numpy as np
 from midair.datasets.strokes import Object, stroke
 from midair.errors import InputError
 from midair.files import open_take
-from midair.model import Recording
+from midair.model import RATE, Recording
 from midair.recordings import resample
 
 
@@ -146,7 +146,7 @@ def _read(about: Sample) -> Recording:
     if about.peak is None:
         return found
     life = found.provenance.then("faster", {"times": about.faster, "from_hz": found.rate})
-    quick = resample(replace(found, rate=about.faster * found.rate, provenance=life), 1000.0)
+    quick = resample(replace(found, rate=about.faster * found.rate, provenance=life), RATE)
     change = np.asarray(quick.samples) - np.median(quick.samples, axis=0)
     scale = about.peak / float(np.abs(change).max())
     life = quick.provenance.then("level", {"pa_per_count": scale, "peak_pa": about.peak})

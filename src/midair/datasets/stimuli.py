@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, RateError
-from midair.model import PressureFrames, Provenance, SensorGrid
+from midair.model import RATE, PressureFrames, Provenance, SensorGrid
 from midair.validation import positive
 
 Stimulus = Literal["i", "ii", "iii"]
@@ -17,7 +17,7 @@ def am_stimulus(
     *,
     peak: float = 60.0,
     duration: float = 0.5,
-    rate: float = 1000.0,
+    rate: float = RATE,
     sensor: SensorGrid | None = None,
 ) -> PressureFrames:
     """Pressure of the modulated foci of the paper's section 5.2, 0 or more, as an array can present it.

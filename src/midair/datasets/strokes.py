@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from midair.dsp import fft_frequencies, resample
 from midair.errors import InputError, RateError
-from midair.model import PressureFrames, Provenance, SensorGrid
+from midair.model import RATE, PressureFrames, Provenance, SensorGrid
 from midair.validation import positive
 
 Array = NDArray[np.float64]
@@ -102,7 +102,7 @@ def stroke(
     *,
     groove: bool = False,
     seed: int = 0,
-    rate: float = 1000.0,
+    rate: float = RATE,
     speed: float = 0.05,
     contact: float = 0.02,
     duration: float | None = None,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from midair.model import PressureFrames, Provenance, SensorGrid
+from midair.model import RATE, PressureFrames, Provenance, SensorGrid
 from midair.validation import positive
 
 
@@ -12,7 +12,7 @@ def taps(
     quiet: float = 1.0,
     peak: float = 30.0,
     spread: float = 0.25,
-    rate: float = 1000.0,
+    rate: float = RATE,
     seed: int = 0,
     sensor: SensorGrid | None = None,
 ) -> PressureFrames:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from midair.dsp import band_energy, band_window, filter_response, resample
 from midair.errors import MismatchError
 from midair.evaluate.alignment import advance, find_delay
-from midair.model import PressureFrames
+from midair.model import BAND, PressureFrames
 
 Array = NDArray[np.float64]
 Band = tuple[float, float]
@@ -36,7 +36,7 @@ def fidelity(
     original: PressureFrames,
     delivered: PressureFrames,
     *,
-    band: Band = (20.0, 470.0),
+    band: Band = BAND,
     images: Band = (530.0, 1000.0),
     weakest: float = 20.0,
     judged: tuple[float, float] | None = None,
@@ -103,9 +103,7 @@ def in_band(pressure: Array, rate: float, band: Band) -> Array:
     )
 
 
-def image_level(
-    delivered: PressureFrames, *, band: Band = (20.0, 470.0), images: Band = (530.0, 1000.0)
-) -> float | None:
+def image_level(delivered: PressureFrames, *, band: Band = BAND, images: Band = (530.0, 1000.0)) -> float | None:
     """Power in the band of the images over that in the band, over all cells, in dB; None if the rate is too low."""
     if delivered.rate < 2 * images[1]:
         return None

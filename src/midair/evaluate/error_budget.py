@@ -8,7 +8,7 @@ from functools import partial
 from midair.evaluate.distortion import Band, Fidelity, fidelity
 from midair.evaluate.leakage import Leak
 from midair.evaluate.palm_metrics import PalmFidelity
-from midair.model import PressureFrames
+from midair.model import BAND, PressureFrames
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,7 +102,7 @@ def budget(
     *,
     strength: float,
     kept: float | None = None,
-    band: Band = (20.0, 470.0),
+    band: Band = BAND,
     images: Band = (530.0, 1000.0),
     judged: tuple[float, float] | None = None,
     palm: PalmFidelity | None = None,

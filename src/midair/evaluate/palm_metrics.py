@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from midair.dsp import resample
 from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.distortion import Band, decibels, in_band
-from midair.model import Palm
+from midair.model import BAND, Palm
 from midair.physics import SKINS, SkinMotion, Tissue
 from midair.validation import frozen_array
 
@@ -99,7 +99,7 @@ def palm_fidelity(
     rates: tuple[float, float],
     square: tuple[float, float],
     judged: tuple[float, float] | None = None,
-    band: Band = (20.0, 470.0),
+    band: Band = BAND,
     skins: Mapping[str, Tissue] = SKINS,
 ) -> PalmFidelity:
     """Compare the pressure delivered to a palm with the target.
@@ -171,7 +171,7 @@ def palm_frames(
     rates: tuple[float, float],
     square: tuple[float, float],
     judged: tuple[float, float] | None = None,
-    band: Band = (20.0, 470.0),
+    band: Band = BAND,
     skin: str = "soft, deep",
 ) -> PalmFrames:
     """Frames at about 1 kHz of the quantities that `palm_fidelity` compares, for display.

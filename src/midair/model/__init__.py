@@ -8,6 +8,10 @@ from .array_calibration import ArrayCalibration as ArrayCalibration
 from .board import Board as Board
 from .board import array_of_boards as array_of_boards
 from .calibration import Calibration as Calibration
+from .defaults import BAND as BAND
+from .defaults import HEIGHT as HEIGHT
+from .defaults import HEIGHTS as HEIGHTS
+from .defaults import RATE as RATE
 from .drive import Drive as Drive
 from .drive import PlayedTouch as PlayedTouch
 from .drive import Solution as Solution

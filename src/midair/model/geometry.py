@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
+from midair.model.defaults import HEIGHT, HEIGHTS
 from midair.model.reprs import clipped, counted, summary
 from midair.model.svg_pictures import dots, framed
-from midair.validation import HEIGHTS, PITCHES, frozen_array, length, positive
+from midair.validation import PITCHES, frozen_array, length, positive
 
 Array = NDArray[np.float64]
 _UNKNOWN = np.zeros(0, np.complex128)
@@ -194,7 +195,7 @@ class ControlGrid(Grid):
     rows: int = 16
     columns: int = 16
     pitch: float = 11e-3 / 3
-    height: float = 0.2
+    height: float = HEIGHT
     """Height above the array, in m."""
     centre: tuple[float, float] = (0.0, 0.0)
     """(x, y) of the centre of the grid, in m."""

@@ -10,7 +10,17 @@ from numpy.typing import NDArray
 from midair.datasets import channel_amplitudes
 from midair.evaluate import Leak, leak, printed_error, relative_error
 from midair.figures import FieldRow, fields_figure, png_bytes
-from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, Provenance, SensorGrid, TransducerArray
+from midair.model import (
+    HEIGHT,
+    Acoustics,
+    AmplitudeFrames,
+    ControlGrid,
+    Drive,
+    Medium,
+    Provenance,
+    SensorGrid,
+    TransducerArray,
+)
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude, propagate
 from midair.pipeline import solve_with
@@ -88,7 +98,7 @@ def figure_3(
         title="Binary patterns and their fields, as in the paper's Fig. 3",
         rows=tuple(rows),
         pictures={"figure3.png": png_bytes(fields_figure(shown, sensor, quantity="sound pressure over a full focus"))},
-        about={"strength": strength, "height_m": 0.2, "array": array.name, "sources": "points, no attenuation"},
+        about={"strength": strength, "height_m": HEIGHT, "array": array.name, "sources": "points, no attenuation"},
     )
 
 

@@ -11,7 +11,7 @@ from midair.errors import InputError
 from midair.evaluate import Budget, in_band
 from midair.figures import budget_figure, passes_figure, png_bytes
 from midair.files import open_take
-from midair.model import PressureFrames
+from midair.model import BAND, PressureFrames
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude
 from midair.pipeline import calibrated_pressure, required_lead, target_amplitude
@@ -140,7 +140,7 @@ def strongest_begins(pressure: PressureFrames, duration: float) -> float:
     frames = round(duration * pressure.rate)
     if pressure.frames <= frames:
         return 0.0
-    power = (in_band(pressure.pressure, pressure.rate, (20.0, 470.0)) ** 2).sum(axis=(1, 2))
+    power = (in_band(pressure.pressure, pressure.rate, BAND) ** 2).sum(axis=(1, 2))
     so_far = np.concatenate([[0.0], power.cumsum()])
     return int(np.argmax(so_far[frames:] - so_far[:-frames])) / pressure.rate
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
+from midair.model import BAND
 from midair.physics.skin import Tissue, skin_compliance
 from midair.validation import positive
 
@@ -51,7 +52,7 @@ class SkinMotion:
         *,
         pitch: float,
         rate: float,
-        band: tuple[float, float] = (20.0, 470.0),
+        band: tuple[float, float] = BAND,
         edge: float = 10.0,
         settle: float = 0.25,
     ) -> "SkinMotion":

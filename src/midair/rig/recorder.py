@@ -10,6 +10,8 @@ from midair.devices import ArrayDevice, ExposureChoices, PlayReport, SensorDevic
 from midair.errors import InputError
 from midair.files import OpenedTake, load_calibration, open_take
 from midair.model import (
+    BAND,
+    HEIGHT,
     Acoustics,
     Calibration,
     Drive,
@@ -88,9 +90,9 @@ def open_rig(
     placement: Placement | None = None,
     silencer: SilencerChoice | None = None,
     exposure: ExposureChoices | None = None,
-    height: float = 0.2,
+    height: float = HEIGHT,
     cells: SensorGrid | None = None,
-    band: tuple[float, float] = (20.0, 470.0),
+    band: tuple[float, float] = BAND,
     acoustics: Acoustics | None = None,
     seed: int = 0,
 ) -> OpenRig:

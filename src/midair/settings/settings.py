@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from midair.errors import BrokenFileError, InputError
 from midair.files import atomic_file, from_plain, read_toml, to_plain
-from midair.model import Acoustics, ArrayCalibration, ControlGrid, Medium, Provenance, Setting
+from midair.model import BAND, RATE, Acoustics, ArrayCalibration, ControlGrid, Medium, Provenance, Setting
 from midair.physics import TransducerDynamics
 from midair.solvers import name_of, settings_type
 from midair.solvers import solver as solver_of
@@ -19,7 +19,7 @@ from midair.targets import Circle, Interpolated
 class CalibrationSettings:
     """Settings of the calibration, from samples to pressure."""
 
-    band: tuple[float, float] = (20.0, 470.0)
+    band: tuple[float, float] = BAND
     """(low, high) of the frequency band that is kept, in Hz (paper, 3)."""
     inverse: Literal["fft", "fir"] = "fft"
     """Inverse of the channels' responses: zero-phase FFT or linear-phase FIR filter."""
@@ -33,7 +33,7 @@ STRONGEST = 10.0
 class TargetSettings:
     """Settings of the target, from pressure to sound amplitude."""
 
-    rate: float = 1000.0
+    rate: float = RATE
     """Frame rate of the drive in Hz: the ultrasound's 40 kHz divided by an integer (paper, 3)."""
     mapping: str = "half-wave"
     """How signed pressure is made positive (4.1); "slow-bias" distorts least."""

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from midair.devices import ExposureChoices, amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MidairError
 from midair.files import DEFAULT_PROFILE, profile_named
-from midair.model import ControlGrid, Placement, TransducerArray
+from midair.model import HEIGHT, RATE, ControlGrid, Placement, TransducerArray
 from midair.physics import airs_of_room, greatest_exposure, transfer_matrix
 from midair.rig import (
     FRAME_EMITTED,
@@ -58,7 +58,7 @@ class LiveRequest:
 
     sensor: str
     device: str
-    height: float = 0.2
+    height: float = HEIGHT
     gain: float = 1.0
     level: float = 1.0
     hold: float = 0.006
@@ -171,7 +171,7 @@ class LiveView:
     def __init__(self, order: LiveSettings) -> None:
         self.array: TransducerArray = (order.placement or Placement.grid()).array()
         self.grid: ControlGrid = order.touch.grid
-        self._acoustics, self._rate, self._channels = order.touch.acoustics, 1000.0, 1
+        self._acoustics, self._rate, self._channels = order.touch.acoustics, RATE, 1
         matrix = transfer_matrix(self.grid, self.array, acoustics=self._acoustics)
         self._matrix = np.ascontiguousarray(matrix.T, np.complex64)
         self._turns = np.exp(2j * np.pi * np.arange(256) / 256).astype(np.complex64)
@@ -271,7 +271,7 @@ class _LiveSupervisor:
             array = (order.placement or Placement.grid()).array()
             profile = order.exposure.profile
             airs = airs_of_room(order.exposure.room, profile.places, array)
-            found = greatest_exposure(array, order.level, profile, rate=1000.0, airs=airs)
+            found = greatest_exposure(array, order.level, profile, rate=RATE, airs=airs)
             return {"number": 0, "refused": str(wrong), **exposed(found)}
         self._number += 1
         self._checked = {self._number: request}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from midair.datasets import binary_patterns, channel_amplitudes
 from midair.errors import InputError
 from midair.files import from_plain
-from midair.model import Acoustics, ControlGrid, Medium, Provenance, SensorGrid, Setting, TransducerArray
+from midair.model import HEIGHT, Acoustics, ControlGrid, Medium, Provenance, SensorGrid, Setting, TransducerArray
 from midair.physics import quantise_phase, transfer_matrix
 from midair.solvers import Problem, error_of, one_blas_thread, spreading_phase
 from midair.solvers import solver as solver_of
@@ -38,7 +38,7 @@ class PatternSweep:
 
     strengths: tuple[float, ...] = (0.1, 0.2)
     """Every pattern is solved at each pair of strength and height."""
-    heights: tuple[float, ...] = (0.2,)
+    heights: tuple[float, ...] = (HEIGHT,)
     """In m."""
     count: int = 65535
     """Number of patterns, of 65535."""

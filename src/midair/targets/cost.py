@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.dsp import band_edges, band_window, filter_response
-from midair.model import PressureFrames
+from midair.model import BAND, PressureFrames
 from midair.targets.mapping import half_wave, mapping_of
 
 Array = NDArray[np.float64]
@@ -37,9 +37,7 @@ class MappingReport:
         return asdict(self)
 
 
-def mapping_report(
-    pressure: PressureFrames, mapping: str, *, band: tuple[float, float] = (20.0, 470.0)
-) -> MappingReport:
+def mapping_report(pressure: PressureFrames, mapping: str, *, band: tuple[float, float] = BAND) -> MappingReport:
     """Compute the figures of a mapping for a recording.
 
     Parameters

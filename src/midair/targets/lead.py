@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import PressureFrames, Provenance
+from midair.model import BAND, PressureFrames, Provenance
 from midair.streaming import pad_with_fade
 from midair.targets.mapping import SlowBias, mapping_of
 
@@ -41,7 +41,7 @@ def add_lead(pressure: PressureFrames, lead: float) -> PressureFrames:
     if not pad:
         return pressure
     provenance = pressure.provenance.then("lead", {"lead_s": pad / pressure.rate})
-    swell = round(_swell(pressure.band or (20.0, 470.0)) * pressure.rate)
+    swell = round(_swell(pressure.band or BAND) * pressure.rate)
     return replace(
         pressure, pressure=cast("Array", pad_with_fade(pressure.pressure, pad, swell)), provenance=provenance
     )

@@ -15,18 +15,21 @@ from midair.calibration.apply.inverse import check_band_covered, inverse_respons
 from midair.calibration.apply.streaming_inverse import crosstalk_inverse
 from midair.dsp import Band, band_edges, band_window, check_band, fft_frequencies
 from midair.errors import InputError, ShapeError
-from midair.model import Calibration
+from midair.model import BAND, Calibration
 
 Array = NDArray[np.float64]
 
 _BINS = 16
 """Frequencies in the fit per filter tap."""
 
+PARTS = ((BAND[0], 40.0), (40.0, 100.0), (100.0, BAND[1]))
+"""Parts of the band, in Hz, in which `causal_error` is computed."""
+
 
 def causal_fir(
     calibration: Calibration,
     rate: float,
-    band: Band = (20.0, 470.0),
+    band: Band = BAND,
     *,
     delay: float = 0.006,
     taps: int = 256,
@@ -97,10 +100,10 @@ def causal_error(
     fir: Array,
     calibration: Calibration,
     rate: float,
-    band: Band = (20.0, 470.0),
+    band: Band = BAND,
     *,
     delay: float,
-    parts: Sequence[Band] = ((20.0, 40.0), (40.0, 100.0), (100.0, 470.0)),
+    parts: Sequence[Band] = PARTS,
     floor: float = 0.05,
     edges: tuple[float, float] | None = None,
 ) -> Array:
@@ -155,7 +158,7 @@ class CausalInverse:
         calibration: Calibration,
         rate: float,
         *,
-        band: Band = (20.0, 470.0),
+        band: Band = BAND,
         delay: float = 0.006,
         taps: int = 256,
         below: float = 10.0,

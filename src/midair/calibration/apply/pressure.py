@@ -9,7 +9,7 @@ from midair.calibration.apply.inverse import check_band_covered, default_taps, i
 from midair.calibration.apply.streaming_inverse import crosstalk_inverse
 from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, filter_response
 from midair.errors import BandError, InputError, MismatchError, UnitError
-from midair.model import Calibration, PressureFrames, Recording, Setting
+from midair.model import BAND, Calibration, PressureFrames, Recording, Setting
 from midair.recordings import dead_channels
 from midair.streaming import LazyFrames, blocks, channels, each_frame, moments
 
@@ -25,7 +25,7 @@ def calibrate(
     recording: Recording,
     calibration: Calibration | None = None,
     *,
-    band: Band = (20.0, 470.0),
+    band: Band = BAND,
     method: Method = "fft",
     edges: tuple[float, float] | None = None,
     taps: int | None = None,

@@ -7,7 +7,7 @@ from midair.calibration.apply.crosstalk_inverse import undo_matrix
 from midair.calibration.apply.inverse import check_band_covered, inverse_fir
 from midair.dsp import Band, band_edges, check_band
 from midair.errors import InputError, ShapeError
-from midair.model import Calibration
+from midair.model import BAND, Calibration
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ class StreamingInverse:
         calibration: Calibration,
         rate: float,
         *,
-        band: Band = (20.0, 470.0),
+        band: Band = BAND,
         taps: int | None = None,
         edges: tuple[float, float] | None = None,
         floor: float = 0.05,

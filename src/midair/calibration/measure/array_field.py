@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from midair.calibration.measure.array_plan import ArrayCodes
 from midair.errors import ShapeError
-from midair.model import Acoustics, Calibration, ControlGrid, SensorGrid, TransducerArray
+from midair.model import BAND, HEIGHT, RATE, Acoustics, Calibration, ControlGrid, SensorGrid, TransducerArray
 from midair.physics import SensorModel, TransducerDynamics, cell_weights, radiation_pressure, transfer_matrix
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ class SensorPlace:
 
     x: float = 0.0
     y: float = 0.0
-    z: float = 0.2
+    z: float = HEIGHT
     """Height of the sensor's centre above the array in m; x and y are its other coordinates."""
     turn: float = 0.0
     """Rotation about the vertical axis in rad."""
@@ -45,11 +45,11 @@ class ArrayField:
     acoustics: Acoustics
     calibration: Calibration
     """Calibration of the sensor."""
-    height: float = 0.2
+    height: float = HEIGHT
     """Assumed height of the sensor above the array, in m."""
-    rate: float = 1000.0
+    rate: float = RATE
     """Rate of the sensor in Hz: a whole multiple of the codes' rate."""
-    band: tuple[float, float] = (20.0, 470.0)
+    band: tuple[float, float] = BAND
     """(low, high) in Hz."""
     steps: int = 8
     """Time steps per frame."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import Acoustics, SensorGrid, TransducerArray
+from midair.model import RATE, Acoustics, SensorGrid, TransducerArray
 from midair.physics import quantise_phase, radiation_pressure, transfer_matrix
 from midair.validation import positive
 
@@ -33,7 +33,7 @@ class ArrayPlan:
     """Highest pressure of the steady beam on any of its cells, in Pa."""
     settle: float = 0.15
     """Pause between two groups in s: twice the memory of a sensor that responds to changes only."""
-    rate: float = 1000.0
+    rate: float = RATE
     """Frame rate of the drive in Hz."""
     seed: int = 0
     """Random seed of groups and codes."""

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import Acoustics, ControlGrid, SensorGrid, TransducerArray
+from midair.model import BAND, HEIGHT, HEIGHTS, RATE, Acoustics, ControlGrid, SensorGrid, TransducerArray
 from midair.physics import SensorModel, cell_weights, focus_phase, radiation_pressure, transfer_matrix
-from midair.validation import HEIGHTS, length, positive
+from midair.validation import length, positive
 
 Array = NDArray[np.float64]
 
@@ -21,9 +21,9 @@ class BeamPlan:
     """Peak pressure of the strongest level at the focus, in Pa."""
     levels: int = 6
     """Number of levels, evenly spaced in pressure; 5 or more."""
-    low: float = 20.0
+    low: float = BAND[0]
     """First tone in Hz, a multiple of `spacing`."""
-    high: float = 470.0
+    high: float = BAND[1]
     """Last tone in Hz, a multiple of `spacing`."""
     spacing: float = 5.0
     """Distance of the tones up to 60 Hz, in Hz; twice that above. The measurement window is 1 / spacing."""
@@ -31,7 +31,7 @@ class BeamPlan:
     """Settling time before the window of each level, in s."""
     guard: float = 0.02
     """Time after the window of each level, in s, because the beam may begin one frame early."""
-    rate: float = 1000.0
+    rate: float = RATE
     """Frame rate of the drive in Hz, a whole multiple of `spacing`."""
 
     def __post_init__(self) -> None:
@@ -86,7 +86,7 @@ class BeamPlan:
 class BeamSetting:
     """Position of the sensor under the array and averaging of its cells, with standard uncertainties."""
 
-    height: float = 0.2
+    height: float = HEIGHT
     """Height of the sensor above the array, in m."""
     centre: tuple[float, float] = (0.0, 0.0)
     """(x, y) of the sensor's centre, in m."""

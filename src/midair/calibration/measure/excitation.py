@@ -5,13 +5,14 @@ from numpy.typing import NDArray
 
 from midair.dsp import Band, check_band
 from midair.errors import InputError
+from midair.model import RATE
 from midair.validation import positive
 
 Array = NDArray[np.float64]
 
 
 def noise_signal(
-    rms: float, duration: float, *, rate: float = 1000.0, band: Band = (5.0, 490.0), rng: np.random.Generator
+    rms: float, duration: float, *, rate: float = RATE, band: Band = (5.0, 490.0), rng: np.random.Generator
 ) -> Array:
     """Generate Gaussian noise with a flat spectrum within a band and zero outside, shape (frame,).
 
@@ -35,7 +36,7 @@ def noise_signal(
 
 
 def sweep_signal(
-    rms: float, duration: float, *, rate: float = 1000.0, band: Band = (10.0, 490.0), silence: float = 0.5
+    rms: float, duration: float, *, rate: float = RATE, band: Band = (10.0, 490.0), silence: float = 0.5
 ) -> Array:
     """Generate a sine with exponentially rising frequency between two silences, shape (frame,).
 
@@ -66,7 +67,7 @@ def sweep_signal(
     return np.pad(np.sqrt(2) * positive(rms, "rms") * tone, round(silence * rate))
 
 
-def tone_signal(rms: float, frequency: float, duration: float, *, rate: float = 1000.0) -> Array:
+def tone_signal(rms: float, frequency: float, duration: float, *, rate: float = RATE) -> Array:
     """Generate a sine like that of a pistonphone, shape (frame,)."""
     check_band((0.0, positive(frequency, "frequency", "Hz")), rate)
     time = np.arange(_frames(duration, rate)) / rate

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from midair.calibration.measure.frequency_response import band_sums
 from midair.dsp import Band
 from midair.errors import BandError
-from midair.model import Calibration, Recording
+from midair.model import BAND, Calibration, Recording
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def white_level(density: Array, averages: float, overlap: float) -> tuple[Array,
     return level, np.full(level.shape, 0.5 * np.sqrt(np.pi / (2 * independent)))
 
 
-def noise_equivalent_pressure(calibration: Calibration, band: Band = (20.0, 470.0)) -> Array:
+def noise_equivalent_pressure(calibration: Calibration, band: Band = BAND) -> Array:
     """Rms pressure in a band that is as strong as each channel's noise, in Pa, shape (row, column).
 
     It is the root of the integral of ``S_nn / |H|^2`` over the band, or uses the white `noise` if no density was

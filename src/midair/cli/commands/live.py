@@ -27,7 +27,7 @@ from midair.cli.terminal import (
 )
 from midair.errors import InputError
 from midair.files import load_placement, load_sensor
-from midair.model import Acoustics, Medium
+from midair.model import BAND, HEIGHT, Acoustics, Medium
 from midair.rig import LiveSession, LiveStatistics, make_key, send_touch
 from midair.rig import live as begin
 
@@ -105,14 +105,14 @@ class LiveOptions(ExposureOptions):
     device: str = "virtual"
     calibration: Path | None = None
     sensor_file: Path | None = None
-    height: Length = 0.2
+    height: Length = HEIGHT
     gain: float = 1.0
     level: float = 1.0
     hold: Time = 0.006
     delay: Time = 0.006
     mapping: Literal["half-wave", "constant-offset", "slow-bias"] = "half-wave"
     offset: Annotated[float | None, quantity("Pa")] = None
-    band: Annotated[tuple[float, float], quantity("Hz", many=2)] = (20.0, 470.0)
+    band: Annotated[tuple[float, float], quantity("Hz", many=2)] = BAND
     silencer: Literal["off", "quarter", "half", "default"] = "off"
     placement: Path | None = None
     temperature: Annotated[float | None, quantity("C")] = None

@@ -14,10 +14,9 @@ from cyclopts import Parameter
 from midair.cli.terminal.quantities import format_quantity, quantity
 from midair.errors import InputError
 from midair.files import load_palm, load_solution
-from midair.model import Palm
+from midair.model import HEIGHTS, Palm
 from midair.settings import CHOICES, MODES, Choice, Mode, Settings, format_value
 from midair.solvers import QuietPalm
-from midair.validation import HEIGHTS
 
 Length = Annotated[float, quantity("m")]
 Frequency = Annotated[float, quantity("Hz")]

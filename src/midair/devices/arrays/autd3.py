@@ -10,7 +10,7 @@ from midair.devices.arrays.constant_frame_array import ConstantFrameArray, Const
 from midair.devices.arrays.immediate import ImmediateArray, ImmediateUnits
 from midair.devices.arrays.silencer import SilencerChoice, named_silencer
 from midair.errors import MissingExtraError
-from midair.model import Placement
+from midair.model import RATE, Placement
 
 
 def autd3_array(
@@ -80,7 +80,7 @@ def autd3_immediate(
     placement: Placement | None = None,
     *,
     silencer: SilencerChoice = "off",
-    rate: float = 1000.0,
+    rate: float = RATE,
     hold: float = 0.006,
     failsafe: float = 0.05,
 ) -> ImmediateArray:

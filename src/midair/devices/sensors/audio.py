@@ -18,6 +18,7 @@ from pydantic import PositiveFloat, PositiveInt
 
 from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream
 from midair.errors import DeviceError, DeviceStateError, UnknownDeviceError
+from midair.model import RATE
 
 try:
     import sounddevice
@@ -232,7 +233,7 @@ class AudioSensor(SensorOptions):
 
     package = "sounddevice"
     has_default = True
-    rate: PositiveFloat | None = 1000.0
+    rate: PositiveFloat | None = RATE
     channels: PositiveInt | None = None
     native: PositiveFloat | None = None
 

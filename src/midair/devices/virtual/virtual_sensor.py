@@ -7,7 +7,7 @@ import numpy as np
 from midair.devices.interface import FrameBlock, SensorDevice
 from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError
-from midair.model import PressureFrames
+from midair.model import RATE, PressureFrames
 from midair.physics import calibration_of, sense, sense_lazily, storage_precision
 from midair.streaming import LazyFrames
 
@@ -39,7 +39,7 @@ class VirtualSensor(SensorDevice):
         skin: VirtualSkin,
         *,
         touch: PressureFrames | None = None,
-        rate: float = 1000.0,
+        rate: float = RATE,
         seed: int = 0,
         name: str = "virtual",
     ) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import RateError, ShapeError
-from midair.model import ControlGrid, PressureFrames
+from midair.model import HEIGHT, ControlGrid, PressureFrames
 from midair.physics import SensorModel, cell_weights
 from midair.streaming import LazyFrames, TempFrames
 
@@ -24,7 +24,7 @@ class VirtualSkin:
         Time steps per second, in Hz; well above the sensor's frame rate.
     """
 
-    def __init__(self, model: SensorModel, *, height: float = 0.2, rate: float = 8000.0) -> None:
+    def __init__(self, model: SensorModel, *, height: float = HEIGHT, rate: float = 8000.0) -> None:
         self.model = model
         self.rate = rate
         pitch, margin = model.grid.pitch / 4, 2

@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 from midair.calibration import ArrayField, ArrayPlan, array_codes, find_lag, fit_array, typical_uncertainty
 from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exposure
 from midair.errors import InputError, RateError
-from midair.model import Acoustics, ArrayCalibration, Drive, Provenance
+from midair.model import HEIGHT, HEIGHTS, Acoustics, ArrayCalibration, Drive, Provenance
 from midair.physics import TransducerDynamics, radiation_pressure, transfer_matrix
 from midair.rig.correction import Stage, no_progress
 from midair.rig.playing import default_exposure, rerecord
-from midair.validation import HEIGHTS, length
+from midair.validation import length
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ def calibrate_array(
     sensor: SensorDevice,
     plan: ArrayPlan | None = None,
     *,
-    height: float = 0.2,
+    height: float = HEIGHT,
     acoustics: Acoustics | None = None,
     dynamics: TransducerDynamics | None = None,
     exposure: ExposureChoices | None = None,

@@ -8,7 +8,7 @@ from midair.calibration import noise_equivalent_pressure, typical_uncertainty
 from midair.errors import BandError, UnknownFormatError
 from midair.figures import Picture, calibration_figure, png_bytes, render_page
 from midair.files import atomic_file
-from midair.model import Calibration
+from midair.model import BAND, Calibration
 
 Rows = list[tuple[str, str]]
 
@@ -64,7 +64,7 @@ def calibration_rows(calibration: Calibration) -> Rows:
     ]
     if measured is not None:
         rows += [("method", measured.method), ("reference", measured.reference)]
-    low, high = max(20.0, float(frequency[0])), min(470.0, float(frequency[-1]))
+    low, high = max(BAND[0], float(frequency[0])), min(BAND[1], float(frequency[-1]))
     if measured is not None and low < high:
         hidden = 1e3 * noise_equivalent_pressure(calibration, (low, high))
         unsure = 200 * float(np.median(measured.noise_uncertainty))
@@ -88,7 +88,7 @@ def describe_uncertainty(calibration: Calibration) -> str:
     measured, frequency = calibration.measurement, calibration.frequency
     if measured is None:
         return "unknown: stated, not measured"
-    low, high = max(20.0, float(frequency[0])), min(470.0, float(frequency[-1]))
+    low, high = max(BAND[0], float(frequency[0])), min(BAND[1], float(frequency[-1]))
     band = (low, high) if low < high else (float(frequency[0]), float(frequency[-1]))
     typical = typical_uncertainty(calibration, band) or 0.0
     shared = 200 * measured.reference_uncertainty
@@ -143,7 +143,7 @@ def _channel(calibration: Calibration, channel: int, at: float) -> list[str]:
 def _noise_pressure(calibration: Calibration, row: int, column: int) -> str:
     """Noise-equivalent pressure of a channel with its uncertainty."""
     measured, frequency = calibration.measurement, calibration.frequency
-    band = (max(20.0, float(frequency[0])), min(470.0, float(frequency[-1])))
+    band = (max(BAND[0], float(frequency[0])), min(BAND[1], float(frequency[-1])))
     try:
         hidden = 1e3 * noise_equivalent_pressure(calibration, band)[row, column]
     except BandError:

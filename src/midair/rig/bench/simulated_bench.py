@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from midair.calibration import Reference, ReferencedTake, noise_signal, sweep_signal
 from midair.errors import FileError
 from midair.files import save
-from midair.model import Progress, Provenance, Recording, SensorGrid
+from midair.model import RATE, Progress, Provenance, Recording, SensorGrid
 from midair.physics import SensorModel, sense
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ class CalibrationBench:
 
     model: SensorModel = field(default_factory=SensorModel)
     """The sensor; hidden from the analysis."""
-    rate: float = 1000.0
+    rate: float = RATE
     """Rate of sensor and reference in Hz."""
     reference_sensitivity: float = 50e-3
     """Sensitivity in V/Pa that the reference's certificate states."""

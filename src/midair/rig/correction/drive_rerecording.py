@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from midair.devices import check_exposure
 from midair.evaluate import PalmFidelity
-from midair.model import Calibration, Drive, Palm, PressureFrames, Recording
+from midair.model import BAND, Calibration, Drive, Palm, PressureFrames, Recording
 from midair.rig.correction.palm_simulation import palm_of_drive, played_chain
 from midair.rig.correction.passes import Stage, no_progress
 from midair.rig.names import VirtualRig
@@ -30,7 +30,7 @@ def rerecord_drive(
     rig: VirtualRig,
     *,
     palm: Palm | None = None,
-    band: tuple[float, float] = (20.0, 470.0),
+    band: tuple[float, float] = BAND,
     stage: Stage = no_progress,
 ) -> DriveRerecording:
     """Play a drive on the virtual rig to its sensor and to a whole palm.

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from midair.devices import choose_silencer
 from midair.evaluate import PalmFidelity, PalmFrames, palm_fidelity, palm_frames
-from midair.model import Acoustics, Drive, Palm, PressureFrames, Progress, SensorGrid
+from midair.model import BAND, Acoustics, Drive, Palm, PressureFrames, Progress, SensorGrid
 from midair.physics import PlaybackChain, simulate, transfer_matrix
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.names import VirtualRig
@@ -24,7 +24,7 @@ def palm_of_drive(
     chain: PlaybackChain,
     rig: VirtualRig,
     judged: tuple[float, float] | None = None,
-    band: tuple[float, float] = (20.0, 470.0),
+    band: tuple[float, float] = BAND,
     progress: Progress | None = None,
 ) -> PalmFidelity:
     """Play a drive to a simulated palm, and compare with the target pressure within the sensor's square.
@@ -59,7 +59,7 @@ def palm_frames_of_drive(
     chain: PlaybackChain,
     rig: VirtualRig,
     judged: tuple[float, float] | None = None,
-    band: tuple[float, float] = (20.0, 470.0),
+    band: tuple[float, float] = BAND,
     skin: str = "soft, deep",
 ) -> PalmFrames:
     """Simulate a drive on a palm frame by frame, for display; parameters as in `palm_of_drive`."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from midair.blas import VARIABLE, WIDE, misses_wide_kernel
 from midair.files import open_take, save
-from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
+from midair.model import HEIGHT, RATE, Acoustics, AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.progress import report_progress
 from midair.rig.doctor.array_checkup import array_findings
@@ -65,7 +65,7 @@ def _extra(name: str, extra: str, use: str) -> Check:
 
 def _folder() -> Check:
     """Check that a recording can be written to the current folder and read back."""
-    recording = Recording(samples=np.arange(32.0).reshape(2, 4, 4), rate=1000.0)
+    recording = Recording(samples=np.arange(32.0).reshape(2, 4, 4), rate=RATE)
     try:
         with tempfile.TemporaryDirectory(dir=".") as folder:
             save(recording, Path(folder) / "check.h5")
@@ -85,7 +85,7 @@ def _folder() -> Check:
 
 def _field() -> Check:
     """Compare the focus of four units with the value of AUTD3's own emulator."""
-    array, point = TransducerArray.autd3(), np.array([[0, 0, 0.2]])
+    array, point = TransducerArray.autd3(), np.array([[0, 0, HEIGHT]])
     # The emulator computes point sources without loss.
     acoustics = Acoustics(medium=Medium(attenuation=0), directivity="point")
     matrix = transfer_matrix(point, array, acoustics=acoustics)
@@ -102,7 +102,7 @@ def _solver() -> Check:
     grid, array = ControlGrid(), TransducerArray.autd3()
     amplitude = np.zeros((1, grid.count))
     amplitude[0, grid.count // 2 + grid.columns // 2] = 1000.0
-    target = AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid)
+    target = AmplitudeFrames(amplitude=amplitude, rate=RATE, grid=grid)
     # A first run, so that loading SciPy is not timed.
     solve(target, array, iterations=1)
     begin = time.perf_counter()

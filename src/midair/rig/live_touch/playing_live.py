@@ -7,7 +7,7 @@ from pathlib import Path
 from midair.devices import ExposureChoices, ExposureClearance, SilencerChoice, check_exposure_level
 from midair.errors import InputError
 from midair.files import load_calibration
-from midair.model import Acoustics, Calibration, ControlGrid, Placement, SensorWiring
+from midair.model import BAND, HEIGHT, RATE, Acoustics, Calibration, ControlGrid, Placement, SensorWiring
 from midair.rig.live_touch.encryption import read_key
 from midair.rig.live_touch.live_loop import Pace
 from midair.rig.live_touch.live_settings import LiveSettings, NetworkInput
@@ -23,14 +23,14 @@ def live(
     sensor: str = "virtual:towel",
     device: str = "virtual",
     *,
-    height: float = 0.2,
+    height: float = HEIGHT,
     gain: float = 1.0,
     level: float = 1.0,
     hold: float = 0.006,
     delay: float = 0.006,
     mapping: str = "half-wave",
     offset: float | None = None,
-    band: tuple[float, float] = (20.0, 470.0),
+    band: tuple[float, float] = BAND,
     calibration: Calibration | str | Path | None = None,
     wiring: SensorWiring | None = None,
     placement: Placement | None = None,
@@ -158,7 +158,7 @@ def live(
     return LiveSession(order, keep=None if keep is None else Path(keep), notes=notes, permit=permit, leave=leave)
 
 
-def live_clearance(order: LiveSettings, *, rate: float = 1000.0) -> ExposureClearance:
+def live_clearance(order: LiveSettings, *, rate: float = RATE) -> ExposureClearance:
     """Check the exposure of live settings without opening a device; `live` checks again with the device.
 
     Parameters
@@ -182,7 +182,7 @@ def send_touch(
     key: str | Path,
     *,
     delay: float = 0.006,
-    band: tuple[float, float] = (20.0, 470.0),
+    band: tuple[float, float] = BAND,
     calibration: Calibration | str | Path | None = None,
     wiring: SensorWiring | None = None,
     patience: float = 30.0,

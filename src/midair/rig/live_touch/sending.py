@@ -11,7 +11,7 @@ import numpy as np
 from midair.calibration import CausalInverse
 from midair.devices import StreamedSensor
 from midair.errors import DeviceError, InputError
-from midair.model import Calibration
+from midair.model import BAND, Calibration
 from midair.rig.live_touch.encryption import (
     END,
     FRAME,
@@ -46,7 +46,7 @@ class FrameSender:
         to: tuple[str, int],
         key: bytes,
         *,
-        band: tuple[float, float] = (20.0, 470.0),
+        band: tuple[float, float] = BAND,
         delay: float = 0.006,
         patience: float = 30.0,
     ) -> None:

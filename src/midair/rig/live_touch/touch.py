@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from midair.calibration import CausalInverse, causal_error
 from midair.dsp import band_edges, check_band
 from midair.errors import InputError
-from midair.model import Acoustics, Calibration, ControlGrid, PressureFrames, SensorGrid, TransducerArray
+from midair.model import BAND, Acoustics, Calibration, ControlGrid, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import focus_amplitude, sound_amplitude
 from midair.solvers import FrameTracker, Live, multi_plane_problem, symmetric_modes
 from midair.targets import MappingStream, decouple, interpolation_matrix
@@ -25,7 +25,7 @@ Bytes = NDArray[np.uint8]
 class TouchSettings:
     """Settings of the processing from frame to phases."""
 
-    band: tuple[float, float] = (20.0, 470.0)
+    band: tuple[float, float] = BAND
     """(low, high) of the frequency band in Hz."""
     delay: float = 0.006
     """Delay of the causal inverse, 2 to 10 ms, in s; see `midair.calibration.causal_fir`."""
@@ -65,7 +65,7 @@ class Touch:
     transducer in audible frames, 0 to 1.
     """
 
-    parts = ((20.0, 40.0), (40.0, 100.0), (100.0, 470.0))
+    parts = ((BAND[0], 40.0), (40.0, 100.0), (100.0, BAND[1]))
 
     def __init__(
         self,

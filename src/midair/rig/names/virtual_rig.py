@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 from midair.datasets import am_stimulus, stroke, taps
 from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
 from midair.errors import BandError, UnknownDeviceError
-from midair.model import Acoustics, PressureFrames, SensorGrid, TransducerArray
+from midair.model import HEIGHT, HEIGHTS, RATE, Acoustics, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import SensorModel, TransducerDynamics, Transducers
-from midair.validation import HEIGHTS, length
+from midair.validation import length
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,12 +16,12 @@ class VirtualRig:
 
     array: TransducerArray = field(default_factory=TransducerArray.autd3)
     cells: SensorGrid = field(default_factory=SensorGrid)
-    height: float = 0.2
+    height: float = HEIGHT
     """Height of the sensor above the array in m."""
     acoustics: Acoustics | None = None
     """Air during playback, whatever a drive was solved for, and directivity; each drive's own air if None."""
     dynamics: TransducerDynamics = field(default_factory=TransducerDynamics)
-    rate: float = 1000.0
+    rate: float = RATE
     """Rate of the sensor in Hz."""
     steps: int = 8
     """Simulation steps per frame of the sensor."""

@@ -12,6 +12,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from midair.errors import DeviceStateError, InputError, MidairError
+from midair.model import HEIGHT, HEIGHTS
 from midair.rig import Subject, take_path
 from midair.studio.live_feed import LiveFeed
 from midair.studio.live_process import REMEMBERED, LiveRequest, run_live
@@ -31,7 +32,7 @@ class CheckLive(BaseModel):
     delay_ms: float = Field(default=6.0, ge=2, le=10)
     hold_ms: float = Field(default=6.0, ge=2, le=20)
     gain: float = Field(default=1.0, gt=0, le=100)
-    height_mm: float = Field(default=200.0, ge=50, le=600)
+    height_mm: float = Field(default=1e3 * HEIGHT, ge=1e3 * HEIGHTS[0], le=1e3 * HEIGHTS[1])
     level: float = Field(default=1.0, gt=0, le=1)
     profile: str = Field(default="", max_length=100)
     attenuate: bool = False

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from midair.errors import InputError
+from midair.model import HEIGHTS
 from midair.settings import Mode
 from midair.studio.job_call import result_of
 from midair.studio.jobs import Jobs, Progressed, StudioJob
@@ -34,7 +35,7 @@ class SolveForm(BaseModel):
     method: Literal["live", "fast", "exact", "lm", "glide"] | None = None
     level: Annotated[float, Field(gt=0, le=1)] | Literal["auto"] | None = None
     gain: float | None = Field(default=None, gt=0, le=100)
-    height_mm: float | None = Field(default=None, ge=50, le=600)
+    height_mm: float | None = Field(default=None, ge=1e3 * HEIGHTS[0], le=1e3 * HEIGHTS[1])
     guard_mm: float | None = Field(default=None, ge=0, le=100)
     visible_s: float | None = Field(default=None, ge=0)
     replaces: str = Field(default="", max_length=100)

@@ -85,7 +85,7 @@ export class Live {
     this.form = make("div.column", {}, field("Sensor", this.source), this.named, field("Calibration", this.calibration), field("Mapping", choice(MAPPINGS, "half-wave", set("mapping", false))),
       field("Filter delay", choice(ms([2, 4, 6, 8, 10]), "6", set("delay_ms"))), field("Hold", choice(ms([4, 6, 8, 10, 15]), "6", set("hold_ms"))),
       field("Gain", make("input", { type: "number", min: 0.05, max: 100, step: 0.05, value: "1", onchange: set("gain") })),
-      field("Height, mm", make("input", { type: "number", min: 50, max: 600, step: 10, value: "200", onchange: set("height_mm") })),
+      field("Height, mm", make("input", { type: "number", min: 20, max: 1000, step: 10, value: "200", onchange: set("height_mm") })),
       field("Level", choice([["0.1", "0.1 of full"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]], "1", set("level"))));
     this.check = make("button", { type: "button", id: "live-check", onclick: () => this._check() }, "Check exposure");
     this.hold = make("button.main.hold", { type: "button", id: "hold", disabled: true }, "Hold to begin");

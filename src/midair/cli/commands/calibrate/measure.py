@@ -25,7 +25,7 @@ from midair.cli.terminal import (
 )
 from midair.errors import InputError
 from midair.files import open_take
-from midair.model import Acoustics, Medium
+from midair.model import HEIGHT, Acoustics, Medium
 from midair.rig import (
     PRACTICE_RECORDINGS,
     ReferenceChoice,
@@ -166,7 +166,7 @@ def beam_command(
     device: str = "virtual",
     levels: int = 6,
     top: Annotated[float, quantity("Pa")] = 100.0,
-    height: Length = 0.2,
+    height: Length = HEIGHT,
     aperture: Length = 8e-3,
     spread: Length = 1e-3,
     pressure_uncertainty: float = 0.3,

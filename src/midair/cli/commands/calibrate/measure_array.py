@@ -25,7 +25,7 @@ from midair.cli.terminal import (
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import MissingFileError
 from midair.files import ARRAY_SUFFIX, load_calibration, save_array_calibration
-from midair.model import Acoustics, Medium
+from midair.model import HEIGHT, Acoustics, Medium
 from midair.rig import VirtualRig, array_named, calibrate_array, sensor_named
 
 
@@ -38,7 +38,7 @@ def array_command(
     calibration: Path | None = None,
     duration: Time = 8.0,
     top: Annotated[float, quantity("Pa")] = 100.0,
-    height: Length = 0.2,
+    height: Length = HEIGHT,
     date: str | None = None,
     air: AirOptions | None = None,
     exposure: ExposureOptions | None = None,

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter, Token
 
 from midair.cli.terminal import AirOptions, format_quantity, out, parse_quantity, run_with_bar, show_patterns
-from midair.model import Acoustics, Directivity, Medium
+from midair.model import HEIGHT, Acoustics, Directivity, Medium
 from midair.sweep import PatternResults, PatternSweep, load_sweep, report_of
 
 
@@ -31,7 +31,7 @@ def patterns_command(
     /,
     *,
     strength: Numbers = (0.1, 0.2),
-    height: Lengths = (0.2,),
+    height: Lengths = (HEIGHT,),
     count: int = 65535,
     curve_strength: Numbers = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4),
     curve_height: Lengths = (0.15, 0.175, 0.2, 0.225, 0.25, 0.275, 0.3),
