@@ -295,14 +295,14 @@ def bands() -> None:
 def spectra() -> None:
     """Print the re-recorded spectra of towel, sponge and brush, played live and with the best offline mode."""
     from midair.pipeline import calibrated_pressure, reproduce
-    from midair.rig.live_touch import Touch, TouchSettings
+    from midair.rig.live_touch import LiveSettings, Touch
     from midair.settings import MODES
 
     array, grid = TransducerArray.autd3(), ControlGrid()
     print("\nspectra on a cell, dB re the original (20-40 / 40-100 / 100-470 Hz); nominal transducers")
     for thing in THINGS:
         recording, calibration, wanted = _felt(thing, 1.2)
-        settings = TouchSettings()
+        settings = LiveSettings()
         touch = Touch(settings, calibration, recording.sensor, 1000.0, array, 1.0)
         phase, level = np.zeros((recording.frames, array.count)), np.zeros(recording.frames)
         for number, sample in enumerate(recording.samples.reshape(recording.frames, -1)):
@@ -322,10 +322,10 @@ def spectra() -> None:
 
 def hurried() -> None:
     """Print the mean E of the phases if some frames are hurried, and the time per frame."""
-    from midair.rig.live_touch import Touch, TouchSettings
+    from midair.rig.live_touch import LiveSettings, Touch
     from midair.solvers import one_blas_thread
 
-    array, settings = TransducerArray.autd3(), TouchSettings()
+    array, settings = TransducerArray.autd3(), LiveSettings()
     G = transfer_matrix(settings.grid, array) / focus_amplitude(settings.grid, array)
     print("\nE of the phases, % (no, every fourth, every second, every frame hurried), and median ms per frame")
     for thing in THINGS:

@@ -1,13 +1,16 @@
 """Checks of input values, and read-only copies of arrays."""
 
 from collections.abc import Sequence
-from typing import Any, cast
+from dataclasses import field, fields
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from midair.errors import InputError, NonFiniteError, ShapeError
 from midair.streaming import LazyFrames
+
+T = TypeVar("T")
 
 
 def frozen_array(
@@ -75,6 +78,52 @@ def length(value: float, name: str, limits: tuple[float, float]) -> float:
         hint = f"; lengths are in metres, {number:g} mm is {number / 1e3:g}" if low <= number / 1e3 <= high else ""
         raise InputError(f"{name}: expected {low:g} to {high:g} m, got {number:g} m{hint}")
     return number
+
+
+def setting(
+    default: Any,
+    about: str,
+    *,
+    unit: str = "",
+    limits: tuple[float, float] | None = None,
+    above: bool = False,
+    **more: Any,
+) -> Any:
+    """Declare a setting: a field of a dataclass with its help text, SI unit and limits; `above` excludes the lower one.
+
+    A callable as `default` makes the default. Options, request models and provenance derive from the declaration;
+    `more` is metadata for them.
+    """
+    known = {"help": about, "unit": unit, "limits": limits, "above": above, **more}
+    made: Any = {"default_factory" if callable(default) else "default": default}
+    return field(**made, metadata=known)
+
+
+def check_settings(settings: Any) -> None:
+    """Raise InputError for the first setting that is outside its limits; None is within all limits."""
+    for one in fields(settings):
+        limits, value = one.metadata.get("limits"), getattr(settings, one.name)
+        if limits is None or value is None:
+            continue
+        (low, high), above, unit = limits, one.metadata["above"], one.metadata["unit"]
+        if low < value <= high or (value == low and not above):
+            continue
+        if unit == "m":
+            length(value, one.name, limits)
+        factor, shown = (1e3, " ms") if unit == "s" and high < 1 else (1.0, f" {unit}".rstrip())
+        least, most = f"{factor * low:g}", f"{factor * high:g}{shown}"
+        if above:
+            asked = f"above {least}{shown}" if np.isinf(high) else f"above {least} and at most {most}"
+        else:
+            asked = f"{least}{shown} or more" if np.isinf(high) else f"{least} to {most}"
+        raise InputError(f"{one.name}: expected {asked}, got {factor * value:g}{shown}")
+
+
+def documented(kind: type[T]) -> type[T]:
+    """Append the help texts of the settings of a dataclass to its docstring."""
+    rows = [f"    {one.name}\n        {one.metadata['help']}" for one in fields(cast("Any", kind)) if one.metadata]
+    kind.__doc__ = "\n".join([f"{kind.__doc__}\n\n    Parameters\n    ----------", *rows])
+    return kind
 
 
 def _axes(axes: Sequence[str | int]) -> str:

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from midair.errors import InputError
 from midair.model import SensorGrid
 from midair.physics import transfer_matrix
-from midair.rig import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED
-from midair.studio.live_process import LiveRequest, LiveView, RecentFrames
+from midair.rig import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, LiveSettings
+from midair.studio.live_process import LiveView, RecentFrames
 from midair.view import Kind
 
 SLOT = np.dtype(
@@ -43,7 +42,7 @@ def frames(first, count, seed=3):
 
 @pytest.fixture(scope="module")
 def sight():
-    made = LiveView(LiveRequest(sensor="virtual:towel", device="virtual").session().order)
+    made = LiveView(LiveSettings())
     made.found(LoopStarted)
     return made
 
@@ -89,8 +88,3 @@ def test_at_most_a_minute_is_kept():
     assert np.array_equal(found["samples"][-8:], last["samples"][:, :16])
     assert np.array_equal(found["phases"][-8:], last["phases"])
     assert len(kept.last(100).since(100)[0]) == 0
-
-
-def test_invalid_live_request_is_refused():
-    with pytest.raises(InputError, match="sound card"):
-        LiveRequest(sensor="audio:0", device="virtual").session()

@@ -106,6 +106,4 @@ def test_hidden_page_cannot_begin(client, studio):
 
 
 def _request():
-    from midair.studio.live_process import LiveRequest
-
-    return LiveRequest(sensor="virtual:towel", device="virtual")
+    return {"sensor": "virtual:towel", "device": "virtual"}

@@ -45,6 +45,7 @@ from .doctor import run_checks as run_checks
 from .live_touch import FRAME_EMITTED as FRAME_EMITTED
 from .live_touch import FRAME_LATE as FRAME_LATE
 from .live_touch import FRAME_REPEATED as FRAME_REPEATED
+from .live_touch import LiveMapping as LiveMapping
 from .live_touch import LiveSession as LiveSession
 from .live_touch import LiveSettings as LiveSettings
 from .live_touch import LiveStatistics as LiveStatistics

@@ -20,16 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import ExposureChoices, amplitude_of
+from midair.devices import amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MidairError
-from midair.files import DEFAULT_PROFILE, profile_named
-from midair.model import HEIGHT, RATE, ControlGrid, Placement, TransducerArray
+from midair.model import RATE, ControlGrid, Placement, TransducerArray
 from midair.physics import airs_of_room, greatest_exposure, transfer_matrix
 from midair.rig import (
     FRAME_EMITTED,
     FRAME_LATE,
     FRAME_REPEATED,
-    LeaseToken,
     LiveSession,
     LiveSettings,
     LiveTake,
@@ -50,48 +48,6 @@ PHASES = 15.0
 
 REMEMBERED = 60.0
 """Seconds that can be saved as a take afterwards."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LiveRequest:
-    """Settings of live touch; names and units as in `midair.live`."""
-
-    sensor: str
-    device: str
-    height: float = HEIGHT
-    gain: float = 1.0
-    level: float = 1.0
-    hold: float = 0.006
-    delay: float = 0.006
-    mapping: str = "half-wave"
-    calibration: str = ""
-    profile: str = ""
-    attenuate: bool = False
-    override: str = ""
-    seed: int = 0
-
-    def session(self, permit: Any = None, leave: LeaseToken | None = None) -> LiveSession:
-        """Create the session without starting it; InputError if a setting is invalid."""
-        choices = ExposureChoices(
-            profile=profile_named(self.profile or DEFAULT_PROFILE),
-            attenuate=self.attenuate,
-            override=self.override or None,
-        )
-        return live(
-            self.sensor,
-            self.device,
-            height=self.height,
-            gain=self.gain,
-            level=self.level,
-            hold=self.hold,
-            delay=self.delay,
-            mapping=self.mapping,
-            calibration=self.calibration or None,
-            exposure=choices,
-            permit=permit,
-            leave=leave,
-            seed=self.seed,
-        )
 
 
 def run_live(pipe: Connection, permit: PlayLease) -> None:
@@ -170,8 +126,8 @@ class LiveView:
 
     def __init__(self, order: LiveSettings) -> None:
         self.array: TransducerArray = (order.placement or Placement.grid()).array()
-        self.grid: ControlGrid = order.touch.grid
-        self._acoustics, self._rate, self._channels = order.touch.acoustics, RATE, 1
+        self.grid: ControlGrid = order.grid
+        self._acoustics, self._rate, self._channels = order.acoustics, RATE, 1
         matrix = transfer_matrix(self.grid, self.array, acoustics=self._acoustics)
         self._matrix = np.ascontiguousarray(matrix.T, np.complex64)
         self._turns = np.exp(2j * np.pi * np.arange(256) / 256).astype(np.complex64)
@@ -231,7 +187,7 @@ class _LiveSupervisor:
     def __init__(self, pipe: Connection, permit: PlayLease) -> None:
         self._pipe, self._permit = pipe, permit
         self._sending = threading.Lock()
-        self._checked: dict[int, LiveRequest] = {}
+        self._checked: dict[int, LiveSettings] = {}
         self._number = self._seen = 0
         self._past: tuple[LiveSettings, LoopStarted, RecentFrames] | None = None
 
@@ -261,9 +217,9 @@ class _LiveSupervisor:
             said = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
             self._send("wrong", id=order["id"], error=said, of="unforeseen")
 
-    def _check(self, request: LiveRequest) -> dict[str, Any]:
+    def _check(self, request: dict[str, Any]) -> dict[str, Any]:
         """Return the worst-case exposure of the level, with a number by which the run may be started."""
-        order = request.session().order
+        order = LiveSettings().but(**request)
         try:
             admission = live_clearance(order)
         except ExposureError as wrong:
@@ -274,7 +230,7 @@ class _LiveSupervisor:
             found = greatest_exposure(array, order.level, profile, rate=RATE, airs=airs)
             return {"number": 0, "refused": str(wrong), **exposed(found)}
         self._number += 1
-        self._checked = {self._number: request}
+        self._checked = {self._number: order}
         return {
             "number": self._number,
             "refused": "",
@@ -286,11 +242,11 @@ class _LiveSupervisor:
 
     def _begin(self, order: Mapping[str, Any]) -> None:
         """Play with a lease token until the run ends; the answer is sent as soon as it plays."""
-        request = self._checked.pop(order["admission"], None)
-        if request is None:
+        settings = self._checked.pop(order["admission"], None)
+        if settings is None:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         self._past = None
-        session = request.session(self._permit, order["leave"])
+        session = live(settings=settings, permit=self._permit, leave=order["leave"])
         # Created before the first frame: otherwise frames of that time would arrive all at once.
         sight = LiveView(session.order)
         about = sight.about()
@@ -379,8 +335,8 @@ def _session_info(session: LiveSession) -> dict[str, Any]:
         "level": opened.level,
         "exposure": opened.exposure,
         "computer": opened.granted.words(),
-        "height_mm": 1e3 * order.touch.grid.height,
-        "hold_ms": 1e3 * order.pace.hold,
+        "height_mm": 1e3 * order.height,
+        "hold_ms": 1e3 * order.hold,
         "errors": [
             [f"{low:g} to {high:g} Hz", round(100 * error, 1)]
             for (low, high), error in zip(opened.parts, opened.error, strict=True)

@@ -7,13 +7,13 @@ place of the recorder that follows when they are renamed.
 import numpy as np
 
 import midair
-from midair.rig.live_touch import Touch, TouchSettings
+from midair.rig.live_touch import LiveSettings, Touch
 
 take = midair.record("virtual:towel", 0.6)
 frames = take.recording.samples[350:550].reshape(200, -1)
 for mapping, offset in (("half-wave", None), ("constant-offset", 5.0), ("slow-bias", None)):
     touch = Touch(
-        TouchSettings(mapping=mapping, offset=offset),
+        LiveSettings(mapping=mapping, offset=offset),
         take.calibration,
         take.recording.sensor,
         take.recording.rate,

@@ -18,7 +18,8 @@ from midair.errors import DeviceError, StoppedError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import ControlGrid, Placement
 from midair.rig.live_touch.live_loop import LiveLoop, Pace
-from midair.rig.live_touch.touch import Touch, TouchSettings
+from midair.rig.live_touch.live_settings import LiveSettings
+from midair.rig.live_touch.touch import Touch
 from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, RingShape, TouchRing
 
 pytest.importorskip("numba")
@@ -75,7 +76,7 @@ def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, **pace)
     with sensor, array:
         choices = ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
         admission = check_exposure_level(0.5, array, choices, rate=1000.0)
-        touch = Touch(TouchSettings(grid=SMALL), None, sensor.grid, 1000.0, array.array, 0.5)
+        touch = Touch(LiveSettings(), None, sensor.grid, 1000.0, array.array, 0.5, grid=SMALL)
         loop = LiveLoop(
             sensor,
             touch,

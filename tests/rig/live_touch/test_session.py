@@ -30,7 +30,11 @@ ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a t
         ({"duration": -1.0}, "above 0 s"),
         ({"mapping": "constant-offset"}, "expected a value in Pa"),
         ({"offset": 3.0}, "none for other mappings"),
-        ({"gain": -1.0}, "above 0"),
+        ({"gain": -1.0}, "above 0 and at most 100"),
+        ({"gain": 101.0}, "above 0 and at most 100"),
+        ({"faintest": float("nan")}, "0 Pa or more"),
+        ({"priority": 100}, "0 to 99"),
+        ({"buffer": 0.3}, "0 to 200 ms"),
         ({"listen": "0.0.0.0:5005"}, "expected --key"),
         ({"listen": "somewhere", "key": "touch.key"}, "HOST:PORT"),
     ],
@@ -38,6 +42,14 @@ ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a t
 def test_invalid_live_settings_are_refused_before_opening(wrong, words):
     with pytest.raises(InputError, match=words):
         midair.live(**wrong)
+
+
+def test_keywords_change_the_settings_and_none_restores_a_default():
+    settings = midair.rig.LiveSettings(height=0.15, gain=2.0)
+    assert midair.live(settings=settings, gain=None, seed=3).order == midair.rig.LiveSettings(height=0.15, seed=3)
+    assert midair.live("virtual:brush", settings=settings).order.sensor == "virtual:brush"
+    with pytest.raises(TypeError, match="hight"):
+        midair.live(hight=0.15)
 
 
 def test_a_missing_calibration_is_an_error_at_once():

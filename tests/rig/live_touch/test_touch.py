@@ -5,7 +5,8 @@ from midair.calibration import CausalInverse
 from midair.errors import InputError
 from midair.model import Calibration, ControlGrid, Drive, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import SensorModel, calibration_of, focus_amplitude, propagate
-from midair.rig.live_touch.touch import Touch, TouchSettings
+from midair.rig.live_touch.live_settings import LiveSettings
+from midair.rig.live_touch.touch import Touch
 from midair.targets import decouple, prepare
 
 SENSOR = SensorGrid()
@@ -17,7 +18,7 @@ pytest.importorskip("numba")
 
 
 def touch(calibration=KNOWN, **settings):
-    return Touch(TouchSettings(grid=SMALL, **settings), calibration, SENSOR, 1000.0, ARRAY, 1.0)
+    return Touch(LiveSettings(**settings), calibration, SENSOR, 1000.0, ARRAY, 1.0, grid=SMALL)
 
 
 def felt(rng, frames=3, size=20.0):
@@ -92,7 +93,7 @@ def test_the_slow_bias_has_the_stated_delay():
 def test_a_band_beyond_the_rate_or_settings_that_make_no_sense_are_refused():
     for wrong in ({"delay": 0.02}, {"gain": 0.0}, {"faintest": -1.0}):
         with pytest.raises(InputError):
-            TouchSettings(**wrong)
+            LiveSettings(**wrong)
     slow = Calibration.flat(SENSOR)
     with pytest.raises(InputError):
-        Touch(TouchSettings(band=(20.0, 470.0)), slow, SENSOR, 500.0, ARRAY, 1.0)
+        Touch(LiveSettings(), slow, SENSOR, 500.0, ARRAY, 1.0)

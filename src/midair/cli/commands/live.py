@@ -2,9 +2,9 @@
 
 import sys
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, fields, make_dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, get_origin, get_type_hints
 
 from cyclopts import Parameter
 from rich.live import Live as Screen
@@ -13,9 +13,7 @@ from rich.text import Text
 from midair.cli.terminal import (
     ExposureOptions,
     Json,
-    Length,
     Signals,
-    Time,
     banner,
     err,
     may_write,
@@ -26,136 +24,61 @@ from midair.cli.terminal import (
     verbosity,
 )
 from midair.errors import InputError
-from midair.files import load_placement, load_sensor
-from midair.model import BAND, HEIGHT, Acoustics, Medium
-from midair.rig import LiveSession, LiveStatistics, make_key, send_touch
+from midair.model import Acoustics, Medium
+from midair.rig import LiveSession, LiveSettings, LiveStatistics, make_key, send_touch
 from midair.rig import live as begin
 
 
-@Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NetworkOptions:
-    """Live touch over a network: sensor on one computer, array on another.
+class _LiveOptions(ExposureOptions):
+    """Options beside those made from `LiveSettings`.
 
     Parameters
     ----------
-    listen
-        Receive frames on HOST:PORT instead of reading a sensor, such as 0.0.0.0:5005. Needs --key.
-    to
-        Send the sensor's frames to HOST:PORT; nothing plays on this computer. Needs --key.
-    key
-        Key file that both computers share; packets that fail authentication are dropped.
-    new_key
-        Create a key file and exit.
-    buffer
-        Jitter buffer of the receiver; it adds to the delay.
-    """
-
-    listen: str | None = None
-    to: str | None = None
-    key: Path | None = None
-    new_key: Path | None = None
-    buffer: Time = 0.01
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LiveOptions(ExposureOptions):
-    """Sensor, array, and the processing between them.
-
-    Parameters
-    ----------
-    sensor
-        Sensor: lsl:NAME, serial:PORT, ni:CHANNELS; or virtual:towel (brush, sponge ...), replay:FILE, which repeat.
-    device
-        Array: virtual, autd3, autd3:INTERFACE or autd3:emulator.
-    calibration
-        Calibration of the sensor, a file of midair calibrate.
-    sensor_file
-        TOML file of the sensor with the order of its channels.
-    height
-        Height of the palm above the array.
-    gain
-        Factor on the pressure.
-    level
-        Highest drive level of any transducer, 0 to 1; the exposure check assumes the worst case at this level.
-    hold
-        Delay from sampling a frame to emitting it; all computing and sending must fit into it.
-    delay
-        Delay of the inverse sensor filter, 2 to 10 ms; shorter is less accurate.
-    mapping
-        How signed pressure is made positive: half-wave; constant-offset (needs --offset); slow-bias (90 ms more delay).
-    offset
-        Offset of the mapping constant-offset.
-    band
-        Lowest and highest frequency to reproduce.
-    silencer
-        How the units smooth phase steps.
-    placement
-        TOML file with position and rotation of the units. [default: two by two, side by side]
     temperature
         Air temperature, such as 22C. [default: 14C, as in the paper]
-    priority
-        Real-time priority of the process to request, 1 to 99; 0 requests none.
-    seed
-        Random seed of a virtual sensor.
     """
 
-    sensor: str = "virtual:towel"
-    device: str = "virtual"
-    calibration: Path | None = None
-    sensor_file: Path | None = None
-    height: Length = HEIGHT
-    gain: float = 1.0
-    level: float = 1.0
-    hold: Time = 0.006
-    delay: Time = 0.006
-    mapping: Literal["half-wave", "constant-offset", "slow-bias"] = "half-wave"
-    offset: Annotated[float | None, quantity("Pa")] = None
-    band: Annotated[tuple[float, float], quantity("Hz", many=2)] = BAND
-    silencer: Literal["off", "quarter", "half", "default"] = "off"
-    placement: Path | None = None
     temperature: Annotated[float | None, quantity("C")] = None
-    priority: int = 20
-    seed: int = 0
 
-    def session(self, duration: float | None, keep: Path | None, network: NetworkOptions) -> LiveSession:
-        """The session that these options describe, not yet started."""
-        if not 0 <= self.priority <= 99:
-            raise InputError(f"--priority: expected 0 to 99, got {self.priority}")
+    def settings(self) -> LiveSettings:
+        """The settings that these options describe."""
         air = None if self.temperature is None else Acoustics(medium=Medium.at(temperature=self.temperature))
-        return begin(
-            self.sensor,
-            self.device,
-            height=self.height,
-            gain=self.gain,
-            level=self.level,
-            hold=self.hold,
-            delay=self.delay,
-            mapping=self.mapping,
-            offset=self.offset,
-            band=self.band,
-            calibration=self.calibration,
-            wiring=None if self.sensor_file is None else load_sensor(self.sensor_file),
-            placement=None if self.placement is None else load_placement(self.placement),
-            silencer=self.silencer,
-            acoustics=air,
-            exposure=self.choices(None if air is None else air.medium),
-            duration=duration,
-            keep=keep,
-            listen=network.listen,
-            key=network.key,
-            buffer=network.buffer,
-            priority=self.priority,
-            seed=self.seed,
-        )
+        given = {one.name: getattr(self, one.name) for one in fields(LiveSettings) if hasattr(self, one.name)}
+        return LiveSettings().but(**given, acoustics=air, exposure=self.choices(None if air is None else air.medium))
+
+
+def _options() -> Any:
+    """A dataclass with an option for each field of `LiveSettings` that can be typed."""
+    hints, made = get_type_hints(LiveSettings), list[Any]()
+    for one in fields(LiveSettings):
+        told = one.metadata
+        name = told.get("option", one.name)
+        if not name:
+            continue
+        said: list[Any] = [Parameter(name=f"--{name}", help=told["help"])]
+        if told["unit"]:
+            said.append(quantity(told["unit"], many=2 if get_origin(hints[one.name]) is tuple else None))
+        kind: Any = Path | None if "load" in told else hints[one.name]
+        made.append((one.name, Annotated[kind, *said], field(default=one.default)))
+    about = {"__doc__": "Sensor, array, and the processing between them.", "__module__": __name__}
+    return make_dataclass("LiveOptions", made, bases=(_LiveOptions,), frozen=True, kw_only=True, namespace=about)
+
+
+if TYPE_CHECKING:
+
+    class LiveOptions(_LiveOptions):
+        """Sensor, array, and the processing between them."""
+
+else:
+    LiveOptions = Parameter(name="*")(_options())
 
 
 def live_command(
     *,
     options: LiveOptions | None = None,
-    network: NetworkOptions | None = None,
-    duration: Annotated[float | None, quantity("s")] = None,
+    to: str | None = None,
+    new_key: Path | None = None,
     keep: Path | None = None,
     json: Json = False,
 ) -> int:
@@ -168,8 +91,10 @@ def live_command(
 
     Parameters
     ----------
-    duration
-        Time to play. [default: until Ctrl-C]
+    to
+        Send the sensor's frames to HOST:PORT; nothing plays on this computer. Needs --key.
+    new_key
+        Create a key file and exit.
     keep
         Record the session to this NAME.h5: calibrated pressure and drive. Existing files are not overwritten.
     json
@@ -184,19 +109,19 @@ def live_command(
     $ midair live --to lab.example:5005 --key touch.key --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5
     $ midair live --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5 --device autd3 --level 0.3
     """
-    options, network = options or LiveOptions(), network or NetworkOptions()
-    if network.new_key is not None:
-        make_key(network.new_key)
-        print_rows([("key", f"{network.new_key}; copy it to the other computer, and keep it secret")])
+    if new_key is not None:
+        make_key(new_key)
+        print_rows([("key", f"{new_key}; copy it to the other computer, and keep it secret")])
         return 0
-    if network.to is not None:
-        _send(options, network, duration, json=json)
+    settings = (options or LiveOptions()).settings()
+    if to is not None:
+        _send(settings, to, json=json)
         return 0
     if keep is not None:
         if keep.exists():
             raise InputError(f"{keep}: already exists; give another name")
         may_write(keep, True, ".h5")
-    with signals_noted() as signals, options.session(duration, keep, network) as session:
+    with signals_noted() as signals, begin(settings=settings, keep=keep) as session:
         if not json:
             banner(session.opened.simulated)
             print_rows(_session_rows(session))
@@ -204,7 +129,7 @@ def live_command(
         ended = session
     _print_result(ended, keep, json=json)
     # Without a duration Ctrl-C is the normal end.
-    if not signals.came or duration is None:
+    if not signals.came or settings.duration is None:
         return 0
     err().print(f"midair: stopped; {'nothing was written' if keep is None else f'kept {keep}'}")
     return 130
@@ -221,23 +146,12 @@ def _print_result(ended: LiveSession, keep: Path | None, *, json: bool) -> None:
     return None
 
 
-def _send(options: LiveOptions, network: NetworkOptions, duration: float | None, *, json: bool) -> None:
+def _send(settings: LiveSettings, to: str, *, json: bool) -> None:
     """Send a sensor's frames to the other computer; nothing plays here."""
-    if network.key is None or network.listen is not None:
+    if settings.key is None or settings.listen is not None:
         raise InputError("--to: expected --key with the shared key file, and no --listen")
-    with (
-        signals_noted() as signals,
-        send_touch(
-            options.sensor,
-            network.to or "",
-            network.key,
-            delay=options.delay,
-            band=options.band,
-            calibration=options.calibration,
-            wiring=None if options.sensor_file is None else load_sensor(options.sensor_file),
-            seed=options.seed,
-        ) as speaker,
-    ):
+    duration = settings.duration
+    with signals_noted() as signals, send_touch(settings.sensor, to, settings.key, settings=settings) as speaker:
         if not json:
             banner(speaker.greeting.simulated)
         until = None if duration is None else time.monotonic() + duration
@@ -290,7 +204,7 @@ def _session_rows(session: LiveSession) -> list[tuple[str, str]]:
         ("sensor", f"{order.sensor}, {grid.rows} x {grid.columns} cells at {opened.rate:g} Hz"),
         ("array", f"{order.device}, {opened.transducers} transducers, silencer {opened.silencer}"),
         ("exposure", opened.exposure),
-        ("level", f"{opened.level:.3g} of full drive, rising over {order.pace.rise:g} s"),
+        ("level", f"{opened.level:.3g} of full drive, rising over the first second"),
         ("delay", " + ".join(f"{name} {1e3 * part:.3g} ms" for name, part in session.statistics.parts.items())),
         ("error of the filter", errors),
         ("computer", opened.granted.words()),

@@ -3,6 +3,7 @@
 from .encryption import make_key as make_key
 from .live_loop import LiveLoop as LiveLoop
 from .live_loop import Pace as Pace
+from .live_settings import LiveMapping as LiveMapping
 from .live_settings import LiveSettings as LiveSettings
 from .live_take import LiveTake as LiveTake
 from .playing_live import live as live
@@ -13,7 +14,6 @@ from .process import play_live as play_live
 from .session import LiveSession as LiveSession
 from .session import LiveStatistics as LiveStatistics
 from .touch import Touch as Touch
-from .touch import TouchSettings as TouchSettings
 from .touch_ring import FRAME_EMITTED as FRAME_EMITTED
 from .touch_ring import FRAME_LATE as FRAME_LATE
 from .touch_ring import FRAME_REPEATED as FRAME_REPEATED

@@ -22,7 +22,7 @@ _NS = 1_000_000_000
 class Pace:
     """Time limits of the loop, all in s."""
 
-    hold: float = 0.006
+    hold: float
     """Delay from sampling a frame to emitting it."""
     enough: float = 0.0015
     """Time that a frame needs for computing and sending; a frame with less time left is skipped."""

@@ -1,78 +1,158 @@
-"""Settings of a run of live touch."""
+"""Settings of live touch: the source of the keywords of `live`, the options of the command and the studio's form."""
 
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Literal, Self
 
 import numpy as np
 
-from midair.devices import ExposureChoices, SilencerChoice
+from midair.devices import ExposureChoices
 from midair.errors import InputError
-from midair.model import Calibration, Placement, SensorWiring
-from midair.rig.live_touch.live_loop import Pace
-from midair.rig.live_touch.touch import TouchSettings
+from midair.files import load_calibration, load_placement, load_sensor
+from midair.model import BAND, HEIGHT, HEIGHTS, Acoustics, Calibration, ControlGrid, Placement, SensorWiring
+from midair.rig.playing import default_exposure
+from midair.validation import check_settings, documented, setting
 
-RATES = (100.0, 2000.0)
-"""Frame rates in Hz for live touch: below, no vibration is felt; above, a frame takes longer to compute than it lasts.
-"""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NetworkInput:
-    """Frames received over a network."""
-
-    host: str
-    """Address to listen at."""
-    port: int
-    key: bytes = field(repr=False)
-    """Key that both sides share."""
-    buffer: float = 0.01
-    """Length of the jitter buffer in s."""
+LiveMapping = Literal["half-wave", "constant-offset", "slow-bias"]
+"""Mappings that live touch supports."""
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveSettings:
-    """Settings of a run of live touch."""
+    """Settings of a run of live touch, in SI units.
 
-    sensor: str
-    """Sensor name, as in `midair.record`; a label if frames arrive over a network."""
-    device: str
-    """``virtual``, or an AUTD3 array: ``autd3``, ``autd3:INTERFACE``, ``autd3:emulator``."""
-    exposure: ExposureChoices
-    """Exposure limits of the level."""
-    touch: TouchSettings = field(default_factory=TouchSettings)
-    """Processing from frame to phases."""
-    pace: Pace = field(default_factory=Pace)
-    """Time limits of the loop."""
-    level: float = 1.0
-    """Largest drive of any transducer, above 0 to 1."""
-    calibration: Calibration | None = None
-    """Calibration of the sensor; its own if None."""
-    wiring: SensorWiring | None = None
-    """Assignment of channels to cells."""
-    placement: Placement | None = None
-    """Placement of the array's units; two by two if None."""
-    silencer: SilencerChoice = "off"
-    """How the firmware spreads phase steps: "off", "quarter", "half" or "default"."""
-    duration: float | None = None
-    """Duration in s; until it is ended if None."""
-    listen: "NetworkInput | None" = None
-    """Network input, which replaces a local sensor."""
-    priority: int = 20
-    """Real-time priority of the loop, 1 to 99; 0 for none."""
-    seed: int = 0
-    """Seed of a virtual sensor."""
+    Raises
+    ------
+    InputError
+        If a value is out of range or does not fit another.
+    """
+
+    sensor: str = setting(
+        "virtual:towel",
+        "Sensor: lsl:NAME, serial:PORT, ni:CHANNELS; or virtual:towel (brush, sponge ...), replay:FILE, which repeat.",
+    )
+    device: str = setting(
+        "virtual",
+        "Array: virtual, autd3, autd3:INTERFACE or autd3:emulator.",
+        stored="device",
+    )
+    calibration: Calibration | None = setting(
+        None, "Calibration of the sensor, a file of midair calibrate.", load=load_calibration
+    )
+    wiring: SensorWiring | None = setting(
+        None, "TOML file of the sensor with the order of its channels.", load=load_sensor, option="sensor-file"
+    )
+    height: float = setting(HEIGHT, "Height of the palm above the array.", unit="m", limits=HEIGHTS, stored="height_m")
+    gain: float = setting(1.0, "Factor on the pressure.", limits=(0, 100), above=True, stored="gain")
+    level: float = setting(
+        1.0,
+        "Highest drive level of any transducer, 0 to 1; the exposure check assumes the worst case at this level.",
+        limits=(0, 1),
+        above=True,
+    )
+    # 6 ms suffice for computing and sending a frame; a unit queues 7 frames.
+    hold: float = setting(
+        0.006,
+        "Delay from sampling a frame to emitting it; all computing and sending must fit into it.",
+        unit="s",
+        limits=(0.002, 0.02),
+        stored="hold_s",
+    )
+    delay: float = setting(
+        0.006,
+        "Delay of the inverse sensor filter, 2 to 10 ms; shorter is less accurate.",
+        unit="s",
+        limits=(0.002, 0.01),
+        stored="filter_delay_s",
+    )
+    mapping: LiveMapping = setting(
+        "half-wave",
+        "How signed pressure is made positive: half-wave; constant-offset (needs --offset); "
+        "slow-bias (90 ms more delay).",
+        stored="mapping",
+    )
+    offset: float | None = setting(None, "Offset of the mapping constant-offset.", unit="Pa", stored="offset_pa")
+    faintest: float = setting(
+        0.1,
+        "Pressure on the strongest cell below which a frame is silent: the sensor's noise is not played.",
+        unit="Pa",
+        limits=(0, np.inf),
+        option="",
+    )
+    band: tuple[float, float] = setting(BAND, "Lowest and highest frequency to reproduce.", unit="Hz", stored="band_hz")
+    silencer: Literal["off", "quarter", "half", "default"] = setting("off", "How the units smooth phase steps.")
+    placement: Placement | None = setting(
+        None,
+        "TOML file with position and rotation of the units. [default: two by two, side by side]",
+        load=load_placement,
+    )
+    acoustics: Acoustics = setting(Acoustics, "Air of the room and directivity of the transducers.", option="")
+    exposure: ExposureChoices = setting(default_exposure, "Exposure limits.", option="")
+    priority: int = setting(
+        20, "Real-time priority of the process to request, 1 to 99; 0 requests none.", limits=(0, 99)
+    )
+    seed: int = setting(0, "Random seed of a virtual sensor.")
+    listen: str | None = setting(
+        None,
+        "Receive frames on HOST:PORT instead of reading a sensor, such as 0.0.0.0:5005. Needs --key.",
+    )
+    key: Path | None = setting(
+        None, "Key file that both computers share; packets that fail authentication are dropped.", load=Path
+    )
+    buffer: float = setting(0.01, "Jitter buffer of the receiver; it adds to the delay.", unit="s", limits=(0, 0.2))
+    duration: float | None = setting(
+        None, "Time to play. [default: until Ctrl-C]", unit="s", limits=(0, np.inf), above=True
+    )
 
     def __post_init__(self) -> None:
-        if not 0 < self.level <= 1:
-            raise InputError(f"level: expected above 0 and at most 1 of full drive, got {self.level:g}")
-        if not 0.002 <= self.pace.hold <= 0.02:
+        check_settings(self)
+        if (self.mapping == "constant-offset") != (self.offset is not None):
             raise InputError(
-                f"hold: expected 2 to 20 ms, got {1e3 * self.pace.hold:g} ms; 6 ms suffice for computing and sending "
-                "a frame, and a unit queues 7 frames"
+                "offset: expected a value in Pa for constant-offset and none for other mappings, got "
+                f"{'none' if self.offset is None else 'one'} for {self.mapping}; measure it on an earlier recording"
             )
-        if self.duration is not None and not 0 < self.duration < np.inf:
-            raise InputError(f"duration: expected above 0 s, got {self.duration:g} s")
         if self.sensor.startswith("audio:"):
             raise InputError(
                 "live: expected a sensor without long buffers, got a sound card, whose buffers delay by 64 ms; "
                 "use a converter over lsl:, serial: or ni:"
             )
+        if self.listen is not None:
+            if self.key is None:
+                raise InputError(
+                    "--listen: expected --key with the key file that both sides share, got none; make one with "
+                    "--new-key FILE"
+                )
+            host_and_port(self.listen, "--listen")
+
+    def but(self, **changes: Any) -> Self:
+        """Return the settings with other values; None stands for the default, and a path for the file's content."""
+        for one in fields(self):
+            value = changes.get(one.name, one)
+            if value is None:
+                changes[one.name] = one.default if one.default_factory is MISSING else one.default_factory()
+            elif isinstance(value, str | Path) and "load" in one.metadata:
+                changes[one.name] = one.metadata["load"](Path(value))
+        return replace(self, **changes)
+
+    @property
+    def source(self) -> str:
+        """Name of the sensor, or of the network address at which frames are received."""
+        return self.sensor if self.listen is None else f"listen:{self.listen}"
+
+    @property
+    def grid(self) -> ControlGrid:
+        """Control points on the palm."""
+        return ControlGrid(height=self.height)
+
+    def stored(self) -> dict[str, Any]:
+        """Return the settings that the provenance of a take states."""
+        return {one.metadata["stored"]: getattr(self, one.name) for one in fields(self) if "stored" in one.metadata}
+
+
+def host_and_port(text: str, option: str) -> tuple[str, int]:
+    """Split an address such as ``lab.example:5005`` or ``[::1]:5005``; InputError if it is invalid."""
+    host, colon, port = text.rpartition(":")
+    if not (colon and host and port.isdecimal() and 0 < int(port) < 65536):
+        raise InputError(f"{option}: expected HOST:PORT, such as 192.168.1.20:5005, got {text!r}")
+    return host.removeprefix("[").removesuffix("]"), int(port)

@@ -119,19 +119,11 @@ def _runs(true: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _provenance(order: LiveSettings, opened: LoopStarted, notes: Mapping[str, str]) -> Provenance:
-    touch, pace = order.touch, order.pace
-    return Provenance(source=order.sensor, simulated=opened.simulated, notes=dict(notes)).then(
+    return Provenance(source=order.source, simulated=opened.simulated, notes=dict(notes)).then(
         "live",
-        {
-            "device": order.device,
-            "band_hz": touch.band,
-            "filter_delay_s": touch.delay,
+        order.stored()
+        | {
             "delay_s": opened.delay,
-            "hold_s": pace.hold,
-            "mapping": touch.mapping,
-            "offset_pa": touch.offset,
-            "gain": touch.gain,
-            "height_m": touch.grid.height,
             "level": opened.level,
             "exposure": opened.exposure,
             "silencer": opened.silencer,

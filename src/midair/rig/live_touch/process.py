@@ -22,8 +22,9 @@ from midair.devices import (
 )
 from midair.errors import DeviceError, InputError, MidairError, StoppedError, UnknownDeviceError
 from midair.model import Calibration, Medium, SensorGrid, Unit
-from midair.rig.live_touch.live_loop import LiveLoop
-from midair.rig.live_touch.live_settings import RATES, LiveSettings
+from midair.rig.live_touch.encryption import read_key
+from midair.rig.live_touch.live_loop import LiveLoop, Pace
+from midair.rig.live_touch.live_settings import LiveSettings, host_and_port
 from midair.rig.live_touch.receiving import NetworkSource
 from midair.rig.live_touch.repeated_source import streamed
 from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
@@ -32,6 +33,10 @@ from midair.rig.live_touch.touch_ring import TouchRing
 from midair.rig.names import VirtualRig, sensor_named
 from midair.rig.play_lease import LeaseToken, PlayLease
 from midair.solvers import one_blas_thread
+
+RATES = (100.0, 2000.0)
+"""Frame rates in Hz for live touch: below, no vibration is felt; above, a frame takes longer to compute than it lasts.
+"""
 
 ROUND = 3.0
 """Duration of a virtual sensor's touch in s, which is repeated."""
@@ -137,7 +142,7 @@ def _play(
         calibration = calibration_for(order, sensor)
         with array_for(order, sensor.rate) as array:
             admission = check_exposure_level(order.level, array, order.exposure, rate=sensor.rate)
-            touch = Touch(order.touch, calibration, sensor.grid, sensor.rate, array.array, admission.level)
+            touch = Touch(order, calibration, sensor.grid, sensor.rate, array.array, admission.level)
             if source is not None:
                 touch.delay += source.delay
             told.send(_loop_started(sensor, calibration, array, admission, touch, granted))
@@ -146,7 +151,7 @@ def _play(
                 touch,
                 array,
                 ring,
-                pace=order.pace,
+                pace=Pace(hold=order.hold),
                 strongest=admission.strongest,
                 level=lambda: permit.level,
                 check=_lease_check(permit, leave, array.name),
@@ -194,18 +199,17 @@ def check_rate(sensor: StreamedSensor) -> None:
 
 def room_of(order: LiveSettings) -> Medium | None:
     """Air of the room; None if no temperature was given."""
-    medium = order.touch.acoustics.medium
+    medium = order.acoustics.medium
     return None if medium.temperature is None else medium
 
 
 def sensor_for(order: LiveSettings) -> tuple[StreamedSensor, NetworkSource | None]:
     """Make the sensor, not yet open, and its network source, if it has one."""
-    if order.listen is None:
+    if order.listen is None or order.key is None:
         named = sensor_named(order.sensor, VirtualRig(seed=order.seed), duration=ROUND, wiring=order.wiring)
         return streamed(named, longest=ROUND), None
-    heard = order.listen
-    source = NetworkSource((heard.host, heard.port), heard.key, buffer=heard.buffer)
-    return StreamedSensor(source, name=order.sensor, wire=lambda _: source.wiring), source
+    source = NetworkSource(host_and_port(order.listen, "--listen"), read_key(order.key), buffer=order.buffer)
+    return StreamedSensor(source, name=order.source, wire=lambda _: source.wiring), source
 
 
 def calibration_for(order: LiveSettings, sensor: StreamedSensor) -> Calibration | None:
@@ -233,11 +237,9 @@ def array_for(order: LiveSettings, rate: float) -> ImmediateArray:
     """Make the array, not yet open; UnknownDeviceError if it does not support single frames."""
     kind, _, where = order.device.partition(":")
     if order.device == "virtual":
-        return virtual_immediate(order.placement, hold=order.pace.hold)
+        return virtual_immediate(order.placement, hold=order.hold)
     if kind == "autd3":
-        return autd3_immediate(
-            where or "auto", order.placement, silencer=order.silencer, rate=rate, hold=order.pace.hold
-        )
+        return autd3_immediate(where or "auto", order.placement, silencer=order.silencer, rate=rate, hold=order.hold)
     raise UnknownDeviceError(
         "live: expected virtual, autd3, autd3:INTERFACE or autd3:emulator, which support single frames with their "
         f"instant, got {order.device!r}; use midair play for recordings on other arrays"

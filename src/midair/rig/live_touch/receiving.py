@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from midair.devices import Chunk, Stream
-from midair.errors import DeviceError, DeviceStateError, InputError
+from midair.errors import DeviceError, DeviceStateError
 from midair.model import SensorGrid, SensorWiring
 from midair.rig.live_touch.encryption import (
     END,
@@ -113,8 +113,6 @@ class NetworkSource:
         patience: float = 60.0,
         silence: float = 0.02,
     ) -> None:
-        if not 0 <= buffer <= 0.2:
-            raise InputError(f"buffer: expected 0 to 200 ms of jitter buffer, got {1e3 * buffer:g} ms")
         self._where, self._seal, self._length, self._patience = where, FrameCipher(key), buffer, patience
         self._silence = silence
         self._drawn, self._origin = b"", -1

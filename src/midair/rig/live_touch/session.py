@@ -139,14 +139,13 @@ class LiveSession:
     def statistics(self) -> LiveStatistics:
         """Statistics of the run so far."""
         ring, opened = self.ring, self.opened
-        grid, medium = self.order.touch.grid, self.order.touch.acoustics.medium
-        buffer = 0.0 if self.order.listen is None else self.order.listen.buffer
-        among = {} if self.order.listen is None else {"jitter buffer": buffer}
+        order = self.order
+        among = {} if order.listen is None else {"jitter buffer": order.buffer}
         parts = {
-            "filter": opened.delay - buffer,
+            "filter": opened.delay - sum(among.values()),
             **among,
-            "hold": self.order.pace.hold,
-            "rise and air": RISE + grid.height / medium.speed,
+            "hold": order.hold,
+            "rise and air": RISE + order.height / order.acoustics.medium.speed,
         }
         return LiveStatistics(
             frames=ring.count("frames"),

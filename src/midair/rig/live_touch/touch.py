@@ -4,16 +4,16 @@ Settings that other modes derive from a whole recording must be given here: the 
 offset. Memory is allocated once, before the first frame.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.calibration import CausalInverse, causal_error
 from midair.dsp import band_edges, check_band
-from midair.errors import InputError
-from midair.model import BAND, Acoustics, Calibration, ControlGrid, PressureFrames, SensorGrid, TransducerArray
+from midair.model import BAND, Calibration, ControlGrid, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import focus_amplitude, sound_amplitude
+from midair.rig.live_touch.live_settings import LiveSettings
 from midair.solvers import FrameTracker, Live, multi_plane_problem, symmetric_modes
 from midair.targets import MappingStream, decouple, interpolation_matrix
 
@@ -21,39 +21,10 @@ Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TouchSettings:
-    """Settings of the processing from frame to phases."""
-
-    band: tuple[float, float] = BAND
-    """(low, high) of the frequency band in Hz."""
-    delay: float = 0.006
-    """Delay of the causal inverse, 2 to 10 ms, in s; see `midair.calibration.causal_fir`."""
-    mapping: str = "half-wave"
-    """How signed pressure is made positive: "half-wave", "constant-offset" or "slow-bias"."""
-    offset: float | None = None
-    """Constant offset in Pa."""
-    gain: float = 1.0
-    """Factor that multiplies the pressure."""
-    faintest: float = 0.1
-    """Pressure in Pa on the strongest cell below which a frame is silent: the sensor's noise is not played."""
-    grid: ControlGrid = field(default_factory=ControlGrid)
-    acoustics: Acoustics = field(default_factory=Acoustics)
-    """Air and directivity."""
-    # The 200 iterations of the first frame delay later frames; the level rises from zero while they catch up. One more
-    # iteration of each kind compensates for the modes that symmetry adds, see `solvers.live`.
-    solver: Live = field(
-        default_factory=lambda: Live(iterations=12, lift_iterations=18, warm_iterations=8, warm_lift_iterations=10)
-    )
-    """Solver of the phases."""
-
-    def __post_init__(self) -> None:
-        if not 0.002 <= self.delay <= 0.01:
-            raise InputError(f"delay: expected 2 to 10 ms of the causal inverse, got {1e3 * self.delay:g} ms")
-        if not 0 < self.gain < np.inf:
-            raise InputError(f"gain: expected above 0, got {self.gain:g}")
-        if not 0 <= self.faintest < np.inf:
-            raise InputError(f"faintest: expected 0 Pa or more, got {self.faintest:g} Pa")
+# The 200 iterations of the first frame delay later frames; the level rises from zero while they catch up. One more
+# iteration of each kind compensates for the modes that symmetry adds, see `solvers.live`.
+SOLVER = Live(iterations=12, lift_iterations=18, warm_iterations=8, warm_lift_iterations=10)
+"""Solver of the phases."""
 
 
 class Touch:
@@ -62,21 +33,23 @@ class Touch:
     `pressure`, shape (channel,), is the calibrated pressure in Pa, sampled `delay` s ago; `phases`, shape
     (transducer,), are those of the last audible frame in steps of 2 pi / 256; `error` is the error of the causal
     inverse in each of `parts`. `calibration` is None where frames arrive in Pa; `level` is the drive of every
-    transducer in audible frames, 0 to 1.
+    transducer in audible frames, 0 to 1; `grid` replaces the control points of the settings.
     """
 
     parts = ((BAND[0], 40.0), (40.0, 100.0), (100.0, BAND[1]))
 
     def __init__(
         self,
-        settings: TouchSettings,
+        settings: LiveSettings,
         calibration: Calibration | None,
         sensor: SensorGrid,
         rate: float,
         array: TransducerArray,
         level: float,
+        *,
+        grid: ControlGrid | None = None,
     ) -> None:
-        self.settings = settings
+        self.settings, grid = settings, grid or settings.grid
         self._inverse: CausalInverse | None = None
         self.error: Array | None = None
         if calibration is not None:
@@ -93,7 +66,7 @@ class Touch:
                 edges=band_edges(band, rate),
             )
         self._mapping = MappingStream(settings.mapping, rate, offset=settings.offset, band=settings.band)
-        medium, grid = settings.acoustics.medium, settings.grid
+        medium = settings.acoustics.medium
         focus = focus_amplitude(grid, array, acoustics=settings.acoustics)
         # Sound amplitude of 1 Pa relative to the focus: amplitude is proportional to the square root of pressure.
         self._unit = float(sound_amplitude(np.array(1.0), medium)) / focus
@@ -101,8 +74,8 @@ class Touch:
         none = np.zeros((1, grid.count))
         problem = multi_plane_problem([grid.position], none, array, acoustics=settings.acoustics)
         problem = replace(problem, level=level)
-        mirrored = symmetric_modes(grid, array, acoustics=settings.acoustics, tolerance=settings.solver.tolerance)
-        self._follower: FrameTracker = settings.solver.begin(problem, folded=mirrored)
+        mirrored = symmetric_modes(grid, array, acoustics=settings.acoustics, tolerance=SOLVER.tolerance)
+        self._follower: FrameTracker = SOLVER.begin(problem, folded=mirrored)
         self.pressure, self._pushes = np.zeros(sensor.count), np.zeros(sensor.count)
         self._wanted, self._steps = np.zeros(grid.count), np.zeros(array.count)
         self._whole, self.phases = np.zeros(array.count, np.int16), np.zeros(array.count, np.uint8)

@@ -4,22 +4,30 @@ import asyncio
 import contextlib
 import itertools
 import threading
-from dataclasses import asdict
+from dataclasses import fields
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from midair.devices import ExposureChoices
 from midair.errors import DeviceStateError, InputError, MidairError
-from midair.model import HEIGHT, HEIGHTS
-from midair.rig import Subject, take_path
+from midair.files import DEFAULT_PROFILE, profile_named
+from midair.rig import LiveMapping, LiveSettings, Subject, take_path
 from midair.studio.live_feed import LiveFeed
-from midair.studio.live_process import REMEMBERED, LiveRequest, run_live
+from midair.studio.live_process import REMEMBERED, run_live
 from midair.studio.panels.play_panel import PlayPanel
 from midair.studio.panels.record_panel import RecordPanel, VisibleRange
 from midair.studio.studio_state import NoArguments, Page, StudioState
 from midair.studio.takes_list import TakesList
+
+
+def _declared(name: str, factor: float = 1.0) -> Any:
+    """A number with the default and the limits of a field of `LiveSettings`, in a unit `factor` times smaller."""
+    told: Any = {one.name: one for one in fields(LiveSettings)}[name]
+    low, high = (factor * each for each in told.metadata["limits"])
+    return Field(default=factor * told.default, le=high, **{"gt" if told.metadata["above"] else "ge": low})
 
 
 class CheckLive(BaseModel):
@@ -28,12 +36,12 @@ class CheckLive(BaseModel):
     model_config = ConfigDict(extra="forbid")
     sensor: str = Field(min_length=3, max_length=300, pattern=r"^[a-z]+:")
     calibration: str = Field(default="", max_length=1000)
-    mapping: Literal["half-wave", "slow-bias"] = "half-wave"
-    delay_ms: float = Field(default=6.0, ge=2, le=10)
-    hold_ms: float = Field(default=6.0, ge=2, le=20)
-    gain: float = Field(default=1.0, gt=0, le=100)
-    height_mm: float = Field(default=1e3 * HEIGHT, ge=1e3 * HEIGHTS[0], le=1e3 * HEIGHTS[1])
-    level: float = Field(default=1.0, gt=0, le=1)
+    mapping: LiveMapping = "half-wave"
+    delay_ms: float = _declared("delay", 1e3)
+    hold_ms: float = _declared("hold", 1e3)
+    gain: float = _declared("gain")
+    height_mm: float = _declared("height", 1e3)
+    level: float = _declared("level")
     profile: str = Field(default="", max_length=100)
     attenuate: bool = False
     override: str = Field(default="", max_length=200)
@@ -81,7 +89,7 @@ class LivePanel:
         self._closed = False
         self._numbers = itertools.count(1)
         self._waiting: dict[int, asyncio.Future[Any]] = {}
-        self._checked: dict[int, LiveRequest] = {}
+        self._checked: dict[int, dict[str, Any]] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
         self._state: dict[str, Any] = {"state": "idle", "said": "", "share": 1.0, "take": None, "calibrations": []}
         store.offer("live", "sight", self.sight, VisibleRange, watchers=True)
@@ -110,18 +118,21 @@ class LivePanel:
     async def check(self, _: Page, order: CheckLive) -> Any:
         """Return the worst-case exposure of a level."""
         self._idle()
-        given = order.model_dump(exclude={"delay_ms", "hold_ms", "height_mm", "calibration", "override"})
-        calibration = str(self._takes.folder.find(order.calibration)) if order.calibration else ""
-        request = LiveRequest(
+        given = order.model_dump(include={"sensor", "mapping", "gain", "level"})
+        request: dict[str, Any] = {
             **given,
-            device=self._playing.device,
-            delay=1e-3 * order.delay_ms,
-            hold=1e-3 * order.hold_ms,
-            height=1e-3 * order.height_mm,
-            calibration=calibration,
-            override=order.override.strip(),
-            seed=self._seed,
-        )
+            "device": self._playing.device,
+            "delay": 1e-3 * order.delay_ms,
+            "hold": 1e-3 * order.hold_ms,
+            "height": 1e-3 * order.height_mm,
+            "calibration": self._takes.folder.find(order.calibration) if order.calibration else None,
+            "exposure": ExposureChoices(
+                profile=profile_named(order.profile or DEFAULT_PROFILE),
+                attenuate=order.attenuate,
+                override=order.override.strip() or None,
+            ),
+            "seed": self._seed,
+        }
         found = await self._ask(do="check", request=request)
         self._checked = {found["number"]: request} if found["number"] else {}
         self._store.put(exposure={"take": "", **found})
@@ -134,7 +145,7 @@ class LivePanel:
         if request is None:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         await self._record.release()
-        leave = await self._playing.lend(page, f"live {request.sensor}")
+        leave = await self._playing.lend(page, f"live {request['sensor']}")
         self._show(state="opens", said="", share=1.0, take=None)
         self._store.put(live_goes=None)
         try:
@@ -142,9 +153,6 @@ class LivePanel:
         except MidairError as wrong:
             await self._over(str(wrong))
             raise
-        about["wish"] = {
-            name: value for name, value in asdict(request).items() if name not in ("calibration", "override")
-        }
         # A new number makes the pages clear their pictures, also when the settings are the same.
         about["run"] = next(self._numbers)
         self._store.put(live_about=about)
