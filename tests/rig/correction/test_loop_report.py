@@ -6,8 +6,17 @@ import pytest
 
 from midair.figures import Picture
 from midair.figures.style import new_figure, png_bytes
+from midair.model import Drive, PressureFrames, SensorGrid, TransducerArray
 from midair.rig.correction import loop_report
-from midair.rig.correction.loop_report import render, settings_rows, versions, write_report
+from midair.rig.correction.loop_report import (
+    _level_text,
+    render,
+    settings_rows,
+    strongest_channels,
+    versions,
+    view_of_loop,
+    write_report,
+)
 from midair.settings import Settings
 from midair.targets import frames_without_lead
 
@@ -112,3 +121,53 @@ def test_no_table_lies_beyond_the_edge_of_a_telephone(page, chromium):
     )
     opened.close()
     assert beyond == []
+
+
+def touched(channels, sensor):
+    """Pressure on these channels, the harder the later in the list."""
+    pressure = np.zeros((50, sensor.count))
+    for loudness, channel in enumerate(channels, 1):
+        pressure[:, channel] = loudness * np.sin(np.arange(50))
+    return PressureFrames(pressure=pressure.reshape(50, *sensor.shape), rate=1000.0, band=(20.0, 400.0), sensor=sensor)
+
+
+@pytest.mark.parametrize("channels", [[5, 0, 9, 1], [3, 7]])
+def test_the_channels_that_were_pressed_hardest_are_shown(channels):
+    found = strongest_channels(touched(channels, SensorGrid()))
+    assert set(channels) <= set(found)
+    assert found == sorted(found)
+
+
+def test_a_small_sensor_has_fewer():
+    assert strongest_channels(touched([1], SensorGrid(rows=1, columns=2))) == [0, 1]
+
+
+@pytest.mark.parametrize(("level", "words"), [(0.7, "all have the same level"), ((0.2, 0.5), "0.20 to 0.50 of full")])
+def test_the_caption_of_the_array_states_its_levels(level, words):
+    array = TransducerArray.autd3()
+    levels = np.resize(np.atleast_1d(level), (3, array.count))
+    drive = Drive(phase=np.zeros((3, array.count)), level=levels, rate=1000.0, array=array)
+    assert words in _level_text(drive, 1)
+
+
+def test_the_view_has_recording_drive_and_rerecording(loop):
+    shown = view_of_loop(loop)
+    last = loop.passes[-1]
+    made = last.reproduction
+    inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
+    assert shown.frames == loop.original.frames == len(shown.sound.played) == len(shown.again.values)
+    assert np.array_equal(shown.samples.values, loop.original.pressure.reshape(shown.frames, -1))
+    assert np.array_equal(shown.again.values, last.felt.pressure[: shown.frames].reshape(shown.frames, -1))
+    assert np.array_equal(shown.sound.wanted, made.target.amplitude[inside])
+    assert np.array_equal(shown.sound.drive.phase, made.solution.drive.phase[inside])
+
+
+def test_a_long_loop_shows_its_beginning(loop):
+    shown = view_of_loop(loop, longest=20)
+    assert (shown.frames, len(shown.sound.wanted), len(shown.again.values)) == (20, 20, 20)
+
+
+def test_a_drive_of_other_frames_is_left_out(loop):
+    shown = view_of_loop(replace(loop, original=loop.original.cut(0, 0.05)))
+    assert shown.sound is None
+    assert shown.frames == 50

@@ -27,7 +27,7 @@ from midair.pipeline import (
     reproduce,
     with_gain_for_strength,
 )
-from midair.rig.correction.palm_simulation import palm_of_drive
+from midair.rig.correction.drive_rerecording import palm_of_drive
 from midair.rig.correction.passes import Stage, no_progress
 from midair.rig.names import VirtualRig
 from midair.settings import Settings

@@ -1,14 +1,130 @@
-"""Re-record a drive on the virtual rig, with the sensor and on a whole palm."""
+"""Re-record a drive on the virtual rig, with the sensor and on a whole palm; pair a re-recording with its original."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from midair.devices import check_exposure
-from midair.evaluate import PalmFidelity
-from midair.model import BAND, Calibration, Drive, Palm, PressureFrames, Recording
-from midair.rig.correction.palm_simulation import palm_of_drive, played_chain
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.devices import check_exposure, choose_silencer
+from midair.evaluate import PalmFidelity, PalmFrames, apply_band_twice, palm_fidelity, palm_frames
+from midair.files import OpenedTake
+from midair.model import (
+    BAND,
+    Acoustics,
+    Calibration,
+    Drive,
+    Palm,
+    PressureFrames,
+    Progress,
+    Provenance,
+    Recording,
+    SensorGrid,
+)
+from midair.physics import PlaybackChain, simulate, transfer_matrix
+from midair.pipeline import calibrated_pressure
+from midair.rig.correction.correction_loop import Loop
 from midair.rig.correction.passes import Stage, no_progress
 from midair.rig.names import VirtualRig
 from midair.rig.playing import default_exposure, rerecord
+from midair.settings import Settings
+from midair.targets import add_lead, decouple, interpolation_matrix, remove_lead
+
+Array = NDArray[np.float64]
+
+
+def palm_of_drive(
+    asked: PressureFrames,
+    drive: Drive,
+    palm: Palm,
+    *,
+    chain: PlaybackChain,
+    rig: VirtualRig,
+    judged: tuple[float, float] | None = None,
+    band: tuple[float, float] = BAND,
+    progress: Progress | None = None,
+) -> PalmFidelity:
+    """Play a drive to a simulated palm, and compare with the target pressure within the sensor's square.
+
+    Parameters
+    ----------
+    asked : PressureFrames
+        Target pressure on the cells, from the drive's first frame.
+    palm : Palm
+        Outline of the skin.
+    chain : PlaybackChain
+        Playback chain from drive to sound.
+    rig : VirtualRig
+        Array, sensor and air.
+    judged : tuple of float, optional
+        (start, duration) of the compared part in s; all if None.
+    band : tuple of float
+        (low, high) of the compared band in Hz.
+    progress : callable, optional
+        Called with (frames done, total frames).
+    """
+    wanted, pressure = _palm_pressure(asked, drive, palm, chain, rig, progress)
+    rates, square = (asked.rate, rig.skin().rate), _square(asked.sensor)
+    return palm_fidelity(wanted, pressure, palm, rates=rates, square=square, judged=judged, band=band)
+
+
+def palm_frames_of_drive(
+    asked: PressureFrames,
+    drive: Drive,
+    palm: Palm,
+    *,
+    chain: PlaybackChain,
+    rig: VirtualRig,
+    judged: tuple[float, float] | None = None,
+    band: tuple[float, float] = BAND,
+    skin: str = "soft, deep",
+) -> PalmFrames:
+    """Simulate a drive on a palm frame by frame, for display; parameters as in `palm_of_drive`."""
+    wanted, pressure = _palm_pressure(asked, drive, palm, chain, rig, None)
+    rates, square = (asked.rate, rig.skin().rate), _square(asked.sensor)
+    return palm_frames(wanted, pressure, palm, rates=rates, square=square, judged=judged, band=band, skin=skin)
+
+
+def _square(sensor: SensorGrid) -> tuple[float, float]:
+    """Half the sides of the sensor's area, along x and y, in m."""
+    return (sensor.columns + 1) / 2 * sensor.pitch, (sensor.rows + 1) / 2 * sensor.pitch
+
+
+def _palm_pressure(
+    asked: PressureFrames, drive: Drive, palm: Palm, chain: PlaybackChain, rig: VirtualRig, progress: Progress | None
+) -> tuple[Array, Array]:
+    """Target and resulting pressure in Pa, at the points of the palm that are skin."""
+    grid, skin = palm.grid(rig.height), palm.inside.ravel()
+    around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
+    G = transfer_matrix(grid.position[skin], rig.array, acoustics=around)
+    came = simulate(drive, G, chain=chain, rate=rig.skin().rate, acoustics=around, progress=progress)
+    # Of all pressures that give these readings of the cells, the interpolated one.
+    cells = decouple(asked).pressure.reshape(asked.frames, -1)
+    return cells @ interpolation_matrix(asked.sensor, grid)[skin].T, came
+
+
+def played_chain(drive: Drive, rig: VirtualRig) -> PlaybackChain:
+    """Playback chain of the rig's array for a drive, with the silencer that it would choose."""
+    silencer = choose_silencer("auto", drive)
+    return replace(rig.array_device().chain, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
+
+
+def palm_of_loop(
+    loop: Loop, rig: VirtualRig, palm: Palm | None = None, *, progress: Progress | None = None
+) -> PalmFidelity:
+    """Fidelity of a loop's last pass on a palm (by default a disc of 85 mm) on the virtual rig."""
+    last, original = loop.passes[-1], loop.original
+    lead = (last.asked.frames - original.frames) // 2 / original.rate
+    drive = last.reproduction.solution.drive
+    return palm_of_drive(
+        add_lead(original, lead),
+        drive,
+        palm or Palm.disc(),
+        chain=played_chain(drive, rig),
+        rig=rig,
+        judged=(lead, original.frames / original.rate),
+        band=loop.settings.calibration.band,
+        progress=progress,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,3 +176,46 @@ def rerecord_drive(
         asked, drive, palm or Palm.disc(), chain=chain, rig=rig, judged=judged, band=band, progress=stage("palm")
     )
     return DriveRerecording(recording=recording, calibration=calibration, palm=of_palm)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlayedPair:
+    """An original and its re-recording."""
+
+    original: PressureFrames
+    heard: PressureFrames
+    """Re-recording, longer than the original at both ends where possible, so that a delay can be removed."""
+    first: int = 0
+    """Frame of `heard` at which the original begins."""
+
+    @property
+    def piece(self) -> PressureFrames:
+        """Part of the re-recording at the original's frames, without removal of its delay."""
+        end = self.first + self.original.frames
+        return replace(self.heard, pressure=self.heard.pressure[self.first : end]) if self.first else self.heard
+
+
+def aligned_pair(original: PressureFrames, take: OpenedTake, settings: Settings) -> PlayedPair:
+    """Pair a re-recording with the part of the original that its provenance names; accepts lazy frames.
+
+    The original of a played recording is filtered once more by the band, as a perfect rig would return it. A recording
+    without a step "play" is compared directly.
+    """
+    provenance, calibration = take.recording.provenance, take.calibration
+    if not provenance.last("play"):
+        return PlayedPair(original=original, heard=calibrated_pressure(take.recording, calibration, settings))
+    original, asked = original_of_drive(provenance, original)
+    # A virtual sensor records the drive's first frame at time 0, and was at rest before.
+    virtual = calibration is not None and calibration.provenance.simulated
+    heard = calibrated_pressure(take.recording, calibration, settings, from_rest=virtual)
+    reference = remove_lead(apply_band_twice(asked), original.frames)
+    return PlayedPair(original=reference, heard=heard, first=(asked.frames - original.frames) // 2)
+
+
+def original_of_drive(provenance: Provenance, original: PressureFrames) -> tuple[PressureFrames, PressureFrames]:
+    """Part of an original that a drive's provenance names, without and with the lead of its solve."""
+    cut, lead = provenance.last("cut"), provenance.last("lead").get("lead_s", 0.0)
+    start, duration = cut.get("start_s"), cut.get("duration_s")
+    if isinstance(start, int | float) and isinstance(duration, int | float):
+        original = original.cut(float(start), float(duration))
+    return original, add_lead(original, float(lead) if isinstance(lead, int | float) else 0.0)
