@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from midair.errors import DeviceError, UnknownDeviceError
-from midair.rig.names.source_names import source_sensor
+from midair.rig.names.sensor_names import source_sensor
 
 
 def record(sensor, seconds):
@@ -131,7 +131,7 @@ def test_a_jack_server_that_ends_is_an_error_in_time_and_the_program_ends(jack_s
     program = """
         import os, signal, sys
         from midair.errors import DeviceError
-        from midair.rig.names.source_names import source_sensor
+        from midair.rig.names.sensor_names import source_sensor
 
         try:
             with source_sensor("audio:skin?channels=16&rate=8000&timeout=2") as sensor:
@@ -173,7 +173,7 @@ def test_without_portaudio_the_debian_package_is_named():
                 raise OSError("PortAudio library not found")
 
         sys.meta_path.insert(0, Broken())
-        from midair.rig.names.source_names import source_sensor
+        from midair.rig.names.sensor_names import source_sensor
 
         source_sensor("audio:x")
     """

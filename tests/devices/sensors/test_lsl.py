@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midair.errors import DeviceError, InputError, MismatchError
-from midair.rig.names.source_names import source_sensor
+from midair.rig.names.sensor_names import source_sensor
 
 
 def record(sensor, seconds):

@@ -5,7 +5,7 @@ import pytest
 
 from midair.devices import StreamedSensor
 from midair.errors import DeviceError, InputError
-from midair.rig.names.source_names import source_sensor
+from midair.rig.names.sensor_names import source_sensor
 
 pytest.importorskip("nidaqmx")
 

@@ -16,7 +16,7 @@ from midair.devices.sensors.decimated import Decimated
 from midair.errors import DeviceError, DeviceStateError
 from midair.model import PressureFrames, Provenance, Recording, SensorWiring
 from midair.physics.sensing import SensorModel
-from midair.rig.names.source_names import source_sensor
+from midair.rig.names.sensor_names import source_sensor
 
 SCALE = {"audio": 32768.0, "ni": 3276.8}
 LIVE = ["lsl", "serial", "ni", "audio"]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from midair.errors import DeviceError, HeldError
-from midair.rig.names.source_names import source_sensor
+from midair.rig.names.sensor_names import source_sensor
 
 pytest.importorskip("serial")
 TIOCGEXCL = 0x80045440

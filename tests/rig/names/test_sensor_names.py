@@ -1,10 +1,13 @@
+import sys
+
 import numpy as np
 import pytest
 
-from midair.errors import MissingFileError, UnknownDeviceError
+from midair.devices import SensorOptions, Stream
+from midair.errors import InputError, MissingExtraError, MissingFileError, UnknownDeviceError
 from midair.files import save
-from midair.model import Recording
-from midair.rig.names.sensor_names import sensor_named
+from midair.model import Recording, SensorGrid, SensorWiring
+from midair.rig.names.sensor_names import sensor_named, source_sensor, split_name
 from midair.rig.names.virtual_rig import VirtualRig
 
 RIG = VirtualRig()
@@ -36,3 +39,79 @@ def test_unknown_names(name):
 def test_replay_of_a_file_that_is_not_there():
     with pytest.raises(MissingFileError):
         sensor_named("replay:nothing.h5", RIG)
+
+
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [
+        ("lsl:Skin", ("lsl", "Skin", {})),
+        ("lsl:Skin?unit=V&counter=16", ("lsl", "Skin", {"unit": "V", "counter": "16"})),
+        ("serial:/dev/ttyUSB0?baud=2000000", ("serial", "/dev/ttyUSB0", {"baud": "2000000"})),
+        ("ni:Dev1/ai0:15", ("ni", "Dev1/ai0:15", {})),
+        ("audio:", ("audio", "", {})),
+        ("audio:?channels=2", ("audio", "", {"channels": "2"})),
+        ("lsl:Who? Me", ("lsl", "Who? Me", {})),
+        ("audio:USB (hw:1,0)?rate=1000", ("audio", "USB (hw:1,0)", {"rate": "1000"})),
+        ("lsl:a?b?unit=V", ("lsl", "a?b", {"unit": "V"})),
+        ("lsl:x?source_id=a=b", ("lsl", "x", {"source_id": "a=b"})),
+    ],
+)
+def test_names_come_apart(name, parts):
+    assert split_name(name) == parts
+
+
+@pytest.mark.parametrize(
+    ("name", "complaint"),
+    [
+        ("lsl:Skin?units=V", "expected the options unit, .*source_id, counter, search, got units"),
+        ("lsl:Skin?baud=3", "got baud"),
+        ("lsl:Skin?unit=mV", "option unit: Input should be 'V', 'count' or 'Pa', got 'mV'"),
+        ("audio:USB?channels=none", "option channels: .*, got 'none'"),
+        ("audio:USB?rate=-1", "option rate: Input should be greater than 0, got '-1'"),
+        ("serial:COM3?baud=0", "option baud: .*, got '0'"),
+    ],
+)
+def test_options_that_make_no_sense_are_one_clear_line(name, complaint):
+    with pytest.raises(InputError, match=complaint) as told:
+        source_sensor(name)
+    assert "\n" not in str(told.value)
+
+
+def test_options_override_the_sensor_file_and_that_the_stream():
+    stream = Stream(channels=16, rate=1000.0, unit="V")
+    file = SensorWiring(grid=SensorGrid(name="palm"), order=tuple(range(15, -1, -1)), unit="V", sensitivity=0.02)
+    assert SensorOptions().wire(stream, None, "lsl:x") == SensorWiring(grid=SensorGrid(name="lsl:x"), unit="V")
+    assert SensorOptions().wire(stream, file, "lsl:x") == file
+    stated = SensorOptions.model_validate({"unit": "Pa", "pitch_mm": "5", "sensitivity": "1"}).wire(stream, file, "x")
+    assert (stated.unit, stated.grid.pitch, stated.sensitivity, stated.order) == ("Pa", 5e-3, 1.0, file.order)
+    other = SensorOptions.model_validate({"rows": "2", "columns": "8"}).wire(stream, file, "x")
+    assert (other.grid.shape, other.order) == ((2, 8), tuple(range(16)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "package"), [("lsl", "pylsl"), ("audio", "sounddevice"), ("serial", "serial"), ("ni", "nidaqmx")]
+)
+def test_a_package_that_is_not_installed_names_its_extra(kind, package, monkeypatch):
+    for module in [name for name in sys.modules if name.startswith("midair.devices.") and name.endswith(f".{kind}")]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.delitem(sys.modules, "midair.devices.sensors.serial_port", raising=False)
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(MissingExtraError, match=rf'expected the package {package}.*pip install "midair\[{kind}\]"'):
+        source_sensor(f"{kind}:x")
+
+
+@pytest.mark.parametrize("name", ["lsl", "lsl:", "serial:", "ni:"])
+def test_kinds_without_a_place_are_refused(name):
+    with pytest.raises(UnknownDeviceError, match="lsl:NAME, audio:DEVICE, serial:PORT or ni:CHANNELS"):
+        sensor_named(name, VirtualRig())
+
+
+def test_a_sensor_file_reorders_a_virtual_sensor_too():
+    rig, order = VirtualRig(), tuple(range(15, -1, -1))
+    with (
+        sensor_named("virtual:towel", rig, duration=0.1) as plain,
+        sensor_named("virtual:towel", rig, duration=0.1, wiring=SensorWiring(order=order)) as turned,
+    ):
+        plain.start()
+        turned.start()
+        np.testing.assert_array_equal(turned.read(100).samples, plain.read(100).samples[:, ::-1, ::-1])

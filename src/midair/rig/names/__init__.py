@@ -3,8 +3,8 @@
 from .array_names import ArrayKind as ArrayKind
 from .array_names import array_named as array_named
 from .array_names import array_of_kind as array_of_kind
+from .sensor_names import SENSORS as SENSORS
 from .sensor_names import sensor_named as sensor_named
-from .source_names import SENSORS as SENSORS
-from .source_names import source_sensor as source_sensor
+from .sensor_names import source_sensor as source_sensor
 from .stage_names import stage_named as stage_named
 from .virtual_rig import VirtualRig as VirtualRig

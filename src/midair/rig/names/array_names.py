@@ -8,7 +8,7 @@ from midair.errors import InputError, UnknownDeviceError
 from midair.files import load_board
 from midair.model import Board, Placement, TransducerArray, array_of_boards
 from midair.registry import Registry
-from midair.rig.names.source_names import split_name
+from midair.rig.names.sensor_names import split_name
 
 NAMES = (
     "virtual, autd3, autd3:INTERFACE, autd3:emulator, autd3-simulator, autd3-server, pyautd3, pyautd3:INTERFACE, "

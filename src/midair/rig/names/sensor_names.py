@@ -1,11 +1,71 @@
-"""Sensors by name: ``virtual:towel``, ``replay:take.h5``, ``lsl:Skin``."""
+"""Sensors by name: ``virtual:towel``, ``replay:take.h5``, ``lsl:Skin``, ``audio:USB?channels=16``, ``ni:Dev1/ai0:15``.
 
-from midair.devices import RemappedSensor, ReplaySensor, SensorDevice
-from midair.errors import UnknownDeviceError
+Options follow a question mark; each kind of live sensor has those of `SensorOptions` and its own.
+"""
+
+import re
+from collections.abc import Mapping
+
+from pydantic import ValidationError
+
+from midair.devices import Decimated, RemappedSensor, ReplaySensor, SensorDevice, SensorOptions, StreamedSensor
+from midair.errors import InputError, UnknownDeviceError
 from midair.files import open_take
 from midair.model import SensorWiring
-from midair.rig.names.source_names import SENSORS, source_sensor
+from midair.registry import Registry
 from midair.rig.names.virtual_rig import VirtualRig
+
+SENSORS: Registry[type[SensorOptions]] = Registry(
+    "midair.sensors",
+    {
+        "lsl": "midair.devices.sensors.lsl:LslSensor [lsl]",
+        "audio": "midair.devices.sensors.audio:AudioSensor [audio]",
+        "serial": "midair.devices.sensors.serial_port:SerialSensor [serial]",
+        "ni": "midair.devices.sensors.ni:NiSensor [ni]",
+    },
+)
+"""Kinds of live sensors."""
+
+
+def source_sensor(name: str, *, wiring: SensorWiring | None = None) -> StreamedSensor:
+    """Make the live sensor that a name stands for, not yet open.
+
+    MissingExtraError if its package is not installed, DeviceError if the package lacks a library, InputError if an
+    option is unknown or invalid.
+    """
+    kind, place, stated = split_name(name)
+    options = _options(name, SENSORS[kind], stated)
+    source = options.source(place)
+    plain = f"{kind}:{place}"
+    return StreamedSensor(
+        source if options.rate is None else Decimated(source, options.rate),
+        name=name,
+        wire=lambda stream: options.wire(stream, wiring, plain),
+        # At a low rate the frame interval of a working sensor can exceed the limit.
+        timeout=max(options.timeout, 3 / (options.rate or 1e9)),
+    )
+
+
+def split_name(name: str) -> tuple[str, str, dict[str, str]]:
+    """Split a name into kind, place and options."""
+    # A question mark without an option after it belongs to the place.
+    match = re.fullmatch(r"([^:]*):(.*?)(?:\?((?:\w+=[^&?]*&)*\w+=[^&?]*))?", name, re.DOTALL)
+    if match is None:
+        return name, "", {}
+    pairs = (pair.split("=", 1) for pair in (match[3] or "").split("&") if pair)
+    return match[1], match[2], dict(pairs)
+
+
+def _options(name: str, kind: type[SensorOptions], stated: Mapping[str, str]) -> SensorOptions:
+    try:
+        return kind.model_validate(dict(stated))
+    except ValidationError as wrong:
+        first = wrong.errors()[0]
+        option = ".".join(str(part) for part in first["loc"])
+        known = ", ".join(kind.model_fields)
+        if first["type"] == "extra_forbidden":
+            raise InputError(f"{name}: expected the options {known}, got {option}") from None
+        raise InputError(f"{name}: option {option}: {first['msg']}, got {stated.get(option, '')!r}") from None
 
 
 def sensor_named(
@@ -17,7 +77,7 @@ def sensor_named(
     ----------
     name : str
         ``virtual:OBJECT``, with OBJECT one of brush, sponge, towel (+groove for the grooved surface) or one of am-i,
-        am-ii, am-iii, the modulated foci of section 5.2; or ``replay:FILE``; or a live sensor (`source_names`):
+        am-ii, am-iii, the modulated foci of section 5.2; or ``replay:FILE``; or a live sensor:
         ``lsl:NAME``, ``audio:DEVICE``, ``serial:PORT``, ``ni:CHANNELS``.
     rig : VirtualRig
         Rig of the virtual names.

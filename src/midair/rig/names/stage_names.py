@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from midair.devices import StageDevice
 from midair.errors import InputError, UnknownDeviceError
 from midair.registry import Registry
-from midair.rig.names.source_names import split_name
+from midair.rig.names.sensor_names import split_name
 
 STAGES: Registry[Callable[[str, Mapping[str, str]], StageDevice]] = Registry(
     "midair.stages", {"grbl": "midair.devices.motion_stages.grbl:grbl_stage [serial]"}
