@@ -62,8 +62,8 @@ def test_a_missing_calibration_is_an_error_at_once():
     ("wrong", "error", "words"),
     [
         ({"sensor": "nothing"}, UnknownDeviceError, "expected virtual:OBJECT"),
-        ({"device": "pyautd3:nop"}, UnknownDeviceError, "take single frames"),
-        ({"device": "autd3:emulator"}, ExposureError, "answer for it"),
+        ({"device": "pyautd3:nop"}, UnknownDeviceError, "support single frames"),
+        ({"device": "autd3:emulator"}, ExposureError, "take responsibility"),
     ],
 )
 def test_errors_of_the_process_are_raised_here(wrong, error, words):
