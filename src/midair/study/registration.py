@@ -130,7 +130,8 @@ def analysis_in_words(analysis: Analysis) -> tuple[str, ...]:
         f"Factors between people: {', '.join(analysis.between)}." if analysis.between else "",
         _INCOMPLETE[analysis.incomplete] if analysis.rated else "",
         _FOILS[analysis.foils] if analysis.choice else "",
-        f"Psychometric function of correct answers over {analysis.strength}, guess rate {analysis.guess:g}."
+        f"Psychometric function of correct answers over {analysis.strength}, guess rate {analysis.guess:g}, lapse"
+        f" rate up to {analysis.lapse_most:g}."
         if analysis.strength
         else "",
     ]

@@ -78,8 +78,13 @@ STRENGTHS = """\
 counts = data.strengths.groupby("level")["correct"].agg(["sum", "size"])
 study.fit_psychometric(
     counts.index.to_numpy(float), counts["sum"].to_numpy(), counts["size"].to_numpy(),
-    guess=float(data.strengths["guess"].iloc[0]), shape="weibull", rng=np.random.default_rng({seed}),
+    guess=float(data.strengths["guess"].iloc[0]), lapse_most=float(data.strengths["lapse_most"].iloc[0]),
+    shape="weibull", rng=np.random.default_rng({seed}),
 )
+"""
+
+THRESHOLDS = """\
+data.thresholds
 """
 
 
@@ -118,6 +123,8 @@ def analysis_notebook(data: StudyData, loading: str, *, title: str, seed: int = 
         steps.append(("Ratings: check on ranks", RANKS.format(seed=seed)))
     if data.strengths is not None:
         steps.append(("Psychometric function", STRENGTHS.format(seed=seed)))
+    if data.thresholds is not None:
+        steps.append(("Thresholds of adaptive blocks", THRESHOLDS))
     steps.append(("Figures", FIGURES))
     for name, code in steps:
         cells += [_cell(f"## {name}"), _cell(code, code=True)]

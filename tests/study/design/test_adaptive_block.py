@@ -5,7 +5,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.study import proportion_correct
-from midair.study.design.adaptive_block import next_stimulus, scored_history, threshold, thresholds_of
+from midair.study.design.adaptive_block import next_stimulus, scored_history, thresholds_of
 from midair.study.design.adaptive_levels import stimulus_levels
 from midair.study.design.analysis_plan import Analysis, Exclusions
 from midair.study.design.answers import answers_table
@@ -60,14 +60,12 @@ def session(plan, number, path, stop_after=None):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("adaptive", "target"), [("staircase", 0.5 ** (1 / 3)), ("quest+", 0.5 + 0.49 * (1 - np.exp(-1)))]
-)
-def test_finds_the_threshold_of_a_known_observer(tmp_path, adaptive, target):
-    plan = draw_plan(design(adaptive))
-    found = [threshold(plan, session(plan, n, tmp_path / f"{n}"), "b")[0] for n in range(1, 9)]
-    right = float(proportion_correct(np.exp(np.mean(np.log(found))), alternatives=2))
-    assert right == pytest.approx(target, abs=0.07)
+@pytest.mark.parametrize("adaptive", ["staircase", "quest+"])
+def test_finds_the_threshold_of_a_known_observer(tmp_path, adaptive):
+    plan = draw_plan(design(adaptive, trials=120))
+    table = thresholds_of(plan, [session(plan, n, tmp_path / f"{n}") for n in range(1, 9)])
+    right = float(proportion_correct(np.exp(np.log(table["threshold"]).mean()), alternatives=2))
+    assert right == pytest.approx(0.5 + 0.5 * (1 - np.exp(-1)), abs=0.07)
 
 
 def test_levels_go_down_after_three_correct_and_up_after_one_wrong(tmp_path):
@@ -95,10 +93,7 @@ def test_an_interrupted_staircase_continues_unchanged(tmp_path):
     assert set(answers_table(plan, [whole])["correct"].tolist()) == {0, 1}
 
 
-def test_invalid_blocks_are_refused(tmp_path):
-    plan = draw_plan(design("staircase", trials=4))
-    with pytest.raises(InputError, match="reversals"):
-        threshold(plan, session(plan, 1, tmp_path / "log"), "b")
+def test_invalid_blocks_are_refused():
     with pytest.raises(InputError, match="strengths above 0"):
         stimulus_levels(design("quest+", strengths=[0, 1, 2]), design("quest+", strengths=[0, 1, 2]).blocks[0])
     with pytest.raises(InputError, match="three strengths or more"):
@@ -162,14 +157,14 @@ def test_catch_trials_do_not_change_the_threshold(tmp_path):
 
 
 def test_thresholds_reach_the_report(tmp_path):
-    analysed = replace(design("quest+", trials=40), analysis=Analysis(strength="strength"))
+    analysed = replace(design("quest+", trials=120), analysis=Analysis(strength="strength"))
     plan = draw_plan(analysed)
     sessions = [session(plan, n, tmp_path / f"{n}") for n in range(1, 7)]
     data = data_of_answers(answers_table(plan, sessions), analysed.analysis, thresholds=thresholds_of(plan, sessions))
     report = analyse(data, draws=200)
     function = next(one for one in report.findings if one.title == "Psychometric function")
     assert "over people" in function.words
-    assert function.table["answers"].sum() == 240
+    assert function.table["answers"].sum() == 720
     adaptive = next(one for one in report.findings if one.title == "Thresholds of adaptive blocks")
     assert len(adaptive.table) == 6
     assert (adaptive.table["sd"] > 0).all()
@@ -178,11 +173,11 @@ def test_thresholds_reach_the_report(tmp_path):
     assert stated == pytest.approx(blocks, rel=0.35)
 
 
-def test_a_short_staircase_has_a_note(tmp_path):
+def test_a_short_staircase_is_refused(tmp_path):
     plan = draw_plan(design("staircase", trials=4))
     table = thresholds_of(plan, [session(plan, 1, tmp_path / "log")])
     assert np.isnan(table["threshold"][0])
-    assert "reversals" in table["note"][0]
+    assert table["note"][0].startswith("refused: the answers determine it only to")
 
 
 def with_answers(plan, number, answer, **how):
@@ -197,35 +192,38 @@ def with_answers(plan, number, answer, **how):
 
 
 def test_thresholds_obey_the_rules_of_the_plan(tmp_path):
-    """Excluded participants, excluded answers and unfinished blocks give no threshold."""
-    rules = Exclusions(fastest_s=0.2, timeouts=0.5)
-    plan = draw_plan(replace(design("quest+", trials=20), exclusions=rules, analysis=Analysis(strength="strength")))
+    """Thresholds use the scored rows of the answers table, whatever the rule that excludes an answer."""
+    rules = Exclusions(fastest_s=0.2, timeouts=0.5, unfinished=True)
+    plan = draw_plan(replace(design("quest+", trials=120), exclusions=rules, analysis=Analysis(strength="strength")))
     whole = session(plan, 1, tmp_path / "1")
-    codes = list(whole.answers)
-    some_late = {key: replace(whole.answers[key], answer="n/a", late=True) for key in codes[::4]}
+    begun = session(plan, 6, tmp_path / "6")
+    late = session(plan, 7, tmp_path / "7")
+    some_late = {key: replace(given, answer="n/a", late=True) for key, given in list(late.answers.items())[::4]}
     sessions = [
         whole,
         replace(whole, trials=plan.of(2), answers={}, chosen={}),
-        replace(whole, answers={key: whole.answers[key] for key in codes[:7]}),
+        replace(begun, answers=dict(list(begun.answers.items())[:7])),
         with_answers(plan, 4, "left", reaction_s=0.05),
         with_answers(plan, 5, "n/a", late=True),
-        replace(whole, answers=whole.answers | some_late),
+        replace(late, answers=late.answers | some_late),
     ]
     table = thresholds_of(plan, sessions)
     assert np.isfinite(table["threshold"]).tolist() == [True, False, False, False, False, True]
-    for note, why in zip(
-        table["note"][1:5], ("got 0", "got 7", "exclude all 20", "participant: timeouts"), strict=True
-    ):
+    assert table["trials"].tolist() == [120, 0, 0, 0, 0, 90], "a time-out is no wrong answer"
+    for note, why in zip(table["note"][1:5], ("unfinished", "unfinished", "all 120", "timeouts"), strict=True):
         assert why in note
-    kept = scored_history(plan, whole, plan.design.blocks[0])
-    counted = scored_history(plan, sessions[-1], plan.design.blocks[0])
-    assert counted == [one for place, one in enumerate(kept) if place % 4], "a time-out is no wrong answer"
-    data = data_of_answers(answers_table(plan, [whole, *sessions[3:5]]), plan.design.analysis, thresholds=table[:5])
-    found = {one.title: one.words for one in analyse(data, draws=20).findings}
-    strict = replace(plan, design=replace(plan.design, exclusions=Exclusions(unfinished=True)))
-    assert excluded_participants(strict, sessions)[["participant", "rule", "value"]].values.tolist() == [
-        ["sub-02", "unfinished", 20.0],
-        ["sub-01", "unfinished", 13.0],
+    answers = answers_table(plan, sessions)
+    scored = answers[answers["scored"]]
+    assert table.set_index("participant")["trials"][["sub-01", "sub-07"]].tolist() == [
+        (scored["participant"] == who).sum() for who in ("sub-01", "sub-07")
     ]
-    assert found["Participants"].startswith("SIMULATED: no person was asked. 1 participant(s), 20 answers")
-    assert found["Thresholds of adaptive blocks"].startswith("Geometric mean of 1 thresholds")
+    data = data_of_answers(answers, plan.design.analysis, thresholds=table)
+    assert len(data.strengths) == table["trials"].sum()
+    found = {one.title: one.words for one in analyse(data, draws=20).findings}
+    assert found["Participants"].startswith("SIMULATED: no person was asked. 2 participant(s), 210 answers")
+    assert found["Thresholds of adaptive blocks"].startswith("Geometric mean of 2 thresholds")
+    assert excluded_participants(plan, sessions)[["participant", "rule"]].values.tolist() == [
+        ["sub-02", "unfinished"],
+        ["sub-06", "unfinished"],
+        ["sub-05", "timeouts"],
+    ]

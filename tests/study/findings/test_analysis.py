@@ -170,7 +170,7 @@ def test_every_column_of_a_table_is_explained():
 
 def test_participants_count_threshold_answers_and_exclusions():
     strengths = pd.DataFrame(
-        {"participant": ["a", "a", "b"], "level": [1.0, 2, 3], "correct": [0.0, 1, 1], "guess": 0.5}
+        {"participant": ["a", "a", "b"], "level": [1.0, 2, 3], "correct": [0.0, 1, 1], "guess": 0.5, "lapse_most": 0.1}
     )
     excluded = pd.DataFrame({"participant": ["c"], "rule": ["attention"], "value": [0.2], "limit": [0.8]})
     words = found(analyse(StudyData(strengths=strengths, excluded=excluded), draws=50), "Participants").words

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from midair.errors import InputError
 from midair.study.findings.study_data import StudyData
 from midair.study.findings.threshold_findings import adaptive, psychometric
 
@@ -18,7 +17,7 @@ def answers(people, trials, *, threshold=1.0, slope=2.0, guess=0.5, seed=0):
     right = rng.random(len(level)) < 1 - (1 - guess) * np.exp(-((level / threshold) ** slope))
     who = np.repeat([f"p{number}" for number in range(people)], trials * len(LEVELS))
     columns = {"participant": who, "level": level, "correct": right.astype(float)}
-    return StudyData(strengths=pd.DataFrame({**columns, "guess": np.full(len(level), guess)}))
+    return StudyData(strengths=pd.DataFrame({**columns, "guess": np.full(len(level), guess)}).assign(lapse_most=0.05))
 
 
 def number_after(words, text):
@@ -57,9 +56,11 @@ def test_thresholds_of_blocks_have_a_geometric_mean():
     assert found.table is table
 
 
-def test_blocks_that_never_ended_are_an_error():
-    with pytest.raises(InputError, match="a finished adaptive block"):
-        adaptive(StudyData(thresholds=pd.DataFrame({"threshold": np.array([np.nan, np.inf])})))
+def test_blocks_without_any_threshold_keep_their_reasons():
+    table = pd.DataFrame({"threshold": np.array([np.nan, np.inf]), "note": ["refused", "no answers"]})
+    (found,) = adaptive(StudyData(thresholds=table))
+    assert found.words.startswith("No threshold could be estimated. 2 missing: the notes give the reasons.")
+    assert found.table is table
 
 
 def test_no_findings_without_thresholds():

@@ -7,18 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import InputError
-from midair.study.design.adaptive import QuestPlus, Staircase
-from midair.study.design.adaptive_levels import stimulus_levels
+from midair.study.design.adaptive import Staircase
+from midair.study.design.adaptive_levels import correct_answer, stimulus_levels
+from midair.study.design.answers import answers_table
 from midair.study.design.blocks import Block
-from midair.study.design.exclusions import answer_exclusion, participant_exclusion
+from midair.study.design.exclusions import answer_exclusion, excluded_participants
 from midair.study.design.plan import Plan, Trial
 from midair.study.design.session_state import SessionState
 from midair.study.design.stimulus import right_answer
 from midair.study.design.study_design import Design
+from midair.study.statistics import ThresholdModel
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from pandas import DataFrame
 
@@ -33,64 +34,112 @@ def next_stimulus(plan: Plan, progress: SessionState, trial: Trial) -> str:
     if drawn:
         return drawn
     block = plan.design.block(trial.block)
-    groups, strength = stimulus_levels(plan.design, block)
-    history = scored_history(plan, progress, block)
+    groups, _ = stimulus_levels(plan.design, block)
     if block.adaptive == "staircase":
-        group = groups[round(run_staircase(len(groups), history).level)]
+        index = round(run_staircase(len(groups), scored_history(plan, progress, block)).level)
     else:
-        level = run_quest(plan.design, block, history).next_level
-        group = groups[int(np.argmin(np.abs(strength - level)))]
-    return group[trial.variant % len(group)]
-
-
-def threshold(plan: Plan, progress: SessionState, block_name: str) -> tuple[float, float]:
-    """Threshold of one participant from an adaptive block and its standard deviation, in the unit of the levels.
-
-    QUEST+: mean and standard deviation of the posterior. Staircase: mean level of the last six reversals; NaN for the
-    deviation. The exclusion rules apply. Raises InputError if the block is not adaptive or not finished, has no valid
-    answers, or if a staircase has fewer than six reversals.
-    """
-    block = plan.design.block(block_name)
-    if not block.adaptive:
-        raise InputError(f"block {block_name!r}: expected an adaptive block, got order {block.order!r}")
-    if rule := participant_exclusion(plan, progress):
-        raise InputError(f"excluded by a rule of the plan, {rule}")
-    tests = [trial for trial in progress.trials if trial.block == block_name and trial.role == "test"]
-    due = sum((trial.code, block.questions[0]) not in progress.answers for trial in tests)
-    if due:
-        raise InputError(f"not finished: expected {block.repetitions} answers, got {block.repetitions - due}")
-    groups, strength = stimulus_levels(plan.design, block)
-    history = scored_history(plan, progress, block)
-    if not history:
-        raise InputError(f"the rules of the plan exclude all {block.repetitions} answers of the block")
-    if block.adaptive == "quest+":
-        return run_quest(plan.design, block, history).threshold
-    state = run_staircase(len(groups), history)
-    # Called for its check only: the mean is taken over the strengths, not over their indices.
-    state.threshold(last=6)
-    return float(np.mean(strength[np.rint(state.turned[-6:]).astype(int)])), float("nan")
+        model = threshold_model(plan.design, block, coarse=True)
+        counts = answer_counts(plan.design, block, model, _valid_answers(plan, progress, block))
+        index = int(model.next_level(model.posterior(*counts)))
+    return groups[index][trial.variant % len(groups[index])]
 
 
 def thresholds_of(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame | None:
     """Thresholds of every adaptive block in every session; None if the plan has no such block.
 
-    Columns participant, block, threshold, sd, note; where a threshold cannot be computed or is excluded, it is NaN and
-    `note` gives the reason.
+    A threshold uses the scored rows of `answers_table`, so that exports and reports have the same trials. It is
+    estimated by `ThresholdModel`, with the levels of the block and the lapse limit of the plan.
+
+    Returns
+    -------
+    DataFrame
+        Columns participant, block, threshold, sd, low, high (95 % limits), trials (analysed answers), bias, lapse,
+        p_misfit, note. Where a threshold is excluded or refused, threshold, sd, low and high are NaN and `note` gives
+        the reason.
     """
     from pandas import DataFrame
 
-    blocks = [block.name for block in plan.design.blocks if block.adaptive and block.scored]
+    blocks = [block for block in plan.design.blocks if block.adaptive and block.scored]
+    if not blocks or not sessions:
+        return None
+    table = answers_table(plan, sessions)
+    rules = excluded_participants(plan, sessions).drop_duplicates("participant").set_index("participant")["rule"]
     rows: list[dict[str, Any]] = []
     for session in sessions:
-        for name in blocks:
-            row = {"participant": f"sub-{session.trials[0].participant:02d}", "block": name}
-            try:
-                mean, sd = threshold(plan, session, name)
-            except InputError as wrong:
-                rows.append(row | {"threshold": np.nan, "sd": np.nan, "note": str(wrong)})
-            else:
-                rows.append(row | {"threshold": mean, "sd": sd, "note": ""})
-    return DataFrame(rows) if rows else None
+        number = session.trials[0].participant
+        who = f"sub-{number:02d}"
+        for block in blocks:
+            row: dict[str, Any] = {"participant": who, "block": block.name}
+            row |= dict.fromkeys(("threshold", "sd", "low", "high"), np.nan)
+            asked = table.empty or (table["participant"] == who) & (table["block"] == block.name)
+            given = table if table.empty else table.loc[asked & (table["question"] == block.questions[0])]
+            used = given if given.empty else given.loc[given["scored"].to_numpy(bool)]
+            row |= {"trials": len(used), "bias": np.nan, "lapse": np.nan, "p_misfit": np.nan}
+            if used.empty:
+                rule = f"the rule '{rules[who]}' of the plan excludes the participant" if who in rules else ""
+                none = f"the rules of the plan exclude all {len(given)} answers" if len(given) else "no answers"
+                rows.append(row | {"note": rule or none})
+                continue
+            model = threshold_model(plan.design, block)
+            pairs = zip(used["stimulus"].tolist(), used["answer"].tolist(), strict=True)
+            counts = answer_counts(plan.design, block, model, pairs)
+            found = model.estimate(*counts, rng=np.random.default_rng([plan.design.seed, number]))
+            row |= {"bias": found.bias, "lapse": found.lapse, "p_misfit": found.p_misfit}
+            note = found.refusal(model.levels)
+            if not note:
+                row |= {"threshold": found.threshold, "sd": found.sd, "low": found.low, "high": found.high}
+            rows.append(row | {"note": note})
+    return DataFrame(rows)
+
+
+def threshold_model(design: Design, block: Block, *, coarse: bool = False) -> ThresholdModel:
+    """Model of the answers to the first question of an adaptive block."""
+    groups, strength = stimulus_levels(design, block)
+    answers = design.question(block.questions[0]).answers
+    sides = len({correct_answer(design, block, name) for name in groups[0]})
+    return ThresholdModel(
+        task="detection" if sides == 1 else "two sides" if len(answers) == 2 else "choice",
+        levels=strength,
+        alternatives=max(len(answers), 2),
+        lapse_most=design.analysis.lapse_most,
+        coarse=coarse,
+    )
+
+
+def answer_counts(
+    design: Design, block: Block, model: ThresholdModel, given: Iterable[tuple[str, str]]
+) -> tuple[Array, Array]:
+    """Counted and all answers in each cell of a model, from names of stimuli and answers to the first question.
+
+    Stimuli outside the levels of the block are blanks; a choice has no cell for them.
+    """
+    groups, _ = stimulus_levels(design, block)
+    level_index = {name: index for index, names in enumerate(groups) for name in names}
+    first = correct_answer(design, block, groups[0][0])
+    counted, total = np.zeros(model.cells), np.zeros(model.cells)
+    for name, answer in given:
+        blank = name not in level_index
+        if blank and model.task == "choice":
+            continue
+        right = first if blank else correct_answer(design, block, name)
+        cell = model.cells - 1 if blank else level_index[name]
+        if model.task == "two sides" and not blank and right != first:
+            cell += len(groups)
+        total[cell] += 1
+        counted[cell] += answer == (right if model.task == "choice" else first)
+    return counted, total
+
+
+def _valid_answers(plan: Plan, progress: SessionState, block: Block) -> list[tuple[str, str]]:
+    """Stimulus and answer of each trial of a block so far, without the answers that the plan excludes."""
+    found: list[tuple[str, str]] = []
+    for trial in progress.trials:
+        given = progress.answers.get((trial.code, block.questions[0]))
+        if trial.block != block.name or given is None or not (trial.scored or not block.scored):
+            continue
+        if not answer_exclusion(plan, progress, trial.code, given):
+            found.append((trial.stimulus or progress.chosen[trial.code], given.answer))
+    return found
 
 
 def scored_history(plan: Plan, progress: SessionState, block: Block) -> History:
@@ -117,21 +166,4 @@ def run_staircase(count: int, history: History) -> Staircase:
     state = Staircase(level=top, steps=(2, 1), low=0, high=top)
     for _, correct in history:
         state = state.answered(correct)
-    return state
-
-
-def run_quest(design: Design, block: Block, history: History) -> QuestPlus:
-    """QUEST+ with Weibull functions around the levels of the block, after the answers so far."""
-    _, strength = stimulus_levels(design, block)
-    question = design.question(block.questions[0])
-    guess = 0.05 if question.kind == "yes-no" else 1 / max(len(question.answers), 2)
-    state = QuestPlus(
-        levels=strength,
-        thresholds=np.geomspace(strength[0] / 2, strength[-1] * 2, 41),
-        slopes=np.array([1.0, 2.0, 4.0, 8.0]),
-        lapses=np.array([0.02]),
-        guess=guess,
-    )
-    for index, correct in history:
-        state = state.answered(float(strength[index]), correct)
     return state

@@ -37,12 +37,16 @@ class Analysis:
     """Factor with numeric levels for which a psychometric function is fitted to correct answers; no fit if empty."""
     guess: float = 0.5
     """Guess rate of the psychometric function: 1/m with m alternatives."""
+    lapse_most: float = 0.15
+    """Largest lapse rate in the fits of thresholds and of the psychometric function."""
     margin: float = 0.1
     """Equivalence margin of the difference of macro F between conditions."""
 
     def __post_init__(self) -> None:
         one_of(self.incomplete, Incomplete, "analysis: incomplete")
         one_of(self.foils, UnpresentedAnswers, "analysis: foils")
+        if not 0 <= self.lapse_most < 0.5:
+            raise InputError(f"analysis: expected lapse_most from 0 to below 0.5, got {self.lapse_most:g}")
 
 
 PowerTest = Literal["paired", "identification", "rating", "equivalence", "threshold"]

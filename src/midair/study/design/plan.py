@@ -160,7 +160,7 @@ def _draw_session(design: Design, participant: int) -> list[Trial]:
                     stimulus=place.stimulus,
                     levels={**levels, **block.levels},
                     questions=place.questions,
-                    scored=block.scored and _is_scored(design, place),
+                    scored=block.scored and _is_scored(design, block, place),
                     role=place.role,
                     variant=place.variant,
                     wait_s=round(float(rng.uniform(*block.jitter_s)), 3) if block.jitter_s[1] else 0.0,
@@ -205,10 +205,17 @@ def _draw_variants(design: Design, block: Block, rng: np.random.Generator) -> li
     return constrained_shuffle(list(range(many)) * rounds, rng=rng, longest_run=block.longest_run)[: block.repetitions]
 
 
-def _is_scored(design: Design, place: _Position) -> bool:
-    """Whether a trial is analysed; d' of yes-no and same-different questions needs the false alarms of catch trials."""
+def _is_scored(design: Design, block: Block, place: _Position) -> bool:
+    """Whether a trial is analysed.
+
+    d' of yes-no and same-different questions needs the false alarms of catch trials, and the threshold of an adaptive
+    block needs catch trials and further trials at its levels.
+    """
     kind = design.question(place.questions[0]).kind if place.questions else ""
-    return place.role == "test" or (place.role == "catch" and kind in ("yes-no", "same-different"))
+    if place.role == "test" or (place.role == "catch" and kind in ("yes-no", "same-different")):
+        return True
+    fitted = block.adaptive and place.questions[:1] == block.questions[:1]
+    return bool(fitted) and (place.role == "catch" or place.stimulus in block.stimuli)
 
 
 def _expand_pairs(design: Design) -> Design:

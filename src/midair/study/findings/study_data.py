@@ -48,9 +48,9 @@ class StudyData:
     """Every question of the plan: columns question, kind, private, asked, given and analysed (numbers of answers), and
     part (section of the report with its analysis; empty if there is none)."""
     strengths: DataFrame | None = None
-    """Columns participant, level, correct (0 or 1), guess: answers to stimuli with numeric strength."""
+    """Columns participant, level, correct (0 or 1), guess, lapse_most: answers to stimuli with numeric strength."""
     thresholds: DataFrame | None = None
-    """Thresholds of adaptive blocks: columns participant, block, threshold, sd, note."""
+    """Thresholds of adaptive blocks, see `thresholds_of`."""
     margin: float = 0.1
     """Equivalence margin of the difference of macro F."""
     simulated: bool = False
@@ -297,7 +297,8 @@ def _strengths(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
     except ValueError as wrong:
         raise InputError(f"factor {name!r}: expected strengths as numbers, got {known[name][:3].tolist()}") from wrong
     correct = known["correct"].astype(float)
-    return DataFrame({"participant": known["participant"], "level": level, "correct": correct, "guess": analysis.guess})
+    given = {"participant": known["participant"], "level": level, "correct": correct}
+    return DataFrame(given).assign(guess=analysis.guess, lapse_most=analysis.lapse_most)
 
 
 def _ratings(rows: DataFrame, *, value: str, factors: Sequence[str], participant: str = "participant") -> DataFrame:

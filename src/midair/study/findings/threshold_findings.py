@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import InputError
 from midair.study.findings.finding import Finding, limits_words
 from midair.study.findings.study_data import StudyData
-from midair.study.statistics import fit_psychometric, fit_threshold, levels
+from midair.study.statistics import PRIORS, fit_psychometric, fit_threshold, levels
 
 
 def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
@@ -16,7 +15,7 @@ def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     if data.strengths is None:
         return []
     rows = data.strengths
-    guess = float(rows["guess"].iloc[0])
+    guess, lapse_most = (float(rows[name].iloc[0]) for name in ("guess", "lapse_most"))
     people, person = levels(rows.loc[:, "participant"])
     strength, place = np.unique(rows["level"], return_inverse=True)
     cell = person * len(strength) + place
@@ -24,12 +23,13 @@ def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     sums = [np.bincount(cell, weights=each, minlength=size) for each in (rows["correct"], np.ones(len(rows)))]
     counts = np.stack(sums, axis=-1).reshape(len(people), len(strength), 2)
     right, total = counts.sum(axis=0).T
-    fit = fit_psychometric(strength, right, total, rng=rng, guess=guess, shape="weibull")
+    fit = fit_psychometric(strength, right, total, rng=rng, guess=guess, shape="weibull", lapse_most=lapse_most)
 
     def threshold(drawn: NDArray[np.float64]) -> float:
         hits, trials = drawn.sum(axis=0).T
         seen = trials > 0
-        return fit_threshold(strength[seen], hits[seen], trials[seen], guess=guess, shape="weibull", near=fit.function)
+        options = {"guess": guess, "shape": "weibull", "near": fit.function, "lapse_most": lapse_most}
+        return fit_threshold(strength[seen], hits[seen], trials[seen], **options)
 
     over_people = limits_words(threshold, counts, "positive", form=".3g")
     words = (
@@ -39,6 +39,11 @@ def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     )
     fits = "fits" if fit.deviance_p > 0.05 else "does NOT fit"
     words += f". The Weibull function {fits} the answers (deviance {fit.deviance:.1f}, p = {fit.deviance_p:.2f})."
+    if data.thresholds is not None:
+        words += (
+            f" It assumes a guess rate of {guess:g} and no side bias for all people; the thresholds of the adaptive"
+            " blocks do not."
+        )
     table = DataFrame({"level": strength, "right": right.astype(int), "answers": total.astype(int)})
     table["share"] = right / total
     return [Finding(title="Psychometric function", words=words, table=table)]
@@ -49,13 +54,17 @@ def adaptive(data: StudyData) -> list[Finding]:
     if data.thresholds is None:
         return []
     known = data.thresholds.loc[np.isfinite(data.thresholds["threshold"])]
-    if known.empty:
-        raise InputError("thresholds: expected a finished adaptive block, got none; see the notes of the blocks")
     values = known["threshold"].to_numpy(float)
-    limits = limits_words(_geometric_mean, values, "positive", form=".3g")
-    words = f"Geometric mean of {len(known)} thresholds: {_geometric_mean(values):.3g} ({limits})."
+    words = "No threshold could be estimated."
+    if len(known):
+        limits = limits_words(_geometric_mean, values, "positive", form=".3g")
+        words = f"Geometric mean of {len(known)} thresholds: {_geometric_mean(values):.3g} ({limits})."
     if len(known) < len(data.thresholds):
-        words += " The note gives the reason for a missing threshold."
+        words += f" {len(data.thresholds) - len(known)} missing: the notes give the reasons."
+    words += (
+        " Each threshold is the median of the posterior of a Weibull function, at 63 % of its rise; its slope, lapse"
+        f" rate, and false-alarm rate or side bias are estimated too. {PRIORS}"
+    )
     return [Finding(title="Thresholds of adaptive blocks", words=words, table=data.thresholds)]
 
 

@@ -100,11 +100,18 @@ def fit_psychometric(
 
 
 def fit_threshold(
-    level: Array, correct: Array, total: Array, *, guess: float, shape: CurveShape, near: Psychometric
+    level: Array,
+    correct: Array,
+    total: Array,
+    *,
+    guess: float,
+    shape: CurveShape,
+    near: Psychometric,
+    lapse_most: float = 0.05,
 ) -> float:
     """Threshold from one start near a known fit, for the jackknife; arguments as `fit_psychometric`."""
     x, k, n = _merge_levels(level, correct, total)
-    curves = CurveFamily(x=x, guess=guess, lapse_most=0.05, shape=shape)
+    curves = CurveFamily(x=x, guess=guess, lapse_most=lapse_most, shape=shape)
     unit = 1.0 if shape == "weibull" else float(np.ptp(x)) or 1.0
     start = np.array([curves.place(near.threshold), np.log(near.slope * unit), near.lapse])
     return curves.function(_maximise(curves, k, n, start)[0]).threshold
