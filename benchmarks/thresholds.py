@@ -30,13 +30,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.thresholds", description=__doc__.splitlines()[0])
     parser.add_argument("--observers", type=int, default=500, help="simulated observers per line (default 500)")
     parser.add_argument("--task", choices=list(BIASES), nargs="*", default=list(BIASES))
+    parser.add_argument("--bias", type=float, nargs="*", help="side biases or false-alarm rates (default all)")
     parser.add_argument("--before", action="store_true", help="use the estimate until 2026-11-23")
     parser.add_argument("--seed", type=int, default=2026, help="random seed (default 2026)")
     options = parser.parse_args()
     print(load())
     print("task       bias  lapse  slope   bias %  coverage %  refused %")
     for task in options.task:
-        for bias in BIASES[task]:
+        for bias in options.bias or BIASES[task]:
             for lapse in LAPSES:
                 for slope in SLOPES:
                     rng = np.random.default_rng([options.seed, int(100 * bias), int(100 * lapse), int(10 * slope)])

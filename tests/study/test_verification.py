@@ -66,6 +66,8 @@ def test_a_whole_study_has_no_fault_and_its_summary_is_in_report_notebook_and_ex
         study("export", folder.path, tmp_path / kind, "--format", kind)
         assert summary in capsys.readouterr().out
     assert summary in (tmp_path / "bids" / "README").read_text()
+    beside = json.loads((tmp_path / "csv.json").read_text())
+    assert beside["GeneratedBy"][0]["Description"] == summary
     description = json.loads((tmp_path / "bids" / "dataset_description.json").read_text())
     assert description["GeneratedBy"][0]["Description"] == summary
 

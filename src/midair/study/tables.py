@@ -44,10 +44,18 @@ MEANING: Mapping[str, str] = {
 """Descriptions of the columns of an answers table."""
 
 
-def write_csv(table: DataFrame, path: Path) -> None:
-    """Write a table as CSV with a header, atomically; raises FileError if the file exists or cannot be written."""
-    if path.exists():
-        raise FileError(f"{path.name}: expected a new file, the file exists; choose another name")
+def write_csv(table: DataFrame, path: Path, *, files: str = "") -> None:
+    """Write a table as CSV with a header, atomically; raises FileError if the file exists or cannot be written.
+
+    `files`, the result of the check of the study's files, is written to a JSON file of the same name.
+    """
+    notes = [(path.with_suffix(".json"), _description_of_csv(files))] if files else []
+    for one in (path, *(note for note, _ in notes)):
+        if one.exists():
+            raise FileError(f"{one.name}: expected a new file, the file exists; choose another name")
+    for note, content in notes:
+        with atomic_file(note) as partial:
+            _json(partial, content)
     with atomic_file(path) as partial:
         partial.chmod(0o600)  # it contains the answers of participants
         _write_separated(table, partial, ",")
@@ -192,6 +200,10 @@ def _write_separated(table: DataFrame, path: Path, delimiter: str) -> None:
     words.rename(columns=no_formula).to_csv(
         path, sep=delimiter, index=False, encoding="utf-8", lineterminator="\n", na_rep="n/a"
     )
+
+
+def _description_of_csv(files: str) -> dict[str, Any]:
+    return {"GeneratedBy": [{"Name": "midair", "Version": __version__, "Description": files}]}
 
 
 def _description(design: Design, simulated: bool, files: str) -> dict[str, Any]:

@@ -227,3 +227,9 @@ def test_few_wrong_answers_are_reported():
         words = next(one.words for one in analyse(data, draws=20).findings if one.title.startswith("Identification"))
         assert f"{100 * (72 - wrong) / 72:.1f} % of 72" in words
         assert ("There are fewer wrong answers than people" in words) == warned
+
+
+@pytest.mark.parametrize(("people", "too_few"), [(4, True), (5, False)])
+def test_the_mixed_model_states_when_there_are_too_few_people(people, too_few):
+    report = analyse(data_of_columns(choices(people=people), **NAMES), draws=20)
+    assert ("too few people for this test" in found(report, "Mixed model").words) == too_few

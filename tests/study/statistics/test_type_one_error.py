@@ -78,6 +78,15 @@ def mixed(rng, trials, differ):
     return logistic_mixed(table, correct="correct", participant="who", within=["object"])["p"][0]
 
 
+def two_levels(rng, people, trials):
+    """Correct answers to two levels without an effect over people, who differ by 0.6 logits in each."""
+    logit = 0.5 + rng.normal(0, 0.7, (people, 1)) + rng.normal(0, 0.6, (people, 2))
+    correct = (rng.random((people, 2, trials // 2)) < 1 / (1 + np.exp(-logit))[..., None]).astype(float)
+    who, level, _ = np.indices(correct.shape).reshape(3, -1)
+    table = {"correct": correct.ravel(), "who": who, "level": level}
+    return logistic_mixed(table, correct="correct", participant="who", within=["level"])["p"][0]
+
+
 IDENTIFICATION = IdentificationExperiment(objects=3, trials=12, d_prime=0, spread=0)
 RATING = RatingExperiment(means=(4.0, 4.0))
 
@@ -97,6 +106,8 @@ EXACT = {
     "mixed model, 12 trials": lambda rng: mixed(rng, 12, 0.8),
     "mixed model, 48 trials": lambda rng: mixed(rng, 48, 0.8),
     "mixed model, 400 trials": lambda rng: mixed(rng, 399, 0.8),
+    "mixed model, 8 people": lambda rng: two_levels(rng, 8, 400),
+    "mixed model, 5 people": lambda rng: two_levels(rng, 5, 400),
     "mixed model, 1000 trials": lambda rng: mixed(rng, 999, 0.4),
     "identification": lambda rng: IDENTIFICATION(PEOPLE, rng),
     "rating of two levels": lambda rng: RATING(PEOPLE, rng),

@@ -215,4 +215,9 @@ def mixed(data: StudyData) -> list[Finding]:
         f" likelihood ratios, with error degrees of freedom for {len(set(rows['participant']))} people;"
         f" Holm's correction for {len(table)} effects."
     )
+    if len(set(rows["participant"])) < 5:
+        words += (
+            " There are too few people for this test: with fewer than five, its false-positive rate was not confirmed"
+            " in simulated studies. Treat p as descriptive."
+        )
     return [Finding(title="Mixed model of correct answers", words=words, table=table)]

@@ -15,14 +15,14 @@ Array = NDArray[np.float64]
 ThresholdTask = Literal["detection", "two sides", "choice"]
 """Signal or blank ("yes" or "no"); which of two sides, positions or intervals; one of three alternatives or more."""
 
-WIDEST = 8.0
+WIDEST = 25.0
 """Largest ratio of the limits of a threshold that is reported."""
 MISFIT = 0.01
 """Smallest posterior predictive p-value of a threshold that is reported."""
 PRIORS = (
-    "Priors: log threshold uniform from half of the lowest to twice the highest level; log slope uniform from 0.7 to"
-    " 10; lapse rate Beta(1, 16) up to the limit of the plan; false-alarm rate Beta(1, 3) up to 0.6 (yes or no); side"
-    " bias normal with standard deviation 0.8 (two sides)."
+    "Priors: log threshold uniform from half of the lowest to twice the highest level; log slope uniform from 0.8 to"
+    " 10; lapse rate Beta(1, 15) on six values from 0 to the limit of the plan; false-alarm rate Beta(1, 3) up to"
+    " 0.6 (yes or no); side bias normal with standard deviation 0.8 (two sides)."
 )
 """Priors of `ThresholdModel`, for reports."""
 
@@ -76,7 +76,8 @@ class ThresholdModel:
       standard deviations of the difference of the two internal values (Macmillan and Creelman, 2005, chapter 7).
     - "choice", correct answer of m alternatives: 1/m + (1 - 1/m - lapse) F(x).
 
-    `PRIORS` states the priors; the limit of the lapse rate is `lapse_most`.
+    `PRIORS` states the priors; the limit of the lapse rate is `lapse_most`. The steps of the grid suit blocks of up to
+    about 500 trials.
     """
 
     task: ThresholdTask
@@ -106,22 +107,21 @@ class ThresholdModel:
                 f"threshold: expected lapse_most from 0 to below 0.5 and two alternatives or more, got"
                 f" {self.lapse_most:g} and {self.alternatives}"
             )
-        places, slopes, lapses = (25, 3, 2) if self.coarse else (121, 6, 6)
+        places, slopes = (25, np.geomspace(1, 6, 3)) if self.coarse else (121, np.geomspace(0.8, 10, 7))
         axes = (
             np.linspace(np.log(self.levels[0] / 2), np.log(self.levels[-1] * 2), places),
-            np.linspace(np.log(0.7), np.log(10), slopes),
-            # Quantiles of the prior, each with the same weight: closer where lapses are likely.
-            1 - (1 - (np.arange(lapses) + 0.5) / lapses * (1 - (1 - self.lapse_most) ** 16)) ** (1 / 16),
+            np.log(slopes),
+            np.linspace(0.15, 0.55, 2) * self.lapse_most if self.coarse else np.linspace(0, self.lapse_most, 6),
             self._biases(),
         )
         grid = np.meshgrid(*axes, indexing="ij")
         chance = self._chance(*(each.ravel() for each in grid))
         bias = grid[3].ravel()
-        prior = np.zeros(bias.shape)
+        prior = (35 if self.coarse else 14) * np.log1p(-grid[2].ravel())
         if self.task == "detection":
-            prior = 2 * np.log1p(-bias)
+            prior += 2 * np.log1p(-bias)
         elif self.task == "two sides":
-            prior = -((bias / 0.8) ** 2) / 2
+            prior -= (bias / 0.8) ** 2 / 2
         object.__setattr__(self, "axes", axes)
         chance = np.clip(chance, 1e-6, 1 - 1e-6)
         object.__setattr__(self, "chance", chance)

@@ -164,7 +164,7 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
         if answers.empty:
             raise InputError("export: expected answers, got none; run a participant first")
         log_derived_file(folder, output, "csv")
-        write_csv(answers, output)
+        write_csv(answers, output, files=verified.summary)
         print_line(f"{output}: {len(answers)} answers.")
     print_line(" ".join(part for part in (verified.summary, verified.unfinished_words) if part))
     warn_simulated(bool(answers["simulated"].any()))
