@@ -28,8 +28,15 @@ def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     def threshold(drawn: NDArray[np.float64]) -> float:
         hits, trials = drawn.sum(axis=0).T
         seen = trials > 0
-        options = {"guess": guess, "shape": "weibull", "near": fit.function, "lapse_most": lapse_most}
-        return fit_threshold(strength[seen], hits[seen], trials[seen], **options)
+        return fit_threshold(
+            strength[seen],
+            hits[seen],
+            trials[seen],
+            guess=guess,
+            shape="weibull",
+            near=fit.function,
+            lapse_most=lapse_most,
+        )
 
     over_people = limits_words(threshold, counts, "positive", form=".3g")
     words = (

@@ -170,7 +170,7 @@ class ThresholdModel:
         strength = np.exp(self.axes[0])
         sd = np.sqrt(marginal @ strength**2 - (marginal @ strength) ** 2)
         drawn = self.chance[:, rng.choice(len(weight), size=draws, p=weight)].T
-        data = rng.binomial(total.astype(int), drawn)
+        data = rng.binomial(total.astype(int), drawn).astype(float)
         seen, known = _deviance(counted, total, drawn), _deviance(data, total, drawn)
         return ThresholdEstimate(
             threshold=middle,
