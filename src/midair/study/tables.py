@@ -55,6 +55,7 @@ def write_csv(table: DataFrame, path: Path, *, files: str = "") -> None:
             raise FileError(f"{one.name}: expected a new file, the file exists; choose another name")
     for note, content in notes:
         with atomic_file(note) as partial:
+            partial.chmod(0o600)
             _json(partial, content)
     with atomic_file(path) as partial:
         partial.chmod(0o600)  # it contains the answers of participants
