@@ -6,8 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from midair.devices.sensors.decimated import Decimated
-from midair.devices.sensors.decimator import CENTRE, Decimator, Polyphase
+from midair.devices.sensors.decimated import CENTRE, Decimated, Decimator, Polyphase
 from midair.devices.sensors.sources import Chunk, Stream
 from midair.errors import DeviceStateError
 

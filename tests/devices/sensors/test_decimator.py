@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.devices.sensors.decimator import CENTRE, Decimator, Polyphase
+from midair.devices.sensors.decimated import CENTRE, Decimator, Polyphase
 from midair.dsp import resample
 from midair.errors import RateError
 

@@ -6,8 +6,8 @@ import threading
 import numpy as np
 import pytest
 
-from midair.devices.sensors.reader import Reader
 from midair.devices.sensors.sources import Chunk
+from midair.devices.sensors.streamed_sensor import Reader
 from midair.errors import LinkLostError
 
 

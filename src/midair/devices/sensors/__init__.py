@@ -1,11 +1,11 @@
 """Sensors: network streams, sound cards, converters, serial ports, and replayed files."""
 
 from .decimated import Decimated as Decimated
-from .paced import PacedSensor as PacedSensor
-from .remapped import RemappedSensor as RemappedSensor
 from .replay import ReplaySensor as ReplaySensor
 from .sources import Chunk as Chunk
 from .sources import SensorOptions as SensorOptions
 from .sources import Source as Source
 from .sources import Stream as Stream
 from .streamed_sensor import StreamedSensor as StreamedSensor
+from .wrapped_sensors import PacedSensor as PacedSensor
+from .wrapped_sensors import RemappedSensor as RemappedSensor

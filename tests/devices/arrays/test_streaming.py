@@ -3,7 +3,7 @@
 import pytest
 
 from midair.devices.arrays.banks import UnitsState
-from midair.devices.arrays.frame_capture import FrameCapture
+from midair.devices.arrays.streaming import FrameCapture
 from midair.errors import DeviceError, LinkLostError, SilentFramesError, TooHotError
 
 MS = 1_000_000
