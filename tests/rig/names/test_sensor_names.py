@@ -77,14 +77,26 @@ def test_options_that_make_no_sense_are_one_clear_line(name, complaint):
     assert "\n" not in str(told.value)
 
 
+class NoSource(SensorOptions):
+    """Options of a kind whose sources do not exist."""
+
+    def source(self, place):
+        raise UnknownDeviceError(place)
+
+
+def test_a_kind_of_sensor_without_a_source_cannot_be_made():
+    with pytest.raises(TypeError, match="abstract"):
+        SensorOptions()
+
+
 def test_options_override_the_sensor_file_and_that_the_stream():
     stream = Stream(channels=16, rate=1000.0, unit="V")
     file = SensorWiring(grid=SensorGrid(name="palm"), order=tuple(range(15, -1, -1)), unit="V", sensitivity=0.02)
-    assert SensorOptions().wire(stream, None, "lsl:x") == SensorWiring(grid=SensorGrid(name="lsl:x"), unit="V")
-    assert SensorOptions().wire(stream, file, "lsl:x") == file
-    stated = SensorOptions.model_validate({"unit": "Pa", "pitch_mm": "5", "sensitivity": "1"}).wire(stream, file, "x")
+    assert NoSource().wire(stream, None, "lsl:x") == SensorWiring(grid=SensorGrid(name="lsl:x"), unit="V")
+    assert NoSource().wire(stream, file, "lsl:x") == file
+    stated = NoSource.model_validate({"unit": "Pa", "pitch_mm": "5", "sensitivity": "1"}).wire(stream, file, "x")
     assert (stated.unit, stated.grid.pitch, stated.sensitivity, stated.order) == ("Pa", 5e-3, 1.0, file.order)
-    other = SensorOptions.model_validate({"rows": "2", "columns": "8"}).wire(stream, file, "x")
+    other = NoSource.model_validate({"rows": "2", "columns": "8"}).wire(stream, file, "x")
     assert (other.grid.shape, other.order) == ((2, 8), tuple(range(16)))
 
 

@@ -1,5 +1,6 @@
 """The interface of a source of channels, which `StreamedSensor` uses."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol
@@ -100,7 +101,7 @@ class Source(Protocol):
         ...
 
 
-class SensorOptions(BaseModel):
+class SensorOptions(BaseModel, ABC):
     """A kind of live sensor, with the options that may follow the question mark of its name.
 
     A driver subclasses it: further fields are further options, and `source` makes the source. The class is registered
@@ -125,9 +126,9 @@ class SensorOptions(BaseModel):
     timeout: PositiveFloat = 2.0
     """Seconds without a frame after which the sensor is lost."""
 
+    @abstractmethod
     def source(self, place: str) -> Source:
         """Source at a place, the part of a name between colon and question mark; not open yet."""
-        raise NotImplementedError
 
     @classmethod
     def available(cls) -> str:

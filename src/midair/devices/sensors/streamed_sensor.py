@@ -10,7 +10,7 @@ import numpy as np
 
 from midair.devices.interface import FrameBlock, SensorDevice
 from midair.devices.sensors.sources import Chunk, Source, Stream
-from midair.errors import DeviceError, DeviceStateError, InputError, MidairError, MismatchError
+from midair.errors import DeviceError, DeviceStateError, InputError, MismatchError
 from midair.model import Calibration, SensorWiring
 
 
@@ -65,10 +65,10 @@ class Reader:
                 if chunk is not None:
                     for part in chunk.finite_parts(self._rate):
                         self._put(part)
-        except MidairError as wrong:
-            self._fail(wrong)
         except Exception as wrong:  # noqa: BLE001  # the next call of `take` raises it
-            self._fail(wrong)
+            with self._changed:
+                self._failure = wrong
+                self._changed.notify_all()
 
     def _put(self, chunk: Chunk) -> None:
         with self._changed:
@@ -77,11 +77,6 @@ class Reader:
                 return
             self._waiting.append(chunk)
             self._held += chunk.samples.nbytes
-            self._changed.notify_all()
-
-    def _fail(self, failure: Exception) -> None:
-        with self._changed:
-            self._failure = failure
             self._changed.notify_all()
 
 

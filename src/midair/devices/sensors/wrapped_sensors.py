@@ -9,23 +9,46 @@ from midair.devices.interface import FrameBlock, SensorDevice
 from midair.model import SensorWiring
 
 
-class PacedSensor(SensorDevice):
-    """Returns the frames of another sensor, whose time advances only when it is read (`on_demand`), in real time."""
+class _WrappedSensor(SensorDevice):
+    """Passes everything on to another sensor."""
 
     def __init__(self, sensor: SensorDevice) -> None:
         self._sensor = sensor
         self.name, self.grid, self.rate, self.unit = sensor.name, sensor.grid, sensor.rate, sensor.unit
-        self.calibration, self.simulated, self.full_scale = sensor.calibration, sensor.simulated, sensor.full_scale
-        self.wiring, self.stored = sensor.wiring, sensor.stored
-        self._begin = 0.0
+        self.simulated, self.full_scale, self.stored = sensor.simulated, sensor.full_scale, sensor.stored
 
     def open(self) -> None:
         """Open the other sensor."""
         self._sensor.open()
 
     def start(self) -> None:
-        """Start the other sensor; the time of its first frame is now."""
+        """Start the other sensor."""
         self._sensor.start()
+
+    def stop(self) -> None:
+        """Stop the other sensor."""
+        self._sensor.stop()
+
+    def close(self) -> None:
+        """Close the other sensor."""
+        self._sensor.close()
+
+    def describe(self) -> dict[str, str]:
+        """Description of the other sensor."""
+        return self._sensor.describe()
+
+
+class PacedSensor(_WrappedSensor):
+    """Returns the frames of another sensor, whose time advances only when it is read (`on_demand`), in real time."""
+
+    def __init__(self, sensor: SensorDevice) -> None:
+        super().__init__(sensor)
+        self.calibration, self.wiring = sensor.calibration, sensor.wiring
+        self._begin = 0.0
+
+    def start(self) -> None:
+        """Start the other sensor; the time of its first frame is now."""
+        super().start()
         self._begin = time.monotonic()
 
     def read(self, frames: int) -> FrameBlock:
@@ -36,16 +59,8 @@ class PacedSensor(SensorDevice):
         first = block.first / self.rate
         return replace(block, device_time=first, host_time=self._begin + first)
 
-    def stop(self) -> None:
-        """Stop the other sensor."""
-        self._sensor.stop()
 
-    def close(self) -> None:
-        """Close the other sensor."""
-        self._sensor.close()
-
-
-class RemappedSensor(SensorDevice):
+class RemappedSensor(_WrappedSensor):
     """A sensor with reordered channels, to simulate or to correct swapped wires.
 
     Parameters
@@ -55,33 +70,11 @@ class RemappedSensor(SensorDevice):
     """
 
     def __init__(self, sensor: SensorDevice, wiring: SensorWiring) -> None:
-        self._sensor, self.wiring, self._order = sensor, wiring, wiring
-        self.name, self.grid, self.rate, self.unit = sensor.name, wiring.grid, sensor.rate, sensor.unit
-        self.simulated, self.full_scale, self.on_demand = sensor.simulated, sensor.full_scale, sensor.on_demand
-        self.calibration, self.stored = None, sensor.stored
-
-    def open(self) -> None:
-        """Open the sensor."""
-        self._sensor.open()
-
-    def start(self) -> None:
-        """Start the sensor."""
-        self._sensor.start()
+        super().__init__(sensor)
+        self.grid, self.wiring, self._order, self.on_demand = wiring.grid, wiring, wiring, sensor.on_demand
 
     def read(self, frames: int) -> FrameBlock:
         """Return the sensor's next frames with reordered channels."""
         block = self._sensor.read(frames)
         samples = np.asarray(block.samples, np.float64).reshape(len(block.samples), self._sensor.grid.count)
         return replace(block, samples=self._order.arrange(samples))
-
-    def stop(self) -> None:
-        """Stop the sensor."""
-        self._sensor.stop()
-
-    def close(self) -> None:
-        """Close the sensor."""
-        self._sensor.close()
-
-    def describe(self) -> dict[str, str]:
-        """Description of the sensor."""
-        return self._sensor.describe()
