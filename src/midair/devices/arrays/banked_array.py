@@ -1,19 +1,18 @@
 """An array, real or emulated, that plays from two pattern banks."""
 
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 
-from midair.devices.arrays.banks import Banks
+from midair.devices.arrays.banks import Banks, UnitsArray
 from midair.devices.arrays.silencer import SilencerChoice, choose_silencer
 from midair.devices.arrays.streaming import DriveStream, play_stream
 from midair.devices.frame_bytes import divider, intensity_bytes, phase_bytes
-from midair.devices.interface import ArrayDevice, PlayReport
-from midair.errors import DeviceError, DeviceStateError
+from midair.devices.interface import PlayReport
+from midair.errors import DeviceError
 from midair.model import Drive, Placement, Progress
 
 
-class BankedArray(ArrayDevice):
+class BankedArray(UnitsArray[Banks]):
     """Streams drives through two banks, and is silent at all other times.
 
     Parameters
@@ -41,39 +40,26 @@ class BankedArray(ArrayDevice):
         simulated: bool = False,
         exclusive: str | None = None,
     ) -> None:
-        self.name, self.placement, self.array, self.simulated = name, placement, placement.array(), simulated
-        self.exclusive = exclusive
+        super().__init__(connect, placement, name=name, simulated=simulated, exclusive=exclusive)
         self.silencer: SilencerChoice = silencer
         self.block = block
-        self._connect = connect
-        self._banks: Banks | None = None
-        self._lock = threading.RLock()
         self._silenced = 0
 
     @property
     def banks(self) -> Banks:
         """The open device; DeviceStateError if it is closed."""
-        if self._banks is None:
-            raise DeviceStateError(f"{self.name}: expected open before play")
-        return self._banks
+        return self.units
 
     @property
     def emitting(self) -> bool:
         """True if the device reports that it plays."""
-        return self._banks is not None and self._banks.emitting()
-
-    def open(self) -> None:
-        """Open the device; it is silent."""
-        if self._banks is None:
-            self._banks = self._connect(self.placement)
-            # The name is not reliable: the SDK's search prefers a running simulator to real units.
-            self.simulated = self._banks.emulated
+        return self._units is not None and self._units.emitting()
 
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
         """Stream every frame through the two banks, and return the result."""
         # Read first, so that a silence during the preparation ends this playback.
         ordered = self._silenced
-        banks, ticks = self.banks, divider(drive.rate)
+        banks, ticks = self.units, divider(drive.rate)
         phases = phase_bytes(drive, self.placement.units)
         intensity = intensity_bytes(drive, self.placement.units)
         silencer = choose_silencer(self.silencer, drive)
@@ -107,22 +93,14 @@ class BankedArray(ArrayDevice):
     def silence(self) -> None:
         """Stop all sound immediately, from any thread; active playback ends with an error."""
         with self._lock:
-            if self._banks is not None:
+            if self._units is not None:
                 self._silenced += 1
-                self._banks.silence()
-
-    def close(self) -> None:
-        """Close the device."""
-        # With the lock a silence from another thread returns only after closing has silenced the device.
-        with self._lock:
-            banks, self._banks = self._banks, None
-            if banks is not None:
-                banks.close()
+                self._units.silence()
 
     def describe(self) -> dict[str, str]:
         """Information from the units, and properties of all arrays of this kind."""
         return {
-            **self.banks.describe(),
+            **self.units.describe(),
             "rate": "any that is 40 kHz / N: 1000 Hz is N = 40; silencer chosen from steps",
             "power": "cannot be asked; a unit takes up to 50 W at full drive",
         }

@@ -1,11 +1,17 @@
-"""The interface of an array with two pattern banks, which streaming uses."""
+"""Units of an array: their interface, their state, and the part that all arrays of units share."""
 
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes
-from midair.errors import TooHotError
+from midair.devices.interface import ArrayDevice
+from midair.errors import DeviceStateError, TooHotError
+from midair.model import Placement
+
+U = TypeVar("U", bound="Units")
 
 
 class TooLateError(Exception):
@@ -42,16 +48,50 @@ def name_units(units: tuple[int, ...]) -> str:
     return f"unit {units[0]}" if len(units) == 1 else "units " + ", ".join(map(str, units))
 
 
-class Banks(Protocol):
-    """An open array with two banks, 0 and 1; one plays while the other is written.
-
-    Instants are device time in ns, the same on all units.
-    """
+class Units(Protocol):
+    """Open units of an array; instants are device time in ns, the same on all units."""
 
     @property
     def emulated(self) -> bool:
         """True if an emulator answers, as far as it reports it."""
         ...
+
+    @property
+    def failsafe(self) -> float:
+        """Time without a message after which units may silence themselves, in s; 0 if unknown."""
+        ...
+
+    def set_silencer(self, silencer: Silencer) -> None:
+        """Set the firmware's silencer."""
+        ...
+
+    def now(self) -> int:
+        """Device time, in ns."""
+        ...
+
+    def state(self) -> UnitsState | None:
+        """Current state of the units; None if it cannot be queried. The query also resets the failsafe timer."""
+        ...
+
+    def silence(self) -> None:
+        """Set all transducers to intensity 0 at once and cancel pending switches; callable from any thread."""
+        ...
+
+    def release(self) -> None:
+        """Release the failsafe of the units; the caller must have silenced them before."""
+        ...
+
+    def describe(self) -> dict[str, str]:
+        """Units, firmware, link, buffers and failsafe of the device."""
+        ...
+
+    def close(self) -> None:
+        """Close the device."""
+        ...
+
+
+class Banks(Units, Protocol):
+    """Units with two banks, 0 and 1; one plays while the other is written."""
 
     @property
     def frames_max(self) -> int:
@@ -68,15 +108,6 @@ class Banks(Protocol):
         """Maximum time for a command to arrive, including a second attempt, in ns."""
         ...
 
-    @property
-    def failsafe(self) -> float:
-        """Time without a message after which units may silence themselves, in s; 0 if unknown."""
-        ...
-
-    def set_silencer(self, silencer: Silencer) -> None:
-        """Set the firmware's silencer."""
-        ...
-
     def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
         """Write patterns, followed by a silent one, into the inactive bank.
 
@@ -89,34 +120,55 @@ class Banks(Protocol):
         """Play a bank once from its first pattern, from an instant on; `TooLateError` if the instant is too near."""
         ...
 
-    def now(self) -> int:
-        """Device time, in ns."""
-        ...
-
     def wait_until(self, instant: int) -> None:
         """Return at an instant, or raise DeviceError as soon as the link to a unit is lost."""
-        ...
-
-    def silence(self) -> None:
-        """Set all transducers to intensity 0 at once and cancel pending switches; callable from any thread."""
         ...
 
     def emitting(self) -> bool:
         """True if the device reports that patterns play."""
         ...
 
-    def state(self) -> UnitsState | None:
-        """Current state of the units; None if it cannot be queried."""
-        ...
 
-    def release(self) -> None:
-        """Release the failsafe of the units; the caller must have silenced them before."""
-        ...
+class UnitsArray(ArrayDevice, Generic[U]):
+    """An array of units, open between `connect` and `close`; the subclasses differ in how they send frames.
 
-    def describe(self) -> dict[str, str]:
-        """Units, firmware, link, buffers and failsafe of the device."""
-        ...
+    `connect` opens the units. The other parameters are as in `ArrayDevice`.
+    """
+
+    def __init__(
+        self,
+        connect: Callable[[Placement], U],
+        placement: Placement,
+        *,
+        name: str,
+        simulated: bool = False,
+        gated: bool = True,
+        exclusive: str | None = None,
+    ) -> None:
+        self.name, self.placement, self.array = name, placement, placement.array()
+        self.simulated, self.gated, self.exclusive = simulated, gated, exclusive
+        self._connect = connect
+        self._units: U | None = None
+        self._lock = threading.RLock()
+
+    @property
+    def units(self) -> U:
+        """The open units; DeviceStateError if they are closed."""
+        if self._units is None:
+            raise DeviceStateError(f"{self.name}: expected open before play")
+        return self._units
+
+    def open(self) -> None:
+        """Open the device; it is silent."""
+        if self._units is None:
+            self._units = self._connect(self.placement)
+            # The name is not reliable: the SDK's search prefers a running simulator to real units.
+            self.simulated = self._units.emulated
 
     def close(self) -> None:
         """Close the device."""
-        ...
+        # With the lock a silence from another thread returns only after closing has silenced the device.
+        with self._lock:
+            units, self._units = self._units, None
+            if units is not None:
+                units.close()

@@ -11,20 +11,15 @@ from typing import Protocol
 
 import numpy as np
 
-from midair.devices.arrays.banks import UnitsState, name_units
+from midair.devices.arrays.banks import Units, UnitsArray, UnitsState, name_units
 from midair.devices.frame_bytes import Bytes, divider, intensity_bytes, phase_bytes
-from midair.devices.interface import ArrayDevice, PlayReport
-from midair.errors import DeviceStateError, InputError, SilentFramesError
+from midair.devices.interface import PlayReport
+from midair.errors import InputError, SilentFramesError
 from midair.model import Drive, Placement, Progress
 
 
-class ConstantFrameUnits(Protocol):
-    """Open units that hold a single pattern; members with the same name as in `Banks` have the same meaning."""
-
-    @property
-    def emulated(self) -> bool:
-        """True if an emulator answers."""
-        ...
+class ConstantFrameUnits(Units, Protocol):
+    """Units that hold a single pattern."""
 
     def stand(self, phases: Bytes, intensity: Bytes) -> None:
         """Play a pattern until another one arrives; shape (unit, transducer of the unit) each."""
@@ -34,20 +29,8 @@ class ConstantFrameUnits(Protocol):
         """Current state of the units; the query also resets the failsafe timer."""
         ...
 
-    def silence(self) -> None:
-        """Set all transducers to intensity 0 at once."""
-        ...
 
-    def release(self) -> None:
-        """Release the failsafe of the units."""
-        ...
-
-    def close(self) -> None:
-        """Close the device."""
-        ...
-
-
-class ConstantFrameArray(ArrayDevice):
+class ConstantFrameArray(UnitsArray[ConstantFrameUnits]):
     """Plays drives with identical frames as one constant pattern.
 
     `connect` opens the units, without a heartbeat and with a short failsafe. `word` is the interval of messages to the
@@ -63,9 +46,8 @@ class ConstantFrameArray(ArrayDevice):
         exclusive: str | None = None,
         word: float = 0.01,
     ) -> None:
-        self.name, self.placement, self.array, self.exclusive = name, placement, placement.array(), exclusive
-        self._connect, self._word = connect, word
-        self._units: ConstantFrameUnits | None = None
+        super().__init__(connect, placement, name=name, exclusive=exclusive)
+        self._word = word
         self._plays_pattern = False
 
     @property
@@ -73,21 +55,13 @@ class ConstantFrameArray(ArrayDevice):
         """True while a pattern plays."""
         return self._units is not None and self._plays_pattern
 
-    def open(self) -> None:
-        """Open the device; it is silent."""
-        if self._units is None:
-            self._units = self._connect(self.placement)
-            self.simulated = self._units.emulated
-
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
         """Play the frame for the duration of the drive; raises InputError if the frames differ."""
-        if self._units is None:
-            raise DeviceStateError(f"{self.name}: expected open before play")
         divider(drive.rate)
         phases, intensity = phase_bytes(drive, self.placement.units), intensity_bytes(drive, self.placement.units)
         if (phases != phases[0]).any() or (intensity != intensity[0]).any():
             raise InputError(f"{self.name}: expected identical frames, got a drive that changes; play it on autd3")
-        units, total = self._units, drive.frames * repeats
+        units, total = self.units, drive.frames * repeats
         units.silence()
         units.state().check_heat()
         # Without a heartbeat the failsafe has acted since the last order.
@@ -108,10 +82,8 @@ class ConstantFrameArray(ArrayDevice):
 
     def close(self) -> None:
         """Close the device."""
-        units, self._units = self._units, None
         self._plays_pattern = False
-        if units is not None:
-            units.close()
+        super().close()
 
     def _wait(self, units: ConstantFrameUnits, delay: float) -> None:
         end = time.monotonic() + delay

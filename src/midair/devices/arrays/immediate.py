@@ -11,39 +11,21 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-from midair.devices.arrays.banks import UnitsState
+from midair.devices.arrays.banks import Units, UnitsArray
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.exposure_check import ExposureClearance
 from midair.devices.frame_bytes import TICK, Bytes, divider, intensity_bytes, phase_bytes
-from midair.devices.interface import ArrayDevice, PlayReport
+from midair.devices.interface import PlayReport
 from midair.devices.safety import log_end, log_order
-from midair.errors import DeviceStateError, ExposureError, InputError
+from midair.errors import ExposureError, InputError
 from midair.model import Drive, Medium, Placement, Progress
 
 Put = Callable[[Bytes, int, int], None]
 """Called with phases (unit, transducer of the unit), one intensity for all, and the instant of device time in ns."""
 
 
-class ImmediateUnits(Protocol):
-    """Open units that accept single frames; members with the same name as in `Banks` have the same meaning."""
-
-    @property
-    def emulated(self) -> bool:
-        """True if an emulator answers."""
-        ...
-
-    @property
-    def failsafe(self) -> float:
-        """Time without a message after which units silence themselves, in s."""
-        ...
-
-    def set_silencer(self, silencer: Silencer) -> None:
-        """Set the firmware's silencer."""
-        ...
-
-    def now(self) -> int:
-        """Device time, in ns."""
-        ...
+class ImmediateUnits(Units, Protocol):
+    """Units that accept single frames."""
 
     def put(self, phases: Bytes, intensity: int, instant: int) -> None:
         """Send a frame that sounds from an instant on, without waiting.
@@ -60,28 +42,8 @@ class ImmediateUnits(Protocol):
         """Number of frames by outcome: sent, answered, lost (no answer), late and crowded (never sent)."""
         ...
 
-    def state(self) -> UnitsState | None:
-        """Current state of the units; None if it cannot be queried."""
-        ...
 
-    def silence(self) -> None:
-        """Set all transducers to intensity 0 at once; callable from any thread."""
-        ...
-
-    def release(self) -> None:
-        """Release the failsafe of the units."""
-        ...
-
-    def describe(self) -> dict[str, str]:
-        """Information about the device, by name."""
-        ...
-
-    def close(self) -> None:
-        """Close the device."""
-        ...
-
-
-class ImmediateArray(ArrayDevice):
+class ImmediateArray(UnitsArray[ImmediateUnits]):
     """Plays frames while they are computed, and is silent at all other times.
 
     Parameters
@@ -108,30 +70,14 @@ class ImmediateArray(ArrayDevice):
         gated: bool = True,
         exclusive: str | None = None,
     ) -> None:
-        self.name, self.placement, self.array = name, placement, placement.array()
-        self.simulated, self.gated, self.exclusive = simulated, gated, exclusive
+        super().__init__(connect, placement, name=name, simulated=simulated, gated=gated, exclusive=exclusive)
         self.silencer, self.hold = silencer or Silencer(phase=0, intensity=0), hold
-        self._connect = connect
-        self._units: ImmediateUnits | None = None
         self._sounds = False
-
-    @property
-    def units(self) -> ImmediateUnits:
-        """The open units; DeviceStateError if they are closed."""
-        if self._units is None:
-            raise DeviceStateError(f"{self.name}: expected open before play")
-        return self._units
 
     @property
     def emitting(self) -> bool:
         """True if the last frame was not silent."""
         return self._units is not None and self._sounds
-
-    def open(self) -> None:
-        """Open the device; it is silent."""
-        if self._units is None:
-            self._units = self._connect(self.placement)
-            self.simulated = self._units.emulated
 
     @contextmanager
     def frames_to_come(
@@ -241,10 +187,8 @@ class ImmediateArray(ArrayDevice):
 
     def close(self) -> None:
         """Close the device."""
-        units, self._units = self._units, None
         self._sounds = False
-        if units is not None:
-            units.close()
+        super().close()
 
     def describe(self) -> dict[str, str]:
         """Information from the units, and the mode of transmission."""
