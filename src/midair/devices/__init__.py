@@ -22,6 +22,7 @@ from .frame_bytes import amplitude_of as amplitude_of
 from .frame_bytes import intensity_bytes as intensity_bytes
 from .frame_bytes import phase_bytes as phase_bytes
 from .interface import ArrayDevice as ArrayDevice
+from .interface import Cooling as Cooling
 from .interface import FrameBlock as FrameBlock
 from .interface import PlayReport as PlayReport
 from .interface import SensorDevice as SensorDevice

@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from midair.devices.exposure_check import ExposureClearance
 from midair.devices.frame_bytes import PHASE_STEPS
-from midair.devices.safety import Ending, StopGuard, log_end, log_order
+from midair.devices.safety import Ending, StopGuard, log_end, log_order, log_pause
 from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.model import Calibration, Drive, Medium, Progress, SensorGrid, SensorWiring, TransducerArray, Unit
 from midair.streaming import Stored
@@ -132,6 +133,30 @@ class PlayReport:
     """Setting of the firmware's silencer, as text; empty if there is none."""
     units: str = ""
     """State of the units during playback, as text; empty if it cannot be queried."""
+    paused: float = 0.0
+    """Silence while units were too hot, in s; part of neither `duration` nor `gap`."""
+
+
+def _ignore(_: str) -> None:
+    """Ignore a message."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cooling:
+    """Permission to wait in silence for units that are too hot, instead of ending with an error."""
+
+    limit: float = 600.0
+    """Longest pause, in s; playback then ends with TooHotError."""
+    report: Callable[[str], None] = _ignore
+    """Called with one line as soon as a pause begins, and when playback continues."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.limit < 86400:
+            raise InputError(f"--cooling-limit: expected above 0 s and less than a day, got {self.limit:g} s")
+
+
+def log_nothing(_event: str, _reason: str) -> None:
+    """Log nothing: the order is not logged."""
 
 
 class ArrayDevice(ABC):
@@ -153,16 +178,19 @@ class ArrayDevice(ABC):
     """True if it reads the frames of a drive during playback; for other arrays the drive is loaded into memory."""
     steps_a_turn: int = PHASE_STEPS
     """Number of steps per turn to which it rounds phases."""
+    cooling: Cooling | None = None
+    """How to wait for units that are too hot; None ends playback with TooHotError."""
     _order: StopGuard
     _entered: contextlib.ExitStack
     _plays: bool
     _allowed: Callable[[], None] | None
+    _log: Callable[[str, str], None]
 
     def __new__(cls, *_: Any, **__: Any) -> Self:
         """Create the stop guard before a driver's `__init__` runs."""
         made = super().__new__(cls)
         made._order, made._entered, made._plays = StopGuard(), contextlib.ExitStack(), False
-        made._allowed = None
+        made._allowed, made._log = None, log_nothing
         return made
 
     @abstractmethod
@@ -260,6 +288,7 @@ class ArrayDevice(ABC):
         with self._order.held(self.name, self.exclusive, self.silence):
             self._order.check(self.name)
             number = log_order(source, self.name, admission, simulated=self.simulated, room=room)
+            self._log = partial(log_pause, number, source, self.name)
             try:
                 report = emitted()
                 # A stop during the last block is not noticed inside `emit`.
@@ -267,6 +296,8 @@ class ArrayDevice(ABC):
             except BaseException as end:
                 log_end(number, source, self.name, *self._log_outcome(end))
                 raise
+            finally:
+                self._log = log_nothing
             log_end(number, source, self.name, "played", report=asdict(report))
         return report
 

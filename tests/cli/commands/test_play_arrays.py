@@ -283,6 +283,62 @@ def test_units_that_are_too_hot_end_the_play_with_status_1_and_the_log_says_why(
     assert (last[5], any(last[-249:])) == (SILENCE, False)
 
 
+def play_until_it_pauses(tap, *more):
+    """A play that waits for hot units, started in a thread and paused in mid-play; its statuses."""
+    make("three.drive.h5", level=0.005, frames=800)
+    status = []
+    command = ["play", "three.drive.h5", "--device", f"autd3:{tap.address}", "--when-hot", "wait", *more]
+    player = threading.Thread(target=lambda: status.append(run(command)))
+    player.start()
+    until = time.monotonic() + 120
+    while not any(frame[2] == SWITCH for frame in tap.frames()) and time.monotonic() < until:
+        time.sleep(0.02)
+    tap.hot = range(65536)
+    while (not Path("state/played.jsonl").exists() or log()[-1]["event"] == "play") and time.monotonic() < until:
+        time.sleep(0.02)
+    return player, status
+
+
+@pytest.mark.long
+def test_a_play_that_waits_for_hot_units_ends_with_status_0_and_the_log_holds_the_pause(tap, capsys):
+    player, status = play_until_it_pauses(tap)
+    assert log()[-1]["event"] == "pause"
+    assert run(["play", "three.drive.h5", "--device", f"autd3:{tap.address}"]) == 1, "others stay locked out"
+    tap.hot = ()
+    player.join(60)
+    assert status == [0]
+    captured = capsys.readouterr()
+    told = [line for line in captured.err.splitlines() if line.startswith("midair: ")]
+    assert "units 0, 1, 2, 3 too hot" in told[0]
+    assert told[-1].startswith("midair: units have cooled; playback continues after a pause of ")
+    assert re.search(r"paused +[\d.]+ s in silence, since units were too hot", captured.out)
+    mine = [entry for entry in log() if entry["order"] == log()[0]["order"]]
+    assert [entry["event"] for entry in mine] == ["play", "pause", "continue", "end"]
+    assert mine[1]["reason"].startswith("TooHotError: array: expected units that are not too hot, got units 0, 1, 2, 3")
+    assert mine[3]["outcome"] == "played"
+    assert mine[3]["paused_s"] > 1.0
+
+
+@pytest.mark.long
+def test_midair_stop_ends_a_play_that_waits_for_hot_units(tap):
+    player, status = play_until_it_pauses(tap)
+    assert run(["stop"]) == 0
+    player.join(60)
+    assert status == [1]
+    assert [entry["event"] for entry in log()] == ["play", "pause", "end"]
+    assert log()[-1]["outcome"] == "stopped"
+    assert not any(tap.frames()[-1][3][-249:])
+
+
+@pytest.mark.long
+def test_a_play_that_waits_too_long_for_hot_units_ends_with_status_1(tap, capsys):
+    player, status = play_until_it_pauses(tap, "--cooling-limit", "500ms")
+    player.join(60)
+    assert status == [1]
+    assert "no second without heat in a pause of 0.5 s; let them cool" in said(capsys)[-1]
+    assert (log()[-1]["event"], log()[-1]["outcome"]) == ("end", "failed")
+
+
 def test_playing_from_a_thread_needs_no_signals():
     """A program with a window of its own plays from a thread, where signals cannot be set."""
     status = []

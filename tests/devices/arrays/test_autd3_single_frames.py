@@ -3,13 +3,14 @@ ends.
 """
 
 import asyncio
+import re
 import threading
 import time
 
 import numpy as np
 import pytest
 
-from midair.devices import ExposureChoices, autd3_immediate, check_exposure_level, stop_playing
+from midair.devices import Cooling, ExposureChoices, autd3_immediate, check_exposure_level, stop_playing
 from midair.errors import (
     DeviceError,
     DeviceStateError,
@@ -221,7 +222,7 @@ def test_units_that_are_too_hot_are_silenced_and_sound_again_once_they_have_cool
     with device:
         with pytest.raises(TooHotError, match=r"unit 0 too hot after \d+ frames"):  # noqa: SIM117
             with device.frames_to_come(answered(device)) as put:
-                put_some(put, device.units, 5)
+                put_some(put, device.units, 30)
                 tap.hot, began = range(65536), time.monotonic()
                 while time.monotonic() - began < 5:
                     put_some(put, device.units, 5)
@@ -239,6 +240,31 @@ def test_units_that_are_too_hot_are_silenced_and_sound_again_once_they_have_cool
         assert len(frames_on(tap)) == sent
         tap.hot = ()
         assert device.play(clear_any_exposure(drive, device)).frames == 5
+
+
+def test_frames_are_dropped_while_a_unit_is_too_hot_and_sound_again_a_second_after_it_has_cooled(tap):
+    device, told = autd3_immediate(tap.address, ONE), []
+    device.cooling = Cooling(report=told.append)
+    with device, device.frames_to_come(answered(device)) as put:
+        put_some(put, device.units, 5)
+        tap.hot, began = range(65536), time.monotonic()
+        while not device.paused and time.monotonic() - began < 5:
+            put_some(put, device.units, 5)
+        silent, sent = time.monotonic(), len(frames_on(tap))
+        assert silent - began < 0.6
+        assert tap.frames()[-1][3] in silences(tap)
+        tap.hot = ()
+        while device.paused and time.monotonic() - silent < 10:
+            put_some(put, device.units, 5)
+        assert time.monotonic() - silent > 1.0
+        dropped = device.units.told()["hot"]
+        assert dropped > 100
+        put_some(put, device.units, 20)
+        assert device.units.told()["hot"] == dropped
+    assert len(frames_on(tap)) > sent
+    assert len(told) == 2
+    assert re.search(r"got unit 0 too hot after \d+ frames .*; silent until all units have been cool for 1 s", told[0])
+    assert told[1].startswith("units have cooled; playback continues after a pause of ")
 
 
 def test_one_lost_datagram_is_one_frame_and_a_cut_wire_is_the_end(tap):

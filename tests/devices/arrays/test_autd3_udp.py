@@ -5,12 +5,13 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
 import pytest
 
-from midair.devices import autd3_array
+from midair.devices import Cooling, autd3_array
 from midair.devices.frame_bytes import phase_bytes
 from midair.errors import DeviceError, LinkLostError, TooHotError
 from midair.model import Drive, Placement
@@ -27,7 +28,7 @@ PATTERN, FAILSAFE = 0x08, 0x80
 PLAYER = """
 import sys
 import numpy as np
-from midair.devices import autd3_array
+from midair.devices import Cooling, autd3_array
 from midair.model import Drive, Placement
 from midair.rig.playing.cleared_play import signals_end_the_program
 from midair.testing import clear_any_exposure
@@ -266,6 +267,65 @@ def test_a_unit_that_gets_too_hot_silences_all_units_at_once(tap, rate):
     assert silent - began[0] < 0.6
 
 
+def heat_once(tap, hot, *, at=0, seconds=0.2):
+    """A progress callback that makes the units too hot once, from frame `at` on and for some seconds."""
+
+    def progress(done, total):
+        if done >= at and not hot:
+            tap.hot = range(65536)
+            hot.append(time.monotonic())
+            threading.Timer(seconds, lambda: setattr(tap, "hot", ())).start()
+
+    return progress
+
+
+def test_a_play_that_may_wait_is_silent_while_a_unit_is_too_hot_and_continues_at_the_same_frame(tap):
+    drive, hot, told = noise(1500), [], []
+    with autd3_array(tap.address, ONE) as device:
+        device.cooling = Cooling(report=lambda text: told.append((time.monotonic(), text)))
+        report = device.play(clear_any_exposure(drive, device), progress=heat_once(tap, hot, at=250))
+    assert (report.frames, report.duration) == (1500, 1.5)
+    assert 1.0 < report.paused < 5.0
+    assert [text.partition(";")[0].partition(" after")[0] for _, text in told] == [
+        "array: expected units that are not too hot, got unit 0 too hot",
+        "units have cooled",
+    ]
+    paused, continued = (at for at, _ in told)
+    silent = next(at for at, _, command, _ in tap.frames() if at > hot[0] and command == SILENCE)
+    assert silent <= paused
+    assert paused - hot[0] < 0.3
+    between = {command for at, _, command, _ in tap.frames() if silent < at < continued - 0.05}
+    assert not between & {SWITCH, WRITE, CONFIG}, "nothing but questions while it pauses"
+    # Frames before the pause, then all from the paused one on: none is left out.
+    sent, wanted = phases_sent(tap), phase_bytes(drive, 1)[:, 0]
+    frame = int(re.search(r"after (\d+) of 1500 frames", told[0][1])[1])
+    np.testing.assert_array_equal(sent[-(1500 - frame) :], wanted[frame:])
+    np.testing.assert_array_equal(sent[: len(sent) - (1500 - frame)], wanted[: len(sent) - (1500 - frame)])
+    assert_last_word_is_silence(tap)
+
+
+def test_units_that_are_too_hot_from_the_start_may_be_waited_for(tap):
+    tap.hot = range(65536)
+    with autd3_array(tap.address, ONE) as device:
+        device.cooling = Cooling(report=lambda _: setattr(tap, "hot", ()))
+        report = device.play(clear_any_exposure(noise(50), device))
+    assert (report.frames, report.units) == (50, "not too hot, no errors")
+    assert report.paused > 1.0
+
+
+def test_a_pause_has_a_limit_and_other_threads_can_end_it(tap):
+    tap.hot, told = range(65536), []
+    with autd3_array(tap.address, ONE) as device:
+        device.cooling = Cooling(limit=0.3)
+        with pytest.raises(TooHotError, match=r"no second without heat in a pause of 0\.3 s; let them cool"):
+            device.play(clear_any_exposure(noise(50), device))
+        device.cooling = Cooling(report=lambda text: (told.append(text), threading.Timer(0.1, device.silence).start()))
+        with pytest.raises(DeviceError, match="silenced by another thread"):
+            device.play(clear_any_exposure(noise(50), device))
+    assert len(told) == 1
+    assert SWITCH not in {command for _, _, command, _ in tap.frames()}
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_signals_silence_on_the_way_out(tap, number):
@@ -307,7 +367,7 @@ def test_the_failsafe_silences_when_the_process_is_stopped(tap):
 PLAYS_AGAIN = """
 import sys
 import numpy as np
-from midair.devices import autd3_array
+from midair.devices import Cooling, autd3_array
 from midair.errors import SilentFramesError
 from midair.model import Drive, Placement
 from midair.testing import clear_any_exposure

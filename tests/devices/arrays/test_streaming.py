@@ -29,7 +29,7 @@ def heard(blocks, total=1000):
     units = Answers()
     one = FrameCapture(units, MS, total)
     for block in range(blocks):
-        one.add_block(250 * block * MS, 250)
+        one.add_block(250 * block * MS, 250, planned=250 * block * MS)
         units.instant = 250 * block * MS + MS // 2
         one.query()
     return units, one
@@ -37,8 +37,8 @@ def heard(blocks, total=1000):
 
 def test_frames_are_silent_from_half_a_second_after_the_last_good_answer():
     units, one = heard(2)  # the last good answer came at 250.5 ms, so that 750 frames are sure to have sounded
-    one.add_block(500 * MS, 250)
-    one.add_block(1250 * MS, 250)  # late, after a hang
+    one.add_block(500 * MS, 250, planned=500 * MS)
+    one.add_block(1250 * MS, 250, planned=750 * MS)  # late, after a hang
     units.instant, units.answer = 1251 * MS, UnitsState(silenced=(1,))
     with pytest.raises(SilentFramesError, match=r"unit 1: frames 750 to 999 of 1000 \(0\.750 to 1\.000 s\)"):
         one.query()
@@ -46,8 +46,8 @@ def test_frames_are_silent_from_half_a_second_after_the_last_good_answer():
 
 def test_a_block_that_is_cut_in_the_middle():
     units, one = heard(3)  # well at 500.5 ms: until 1000.5 ms
-    one.add_block(750 * MS, 100)
-    one.add_block(900 * MS, 150)  # 50 ms late: its frame 850 + 100 ends at 1001 ms
+    one.add_block(750 * MS, 100, planned=750 * MS)
+    one.add_block(900 * MS, 150, planned=850 * MS)  # 50 ms late: its frame 850 + 100 ends at 1001 ms
     units.instant, units.answer = 1600 * MS, UnitsState(silenced=(0, 1))
     with pytest.raises(SilentFramesError, match=r"units 0, 1: frames 950 to 999"):
         one.query()
@@ -77,7 +77,7 @@ def test_an_error_before_the_first_block_leaves_all_frames_in_doubt():
 @pytest.mark.parametrize("method", ["query", "check_heat"])
 def test_a_hot_unit_ends_the_stream_and_the_error_names_unit_and_frame(method):
     units, one = heard(1)
-    one.add_block(250 * MS, 250)
+    one.add_block(250 * MS, 250, planned=250 * MS)
     units.instant, units.answer = 300 * MS, UnitsState(hot=(2, 3), silenced=(0,))
     with pytest.raises(
         TooHotError, match=r"got units 2, 3 too hot after 300 of 1000 frames \(0\.300 s\); let them cool"

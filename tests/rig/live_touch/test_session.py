@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import midair
-from midair.devices import ExposureChoices, stop_playing
+from midair.devices import Cooling, ExposureChoices, stop_playing
 from midair.errors import DeviceError, ExposureError, InputError, MissingFileError, StoppedError, UnknownDeviceError
 from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
 from midair.testing import UdpProxy
@@ -121,6 +121,31 @@ def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_w
     last = max(at for at, _, command, datagram in tap.frames() if command == 0x16 and any(datagram[-249:]))
     assert last - began < 0.6
     assert not any(tap.frames()[-1][3][-249:])
+
+
+@pytest.mark.slow
+def test_live_drops_frames_while_units_are_too_hot_and_continues(request):
+    tap, told = UdpProxy(4), []
+    request.addfinalizer(tap.close)
+    cooling = Cooling(report=told.append)
+    with midair.live(
+        "virtual:brush", f"autd3:{tap.address}", exposure=ANSWERED, cooling=cooling, duration=8.0
+    ) as session:
+        session.wait(1.0)
+        tap.hot = range(65536)
+        until = time.monotonic() + 5
+        while not told and time.monotonic() < until:
+            session.wait(0.05)
+        tap.hot = ()
+        session.wait()
+    assert [text.partition(";")[0].partition(" after")[0] for text in told] == [
+        "array: expected units that are not too hot, got units 0, 1, 2, 3 too hot",
+        "units have cooled",
+    ]
+    counts = session.statistics
+    assert 900 < counts.hot < 4000
+    assert counts.played > 2000
+    assert counts.plain()["hot"] == counts.hot
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from midair.cli.terminal import (
     ExposureOptions,
+    HeatOptions,
     Json,
     Signals,
     banner,
@@ -77,6 +78,7 @@ else:
 def live_command(
     *,
     options: LiveOptions | None = None,
+    heat: HeatOptions | None = None,
     to: str | None = None,
     new_key: Path | None = None,
     keep: Path | None = None,
@@ -121,7 +123,8 @@ def live_command(
         if keep.exists():
             raise InputError(f"{keep}: already exists; give another name")
         may_write(keep, True, ".h5")
-    with signals_noted() as signals, begin(settings=settings, keep=keep) as session:
+    cooling = (heat or HeatOptions()).cooling()
+    with signals_noted() as signals, begin(settings=settings, cooling=cooling, keep=keep) as session:
         if not json:
             banner(session.opened.simulated)
             print_rows(_session_rows(session))
@@ -229,6 +232,7 @@ def _statistics_rows(counts: LiveStatistics) -> list[tuple[str, str]]:
         ("frames", f"{counts.frames}, {counts.played} of them played"),
         ("lost", f"{counts.lost} missing from the sensor, in {counts.gaps} gaps of 20 ms or more"),
         ("late", f"{counts.late}; {counts.hurried} solved in half the time, {counts.unanswered} without a solution"),
+        *([("too hot", f"{counts.hot} frames dropped while a unit was too hot")] if counts.hot else []),
         ("latency", f"{1e3 * counts.latency:.3g} ms from skin to skin"),
         ("sent after they were taken", times(counts.left)),
         ("work on a frame", times(counts.work)),

@@ -9,6 +9,7 @@ import numpy as np
 from midair.cli.terminal import (
     AirOptions,
     Force,
+    HeatOptions,
     Json,
     PlayOptions,
     SolveOptions,
@@ -157,6 +158,7 @@ def play_command(
     force: Force = False,
     options: PlayOptions | None = None,
     air: AirOptions | None = None,
+    heat: HeatOptions | None = None,
 ) -> None:
     """Play a drive on an array; on the virtual array, re-record the pressure.
 
@@ -195,7 +197,7 @@ def play_command(
                 f"--array-calibration: expected --device virtual, got {device}; "
                 "for a real array use midair solve --array-calibration"
             )
-        return play_on_array(source, device, options, room)
+        return play_on_array(source, device, options, room, (heat or HeatOptions()).cooling())
     target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
     may_write(target, force)
     drive = load_solution(source, streamed=True).drive

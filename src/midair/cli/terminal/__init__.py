@@ -55,7 +55,7 @@ if TYPE_CHECKING:
         paper_options,
     )
     from midair.cli.terminal.output import as_recording, may_write, print_written, write_recording
-    from midair.cli.terminal.play_options import PlayOptions, play_on_array, print_room_air
+    from midair.cli.terminal.play_options import HeatOptions, PlayOptions, play_on_array, print_room_air
     from midair.cli.terminal.quantities import format_quantity, parse_quantity, quantity
     from midair.cli.terminal.rows import (
         calibration_figures,
@@ -90,6 +90,7 @@ __all__ = [
     "MeterScreen",
     "OutputOptions",
     "PlainConsole",
+    "HeatOptions",
     "PlayOptions",
     "Quiet",
     "Signals",
@@ -189,7 +190,7 @@ _FROM = {
         "BandOptions Force Frequency Json Length Quiet SolveOptions Time paper_options mode_name"
     ),
     "midair.cli.terminal.compare_inputs": "calibrated_part cached_pressure settings_of_rerecording",
-    "midair.cli.terminal.play_options": "PlayOptions play_on_array print_room_air",
+    "midair.cli.terminal.play_options": "HeatOptions PlayOptions play_on_array print_room_air",
     "midair.cli.terminal.quantities": "parse_quantity quantity format_quantity",
     "midair.cli.terminal.rows": (
         "calibration_text calibration_figures level_of_file level_rows solve_error recording_figures recording_rows "

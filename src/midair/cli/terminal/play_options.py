@@ -2,15 +2,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from cyclopts import Parameter
 
 from midair.cli.terminal.air_options import note_air
-from midair.cli.terminal.console import banner, print_rows, progress_bars
+from midair.cli.terminal.console import banner, err, print_rows, progress_bars
 from midair.cli.terminal.exposure_options import ExposureOptions, print_check_time
 from midair.cli.terminal.options import Time
 from midair.cli.terminal.rows import level_of_file, level_rows
-from midair.devices import ArrayDevice, ExposureClearance, PlayReport, SilencerChoice, check_exposure
+from midair.devices import ArrayDevice, Cooling, ExposureClearance, PlayReport, SilencerChoice, check_exposure
 from midair.files import check_memory_for, load_placement, load_solution, load_target
 from midair.model import Drive, Medium
 from midair.rig import array_named, check_air, play_cleared
@@ -45,16 +46,42 @@ class PlayOptions(ExposureOptions):
         return check_exposure(drive, device, choices, repeats=self.repeats)
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeatOptions:
+    """Action if a unit of the array reports that it is too hot.
+
+    Parameters
+    ----------
+    when_hot
+        stop: end with status 1. wait: pause in silence, and continue once all units have been cool for a second.
+    cooling_limit
+        Longest pause of --when-hot wait; playback then ends with status 1.
+    """
+
+    when_hot: Literal["stop", "wait"] = "stop"
+    cooling_limit: Time = 600.0
+
+    def cooling(self) -> Cooling | None:
+        """Permission to wait; None to stop. Pauses are printed on stderr."""
+        if self.when_hot == "stop":
+            return None
+        return Cooling(limit=self.cooling_limit, report=lambda text: err().print(f"midair: {text}"))
+
+
 def print_room_air(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:
     """Print on stderr how the air of the room changes the drive of a file."""
     found = check_air(drive, room, lambda: load_target(source, streamed=True), simulated=simulated)
     note_air(found.said, warn=found.warns)
 
 
-def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium | None) -> None:
+def play_on_array(
+    source: Path, device: str, options: PlayOptions, room: Medium | None, cooling: Cooling | None = None
+) -> None:
     """Play the drive of a file on a real array or an emulator, and print the result."""
     placement = None if options.placement is None else load_placement(options.placement)
     array = array_named(device, placement, silencer=options.silencer)
+    array.cooling = cooling
     # Reserved before a long drive is read and checked: `midair stop` works, and no other program gets the units.
     with array.reserved():
         drive = load_solution(source, streamed=True).drive
@@ -83,6 +110,7 @@ def _rows(report: PlayReport, drive: Drive, device: str) -> list[tuple[str, str]
         ("played", f"{report.frames} frames at {drive.rate:g} Hz on {device}, {report.duration:g} s"),
         ("first frame", start),
         ("timing", f"{report.late} late, {report.repeated} repeated, {1e3 * report.gap:g} ms of gaps"),
+        *([("paused", f"{report.paused:.1f} s in silence, since units were too hot")] if report.paused else []),
         ("silencer", report.silencer),
         ("units", report.units or "not reported"),
     ]

@@ -82,10 +82,10 @@ class Autd3Immediate(Autd3Udp):
     """
 
     def __init__(
-        self, placement: Placement, place: Autd3Address, *, failsafe: float = 0.05, crowd: int = 7, asked: float = 0.25
+        self, placement: Placement, place: Autd3Address, *, failsafe: float = 0.05, crowd: int = 7, asked: float = 0.05
     ) -> None:
         self._crowd, self._asked = crowd, asked
-        self._counts: dict[str, int] = dict.fromkeys(("sent", "answered", "lost", "late", "crowded"), 0)
+        self._counts: dict[str, int] = dict.fromkeys(("sent", "answered", "lost", "late", "crowded", "hot"), 0)
         self._sent_at = np.zeros(_KEPT, np.int64)
         self._number = self._in_transmission = self._unanswered = 0
         self._wrong: DeviceError | None = None
@@ -114,6 +114,12 @@ class Autd3Immediate(Autd3Udp):
         if (now := time.monotonic()) - self._last_query > self._asked:
             self._last_query = now
             self._run_task(self._query_state())
+
+    def skip(self) -> None:
+        """Count a frame that is dropped."""
+        self._sent_at[self._number % _KEPT] = 0
+        self._number += 1
+        self._counts["hot"] += 1
 
     def release(self) -> None:
         """Release the failsafe of the units, and clear an earlier overheating error."""

@@ -8,7 +8,7 @@ from midair.devices.arrays.silencer import SilencerChoice, choose_silencer
 from midair.devices.arrays.streaming import DriveStream, play_stream
 from midair.devices.frame_bytes import divider, intensity_bytes, phase_bytes
 from midair.devices.interface import PlayReport
-from midair.errors import DeviceError
+from midair.errors import DeviceError, TooHotError
 from midair.model import Drive, Placement, Progress
 
 
@@ -63,23 +63,35 @@ class BankedArray(UnitsArray[Banks]):
         phases = phase_bytes(drive, self.placement.units)
         intensity = intensity_bytes(drive, self.placement.units)
         silencer = choose_silencer(self.silencer, drive)
-        # The silencer is set while nothing sounds, and `play_stream` begins on silent banks.
-        banks.silence()
-        self._make_ready(banks)
-        banks.set_silencer(silencer)
+        paused: list[float] = []
 
-        def switch(bank: int, instant: int) -> None:
+        def check() -> None:
             with self.sounding(), self._lock:
-                # The lock prevents a silence from another thread between this check and the switch.
                 if self._silenced != ordered:
                     raise DeviceError(f"{self.name}: silenced by another thread during playback")
+
+        def switch(bank: int, instant: int) -> None:
+            # The lock prevents a silence from another thread between this check and the switch.
+            with self.sounding(), self._lock:
+                check()
                 banks.switch(bank, instant)
+
+        def cool(hot: TooHotError) -> None:
+            paused.append(self.wait_while_hot(hot, check))
+
+        # The silencer is set while nothing sounds, and `play_stream` begins on silent banks.
+        banks.silence()
+        try:
+            self._make_ready(banks)
+        except TooHotError as hot:
+            cool(hot)
+        banks.set_silencer(silencer)
 
         stream = DriveStream(
             phases=phases, intensity=intensity, divider=ticks, repeats=repeats, delay=delay, block=self.block
         )
-        report = play_stream(stream, banks, progress=progress, switch=switch)
-        return replace(report, silencer=str(silencer))
+        report = play_stream(stream, banks, progress=progress, switch=switch, cool=cool)
+        return replace(report, silencer=str(silencer), paused=sum(paused))
 
     def _make_ready(self, banks: Banks) -> None:
         """Refuse units that are too hot, and release an active failsafe; the units are silent."""

@@ -1,17 +1,24 @@
 """Units of an array: their interface, their state, and the part that all arrays of units share."""
 
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes
-from midair.devices.interface import ArrayDevice
+from midair.devices.interface import ArrayDevice, Cooling
 from midair.errors import DeviceStateError, TooHotError
 from midair.model import Placement
 
 U = TypeVar("U", bound="Units")
+
+
+COOL = 1.0
+"""Time for which no unit may report heat before playback continues, in s."""
+POLL = 0.05
+"""Interval of state queries during a pause, in s."""
 
 
 class TooLateError(Exception):
@@ -129,6 +136,51 @@ class Banks(Units, Protocol):
         ...
 
 
+class CoolingPause:
+    """One pause: silences the units, reports and logs it at once; `over` returns True when all units have cooled.
+
+    `log` is called with the event, "pause" or "continue", and its reason.
+    """
+
+    def __init__(self, units: Units, hot: TooHotError, cooling: Cooling, log: Callable[[str, str], None]) -> None:
+        units.silence()
+        self._units, self._cooling, self._log = units, cooling, log
+        self._found = str(hot).partition("; ")[0]
+        self._began = self._hot = self._asked = time.monotonic()
+        cooling.report(
+            f"{self._found}; silent until all units have been cool for {COOL:g} s, at most {cooling.limit:g} s"
+        )
+        log("pause", f"TooHotError: {self._found}")
+
+    @property
+    def seconds(self) -> float:
+        """Time since the pause began, in s."""
+        return time.monotonic() - self._began
+
+    def over(self) -> bool:
+        """Query the units if that is due; raise TooHotError once the pause is too long."""
+        now = time.monotonic()
+        if now - self._asked < POLL:
+            return False
+        self._asked = now
+        state = self._units.state()
+        if state is not None and state.hot:
+            self._hot = now
+        if now - self._hot >= COOL:
+            # Without a heartbeat their failsafe has acted; they are silent.
+            self._units.release()
+            text = f"units have cooled; playback continues after a pause of {self.seconds:.1f} s"
+            self._log("continue", text)
+            self._cooling.report(text)
+            return True
+        if self.seconds > self._cooling.limit:
+            raise TooHotError(
+                f"{self._found}, and no second without heat in a pause of {self._cooling.limit:g} s; let them cool, "
+                "then use a lower --level or pauses"
+            )
+        return False
+
+
 class UnitsArray(ArrayDevice, Generic[U]):
     """An array of units, open between `connect` and `close`; the subclasses differ in how they send frames.
 
@@ -164,6 +216,20 @@ class UnitsArray(ArrayDevice, Generic[U]):
             self._units = self._connect(self.placement)
             # The name is not reliable: the SDK's search prefers a running simulator to real units.
             self.simulated = self._units.emulated
+
+    def pause(self, hot: TooHotError) -> CoolingPause:
+        """Silence units that are too hot and begin to wait for them; raise `hot` without `cooling`."""
+        if self.cooling is None:
+            raise hot
+        return CoolingPause(self.units, hot, self.cooling, self._log)
+
+    def wait_while_hot(self, hot: TooHotError, check: Callable[[], None]) -> float:
+        """Pause until the units have cooled, and return the time in s; `check` raises if playback must end."""
+        pause = self.pause(hot)
+        while not pause.over():
+            check()
+            time.sleep(0.02)
+        return pause.seconds
 
     def close(self) -> None:
         """Close the device."""

@@ -8,16 +8,17 @@ Therefore the failsafe is short and there is no heartbeat.
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-from midair.devices.arrays.banks import Units, UnitsArray
+from midair.devices.arrays.banks import CoolingPause, Units, UnitsArray
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.exposure_check import ExposureClearance
 from midair.devices.frame_bytes import TICK, Bytes, divider, intensity_bytes, phase_bytes
-from midair.devices.interface import PlayReport
-from midair.devices.safety import log_end, log_order
-from midair.errors import ExposureError, InputError
+from midair.devices.interface import PlayReport, log_nothing
+from midair.devices.safety import log_end, log_order, log_pause
+from midair.errors import ExposureError, InputError, TooHotError
 from midair.model import Drive, Medium, Placement, Progress
 
 Put = Callable[[Bytes, int, int], None]
@@ -34,12 +35,16 @@ class ImmediateUnits(Units, Protocol):
         """
         ...
 
+    def skip(self) -> None:
+        """Count a frame that is dropped, since a unit is too hot."""
+        ...
+
     def sent(self, number: int) -> int:
         """Time at which one of the last 64 frames was sent, in ns of `time.monotonic_ns`; 0 if it was not sent."""
         ...
 
     def told(self) -> dict[str, int]:
-        """Number of frames by outcome: sent, answered, lost (no answer), late and crowded (never sent)."""
+        """Number of frames by outcome: sent, answered, lost (no answer), late, crowded and hot (never sent)."""
         ...
 
 
@@ -73,6 +78,12 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
         super().__init__(connect, placement, name=name, simulated=simulated, gated=gated, exclusive=exclusive)
         self.silencer, self.hold = silencer or Silencer(phase=0, intensity=0), hold
         self._sounds = False
+        self._pause: CoolingPause | None = None
+
+    @property
+    def paused(self) -> bool:
+        """True while frames are dropped, since a unit is too hot."""
+        return self._pause is not None
 
     @property
     def emitting(self) -> bool:
@@ -96,21 +107,34 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
         StoppedError
             From the first frame after `midair stop`.
         TooHotError
-            Before the first frame or from a later one, if a unit is too hot.
+            Before the first frame or from a later one, if a unit is too hot; with `cooling`, frames are dropped until
+            all units have cooled, and the error comes after its limit.
         """
         admission.check_array(self)
         units, strongest = self.units, admission.strongest
+        self._pause = None
 
         def put(phases: Bytes, intensity: int, instant: int) -> None:
             if intensity > strongest:
                 raise ExposureError(f"{self.name}: expected intensities up to {strongest} of 255, got {intensity}")
             with self.sounding():
+                if self._pause is not None:
+                    if not self._pause.over():
+                        units.skip()
+                        return
+                    self._pause = None
                 self._sounds = intensity > 0
-                units.put(phases, intensity, instant)
+                try:
+                    units.put(phases, intensity, instant)
+                except TooHotError as hot:
+                    self.silence()
+                    self._pause = self.pause(hot)
+                    units.skip()
 
         with self._order.held(self.name, self.exclusive, self.silence):
             self._order.check(self.name)
             number = log_order(source, self.name, admission, simulated=self.simulated, room=room)
+            self._log = partial(log_pause, number, source, self.name)
             before = units.told()
             try:
                 with self._playing(units):
@@ -119,11 +143,16 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
             except BaseException as end:
                 log_end(number, source, self.name, *self._log_outcome(end))
                 raise
+            finally:
+                self._log = log_nothing
             log_end(number, source, self.name, "played", report=_since(before, units.told()))
 
     @contextmanager
     def _playing(self, units: ImmediateUnits) -> Generator[None]:
-        self._make_ready(units)
+        try:
+            self._make_ready(units)
+        except TooHotError as hot:
+            self._pause = self.pause(hot)
         try:
             self._plays = True
             yield
@@ -137,12 +166,12 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
     def _make_ready(self, units: ImmediateUnits) -> None:
         """Silence the units and release their failsafe; raise TooHotError if one is too hot."""
         units.silence()
+        units.set_silencer(self.silencer)
         state = units.state()
         if state is not None:
             state.check_heat()
         # Without a heartbeat the failsafe has acted since the last order.
         units.release()
-        units.set_silencer(self.silencer)
 
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
         """Play every frame of a drive at its instant; a `BankedArray` is better for drives that already exist."""

@@ -18,7 +18,7 @@ from midair.model import Progress
 from midair.streaming import read_frames
 
 MS = 1_000_000
-QUERY_INTERVAL = 250 * MS
+QUERY_INTERVAL = 50 * MS
 """Maximum time between two temperature queries, in ns."""
 
 Switch = Callable[[int, int], None]
@@ -75,15 +75,29 @@ class FrameCapture:
 
     def __init__(self, banks: Banks, period: int, total: int) -> None:
         self._banks, self._period, self._total = banks, period, total
-        self._confirmed = banks.now()
+        self.begin = self._confirmed = banks.now()
+        self.start: int | None = None
+        self.late = self.gap = 0
         self._blocks: list[tuple[int, int]] = []
-        self._ordered = 0
+        self._ordered = self._over = 0
         self._state: UnitsState | None = None
 
-    def add_block(self, start: int, frames: int) -> None:
-        """Record that the next frames were scheduled for an instant."""
+    @property
+    def ordered(self) -> int:
+        """Number of frames that were scheduled; the next one has this index."""
+        return self._ordered
+
+    def add_block(self, start: int, frames: int, *, planned: int) -> None:
+        """Record that the next frames were scheduled for an instant, instead of a planned one."""
         self._blocks.append((start, self._ordered))
         self._ordered += frames
+        self.start = planned if self.start is None else self.start
+        if start > planned:
+            self.late, self.gap = self.late + frames, self.gap + start - planned
+
+    def resume(self) -> None:
+        """Continue at the frame at which heat was found, after a pause."""
+        self._ordered, self._blocks, self._confirmed = self._over, [], self._banks.now()
 
     def query(self) -> None:
         """Query the units; raise TooHotError, or SilentFramesError if a failsafe acted before the last frame ended."""
@@ -105,8 +119,9 @@ class FrameCapture:
 
     def check_heat(self) -> UnitsState | None:
         """Query the state of the units and return it; raise TooHotError if one is too hot."""
-        over, state = self._first_after(self._banks.now()), self._banks.state()
+        self._over, state = self._first_after(self._banks.now()), self._banks.state()
         if state is not None:
+            over = self._over
             state.check_heat(f"after {over} of {self._total} frames ({over * self._period / 1e9:.3f} s)")
         return state
 
@@ -124,7 +139,7 @@ class FrameCapture:
     def _first_after(self, instant: int) -> int:
         """First frame that was not over at an instant."""
         if not self._blocks:
-            return 0
+            return self._ordered
         ends = [*(first for _, first in self._blocks[1:]), self._ordered]
         for (start, first), end in zip(self._blocks, ends, strict=True):
             over = first + max(0, (instant - start) // self._period)
@@ -139,55 +154,66 @@ class FrameCapture:
 
 
 def play_stream(
-    stream: DriveStream, banks: Banks, *, progress: Progress | None = None, switch: Switch | None = None
+    stream: DriveStream,
+    banks: Banks,
+    *,
+    progress: Progress | None = None,
+    switch: Switch | None = None,
+    cool: Callable[[TooHotError], None] | None = None,
 ) -> PlayReport:
     """Play a stream to its end on open banks of which 0 is active and silent.
 
     `progress` is called with (frames begun, total frames) at the start of each block, and at the end. `switch` replaces
-    `Banks.switch` and raises if sound is no longer permitted. In the report, ``late`` counts the frames of late blocks
-    and ``gap`` is the silence before them, in s. Raises TooHotError; SilentFramesError if a failsafe acted (queried
-    once per block, and at the end); DeviceError if the link is lost, or the device refuses a switch three times.
+    `Banks.switch` and raises if sound is no longer permitted. `cool` is called if a unit is too hot: it silences the
+    banks and returns when the stream may continue at the frame where it paused; without it TooHotError ends the stream.
+    In the report, ``late`` counts the frames of late blocks and ``gap`` is the silence before them, in s. Raises
+    SilentFramesError if a failsafe acted (queried once per block, and at the end); DeviceError if the link is lost, or
+    the device refuses a switch three times.
     """
     capture = FrameCapture(banks, stream.period, stream.total)
-    try:
-        return _play(stream, banks, capture, progress, switch or banks.switch)
-    except (SilentFramesError, StoppedError, TooHotError):
-        raise
-    except DeviceError as wrong:
-        raise capture.with_frames(wrong) from wrong
+    while True:
+        try:
+            _play(stream, banks, capture, progress, switch or banks.switch)
+            break
+        except TooHotError as hot:
+            if cool is None:
+                raise
+            cool(hot)
+            capture.resume()
+        except (SilentFramesError, StoppedError):
+            raise
+        except DeviceError as wrong:
+            raise capture.with_frames(wrong) from wrong
+    return PlayReport(
+        frames=stream.total,
+        duration=stream.total * stream.period / 1e9,
+        late=capture.late,
+        start=capture.start,
+        gap=capture.gap / 1e9,
+        units=capture.units(),
+    )
 
 
-def _play(
-    stream: DriveStream, banks: Banks, capture: FrameCapture, progress: Progress | None, switch: Switch
-) -> PlayReport:
-    size, bank, done = stream.frames_in_block(banks.frames_max), 1, 0
-    # Read before the first block is written, so that a delay counts from the order.
-    begin = banks.now()
-    planned = first = 0
-    late = gap = 0
-    while done < stream.total:
+def _play(stream: DriveStream, banks: Banks, capture: FrameCapture, progress: Progress | None, switch: Switch) -> None:
+    size, bank, planned = stream.frames_in_block(banks.frames_max), 1, None
+    while (done := capture.ordered) < stream.total:
         phases, intensity = stream.part(done, size)
         banks.load(bank, phases, intensity, stream.divider)
-        if done == 0:
-            planned = first = _aligned(max(begin + round(stream.delay * 1e9), _earliest(banks)), stream.period)
+        if planned is None:
+            # The delay counts from the order, before the first block was written.
+            planned = _aligned(max(capture.begin + round(stream.delay * 1e9), _earliest(banks)), stream.period)
         start = _send_switch(banks, switch, bank, planned, stream.period)
-        capture.add_block(start, len(phases))
-        if start > planned:
-            late, gap = late + len(phases), gap + start - planned
+        capture.add_block(start, len(phases), planned=planned)
         # Half a frame into the new bank: only then is the other bank certainly inactive.
         _wait(banks, capture, start + stream.period // 2)
         capture.query()
         if progress:
             progress(done, stream.total)
-        bank, done, planned = 1 - bank, done + len(phases), start + len(phases) * stream.period
-    _wait(banks, capture, planned)
+        bank, planned = 1 - bank, start + len(phases) * stream.period
+    _wait(banks, capture, planned or 0)
     capture.query()
     if progress:
         progress(stream.total, stream.total)
-    duration = (planned - first - gap) / 1e9
-    return PlayReport(
-        frames=stream.total, duration=duration, late=late, start=first, gap=gap / 1e9, units=capture.units()
-    )
 
 
 def _wait(banks: Banks, capture: FrameCapture, instant: int) -> None:

@@ -4,6 +4,7 @@ from .device_locks import device_lock as device_lock
 from .play_log import Ending as Ending
 from .play_log import log_end as log_end
 from .play_log import log_order as log_order
+from .play_log import log_pause as log_pause
 from .state_folders import make_state_folder as make_state_folder
 from .state_folders import state_folder as state_folder
 from .stop_channel import Stopped as Stopped

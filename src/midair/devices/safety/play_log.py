@@ -89,10 +89,15 @@ def log_end(
     report: Mapping[str, object] | None = None,
 ) -> None:
     """Log how playback ended; `report` holds the fields of the `PlayReport`."""
-    units = {"duration": "duration_s", "start": "start_ns", "gap": "gap_s"}
+    units = {"duration": "duration_s", "start": "start_ns", "gap": "gap_s", "paused": "paused_s"}
     said = {units.get(name, name): value for name, value in (report or {}).items()}
     entry = {"event": "end", "order": order, "drive": str(source), "device": device, "outcome": outcome}
     _append(entry | {"reason": reason or outcome} | said)
+
+
+def log_pause(order: str, source: str | Path, device: str, event: str, reason: str) -> None:
+    """Log that playback paused (event "pause") or goes on (event "continue")."""
+    _append({"event": event, "order": order, "drive": str(source), "device": device, "reason": reason})
 
 
 def hash_of_drive(drive: Drive) -> str:

@@ -18,7 +18,7 @@ class VirtualUnits:
 
     def __init__(self, kept: int = 0) -> None:
         self.frames: deque[tuple[Bytes, int, int]] = deque(maxlen=kept)
-        self._counts: dict[str, int] = dict.fromkeys(("sent", "answered", "lost", "late", "crowded"), 0)
+        self._counts: dict[str, int] = dict.fromkeys(("sent", "answered", "lost", "late", "crowded", "hot"), 0)
         self._sent_at = np.zeros(64, np.int64)
         self._number = 0
 
@@ -41,6 +41,9 @@ class VirtualUnits:
         self._counts["answered"] += 1
         if self.frames.maxlen:
             self.frames.append((phases.copy(), intensity, instant))
+
+    def skip(self) -> None:
+        """Do nothing: virtual units are never too hot."""
 
     def sent(self, number: int) -> int:
         """Time at which a frame was accepted, in ns of `time.monotonic_ns`."""

@@ -123,7 +123,11 @@ class LiveLoop:
         if self._rising is None:
             self._rising = taken
         hurried = left < self._pace.hold / 2
-        if self._touch.form(hurried=hurried):
+        if self._array.paused:
+            # Units are too hot: the frame is dropped, and the level rises again afterwards.
+            self._intensity, self._rising = 0, None
+            self._ring.add("hot")
+        elif self._touch.form(hurried=hurried):
             self._ring.add("hurried", int(hurried))
             self._intensity = int(self._strongest * self._level_rise(taken) * min(1.0, self._level()))
             flags |= FRAME_EMITTED if self._intensity else 0

@@ -89,6 +89,9 @@ class LiveSettings:
     )
     acoustics: Acoustics = setting(Acoustics, "Air of the room and directivity of the transducers.", option="")
     exposure: ExposureChoices = setting(default_exposure, "Exposure limits.", option="")
+    cooling_limit: float | None = setting(
+        None, "Longest pause in silence while units are too hot; None ends the run at once.", unit="s", option=""
+    )
     priority: int = setting(
         20, "Real-time priority of the process to request, 1 to 99; 0 requests none.", limits=(0, 99)
     )

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from midair.devices import ExposureClearance, check_exposure_level
+from midair.devices import Cooling, ExposureClearance, check_exposure_level
 from midair.model import RATE, Calibration
 from midair.rig.live_touch.encryption import read_key
 from midair.rig.live_touch.live_settings import LiveSettings, host_and_port
@@ -20,6 +20,7 @@ def live(
     device: str | None = None,
     *,
     settings: LiveSettings | None = None,
+    cooling: Cooling | None = None,
     keep: str | Path | None = None,
     notes: dict[str, str] | None = None,
     permit: PlayLease | None = None,
@@ -37,6 +38,8 @@ def live(
         Names of the sensor and of the array, as in `LiveSettings`.
     settings : LiveSettings, optional
         All settings; the defaults if None.
+    cooling : Cooling, optional
+        How to wait in silence for units that are too hot; without it they end the session with TooHotError.
     keep : str or Path, optional
         File for a take of the sensor's samples and the emitted phases.
     notes : dict of str to str, optional
@@ -65,9 +68,20 @@ def live(
     ...     session.wait()
     ...     print(session.statistics.late)
     """
-    named = {name: value for name, value in (("sensor", sensor), ("device", device)) if value is not None}
+    named: dict[str, Any] = {
+        name: value for name, value in (("sensor", sensor), ("device", device)) if value is not None
+    }
+    if cooling is not None:
+        named["cooling_limit"] = cooling.limit
     order = (settings or LiveSettings()).but(**named, **changes)
-    return LiveSession(order, keep=None if keep is None else Path(keep), notes=notes, permit=permit, leave=leave)
+    return LiveSession(
+        order,
+        keep=None if keep is None else Path(keep),
+        notes=notes,
+        permit=permit,
+        leave=leave,
+        report=None if cooling is None else cooling.report,
+    )
 
 
 def live_clearance(order: LiveSettings, *, rate: float = RATE) -> ExposureClearance:

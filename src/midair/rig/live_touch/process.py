@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 from midair.devices import (
+    Cooling,
     ExposureClearance,
     ImmediateArray,
     StreamedSensor,
@@ -78,6 +79,13 @@ class LoopStarted:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LoopPaused:
+    """Begin or end of a pause while units are too hot."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LoopEnded:
     """End of a run."""
 
@@ -105,7 +113,7 @@ ForkingPickler.register(MappingProxyType, _as_dict)
 def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: LeaseToken, told: Connection) -> None:
     """Run the process: open the devices, check the exposure, report, play while lease and token hold, report the end.
 
-    `told` receives one `LoopStarted` and one `LoopEnded`, or a `LoopEnded` alone.
+    `told` receives one `LoopStarted`, then a `LoopPaused` for each begin and end of a pause, and one `LoopEnded`.
     """
     # Ctrl-C also reaches the parent process, which ends this one in order; `midair stop` sends it too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -141,6 +149,8 @@ def _play(
         check_rate(sensor)
         calibration = calibration_for(order, sensor)
         with array_for(order, sensor.rate) as array:
+            if order.cooling_limit is not None:
+                array.cooling = Cooling(limit=order.cooling_limit, report=lambda text: told.send(LoopPaused(text=text)))
             admission = check_exposure_level(order.level, array, order.exposure, rate=sensor.rate)
             touch = Touch(order, calibration, sensor.grid, sensor.rate, array.array, admission.level)
             if source is not None:

@@ -17,7 +17,7 @@ from midair.errors import DeviceError, DeviceStateError
 from midair.model import Placement
 from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.live_take import LiveTake
-from midair.rig.live_touch.process import LoopEnded, LoopStarted, play_live
+from midair.rig.live_touch.process import LoopEnded, LoopPaused, LoopStarted, play_live
 from midair.rig.live_touch.touch_ring import STEP, RingShape, TouchRing
 from midair.rig.play_lease import LeaseToken, PlayLease
 
@@ -40,6 +40,8 @@ class LiveStatistics:
     """Frames that the sensor lost: the last good one was repeated."""
     late: int
     """Frames that were ready after their instant or did not fit into a queue: the previous frame stayed."""
+    hot: int
+    """Frames that were dropped while a unit was too hot."""
     hurried: int
     """Frames that had less than half of the hold left, and were solved in half the time."""
     unanswered: int
@@ -64,6 +66,7 @@ class LiveStatistics:
             "played": self.played,
             "lost": self.lost,
             "late": self.late,
+            "hot": self.hot,
             "hurried": self.hurried,
             "unanswered": self.unanswered,
             "gaps": self.gaps,
@@ -91,6 +94,8 @@ class LiveSession:
         Token of that lease's arming; armed here if None.
     slots : int
         Number of frames in the ring, for slow readers.
+    report : callable, optional
+        Called by `wait` with one line when a pause for cooling begins or ends.
 
     Examples
     --------
@@ -108,7 +113,9 @@ class LiveSession:
         permit: PlayLease | None = None,
         leave: LeaseToken | None = None,
         slots: int = 8192,
+        report: Callable[[str], None] | None = None,
     ) -> None:
+        self._report = report
         self.order, self._keep, self._notes = order, keep, notes or {}
         units = (order.placement or Placement.grid()).array().count
         self.ring = TouchRing(RingShape(slots=slots, channels=CHANNELS, transducers=units))
@@ -152,6 +159,7 @@ class LiveSession:
             played=ring.count("played"),
             lost=ring.count("lost"),
             late=ring.count("late"),
+            hot=ring.count("hot"),
             hurried=ring.count("hurried"),
             unanswered=ring.count("unanswered"),
             gaps=ring.count("gaps"),
@@ -237,6 +245,9 @@ class LiveSession:
             return
         if isinstance(said, LoopStarted):
             self._opened = said
+        elif isinstance(said, LoopPaused):
+            if self._report is not None:
+                self._report(said.text)
         else:
             self._ended = said
 

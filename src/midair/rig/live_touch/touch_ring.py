@@ -18,7 +18,7 @@ STEP = 50e-6
 """Bin width of the histograms in s."""
 
 _BINS = 1000
-_COUNTS = ("head", "frames", "lost", "late", "gaps", "unanswered", "played", "hurried", "ends")
+_COUNTS = ("head", "frames", "lost", "late", "gaps", "unanswered", "played", "hurried", "hot", "ends")
 _TIMES = ("work", "left")
 
 
@@ -83,7 +83,7 @@ class TouchRing:
         self.slots: NDArray[Any] = whole[numbers.nbytes :].view(self.shape.slot)
 
     def count(self, name: str) -> int:
-        """Count since the start: frames (repeated ones included), lost, late, gaps, unanswered, played, hurried."""
+        """Count since the start: frames (with repeated ones), lost, late, gaps, unanswered, played, hurried, hot."""
         return int(self._counts[name][0])
 
     def add(self, name: str, more: int = 1) -> None:
