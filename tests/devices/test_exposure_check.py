@@ -328,7 +328,7 @@ def test_what_is_kept_of_a_long_drive_is_its_levels_alone():
     """Four places per frame, twice while they are copied: 64 bytes per frame, in any air."""
     array = TransducerArray(position=np.array([[0, 0, 0], [0.01, 0, 0]]), normal=np.array([[0, 0, 1.0]] * 2))
     points = tuple(replace(place, reach=0.0, limit=170.0) for place in PROFILE.places)
-    choices, frames = ExposureChoices(profile=replace(PROFILE, places=points)), 80_000
+    choices, frames = ExposureChoices(profile=replace(PROFILE, places=points, duty=1.0)), 80_000
     drive = Drive(
         phase=LazyFrames(lambda first, last: np.zeros((last - first, 2)), (frames, 2)),
         level=LazyFrames(lambda first, last: np.ones(last - first), (frames,)),

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -108,3 +110,19 @@ def test_the_greatest_exposure_is_that_of_all_transducers_in_step_at_the_loudest
         phase=np.random.default_rng(0).uniform(0, 7, phase.shape), level=np.full(27, 0.3), rate=1000.0, array=array
     )
     assert exposure(random, profile(place)).peak[0] < most.peak[0]
+
+
+def test_duty_and_warming_count_like_a_level_above_its_limit():
+    """A minute at full drive is 6.02 dB above a duty of one half; 4 K instead of 1 K are 6.02 dB as well."""
+    drive = Drive(phase=np.zeros((60, 1)), level=np.ones(60), rate=1.0, array=ONE)
+    found = exposure(drive, profile(ear(limit=200.0)), acoustics=Acoustics(medium=AIR))
+    assert found.duty == pytest.approx([1.0])
+    assert found.excess == pytest.approx(6.02, abs=0.005)
+    assert "unit 0 at 1 of full drive over a minute, limit 0.5 (midair's own)" in found.verdict()
+    warm = replace(profile(ear(limit=200.0)), duty=1.0, warming=found.warming / 4)
+    found = exposure(drive, warm, acoustics=Acoustics(medium=AIR))
+    assert found.excess == pytest.approx(6.02, abs=0.005)
+    assert "(estimate)" in found.verdict()
+    short = exposure(steady(1.0), profile(ear()), acoustics=Acoustics(medium=AIR))
+    assert "palm" not in short.verdict()
+    assert short.duty == pytest.approx([4e-3 / 60])

@@ -15,6 +15,10 @@ from .exposure_search import airs_of_room as airs_of_room
 from .exposure_search import searched_points as searched_points
 from .field_error import printed_error as printed_error
 from .field_error import relative_error as relative_error
+from .heating import palm_warming as palm_warming
+from .heating import skin_warming as skin_warming
+from .heating import unit_duty as unit_duty
+from .heating import unit_levels as unit_levels
 from .lazy_sensing import sense_lazily as sense_lazily
 from .lazy_sensing import storage_precision as storage_precision
 from .narrow_cone import cone_points as cone_points

@@ -5,7 +5,7 @@ Levels are in dB re 20 µPa rms, from the steady-state linear field of each fram
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -16,6 +16,7 @@ from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics.exposure_places import ExposureProfile, Place
 from midair.physics.exposure_search import Searches, Workspace, ceiling, drive_parts, point_search, searches_of
+from midair.physics.heating import BIN, PUBLISHED_TIME, palm_warming, unit_duty, unit_levels
 from midair.physics.propagation import transfer_matrix
 from midair.physics.radiation import radiation_pressure
 from midair.progress import report_progress
@@ -50,6 +51,10 @@ class Exposure:
     """sigma of the strongest frame up to the palm; above 1 the linear field overestimates."""
     pressure: float
     """Highest radiation pressure of up to 256 frames on the palm, at points 5 mm apart, in Pa."""
+    duty: Array
+    """Highest mean level of each unit over a minute, shape (unit,), 0 to 1; empty if the frames come later."""
+    warming: float
+    """Estimated warming of the palm in K; if the frames come later, by a still focus of 5 s."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "level", frozen_array(self.level, "level", ("frame", len(self.profile.places))))
@@ -81,8 +86,8 @@ class Exposure:
 
     @property
     def excess(self) -> float:
-        """Level of the loudest frame above an enforced limit, in dB; negative when all limits are kept."""
-        return max(
+        """Sound above an enforced limit in dB, negative when all are kept; duty or warming if that is further above."""
+        sound = max(
             (
                 float(peak) - place.limit
                 for peak, place in zip(self.peak, self.profile.places, strict=True)
@@ -90,6 +95,13 @@ class Exposure:
             ),
             default=-np.inf,
         )
+        return max(sound, self._heat_excess) if self._heat_excess > 0 else sound
+
+    @property
+    def _heat_excess(self) -> float:
+        """Duty is proportional to the level, warming to its square."""
+        duty = self.duty.max(initial=0.0) / self.profile.duty
+        return 20 * float(np.log10(max(duty, np.sqrt(self.warming / self.profile.warming), 1e-6)))
 
     @property
     def worst(self) -> tuple[Place, int]:
@@ -134,15 +146,28 @@ class Exposure:
         lines += [f"{', '.join(rough)}: maximum of 27 points; a focus between them is missed"] if rough else []
         return "; ".join(lines)
 
+    @property
+    def heat(self) -> str:
+        """One line: mean level of the units and warming of the palm, with their limits."""
+        duty = self.duty.max(initial=0.0)
+        unit = (
+            f"unit {self.duty.argmax()} at {duty:.2g} of full drive over a minute" if duty else "units not known ahead"
+        )
+        return (
+            f"{unit}, limit {self.profile.duty:g} (midair's own); palm warms by {self.warming:.2g} K, limit "
+            f"{self.profile.warming:g} K (estimate)"
+        )
+
     def verdict(self) -> str:
         """One line: whether the profile is kept, and the worst place."""
         place, frame = self.worst
         number = self.profile.places.index(place)
         where = " ".join(f"{1e3 * each:.0f}" for each in place.position)
         kept = "kept" if self.excess <= 0 else "exceeded"
+        heat = f"; {self.heat}" if self._heat_excess > 0 else ""
         return (
             f"{self.profile.name} is {kept}: {self.peak[number]:.1f} dB at the {place.name} ({where} mm) "
-            f"in frame {frame} in air of {self.loudest_air.degrees:.0f} °C, limit {place.limit:g} dB"
+            f"in frame {frame} in air of {self.loudest_air.degrees:.0f} °C, limit {place.limit:g} dB{heat}"
         )
 
     def __repr__(self) -> str:
@@ -184,6 +209,7 @@ def exposure(
         )
     # The palm's limit is not enforced: the first, the middle and the last air suffice.
     few = airs[:: max(1, len(airs) // 2)]
+    every = max(1, round(BIN * drive.rate))
     return Exposure(
         profile=profile,
         level=level,
@@ -193,6 +219,8 @@ def exposure(
         repeats=repeats,
         nonlinearity=max(_nonlinearity(drive, profile, air, level) for air in few),
         pressure=max(_pressure(drive, profile, air) for air in few),
+        duty=unit_duty(unit_levels(drive, every=every), drive.rate / every, repeats=repeats),
+        warming=palm_warming(drive, _palm_points(profile), acoustics=airs[len(airs) // 2], repeats=repeats),
     )
 
 
@@ -209,6 +237,7 @@ def greatest_exposure(
     palm = np.array(profile.nearest[1].position)
     phase = -np.angle(transfer_matrix(palm[None], array, acoustics=airs[0]))
     focus = Drive(phase=phase, level=np.array([level]), rate=rate, array=array, acoustics=airs[0])
+    still = replace(focus, rate=1 / PUBLISHED_TIME)
     return Exposure(
         profile=profile,
         level=loudest,
@@ -218,6 +247,8 @@ def greatest_exposure(
         repeats=1,
         nonlinearity=_nonlinearity(focus, profile, airs[0], loudest),
         pressure=_pressure(focus, profile, airs[0]),
+        duty=np.zeros(0),
+        warming=palm_warming(still, _palm_points(profile), acoustics=airs[0]),
     )
 
 
@@ -262,19 +293,24 @@ def _pressure(drive: Drive, profile: ExposureProfile, acoustics: Acoustics) -> f
     some = np.unique(np.linspace(0, drive.frames - 1, 256).astype(int))
     space = Workspace()
     parts, strength = drive_parts(drive, some, space)
-    loudest = _palm(profile.nearest[1].position, drive.array, acoustics).loudest(parts, space)[0, :, 0]
+    loudest = _palm(profile, drive.array, acoustics).loudest(parts, space)[0, :, 0]
     # Individual levels of transducers are already included in `parts`.
     loudest = loudest * strength[:, 0] if strength.shape[1] == 1 else loudest
     return float(radiation_pressure(loudest.max(initial=0.0), acoustics.medium))
 
 
 @lru_cache(maxsize=16)
-def _palm(middle: tuple[float, float, float], array: TransducerArray, acoustics: Acoustics) -> Searches:
-    """The search of a square in the plane of a place."""
+def _palm(profile: ExposureProfile, array: TransducerArray, acoustics: Acoustics) -> Searches:
+    """The search of the palm."""
+    return Searches.of(point_search(_palm_points(profile), array, (acoustics,)))
+
+
+def _palm_points(profile: ExposureProfile) -> Array:
+    """Points 5 mm apart over 6 cm in the plane of the nearest place, shape (point, 3), in m."""
     steps = np.arange(-30e-3, 31e-3, 5e-3)
     x, y = np.meshgrid(steps, steps)
-    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) + np.array(middle)
-    return Searches.of(point_search(points, array, (acoustics,)))
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    return np.asarray(points + np.array(profile.nearest[1].position), np.float64)
 
 
 def _fill(

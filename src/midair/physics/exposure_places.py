@@ -46,6 +46,10 @@ class ExposureProfile:
     """Quality of the evidence."""
     places: tuple[Place, ...]
     """At least one."""
+    duty: float = 0.5
+    """Highest mean level of a unit over a minute, 0 to 1; midair's own value, since the makers state none."""
+    warming: float = 6.0
+    """Highest estimated warming of the palm in K: from 35 °C to the 41 °C of IEC 60601-1 for parts on skin."""
 
     @property
     def nearest(self) -> tuple[int, Place]:

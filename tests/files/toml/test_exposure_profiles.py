@@ -42,6 +42,9 @@ def test_a_user_profile():
     mine = profiles_of(TOML)["mine"]
     assert mine.places[0].position == (0, 0, 0.5)
     assert mine.places[0].enforced
+    assert (mine.duty, mine.warming) == (0.5, 6.0)
+    own = profiles_of(TOML.replace('title = "t"', 'title = "t"\nduty = 0.8\nwarming_k = 2.5'))["mine"]
+    assert (own.duty, own.warming) == (0.8, 2.5)
 
 
 @pytest.mark.parametrize(
@@ -55,6 +58,8 @@ def test_a_user_profile():
         ("limit_db = 100", "limit_db = 100\nenforced = false", "at least one"),
         ("[0, 0, 500]", "[0, 0]", "unpack"),
         ('evidence = "e"', "", "evidence"),
+        ('evidence = "e"', 'evidence = "e"\nduty = 1.5', "at most 1"),
+        ('evidence = "e"', 'evidence = "e"\nwarming_k = nan', "above 0 K"),
         ("[[profile]]", "[[profile]", "TOML"),
         ("[[profile]]\n", "[[profiles]]\n", "profile"),
     ],

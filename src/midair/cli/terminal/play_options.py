@@ -94,6 +94,7 @@ def play_on_array(
         admission = options.admit(drive, array, room)
         print_room_air(drive, source, room)
         rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
+        rows.append(("heat", admission.exposure.heat))
         print_rows([*level_rows(level_of_file(source, limits=False)), *rows])
         with progress_bars() as stage, array:
             # Known only after opening the device.

@@ -65,16 +65,20 @@ def profiles_of(text: str) -> dict[str, ExposureProfile]:
 
 
 def _profile(entry: Mapping[str, Any]) -> ExposureProfile:
-    _check_keys(entry, {"name", "title", "source", "evidence", "place"})
+    _check_keys(entry, {"name", "title", "source", "evidence", "place", "duty", "warming_k"})
     places = tuple(_place(each) for each in entry["place"])
     if not any(place.enforced for place in places):
         raise InputError(f"profile {entry['name']}: expected at least one enforced limit, got none")
+    heat = {key.removesuffix("_k"): float(entry[key]) for key in ("duty", "warming_k") if key in entry}
+    if not all(0 < limit < np.inf for limit in heat.values()) or heat.get("duty", 1) > 1:
+        raise InputError(f"profile {entry['name']}: expected a duty above 0 and at most 1, and warming_k above 0 K")
     return ExposureProfile(
         name=str(entry["name"]),
         title=str(entry["title"]),
         source=str(entry["source"]),
         evidence=str(entry["evidence"]),
         places=places,
+        **heat,
     )
 
 

@@ -1,0 +1,95 @@
+"""Heat of a drive: mean level of the array's units, and an estimate of how much the palm warms."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.model import Acoustics, Drive
+from midair.physics.propagation import transfer_matrix
+from midair.streaming import blocks
+
+Array = NDArray[np.float64]
+
+MINUTE = 60.0
+"""Time over which the level of a unit is averaged, and longest time for which the palm keeps heat, in s."""
+
+PUBLISHED_RISE, PUBLISHED_TIME = 5.4, 5.0
+"""Warming of a palm under a strong still focus in K, and its time in s (arXiv 2411.05108, abstract)."""
+
+STRONG_FOCUS = 2.5e5
+"""Intensity of that focus in W/m2: an assumption of midair, since the abstract states none.
+
+10 kPa rms, the linear field of two by two AUTD3 units at full drive, 0.2 m above them.
+"""
+
+BIN = 0.1
+"""Time over which levels and intensities are averaged first, in s."""
+_FRAMES, _FEWEST = 4_000, 8
+"""Frames whose field is computed: all of a drive up to the first number, and at least the second in each bin."""
+
+
+def unit_levels(drive: Drive, *, every: int = 1) -> Array:
+    """Mean level of the transducers of each unit over `every` frames, shape (part, unit), 0 to 1; silent at the end."""
+    unit = drive.array.unit
+    shares = (unit[:, None] == np.unique(unit)) / np.bincount(unit)[np.unique(unit)]
+    means: list[Array] = []
+    for part in blocks(drive.level, every * max(1, 4096 // every)):
+        starts = np.arange(0, len(part), every)
+        total = np.add.reduceat(np.asarray(part, np.float64), starts, axis=0) / every
+        means.append(total @ shares if total.ndim == 2 else np.repeat(total[:, None], shares.shape[1], axis=1))
+    return np.concatenate(means)
+
+
+def unit_duty(level: Array, rate: float, *, repeats: int = 1) -> Array:
+    """Highest mean over any minute of `level`, shape (time, unit), `rate` in Hz; silent before and after."""
+    window = max(1, round(MINUTE * rate))
+    # More repeats than fit into a minute do not change the maximum.
+    whole = np.tile(level, (min(repeats, -(-window // len(level)) + 1), 1))
+    total = np.concatenate([np.zeros((1, whole.shape[1])), np.cumsum(whole, axis=0)])
+    width = min(window, len(whole))
+    return np.asarray((total[width:] - total[:-width]).max(axis=0) / window, np.float64)
+
+
+def skin_warming(intensity: Array, step: float) -> Array:
+    """Warming of skin in K by an intensity in W/m2, shape (time,), at times `step` s apart, of the same shape.
+
+    Heat that flows into a thick body from its surface warms that surface with the square root of time (Carslaw and
+    Jaeger, Conduction of Heat in Solids, 2.9); earlier heat adds up. The scale is that of the published figure.
+    """
+    time = np.arange(min(len(intensity), round(MINUTE / step)) + 1) * step
+    response = np.diff(np.sqrt(time / PUBLISHED_TIME)) * PUBLISHED_RISE / STRONG_FOCUS
+    return np.asarray(np.convolve(intensity, response)[: len(intensity)], np.float64)
+
+
+def palm_warming(drive: Drive, points: Array, *, acoustics: Acoustics, repeats: int = 1) -> float:
+    """Estimate the highest warming of the palm in K at `points`, shape (point, 3) in m, during all repeats."""
+    matrix = transfer_matrix(points, drive.array, acoustics=acoustics).T.astype(np.complex64)
+    impedance = acoustics.medium.density * acoustics.medium.speed
+    size = max(1, round(BIN * drive.rate))
+    means = [
+        np.mean(np.abs(_frames(drive, each) @ matrix) ** 2, axis=0) / (2 * impedance)
+        for each in _sampled(drive.frames, size)
+    ]
+    intensity = np.asarray(means)
+    step = size / drive.rate
+    times = min(repeats, int(np.ceil(MINUTE / (step * len(intensity)))) + 1)
+    # One point after the other, which needs less memory.
+    return max(float(skin_warming(np.tile(each, times), step).max(initial=0.0)) for each in intensity.T)
+
+
+def _sampled(frames: int, size: int) -> list[NDArray[np.intp]]:
+    """Frames of each bin; multiples of the golden ratio, so that no periodic drive is always met at one phase."""
+    starts = np.arange(0, frames, size)
+    if frames <= _FRAMES:
+        return [np.arange(first, min(first + size, frames)) for first in starts]
+    count = max(_FEWEST, _FRAMES // len(starts))
+    share = np.mod(np.arange(len(starts) * count) * (np.sqrt(5) - 1) / 2, 1).reshape(-1, count)
+    return [
+        np.unique(first + (each * min(size, frames - first)).astype(int))
+        for first, each in zip(starts, share, strict=True)
+    ]
+
+
+def _frames(drive: Drive, which: NDArray[np.intp]) -> NDArray[np.complex64]:
+    phase = np.asarray(drive.phase[which])
+    level = np.asarray(drive.level[which]).reshape(len(phase), -1)
+    return np.asarray(level * np.exp(1j * phase), np.complex64)
