@@ -9,7 +9,7 @@ import numpy as np
 
 from midair.errors import InputError, UnknownFormatError
 from midair.files.atomic import existing_file, parse_errors
-from midair.files.format_loss import FormatLoss
+from midair.files.file_format import Format, FormatLoss
 from midair.files.native import (
     ARRAY_SUFFIX,
     CALIBRATION_SUFFIX,
@@ -18,8 +18,8 @@ from midair.files.native import (
     load_solution,
     write_recording,
 )
-from midair.files.opened_take import Format, ImportOptions, OpenedTake
-from midair.files.size_check import check_memory_for
+from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.size_limits import check_memory_for
 from midair.model import Calibration, Event, PressureFrames, Recording, SensorGrid, Solution, Unit
 from midair.recordings import Mending, suspicious
 from midair.registry import Registry
@@ -31,13 +31,13 @@ FORMATS: Registry[Format] = Registry(
         ".h5": "midair.files.native:HDF5",
         ".hdf5": "midair.files.native:HDF5",
         ".csv": "midair.files.importers.csv_file:CSV",
-        ".wav": "midair.files.importers.wav_file:WAV",
-        ".npz": "midair.files.importers.npz_file:NPZ",
+        ".wav": "midair.files.importers.sound_file:WAV",
+        ".npz": "midair.files.importers.numpy_files:NPZ",
         ".mat": "midair.files.importers.mat_file:MAT",
         ".nc": "midair.files.native:NETCDF4",
-        ".npy": "midair.files.importers.npy_file:NPY",
-        ".w64": "midair.files.importers.wav_file:WAVE64",
-        ".rf64": "midair.files.importers.wav_file:RF64",
+        ".npy": "midair.files.importers.numpy_files:NPY",
+        ".w64": "midair.files.importers.sound_file:WAVE64",
+        ".rf64": "midair.files.importers.sound_file:RF64",
         ".flac": "midair.files.importers.sound_file:FLAC",
         ".aiff": "midair.files.importers.sound_file:AIFF",
         ".aif": "midair.files.importers.sound_file:AIFF",

@@ -1,10 +1,9 @@
 """Result of reading a recording file, and the options that complete files of other programs."""
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -278,18 +277,3 @@ def of_two(scale: float) -> bool:
 def _sha256(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Format:
-    """A file format of recordings, registered under the endings of its names."""
-
-    name: str
-    read: Callable[[Path, ImportOptions], OpenedTake]
-    """Read a file with what the user states about it."""
-    write: Callable[[Recording, Path, Calibration | None], tuple[Any, ...]] | None = None
-    """Write a recording; returns a `FormatLoss` for each thing that the format cannot hold. None if it is only read."""
-    memory: float = 0
-    """Least number of bytes that reading takes for each byte of the file; 0 if it is read in parts."""
-    effect: bool = False
-    """Whether it holds effects that are rendered, so that reading does not return the samples that were written."""

@@ -1,11 +1,146 @@
-"""Sound files of other programs, written by libsndfile."""
+"""Sound files of midair and of other programs."""
+
+import struct
 
 import numpy as np
 import pytest
 import soundfile
 
-from midair.errors import BrokenFileError, UnitError
-from midair.files import open_take
+from midair.errors import BrokenFileError, FileError, MismatchError, NonFiniteError, UnitError
+from midair.files import load, open_take, save
+from midair.model import Recording, SensorGrid
+
+
+@pytest.fixture
+def foreign(tmp_path):
+    """A WAV of three frames and one channel at 8 kHz, in any subtype."""
+
+    def write(subtype):
+        soundfile.write(tmp_path / "a.wav", np.array([0.5, -0.25, 0.0]), 8000, subtype=subtype, format="WAV")
+        return tmp_path / "a.wav"
+
+    return write
+
+
+def test_other_programs_read_midairs_own_below_full_scale(recording, tmp_path):
+    lost = save(recording, tmp_path / "a.wav")
+    samples, rate = soundfile.read(tmp_path / "a.wav", always_2d=True)
+    assert rate == 333
+    scale = 2.0 ** np.ceil(np.log2(np.abs(recording.samples).max()))
+    np.testing.assert_array_equal(samples * scale, recording.samples.reshape(40, 15))
+    assert 0.5 <= np.abs(samples).max() < 1
+    assert "other programs read 333 Hz for 333.333333 Hz" in str(lost[0])
+    assert f"Full scale is 2^{int(np.log2(scale))} Pa" in str(lost[1])
+
+
+def test_whole_rates_lose_nothing_but_the_scale(recording, tmp_path):
+    whole = Recording(samples=recording.samples, rate=1000, sensor=recording.sensor)
+    assert len(save(whole, tmp_path / "a.wav")) == 1
+
+
+@pytest.mark.parametrize("subtype", ["PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
+def test_reads_every_subtype_to_full_scale_one(subtype, foreign):
+    seen = open_take(foreign(subtype), unit="V")
+    np.testing.assert_array_equal(seen.recording.samples.ravel(), [0.5, -0.25, 0])
+    assert seen.recording.rate == 8000
+    assert seen.recording.sensor.shape == (1, 1)
+    assert seen.report == (f"Full scale of the WAV ({subtype}) was taken as 1 V.",)
+
+
+@pytest.mark.parametrize(
+    ("subtype", "full"), [("PCM_U8", 2**7), ("PCM_16", 2**15), ("PCM_24", 2**23), ("PCM_32", 2**31), ("FLOAT", 1)]
+)
+def test_counts_are_the_whole_numbers_of_the_file(subtype, full, foreign):
+    np.testing.assert_array_equal(
+        load(foreign(subtype), unit="count").samples.ravel(), np.array([0.5, -0.25, 0]) * full
+    )
+
+
+def test_reads_mu_law_by_its_table(foreign):
+    """ITU-T G.711: (132 + 8 m) 2^e - 132 of 32768, with sign, e and m in the inverted bits of a byte.
+
+    0x80 is + 7 15: 252 * 128 - 132 = 32124; 0xBF is + 4 0: 132 * 16 - 132 = 1980; 0x00 is - 7 15.
+    """
+    path = foreign("ULAW")
+    data = path.read_bytes()
+    place = data.index(b"data") + 8
+    path.write_bytes(data[:place] + b"\x80\xbf\x00" + data[place + 3 :])
+    np.testing.assert_allclose(load(path, unit="V").samples.ravel() * 32768, [32124, 1980, -32124])
+    with pytest.raises(UnitError, match="µ-law holds no counts"):
+        load(path, unit="count")
+
+
+def test_takes_the_exact_rate_behind_a_whole_one(foreign):
+    assert load(foreign("FLOAT"), unit="V", rate=7999.7).rate == 7999.7
+    with pytest.raises(MismatchError, match="the file states 8000 Hz, got rate=1000"):
+        load(foreign("FLOAT"), unit="V", rate=1000)
+
+
+def test_requires_the_unit(foreign):
+    with pytest.raises(UnitError, match="does not state the unit"):
+        load(foreign("PCM_16"))
+
+
+def test_refuses_a_bad_header(tmp_path):
+    (tmp_path / "a.wav").write_bytes(b"RIFF" + struct.pack("<I", 95) + b"WAVEfact" + b"busted")
+    with pytest.raises(BrokenFileError, match="bytes in chunk 'fact', got 2"):
+        load(tmp_path / "a.wav", unit="V")
+
+
+def test_refuses_other_subtypes(foreign):
+    with pytest.raises(BrokenFileError, match="got WAV with ALAW"):
+        load(foreign("ALAW"), unit="V")
+
+
+def test_refuses_non_finite_samples(tmp_path):
+    soundfile.write(tmp_path / "a.wav", np.array([0.0, np.nan]), 8000, subtype="FLOAT")
+    with pytest.raises(NonFiniteError):
+        load(tmp_path / "a.wav", unit="V")
+
+
+def test_refuses_more_cells_than_channels(tmp_path):
+    large = Recording(samples=np.zeros((2, 33, 32)), rate=1000, sensor=SensorGrid(rows=33, columns=32))
+    with pytest.raises(FileError, match="up to 1024 channels, got a sensor of 1056"):
+        save(large, tmp_path / "a.wav")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("form", "ending"), [("W64", ".w64"), ("RF64", ".rf64"), ("RF64", ".wav"), ("WAVEX", ".wav")])
+@pytest.mark.parametrize(("subtype", "channels"), [("PCM_24", 1), ("DOUBLE", 16), ("FLOAT", 16), ("PCM_16", 3)])
+def test_reads_the_forms_for_long_files(form, ending, subtype, channels, tmp_path):
+    samples = np.random.default_rng(0).integers(-100, 100, (20, channels)) / 128
+    soundfile.write(tmp_path / f"a{ending}", samples, 4000, subtype=subtype, format=form)
+    sensor = SensorGrid(rows=1, columns=channels)
+    seen = open_take(tmp_path / f"a{ending}", unit="V", sensor=sensor)
+    np.testing.assert_array_equal(seen.recording.samples.reshape(20, channels), samples)
+    assert seen.recording.rate == 4000
+
+
+@pytest.mark.parametrize(("form", "ending"), [("W64", ".w64"), ("RF64", ".rf64")])
+@pytest.mark.parametrize("kept", [0.1, 0.5, 0.95])
+def test_refuses_truncated_long_files(form, ending, kept, tmp_path):
+    path = tmp_path / f"a{ending}"
+    soundfile.write(path, np.random.default_rng(0).random((200, 16)), 4000, subtype="DOUBLE", format=form)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(kept * len(data))])
+    with pytest.raises(BrokenFileError):
+        load(path, unit="V")
+
+
+def test_takes_channels_in_the_order_that_is_given(tmp_path):
+    samples = np.arange(12).reshape(3, 4) / 16
+    soundfile.write(tmp_path / "a.wav", samples, 8000, subtype="FLOAT")
+    got = load(tmp_path / "a.wav", unit="V", channels=["2", "0"], sensor=SensorGrid(rows=2, columns=1))
+    np.testing.assert_array_equal(got.samples[:, :, 0], samples[:, [2, 0]])
+
+
+def test_full_scale_can_be_a_pressure(foreign):
+    seen = open_take(foreign("PCM_16"), scale=30.0)
+    np.testing.assert_array_equal(seen.recording.samples.ravel(), [15, -7.5, 0])
+    assert seen.recording.unit == "Pa"
+    assert seen.report == ("Full scale of the WAV (PCM_16) was taken as 30 Pa.",)
+    assert seen.recording.provenance.steps[0].settings["scale_pa"] == 30
+
 
 LOSSLESS = [("a.flac", "FLAC", "PCM_24"), ("a.aiff", "AIFF", "PCM_16"), ("a.aif", "AIFF", "PCM_24")]
 LOSSY = [("a.ogg", "VORBIS"), ("a.mp3", "MPEG_LAYER_III")]

@@ -1,6 +1,6 @@
 """Effects of other makers, AHAP and MPEG haptics: recordings written as effects, and effects rendered to waves."""
 
-from midair.files.opened_take import Format
+from midair.files.file_format import Format
 
 from .ahap_file import write_ahap
 from .ahap_rendering import read_ahap

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.files.atomic import atomic_file
-from midair.files.format_loss import FormatLoss, calibration_lost
+from midair.files.file_format import FormatLoss, calibration_lost
 from midair.model import Calibration, Recording
 from midair.streaming import medians, read_frames, with_cache
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
-from midair.files.decompression_limits import inflated, max_expanded_size
+from midair.files.size_limits import inflated, max_expanded_size
 from midair.streaming import LazyFrames, blocks
 
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}

@@ -2,12 +2,11 @@
 
 from pathlib import Path
 
-from midair.files.format_loss import FormatLoss
+from midair.files.file_format import Format, FormatLoss
 from midair.files.native.calibration_file import write_calibration
 from midair.files.native.hdf5 import fixed_text, new_file, write_group
 from midair.files.native.recording_file import read_recording, recording_values
 from midair.files.native.schema import NETCDF
-from midair.files.opened_take import Format
 from midair.model import Calibration, Recording
 from midair.version import __version__
 

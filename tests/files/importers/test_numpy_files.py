@@ -1,10 +1,10 @@
-"""Single NumPy arrays."""
+"""Arrays and archives of NumPy."""
 
 import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, NonFiniteError
-from midair.files import load, open_take
+from midair.files import load, open_take, save
 
 SAID = {"rate": 1000.0, "unit": "V"}
 
@@ -19,9 +19,12 @@ def test_reads_arrays_saved_by_numpy(order, kind, shape, tmp_path):
 
 
 def test_loads_no_objects(tmp_path):
-    np.save(tmp_path / "a.npy", np.array([[{}], [{}]], object), allow_pickle=True)
-    with pytest.raises(BrokenFileError, match="NPY"):
-        load(tmp_path / "a.npy", **SAID)
+    objects = np.array([[{}], [{}]], object)
+    np.save(tmp_path / "a.npy", objects, allow_pickle=True)
+    np.savez(tmp_path / "a.npz", samples=objects)
+    for name in ("a.npy", "a.npz"):
+        with pytest.raises(BrokenFileError, match=name[2:].upper()):
+            load(tmp_path / name, **SAID)
 
 
 def test_a_header_larger_than_the_file_allocates_no_memory(tmp_path):
@@ -49,3 +52,21 @@ def test_the_array_has_the_name_of_its_file(tmp_path):
     taken = open_take(tmp_path / "wave.npy", **SAID)
     assert taken.report[0] == "Array wave (9,) was taken as one channel of 9 frames."
     assert taken.recording.provenance.steps[0].settings["format"] == "NPY"
+
+
+def test_a_plain_row_of_numbers_is_one_channel(tmp_path):
+    np.savez(tmp_path / "a.npz", wave=np.arange(9.0))
+    assert load(tmp_path / "a.npz", **SAID).frames == 9
+
+
+def test_numpy_alone_reads_what_was_written(recording, tmp_path):
+    save(recording, tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as archive:
+        assert set(archive.files) == {"samples", "rate", "unit", "midair"}
+        np.testing.assert_array_equal(archive["samples"], recording.samples)
+        assert (archive["rate"].item(), archive["unit"].item()) == (recording.rate, recording.unit)
+
+
+def test_a_dropped_calibration_is_reported(recording, calibration, tmp_path):
+    assert [loss.what for loss in save(recording, tmp_path / "a.npz", calibration=calibration)] == ["calibration"]
+    assert save(recording, tmp_path / "a.npz") == ()

@@ -1,19 +1,41 @@
-"""NumPy archives: `samples`, `rate`, `unit` and midair's header, or one array of another program."""
+"""Arrays of NumPy: one in a file (NPY) or an archive of several (NPZ), of midair or of another program."""
 
+import math
 import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from midair.errors import BrokenFileError
 from midair.files.atomic import atomic_file, check_disk_space
-from midair.files.decompression_limits import check_expansion
-from midair.files.format_loss import FormatLoss, calibration_lost
+from midair.files.file_format import Format, FormatLoss, calibration_lost
 from midair.files.importers.header import header_of
 from midair.files.importers.named_arrays import from_arrays
-from midair.files.opened_take import Format, ImportOptions, OpenedTake
+from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.size_limits import check_expansion
 from midair.model import Calibration, Recording
 from midair.streaming import blocks
+
+
+def read_npy(path: Path, given: ImportOptions) -> OpenedTake:
+    """Read an array of frames, which has no other information; objects are not loaded, because they could run code."""
+    with path.open("rb") as file:
+        version = np.lib.format.read_magic(file)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, kind = read(file)
+        announced, there = math.prod(shape) * kind.itemsize, path.stat().st_size - file.tell()
+        if announced != there and not kind.hasobject:
+            # NumPy would allocate the memory before it reads the file.
+            raise BrokenFileError(
+                f"{path}: expected {announced} bytes according to its header, got {there}; copy the file again"
+            )
+        file.seek(0)
+        array = np.load(file, allow_pickle=False)
+    return from_arrays({path.stem: array}, "NPY", path, given)
+
+
+NPY = Format(name="NPY", read=read_npy, memory=2)
 
 
 def write_npz(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:

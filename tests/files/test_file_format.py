@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from midair.files.format_loss import FormatLoss, calibration_lost
+from midair.files.file_format import FormatLoss, calibration_lost
 from midair.model import Calibration, SensorGrid
 
 

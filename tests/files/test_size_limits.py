@@ -1,5 +1,3 @@
-"""Decompression bombs: small files that would fill the memory are refused for their stated size."""
-
 import io
 import struct
 import zipfile
@@ -8,9 +6,9 @@ import zlib
 import numpy as np
 import pytest
 
-from midair.errors import BrokenFileError
-from midair.files import open_take, save
-from midair.files.decompression_limits import EXPANDED_ANYWAY, inflated
+from midair.errors import BrokenFileError, InputError
+from midair.files import check_memory_for, open_take, save
+from midair.files.size_limits import EXPANDED_ANYWAY, inflated
 from midair.model import Recording, SensorGrid
 
 GIVEN = {"rate": 1000, "unit": "V", "sensor": SensorGrid(rows=1, columns=2)}
@@ -76,3 +74,16 @@ def test_silence_is_no_bomb(ending, tmp_path):
     silent = Recording(samples=np.zeros((96_000, 4, 4)), rate=48_000.0, sensor=SensorGrid(), unit="V")
     save(silent, tmp_path / f"a{ending}")
     np.testing.assert_array_equal(open_take(tmp_path / f"a{ending}").recording.samples, silent.samples)
+
+
+def test_a_lack_of_memory_is_one_line(monkeypatch):
+    monkeypatch.setattr("midair.ram.available_memory", lambda: 2_000_000_000)
+    said = r"a\.csv: expected 3 GB of free memory, because all of it is read at once, got 2 GB; cut it"
+    with pytest.raises(InputError, match=said):
+        check_memory_for(3e9, "a.csv", "cut it")
+    check_memory_for(2e9, "a.csv", "cut it")
+
+
+def test_an_unknown_amount_of_memory_is_no_error(monkeypatch):
+    monkeypatch.setattr("midair.ram.available_memory", lambda: None)
+    check_memory_for(1e18, "a.csv", "cut it")

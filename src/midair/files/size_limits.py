@@ -1,9 +1,10 @@
-"""Limits for the size of compressed files after decompression, against decompression bombs."""
+"""Limits of memory for files that are read as a whole, and of their size after decompression."""
 
 import zlib
 from pathlib import Path
 
-from midair.errors import BrokenFileError
+from midair import ram
+from midair.errors import BrokenFileError, InputError
 
 EXPANDED = 100
 """Maximum ratio of expanded to compressed size: recordings compress to a third, silence to a thousandth."""
@@ -36,3 +37,13 @@ def inflated(path: Path, packed: bytes, room: int) -> bytes:
     if not stream.eof:
         raise BrokenFileError(f"{path}: expected a whole zlib stream, got the first {len(packed)} bytes of one")
     return data
+
+
+def check_memory_for(needed: float, what: str, advice: str) -> None:
+    """Raise InputError if fewer than `needed` bytes of memory are free; `what` and `advice` are for the message."""
+    free = ram.available_memory()
+    if free is not None and needed > free:
+        raise InputError(
+            f"{what}: expected {needed / 1e9:.3g} GB of free memory, because all of it is read at once, got "
+            f"{free / 1e9:.3g} GB; {advice}"
+        )
