@@ -1,9 +1,12 @@
 """Supported file formats by file name suffix, and the functions `open_take`, `load` and `save`."""
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
+from functools import wraps
+from inspect import signature
 from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -20,10 +23,14 @@ from midair.files.native import (
 )
 from midair.files.opened_take import ImportOptions, OpenedTake
 from midair.files.size_limits import check_memory_for
-from midair.model import Calibration, Event, PressureFrames, Recording, SensorGrid, Solution, Unit
-from midair.recordings import Mending, suspicious
+from midair.model import Calibration, Event, PressureFrames, Recording, Solution
+from midair.recordings import suspicious
 from midair.registry import Registry
 from midair.streaming import LazyFrames
+
+Place = str | os.PathLike[str]
+Given = ParamSpec("Given")
+Taken = TypeVar("Taken")
 
 FORMATS: Registry[Format] = Registry(
     "midair.formats",
@@ -60,21 +67,28 @@ OTHERS: Mapping[str, str] = {
 """Suffixes of files other than recordings, and the functions for them."""
 
 
-def load(
-    path: str | os.PathLike[str],
-    *,
-    rate: float | None = None,
-    unit: Unit | None = None,
-    sensor: SensorGrid | None = None,
-    scale: float | None = None,
-    channels: Sequence[str] | None = None,
-    stream: str | None = None,
-    packed: int | None = None,
-    mending: Mending | None = None,
-) -> Recording | Solution:
+def _taking(
+    options: Callable[Given, ImportOptions],
+) -> Callable[[Callable[[Place, ImportOptions], Taken]], Callable[Concatenate[Place, Given], Taken]]:
+    """Replace the options of a function of a path and options by keyword arguments, one for each field."""
+
+    def decorate(read: Callable[[Place, ImportOptions], Taken]) -> Callable[Concatenate[Place, Given], Taken]:
+        @wraps(read)
+        def reading(path: Place, *args: Given.args, **given: Given.kwargs) -> Taken:
+            return read(path, options(*args, **given))
+
+        own = signature(read)
+        parameters = (own.parameters["path"], *signature(options).parameters.values())
+        vars(reading)["__signature__"] = own.replace(parameters=parameters)
+        return reading
+
+    return decorate
+
+
+@_taking(ImportOptions)
+def load(path: Place, given: ImportOptions) -> Recording | Solution:
     """Read a recording in any supported format, or the solution in a ``.drive.h5``.
 
-    The options supply facts that a file of another program does not contain; a contradiction raises an error.
     `open_take` also returns the calibration, the journal and a report of assumptions.
 
     Parameters
@@ -82,24 +96,8 @@ def load(
     path : str or PathLike
         Suffix .h5, .hdf5, .csv, .wav, .w64, .rf64, .npz, .npy, .mat, .nc, .flac, .aiff, .ogg, .mp3, .xdf, .tdms or
         .mcap; .ahap and .hjif effects are rendered to waves.
-    rate : float, optional
-        In Hz.
-    unit : {"V", "count", "Pa"}, optional
-        Unit of the samples.
-    sensor : SensorGrid, optional
-        Layout of the channels.
-    scale : float, optional
-        Pressure in Pa that corresponds to 1 in the file: to full scale, to 1 V, to 1 m/s2.
-    channels : sequence of str, optional
-        Channels to read, in this order, by name or by number from 0.
-    stream : str, optional
-        Which one to read from a file with several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ
-        or MAT.
-    packed : int, optional
-        Number of channels that are interleaved in a row of numbers. The axes of the file are ignored; its rate, if it
-        has one, is the rate of its rows.
-    mending : Mending, optional
-        How to fill gaps (NaN, infinite or, in text, missing numbers); None raises an error for gaps.
+    rate, unit, sensor, scale, channels, stream, packed, mending, streamed
+        Facts that a file of another program does not contain: the fields of `ImportOptions`.
 
     Returns
     -------
@@ -113,58 +111,23 @@ def load(
     InputError
         A subclass that names the missing or unusable fact.
     """
-    given = {
-        "rate": rate,
-        "unit": unit,
-        "sensor": sensor,
-        "scale": scale,
-        "channels": channels,
-        "stream": stream,
-        "packed": packed,
-        "mending": mending,
-    }
     if os.fspath(path).lower().endswith(DRIVE_SUFFIX):
-        if any(value is not None for value in given.values()):
+        if given != ImportOptions():
             raise InputError(f"{path}: expected no options for a drive, got {_listed(given)}")
         return load_solution(path)
-    return open_take(
-        path,
-        rate=rate,
-        unit=unit,
-        sensor=sensor,
-        scale=scale,
-        channels=channels,
-        stream=stream,
-        packed=packed,
-        mending=mending,
-    ).recording
+    return _opened(path, given).recording
 
 
-def open_take(
-    path: str | os.PathLike[str],
-    *,
-    rate: float | None = None,
-    unit: Unit | None = None,
-    sensor: SensorGrid | None = None,
-    scale: float | None = None,
-    channels: Sequence[str] | None = None,
-    stream: str | None = None,
-    packed: int | None = None,
-    mending: Mending | None = None,
-    streamed: bool = False,
-) -> OpenedTake:
+@_taking(ImportOptions)
+def open_take(path: Place, given: ImportOptions) -> OpenedTake:
     """Read a recording with its calibration, its journal and a report of all assumptions.
 
     The content of a file decides what it is; the case of its suffix does not matter.
 
     Parameters
     ----------
-    path, rate, unit, sensor, scale, channels, stream, packed, mending
+    path, rate, unit, sensor, scale, channels, stream, packed, mending, streamed
         As in `load`.
-    streamed : bool
-        Whether to return lazy samples where the format supports it (HDF5 of midair, WAV), so that a recording of any
-        length needs the memory of one block. Checks for suspicious channels are then left to
-        `midair.recordings.suspicious`.
 
     Returns
     -------
@@ -176,6 +139,10 @@ def open_take(
     MissingFileError, BrokenFileError, UnknownFormatError, InputError
         As in `load`.
     """
+    return _opened(path, given)
+
+
+def _opened(path: Place, given: ImportOptions) -> OpenedTake:
     form = format_of(path)
     file = existing_file(path)
     if form.memory:
@@ -183,19 +150,7 @@ def open_take(
         check_memory_for(form.memory * file.stat().st_size, f"{path}, a {form.name} file", advice)
     # Damaged numbers may overflow here; Recording rejects numbers that are not finite.
     with parse_errors(file, f"a {form.name} file"), np.errstate(all="ignore"):
-        chosen = None if channels is None else tuple(channels)
-        given = ImportOptions(
-            rate=rate,
-            unit=unit,
-            sensor=sensor,
-            scale=scale,
-            channels=chosen,
-            stream=stream,
-            packed=packed,
-            mending=mending,
-            streamed=streamed and mending is None,
-        )
-        imported = form.read(file, given)
+        imported = form.read(file, replace(given, streamed=given.streamed and given.mending is None))
     # The check would read all lazy frames.
     if isinstance(imported.recording.samples, LazyFrames):
         return imported
@@ -272,5 +227,6 @@ def format_of(path: str | os.PathLike[str]) -> Format:
     return FORMATS[Path(name).suffix]
 
 
-def _listed(given: Mapping[str, object]) -> str:
-    return ", ".join(f"{name}={value!r}" for name, value in given.items() if value is not None)
+def _listed(given: ImportOptions) -> str:
+    values = {field.name: getattr(given, field.name) for field in fields(given)}
+    return ", ".join(f"{name}={value!r}" for name, value in values.items() if value not in (None, False))

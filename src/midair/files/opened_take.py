@@ -1,7 +1,7 @@
 """Result of reading a recording file, and the options that complete files of other programs."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -39,19 +39,36 @@ class OpenedTake:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """Facts that a user supplies about a file, as in `load`; None if not given."""
+    """Facts about a file that it does not contain, and how to read it; None if not given.
+
+    A contradiction between the file and an option raises an error.
+    """
 
     rate: float | None = None
+    """Frame rate in Hz."""
     unit: Unit | None = None
+    """Unit of the samples: "V", "count" or "Pa"."""
     sensor: SensorGrid | None = None
+    """Layout of the channels."""
     scale: float | None = None
-    channels: tuple[str, ...] | None = None
+    """Pressure in Pa that corresponds to 1 in the file: to full scale, to 1 V, to 1 m/s2."""
+    channels: Sequence[str] | None = None
+    """Channels to read, in this order, by name or by number from 0."""
     stream: str | None = None
+    """Which one to read from a file with several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ or
+    MAT.
+    """
     packed: int | None = None
-    """Number of interleaved channels."""
+    """Number of channels that are interleaved in a row of numbers. The axes of the file are ignored; its rate, if it
+    has one, is the rate of its rows.
+    """
     mending: Mending | None = None
+    """How to fill gaps (NaN, infinite or, in text, missing numbers); None raises an error for gaps."""
     streamed: bool = False
-    """Whether the samples may be lazy."""
+    """Whether to return lazy samples where the format supports it (HDF5 of midair, WAV) and gaps are not filled: a
+    recording of any length then needs the memory of one block. Checks for suspicious channels are then left to
+    `midair.recordings.suspicious`.
+    """
 
     def __post_init__(self) -> None:
         if self.packed is not None and self.packed < 1:
@@ -216,7 +233,7 @@ class ImportedData:
             "give sensor=SensorGrid(rows=..., columns=..., pitch=...), or choose some with channels=(...)"
         )
 
-    def _select(self, channels: tuple[str, ...], path: Path) -> "ImportedData":
+    def _select(self, channels: Sequence[str], path: Path) -> "ImportedData":
         """Keep only these channels; their layout becomes unknown."""
         places = [self._index_of(channel, int(np.prod(self.samples.shape[1:])), path) for channel in channels]
         if not places or len(set(places)) != len(places):

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path as File
 from types import MappingProxyType
 from typing import Annotated, Any, get_args
@@ -11,7 +11,7 @@ from cyclopts import Parameter, Token
 
 from midair.cli.terminal.quantities import format_quantity, parse_quantity, quantity
 from midair.errors import InputError
-from midair.files import OpenedTake, open_take
+from midair.files import ImportOptions, OpenedTake, open_take
 from midair.model import Recording, SensorGrid, Unit
 from midair.recordings import Footprint, Mending, Path, Shape, Turn, footprint_field, resample, suspicious
 from midair.streaming import LazyFrames
@@ -139,18 +139,10 @@ def import_recording(
 
 
 def _read_with_options(file: File, options: FileOptions, *, streamed: bool, mending: Mending | None) -> OpenedTake:
-    taken = open_take(
-        file,
-        rate=options.rate,
-        unit=options.unit,
-        sensor=None if options.footprint else options.layout,
-        scale=options.scale,
-        channels=options.channels,
-        stream=options.stream,
-        packed=options.packed,
-        mending=mending,
-        streamed=streamed,
-    )
+    shared = [field.name for field in fields(ImportOptions) if hasattr(options, field.name)]
+    facts = {name: getattr(options, name) for name in shared}
+    layout = None if options.footprint else options.layout
+    taken = open_take(file, **facts, sensor=layout, mending=mending, streamed=streamed)
     recording, report = taken.recording, taken.report
     if isinstance(recording.samples, LazyFrames):
         report = (*report, *suspicious(recording))
