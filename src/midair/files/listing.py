@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import get_args
 
 from midair.errors import BrokenFileError
-from midair.files.native import Kind, check_kind, kind_of, open_file, plain_text, stored_dataset
+from midair.files.native import Kind, check_kind, has_checksums, kind_of, open_file, plain_text, stored_dataset
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,8 +22,13 @@ class Contents:
     """None for a calibration of a sensor or an array."""
     finished: bool
     """False if the program ended before it closed the file."""
+    checksums: bool
+    """False if flipped bits of the samples cannot be detected: an early version wrote the file, or it is unfinished."""
     parts: tuple[str, ...]
     """Other contents: "calibration" and "pressure" of a recording, "target" of a drive."""
+
+
+_NUMBERS: dict[Kind, str] = {"recording": "samples", "drive": "phase"}
 
 
 def contents(path: str | os.PathLike[str]) -> Contents:
@@ -43,6 +48,7 @@ def contents(path: str | os.PathLike[str]) -> Contents:
             created_by=plain_text(file.attrs.get("created_by")),
             frames=None if kind in ("calibration", "array") else int(stored_dataset(file, "time").shape[0]),
             finished=kind != "recording" or bool(stored_dataset(file, "finished")[()]),
+            checksums=has_checksums(stored_dataset(file, _NUMBERS.get(kind, "response_real"))),
             parts=tuple(part for part in ("calibration", "pressure", "target") if part in file),
         )
 

@@ -64,6 +64,11 @@ def replace_by_group(file):
     file.create_group("samples")
 
 
+def provenance_without_digest(file):
+    del file.attrs["provenance_digest"]
+    file.attrs["provenance"] = "{"
+
+
 EDITS = {
     "kind of another program": (
         lambda f: f.attrs.__setitem__("kind", "speech"),
@@ -81,7 +86,8 @@ EDITS = {
     "samples of another length": (replace("samples", np.zeros((39, 3, 5))), "samples: expected 40 along time, got 39"),
     "samples in another unit": (lambda f: f["samples"].attrs.__setitem__("units", "V"), "got 'V' as unit"),
     "samples are a group": (replace_by_group, "expected a dataset samples"),
-    "provenance is no JSON": (lambda f: f.attrs.__setitem__("provenance", "{"), "JSON"),
+    "provenance was edited": (lambda f: f.attrs.__setitem__("provenance", "{}"), "provenance: damaged or edited"),
+    "provenance is no JSON": (provenance_without_digest, "JSON"),
 }
 
 

@@ -38,7 +38,11 @@ COMMANDS: Mapping[str, tuple[str, str, str]] = {
         "identify:identify_command",
         "Find out which channel belongs to which cell, by taps or tones.",
     ),
-    "repair": ("Record", "import_export:repair_command", "Repair a recording whose program was killed."),
+    "repair": (
+        "Record",
+        "import_export:repair_command",
+        "Repair an interrupted or damaged recording or drive.",
+    ),
     "info": (
         "Edit",
         "info:info_command",

@@ -26,7 +26,7 @@ from midair.cli.terminal import (
 )
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
-from midair.files import OpenedTake, format_of, load_pressure, open_take, repair
+from midair.files import DRIVE_SUFFIX, OpenedTake, format_of, load_pressure, open_take, repair
 from midair.recordings import GapFill, Mending
 
 Pressure = Annotated[float | None, quantity("Pa")]
@@ -235,20 +235,22 @@ def export_command(
 
 
 def repair_command(source: Path, /) -> None:
-    """Repair a recording whose program was killed.
+    """Repair an interrupted or damaged recording or drive.
 
-    A recording that is still in progress is refused.
+    Damaged frames of a recording hold the last good frame and are listed as lost; those of a drive are silent. A
+    recording that is still in progress is refused.
 
     Parameters
     ----------
     source
-        Recording to repair, NAME.h5; the file is replaced atomically.
+        Recording or drive to repair, NAME.h5; the file is replaced atomically.
 
     Examples
     --------
     $ midair repair take.h5
     """
     found = repair(source)
-    print_rows([("recording", str(source)), ("state", "no repair needed" if not found else "repaired")])
+    kind = "drive" if source.name.lower().endswith(DRIVE_SUFFIX) else "recording"
+    print_rows([(kind, str(source)), ("state", "no repair needed" if not found else "repaired")])
     for sentence in found:
         out().print(f"note: {sentence}")

@@ -83,7 +83,11 @@ def _facts_of_file(source: Path) -> _FileFacts:
     facts.rows.append(
         ("written", f"{held.created} by {held.created_by}" + ("" if held.finished else ", not closed in order"))
     )
-    facts.figures.update(written=held.created, written_by=held.created_by, closed_in_order=held.finished)
+    if held.finished and not held.checksums:
+        facts.rows.append(("checksum", "none: damage would not be noticed; midair repair adds checksums"))
+    facts.figures.update(
+        written=held.created, written_by=held.created_by, closed_in_order=held.finished, checksums=held.checksums
+    )
     return facts
 
 

@@ -6,6 +6,7 @@ from .array_file import save_array_calibration as save_array_calibration
 from .calibration_file import CALIBRATION_SUFFIX as CALIBRATION_SUFFIX
 from .calibration_file import load_calibration as load_calibration
 from .calibration_file import save_calibration as save_calibration
+from .checksums import has_checksums as has_checksums
 from .drive_file import DRIVE_SUFFIX as DRIVE_SUFFIX
 from .drive_file import load_solution as load_solution
 from .drive_file import load_target as load_target
@@ -24,9 +25,9 @@ from .provenance_json import to_json as to_json
 from .provenance_json import to_plain as to_plain
 from .recording_file import HDF5 as HDF5
 from .recording_file import load_pressure as load_pressure
-from .recording_file import repair as repair
 from .recording_file import save_pressure as save_pressure
 from .recording_file import write_recording as write_recording
 from .recording_writer import RecordingWriter as RecordingWriter
+from .repair import repair as repair
 from .schema import FORMAT as FORMAT
 from .schema import Kind as Kind

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
+from midair.files.atomic import parse_errors
 from midair.files.native.axes import check_time, time_values
+from midair.files.native.checksums import Ranges
 from midair.files.native.hdf5 import (
     finite,
     fixed_text,
@@ -149,14 +151,25 @@ def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> So
     InputError
         A subclass that names the invalid values.
     """
+    return solution_from(read_drive(Path(path), streamed=streamed), Path(path))
+
+
+def read_drive(path: Path, *, streamed: bool, damage: dict[str, Ranges] | None = None) -> dict[str, Any]:
+    """Stored values of a drive and the meanings of its status; `damage` as in `read_group`."""
     with open_file(path) as file:
-        values = read_group(file, "drive", Path(path), streamed=streamed)
-        check_time(values, Path(path))
+        values = read_group(file, "drive", path, streamed=streamed, damage=damage)
+        return {**values, "flag_meanings": plain_text(file["status"].attrs.get("flag_meanings"))}
+
+
+def solution_from(values: Mapping[str, Any], path: Path) -> Solution:
+    """Solution from its stored values."""
+    with parse_errors(path, "a drive of midair"):
+        check_time(values, path)
         return Solution(
-            drive=_drive_from(values, Path(path)),
+            drive=_drive_from(values, path),
             error=values["error"],
             iterations=values["iterations"],
-            status=_status_from(values["status"], plain_text(file["status"].attrs.get("flag_meanings")), Path(path)),
+            status=_status_from(values["status"], values["flag_meanings"], path),
         )
 
 
@@ -168,14 +181,18 @@ def load_target(path: str | os.PathLike[str], *, streamed: bool = False) -> Ampl
     MissingFileError, BrokenFileError, UnknownFormatError
         If the file does not exist, is damaged or of another type, or was written by a newer midair.
     """
-    with open_file(path) as file:
-        values = read_group(file, "drive", Path(path), streamed=streamed)
-        if "target" not in values:
-            return None
-        missing = [name for name in _TARGET if name not in values]
-        if missing:
-            raise BrokenFileError(f"{path}: expected {', '.join(missing)} beside the target; the file is damaged")
-        check_time(values, Path(path))
+    return target_from(read_drive(Path(path), streamed=streamed), Path(path))
+
+
+def target_from(values: Mapping[str, Any], path: Path) -> AmplitudeFrames | None:
+    """Target of a drive from its stored values."""
+    if "target" not in values:
+        return None
+    missing = [name for name in _TARGET if name not in values]
+    if missing:
+        raise BrokenFileError(f"{path}: expected {', '.join(missing)} beside the target; the file is damaged")
+    with parse_errors(path, "a drive of midair"):
+        check_time(values, path)
         return AmplitudeFrames(
             amplitude=finite(values["target"], "target"),
             rate=values["rate_hz"],

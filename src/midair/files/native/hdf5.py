@@ -2,12 +2,13 @@
 
 Dimensions are those of netCDF: each axis is a dataset that others refer to, so that xarray, ncdump and MATLAB find axes
 and units. Files use the layout of HDF5 1.10, which has checksums of metadata and supports a reader beside a writer
-(SWMR); data of finished files have a checksum too (Fletcher-32).
+(SWMR); `checksums` describes those of data.
 """
 
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import atomic_file, check_disk_space, existing_file, parse_errors
+from midair.files.native.checksums import Ranges, create_checksums, damage_text, read_rows
 from midair.files.native.hdf5_recovery import openable
 from midair.files.native.inspection import get_ready, inspect
 from midair.files.native.provenance_json import to_json
@@ -34,6 +36,12 @@ if TYPE_CHECKING:
 
 LAYOUT = ("v110", "v110")
 """Oldest and newest version of the HDF5 file format in use."""
+
+ADVICE: Mapping[Kind, str] = {
+    **dict.fromkeys(("recording", "pressure", "played", "drive"), "midair repair keeps the rest"),
+    **dict.fromkeys(("calibration", "array"), "copy the file again, or measure again"),
+}
+"""What to do about damage in each kind of group."""
 
 GROWING = ("time", "event", "stage")
 """Axes that grow during a recording."""
@@ -103,9 +111,9 @@ def signature(kind: Kind, provenance: "Provenance") -> dict[str, Any]:
 def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, live: bool = False) -> None:
     """Write the values that the schema lists for `kind`; coordinates first, because other datasets refer to them.
 
-    With `live`, the axes time, event and stage can grow, unwritten numbers are NaN, and there are no checksums of data,
-    because a writer that is killed within a chunk would leave a chunk with a wrong checksum.
+    With `live`, the axes time, event and stage can grow, and unwritten numbers are NaN.
     """
+    values = {**values, **_digests(kind, values)}
     entries = [entry for entry in TABLE[kind] if entry.name in values]
     unit = str(values.get("unit", ""))
     for entry in entries:
@@ -117,21 +125,33 @@ def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, l
 
 
 def read_group(
-    group: "h5py.Group", kind: Kind, path: Path, *, live: bool = False, streamed: bool = False
+    group: "h5py.Group",
+    kind: Kind,
+    path: Path,
+    *,
+    live: bool = False,
+    streamed: bool = False,
+    damage: dict[str, Ranges] | None = None,
 ) -> dict[str, Any]:
-    """Read the values that the schema lists for `kind`, and check types, axes, units and lengths.
+    """Read the values that the schema lists for `kind`, and check types, axes, units, lengths and checksums.
 
     With `live`, values along time, event or stage are cut to the shortest, because a writer may be between two
-    datasets. With `streamed`, times and datasets with several numbers per frame are lazy.
+    datasets. With `streamed`, times and datasets with several numbers per frame are lazy. With `damage`, damaged rows
+    are NaN or 0 and listed there by name, instead of raising BrokenFileError.
     """
     check_kind(group, kind, path)
     present = _present(group, kind, path)
     values = {entry.name: _attribute(group, entry, path) for entry in present if entry.dimensions is None}
+    for name, digest in _digests(kind, values).items():
+        if values.get(name, digest) != digest:
+            of = name.removesuffix("_digest")
+            if damage is None:
+                raise BrokenFileError(f"{path}: {of}: damaged or edited, its SHA-256 does not match; {ADVICE[kind]}")
+            damage[of] = ()
     stored = [entry for entry in present if entry.dimensions is not None]
     for entry in stored:
-        values[entry.name] = _dataset(
-            group, entry, entry.unit.format(unit=values.get("unit", "")), path, streamed=streamed
-        )
+        unit = entry.unit.format(unit=values.get("unit", ""))
+        values[entry.name] = _dataset(group, entry, unit, path, ADVICE[kind], streamed=streamed, damage=damage)
     for axis in GROWING if live else ():
         along = [entry.name for entry in stored if axis in (entry.dimensions or ())]
         shortest = min((len(values[name]) for name in along), default=0)
@@ -190,7 +210,7 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: b
     single = entry.single and (data.stored if isinstance(data, LazyFrames) else data.dtype) == "f4"
     kind = np.dtype("f4" if single else entry.dtype)
     axes = entry.dimensions or ()
-    grows = live and not set(GROWING).isdisjoint(axes)
+    grows = live and bool(axes) and axes[0] in GROWING
     chunk = _chunk(data.shape, kind.itemsize, grows=grows)
     dataset = group.create_dataset(
         entry.name,
@@ -201,9 +221,11 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: b
         if grows
         else None,
         chunks=chunk,
-        fletcher32=None if live or not data.ndim else True,
+        fletcher32=None if grows or not data.ndim else True,
         fillvalue=np.nan if kind.kind == "f" else None,
     )
+    if grows:
+        create_checksums(dataset)
     if isinstance(data, LazyFrames) and chunk is not None:
         _fill(dataset, data, chunk[0])
     dataset.attrs["units"] = fixed_text(unit)
@@ -276,7 +298,16 @@ def _attribute(group: "h5py.Group", entry: Entry, path: Path) -> Any:
     raise BrokenFileError(f"{path}: expected {entry.name} to be finite {entry.dtype}, got {value!r}")
 
 
-def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, streamed: bool) -> "np.ndarray | LazyFrames":
+def _dataset(
+    group: "h5py.Group",
+    entry: Entry,
+    unit: str,
+    path: Path,
+    advice: str,
+    *,
+    streamed: bool,
+    damage: dict[str, Ranges] | None,
+) -> "np.ndarray | LazyFrames":
     dataset = stored_dataset(group, entry.name)
     axes = entry.dimensions or ()
     spelled = f"{entry.name}: expected {entry.dtype} with axes ({', '.join(axes)}) in {unit}"
@@ -286,25 +317,43 @@ def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, stream
     have = plain_text(dataset.attrs.get("units"))
     if have != unit:
         raise BrokenFileError(f"{path}: {spelled}, got {have!r} as unit")
-    if streamed and axes[:1] == ("time",) and (len(axes) > 1 or entry.coordinate):
-        return _lazy_dataset(dataset, path)
-    return dataset[()].astype(np.float64) if single else dataset[()]
+    if not axes:
+        return dataset[()]
+    kind = np.dtype("f8") if single else dataset.dtype
+
+    def read(dataset: "h5py.Dataset", first: int, last: int) -> np.ndarray:
+        rows, damaged = read_rows(dataset, first, last)
+        if damaged and damage is None:
+            raise BrokenFileError(f"{path}: {damage_text(dataset, axes, damaged)}; {advice}")
+        if damaged and damage is not None:
+            damage[entry.name] = (*damage.get(entry.name, ()), *damaged)
+        return rows.astype(kind, copy=False)
+
+    if streamed and axes[0] == "time" and (len(axes) > 1 or entry.coordinate):
+        if damage is not None:
+            for first, last in block_ranges(dataset.shape):
+                read(dataset, first, last)
+            damage = dict(damage)  # the same rows are read again
+        return _lazy_dataset(dataset, path, read)
+    return read(dataset, 0, len(dataset))
 
 
-def _lazy_dataset(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
+def _lazy_dataset(
+    dataset: "h5py.Dataset", path: Path, read: "Callable[[h5py.Dataset, int, int], np.ndarray]"
+) -> LazyFrames:
     """Lazy frames of a dataset, whose file is opened for each read."""
     import h5py
 
     name, number = str(dataset.name), path.stat().st_ino
 
-    def read(first: int, last: int) -> np.ndarray:
+    def reopened(first: int, last: int) -> np.ndarray:
         # The path may be that of a new file by now, which has not been inspected.
         with parse_errors(path, "the original file"), h5py.File(openable(path), "r", locking=False) as opened:
             if path.stat().st_ino != number:
                 raise BrokenFileError(f"{path}: expected the original file, got a new one of that name; open it again")
-            return stored_dataset(opened, name)[first:last].astype(np.float64)
+            return read(stored_dataset(opened, name), first, last).astype(np.float64)
 
-    return LazyFrames(read, dataset.shape, stored="f4" if dataset.dtype == np.dtype("f4") else "f8")
+    return LazyFrames(reopened, dataset.shape, stored="f4" if dataset.dtype == np.dtype("f4") else "f8")
 
 
 def finite(x: "np.ndarray | LazyFrames", name: str) -> "NDArray[np.float64]":
@@ -319,6 +368,13 @@ def finite(x: "np.ndarray | LazyFrames", name: str) -> "NDArray[np.float64]":
 
     # Type checkers treat lazy frames as an array.
     return cast("NDArray[np.float64]", LazyFrames(read, x.shape, stored=x.stored))
+
+
+def _digests(kind: Kind, values: Mapping[str, Any]) -> dict[str, str]:
+    """Digests of the texts that have one."""
+    names = [entry.name for entry in TABLE[kind] if entry.name.endswith("_digest")]
+    known = {name: values[name.removesuffix("_digest")] for name in names if name.removesuffix("_digest") in values}
+    return {name: sha256(text.encode(errors="surrogatepass")).hexdigest() for name, text in known.items()}
 
 
 def _check_lengths(entries: list[Entry], values: Mapping[str, Any], path: Path) -> None:

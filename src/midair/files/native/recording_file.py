@@ -1,7 +1,8 @@
 """Recordings, `name.h5`: samples, sensor, calibration, provenance, and calibrated pressure."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,9 +10,9 @@ import numpy as np
 
 from midair.errors import BrokenFileError, MismatchError
 from midair.files.file_format import Format, FormatLoss
-from midair.files.file_locks import check_not_recording
 from midair.files.native.axes import check_time, sensor_from, sensor_values, single, time_values
 from midair.files.native.calibration_file import read_calibration, write_calibration
+from midair.files.native.checksums import Ranges
 from midair.files.native.events import event_values, events_from, with_events
 from midair.files.native.hdf5 import (
     check_kind,
@@ -82,25 +83,36 @@ def read_recording(path: Path, given: ImportOptions) -> OpenedTake:
 
 def _read_once(path: Path, given: ImportOptions) -> OpenedTake:
     with open_file(path) as file:
-        check_kind(file, "recording", path)
-        live = not stored_dataset(file, "finished")[()]
-        values = read_group(file, "recording", path, live=live, streamed=given.streamed)
-        report = ()
-        if live:
-            values, report = _whole_frames(values, path)
-        check_time(values, path)
-        journal, stamps = events_from(values), stamps_from(values)
-        life = with_events(from_json(values["provenance"]), journal, len(values["time"]))
-        recording = Recording(
-            samples=finite(values["samples"], "samples"),
-            rate=values["rate_hz"],
-            sensor=sensor_from(values),
-            unit=values["unit"],
-            provenance=with_stage(life, stamps, journal, values["rate_hz"]),
-        )
-        given.check(recording, path)
+        values, report = read_values(file, path, streamed=given.streamed)
+        take = take_from(values, path)
+        given.check(take.recording, path)
         calibration = read_calibration(stored_group(file, "calibration"), path) if "calibration" in file else None
-        return OpenedTake(recording=recording, calibration=calibration, journal=journal, report=report, stored=True)
+        return replace(take, calibration=calibration, report=report)
+
+
+def read_values(
+    file: "h5py.File", path: Path, *, streamed: bool, damage: dict[str, Ranges] | None = None
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Stored values of a recording, cut to complete frames, and a report of that; `damage` as in `read_group`."""
+    check_kind(file, "recording", path)
+    live = not stored_dataset(file, "finished")[()]
+    values = read_group(file, "recording", path, live=live, streamed=streamed, damage=damage)
+    return _whole_frames(values, path) if live else (values, ())
+
+
+def take_from(values: Mapping[str, Any], path: Path, gaps: Sequence[Event] = ()) -> OpenedTake:
+    """A recording from its stored values, with further events."""
+    check_time(values, path)
+    journal, stamps = (*events_from(values), *gaps), stamps_from(values)
+    life = with_events(from_json(values["provenance"]), journal, len(values["time"]))
+    recording = Recording(
+        samples=finite(values["samples"], "samples"),
+        rate=values["rate_hz"],
+        sensor=sensor_from(values),
+        unit=values["unit"],
+        provenance=with_stage(life, stamps, journal, values["rate_hz"]),
+    )
+    return OpenedTake(recording=recording, journal=journal, stored=True)
 
 
 def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> None:
@@ -139,26 +151,6 @@ def load_pressure(path: str | os.PathLike[str], *, streamed: bool = False) -> Pr
             band=None if band[0] is None or band[1] is None else (band[0], band[1]),
             provenance=from_json(values["provenance"]),
         )
-
-
-def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
-    """Close a recording whose writer was killed, so that any program can open it; the file is replaced atomically.
-
-    Returns
-    -------
-    tuple of str
-        Sentence on the readable frames; empty if the file was closed correctly.
-
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError, FileError
-        If no frame can be read, the file cannot be written, or a program is still recording into it.
-    """
-    check_not_recording(Path(path))
-    take = read_recording(Path(path), ImportOptions(streamed=True))
-    pressure = load_pressure(path, streamed=True)
-    write_recording(take.recording, Path(path), take.calibration, pressure, played=load_played(path))
-    return take.report
 
 
 def recording_values(recording: Recording) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from midair.errors import FileError, InputError
 from midair.files.atomic import note_written_file, reason, writable_path
 from midair.files.native.axes import sensor_values, single
 from midair.files.native.calibration_file import write_calibration
+from midair.files.native.checksums import extend_checksums
 from midair.files.native.events import KINDS, event_values
 from midair.files.native.hdf5 import LAYOUT, fixed_text, signature, stored_dataset, write_group
 from midair.files.native.live_file import LiveFile
@@ -203,6 +204,7 @@ class RecordingWriter:
             live, self._live = self._live, None
             try:
                 self._trim_axes(live.file)
+                self._add_checksums(live.file, last=True)
                 stored_dataset(live.file, "finished")[()] = 1
                 live.close()
                 if self._frames:
@@ -284,13 +286,20 @@ class RecordingWriter:
 
     def _trim_axes(self, file: "h5py.File") -> None:
         """Remove rows of an interrupted append or note, so that all datasets along an axis have equal length."""
+        for name, length in self._lengths().items():
+            if len(stored_dataset(file, name)) != length:
+                stored_dataset(file, name).resize(length, axis=0)
+
+    def _add_checksums(self, file: "h5py.File", *, last: bool = False) -> None:
+        for name, length in self._lengths().items():
+            extend_checksums(stored_dataset(file, name), length, last=last)
+
+    def _lengths(self) -> dict[str, int]:
+        """Number of complete rows of each dataset that grows."""
         lengths = dict.fromkeys(("time", "samples"), self._frames)
         lengths |= dict.fromkeys((f"played/{name}" for name in PLAYED) if self.array is not None else (), self._frames)
         lengths |= dict.fromkeys(event_values(()), self._rows["event"])
-        lengths |= dict.fromkeys(stage_values(()) if self.staged else (), self._rows["stage"])
-        for name, length in lengths.items():
-            if len(stored_dataset(file, name)) != length:
-                stored_dataset(file, name).resize(length, axis=0)
+        return lengths | dict.fromkeys(stage_values(()) if self.staged else (), self._rows["stage"])
 
     def _flush_in_time(self) -> None:
         """Flush after the interval or that many frames; otherwise start a timer, as the next block may be late."""
@@ -315,5 +324,6 @@ class RecordingWriter:
             self._timer = None
         self._flushed = time.monotonic()
         if self._live is not None and self._failure is None:
+            self._add_checksums(self._live.file)
             self._live.commit()
             self._safe, self._safe_rows = self._frames, dict(self._rows)

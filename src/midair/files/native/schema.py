@@ -62,6 +62,8 @@ _SIGNED = (
     attribute("created_by", "text", "midair and its version"),
     attribute("provenance", "text", "source, simulated, notes and steps, JSON"),
 )
+# HDF5 has no checksum for attributes of more than 4 kB.
+_DIGEST = attribute("provenance_digest", "text", "SHA-256 of the provenance", required=False)
 _SENSOR = (
     attribute("sensor_name", "text", "which sensor"),
     attribute("sensor_pitch_m", "f8", "distance between neighbouring cells, m"),
@@ -143,6 +145,7 @@ _ARRAY = (
 TABLE: Mapping[Kind, tuple[Entry, ...]] = {
     "recording": (
         *_SIGNED,
+        _DIGEST,
         *_UNIT,
         *_TIME,
         *_SENSOR,
@@ -155,6 +158,7 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
     ),
     "calibration": (
         *_SIGNED,
+        _DIGEST,
         *_UNIT,
         *_SENSOR,
         attribute("date", "text", "when the calibration was made, ISO 8601, or empty"),
@@ -169,6 +173,7 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
     ),
     "pressure": (
         *_SIGNED,
+        _DIGEST,
         *_TIME,
         *_SENSOR,
         attribute("band_low_hz", "f8", "lower end of the band that was kept, Hz", required=False),
@@ -177,6 +182,7 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
     ),
     "drive": (
         *_SIGNED,
+        _DIGEST,
         *_TIME,
         *_ARRAY,
         attribute("directivity", "text", "of a transducer, that the phases are for", required=False),
@@ -201,11 +207,13 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         attribute("grid_centre_x_m", "f8", "x of the middle of the control grid, m", required=False),
         attribute("grid_centre_y_m", "f8", "y of the middle of the control grid, m", required=False),
         attribute("target_provenance", "text", "of the target, JSON", required=False),
+        attribute("target_provenance_digest", "text", "SHA-256 of it", required=False),
         indices("point", "point", "of the control grid, row by row, from 0", required=False),
         numbers("target", "time point", "Pa", "peak sound pressure that was wanted", required=False),
     ),
     "array": (
         *_SIGNED,
+        _DIGEST,
         *_ARRAY,
         attribute("date", "text", "when it was measured, ISO 8601, or empty"),
         attribute("level_uncertainty", "f8", "what the magnitudes of the responses share, a part of them, k = 1"),
@@ -221,6 +229,7 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
     ),
     "played": (
         *_SIGNED,
+        _DIGEST,
         *_TIME,
         *_ARRAY,
         indices("phase_steps", "time transducer", "of what was formed, of 256 to a turn", dtype="u1"),
