@@ -138,3 +138,31 @@ def test_other_files_are_rejected(tmp_path):
         load_sweep(tmp_path / "other.zarr")
     with pytest.raises(MissingFileError), open_sweep(tmp_path / "no" / "s.zarr", SWEEP):
         pass
+
+
+def test_a_flipped_bit_in_a_chunk_is_reported_and_a_lost_chunk_is_missing(tmp_path):
+    path = tmp_path / "s.zarr"
+    with open_sweep(path, SWEEP) as store:
+        for task in store.missing():
+            store.write(found(task))
+        assert not store.missing()
+    right, chunk = load_sweep(path), path / "error" / "c" / "0" / "1"
+    whole, rng = chunk.read_bytes(), np.random.default_rng(5)
+    reported = 0
+    for place in rng.integers(8 * len(whole), size=40):
+        spoilt = bytearray(whole)
+        spoilt[place // 8] ^= 1 << place % 8
+        chunk.write_bytes(spoilt)
+        try:
+            np.testing.assert_array_equal(load_sweep(path).error, right.error)
+        except BrokenFileError as wrong:
+            assert "chunk error/c/0/1 is damaged" in str(wrong)
+            reported += 1
+    assert reported >= 35
+    chunk.unlink()
+    assert load_sweep(path).known == right.known - 4
+    with open_sweep(path, SWEEP) as store:
+        (lost,) = store.missing()
+        assert (lost.condition, lost.first) == (0, 4)
+        store.write(found(lost))
+    np.testing.assert_array_equal(load_sweep(path).error, right.error)

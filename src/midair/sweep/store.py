@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import MismatchError, MissingFileError
+from midair.errors import BrokenFileError, MismatchError, MissingFileError
 from midair.files import parse_errors, to_json
 from midair.sweep.region import SweepAddress, write_region
 from midair.sweep.settings_check import check_settings
@@ -122,13 +122,13 @@ def load_sweep(where: Path | str) -> SweepResults:
 
 
 def _done(place: SweepStorage, group: Any) -> NDArray[np.bool_]:
-    """Mask of the finished tasks (those with a flag), shape (condition, task)."""
+    """Mask of the finished tasks, shape (condition, task): those with a flag and a chunk of results."""
     flags = group["done"]
     if flags.chunks != (1, 1):  # an older store with one file per row, before workers wrote
         return np.asarray(flags[:], dtype=bool)
     rows, columns = flags.shape
     done = np.zeros((rows, columns), dtype=bool)
-    for row, column in place.chunks("done"):
+    for row, column in place.chunks("done") & place.chunks("error"):
         if row < rows and column < columns:
             done[row, column] = True
     return done
@@ -143,8 +143,25 @@ def _known(array: Any, done: NDArray[np.bool_], width: int = 0) -> Array:
     found = np.full(array.shape, np.nan)
     for row in np.flatnonzero(known.any(axis=1)):
         until = int(np.flatnonzero(known[row])[-1]) + 1
-        found[row, :until] = array[int(row), :until]
+        try:
+            found[row, :until] = array[int(row), :until]
+        except RuntimeError as wrong:
+            chunk = _damaged_chunk(array, int(row), until)
+            raise BrokenFileError(
+                f"{chunk} is damaged, its checksum does not match; delete it and run the same sweep again"
+            ) from wrong
     return np.where(known, found, np.nan)
+
+
+def _damaged_chunk(array: Any, row: int, until: int) -> str:
+    """Name of the first chunk of a row that cannot be read."""
+    width = array.chunks[1]
+    for first in range(0, until, width):
+        try:
+            _ = array[row, first : first + width]
+        except RuntimeError:
+            return f"chunk {array.basename}/c/{row}/{first // width}"
+    return f"a chunk {array.basename}/c/{row}"
 
 
 def _by_item(stored: Array, item: NDArray[np.int64] | None) -> Array:
@@ -189,4 +206,5 @@ def _fill(inside: str, sweep: Sweep) -> None:
 def _array(group: Any, name: str, **layout: Any) -> None:
     """Create an array if it does not exist."""
     if name not in group:
-        group.create_array(name, **layout)
+        codec = zarr().codecs.ZstdCodec(level=0, checksum=True)
+        group.create_array(name, compressors=codec, **layout)
