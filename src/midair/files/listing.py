@@ -23,7 +23,7 @@ class Contents:
     finished: bool
     """False if the program ended before it closed the file."""
     checksums: bool
-    """False if flipped bits of the samples cannot be detected: an early version wrote the file, or it is unfinished."""
+    """False if flipped bits of the samples cannot be detected: an early version recorded the file."""
     parts: tuple[str, ...]
     """Other contents: "calibration" and "pressure" of a recording, "target" of a drive."""
 

@@ -121,14 +121,17 @@ def load_sweep(where: Path | str) -> SweepResults:
         )
 
 
+_RESULTS = ("error", "rounded_error", "target_strength", "seconds")
+
+
 def _done(place: SweepStorage, group: Any) -> NDArray[np.bool_]:
-    """Mask of the finished tasks, shape (condition, task): those with a flag and a chunk of results."""
+    """Mask of the finished tasks, shape (condition, task): those with a flag and all chunks of results."""
     flags = group["done"]
     if flags.chunks != (1, 1):  # an older store with one file per row, before workers wrote
         return np.asarray(flags[:], dtype=bool)
     rows, columns = flags.shape
     done = np.zeros((rows, columns), dtype=bool)
-    for row, column in place.chunks("done") & place.chunks("error"):
+    for row, column in set.intersection(*(place.chunks(name) for name in ("done", *_RESULTS))):
         if row < rows and column < columns:
             done[row, column] = True
     return done

@@ -36,28 +36,31 @@ def extend_checksums(dataset: "h5py.Dataset", rows: int, *, last: bool = False) 
     """Add the checksums of all whole blocks of the first `rows` rows, and with `last` of the rest."""
     stored: Any = _stored(dataset)
     known, blocks = min(len(stored), rows // ROWS), -(-rows // ROWS) if last else rows // ROWS
-    if len(stored) != blocks:
+    # After a disk error, rows were removed: the last checksum can be of more rows.
+    if len(stored) != blocks or known < blocks:
         stored.resize(blocks, axis=0)
         stored[known:] = [_crc(dataset[first * ROWS : min(rows, (first + 1) * ROWS)]) for first in range(known, blocks)]
 
 
 def has_checksums(dataset: "h5py.Dataset") -> bool:
     """True if a flipped bit of the dataset can be detected."""
-    return bool(dataset.fletcher32) or (_stored(dataset) is not None and _closed(dataset))
+    return bool(dataset.fletcher32) or _stored(dataset) is not None
 
 
-def read_rows(dataset: "h5py.Dataset", first: int, last: int) -> tuple[np.ndarray, Ranges]:
-    """Rows of a dataset and the damaged ones among them, which are NaN or 0."""
-    stored = _stored(dataset)
+def read_rows(dataset: "h5py.Dataset", first: int, last: int, *, closed: bool) -> tuple[np.ndarray, Ranges]:
+    """Rows of a dataset and the damaged ones among them, which are NaN or 0.
+
+    The CRC-32 are compared only in a file that was `closed`: on a full disk, they can be of rows that were not written.
+    """
+    stored = _stored(dataset) if closed else None
     if stored is None:
         return _read_chunks(dataset, first, last)
     begin, end = first // ROWS * ROWS, min(-(-last // ROWS) * ROWS, len(dataset))
-    rows, whole = dataset[begin:end], _closed(dataset)
+    rows = dataset[begin:end]
     damaged: list[tuple[int, int]] = []
     for number, crc in enumerate(stored[begin // ROWS : -(-end // ROWS)]):
         block = rows[number * ROWS : (number + 1) * ROWS]
-        # The last block of an interrupted recording may have the checksum of more rows than were written.
-        if _crc(block) != crc and (whole or len(block) == ROWS):
+        if _crc(block) != crc:
             block[...] = _nothing(block.dtype)
             place = begin + number * ROWS
             damaged.append((max(first, place), min(last, place + len(block))))
@@ -108,11 +111,6 @@ def _stored(dataset: "h5py.Dataset") -> Any:
     """Checksums of a dataset that grows; None without any, as in files of early versions."""
     group: Any = dataset.parent
     return group.get(f"{GROUP}/{_name(dataset)}")
-
-
-def _closed(dataset: "h5py.Dataset") -> bool:
-    finished: Any = dataset.file.get("finished")
-    return finished is not None and bool(finished[()])
 
 
 def _crc(block: np.ndarray) -> int:

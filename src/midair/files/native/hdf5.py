@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import atomic_file, check_disk_space, existing_file, parse_errors
 from midair.files.native.checksums import Ranges, create_checksums, damage_text, read_rows
-from midair.files.native.hdf5_recovery import openable
+from midair.files.native.hdf5_recovery import is_unclosed, openable
 from midair.files.native.inspection import get_ready, inspect
 from midair.files.native.provenance_json import to_json
 from midair.files.native.retrying_file import RetryingFile
@@ -322,7 +322,7 @@ def _dataset(
     kind = np.dtype("f8") if single else dataset.dtype
 
     def read(dataset: "h5py.Dataset", first: int, last: int) -> np.ndarray:
-        rows, damaged = read_rows(dataset, first, last)
+        rows, damaged = read_rows(dataset, first, last, closed=not is_unclosed(path))
         if damaged and damage is None:
             raise BrokenFileError(f"{path}: {damage_text(dataset, axes, damaged)}; {advice}")
         if damaged and damage is not None:
