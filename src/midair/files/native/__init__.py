@@ -28,6 +28,6 @@ from .recording_file import load_pressure as load_pressure
 from .recording_file import save_pressure as save_pressure
 from .recording_file import write_recording as write_recording
 from .recording_writer import RecordingWriter as RecordingWriter
-from .repair import repair as repair
+from .repaired_file import repair as repair
 from .schema import FORMAT as FORMAT
 from .schema import Kind as Kind
