@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from tests.simulators.udp_proxy import UdpProxy
 
 import midair
 from benchmarks.clock import load
@@ -37,7 +38,6 @@ from midair.physics import (
     transfer_matrix,
 )
 from midair.rig.live_touch.touch_ring import FRAME_LATE, STEP
-from midair.testing.udp_proxy import UdpProxy
 
 PARTS = ("run", "latency", "bands", "spectra", "hurried", "deaths", "network")
 THINGS = ("towel", "sponge", "brush")

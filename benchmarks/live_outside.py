@@ -15,9 +15,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from tests.simulators.udp_proxy import UdpProxy
 
 from midair.devices.sensors.serial_frames import encode
-from midair.testing.udp_proxy import UdpProxy
 
 SILENT_PATTERN, FAILSAFE = 0x16, 0x80
 """Command of a single frame; bit of the FPGA's state that is set when the failsafe has silenced the unit."""

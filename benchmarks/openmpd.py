@@ -9,6 +9,7 @@ import argparse
 import dataclasses
 
 import numpy as np
+from tests.simulators.openmpd import CommandReader, measured_board
 
 from midair.datasets import stroke
 from midair.devices import ExposureChoices, OpenMpdArray, check_exposure
@@ -18,8 +19,6 @@ from midair.model import AmplitudeFrames, Board, Drive, array_of_boards
 from midair.physics import transfer_matrix
 from midair.pipeline import reproduce
 from midair.settings import paper_mode
-from midair.testing import measured_board
-from midair.testing.openmpd_simulator import CommandReader
 
 FRAMES = slice(100, 160)
 ALWAYS = ExposureChoices(profile=profile_named("occupational-110"), override="the benchmark")

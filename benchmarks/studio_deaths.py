@@ -16,9 +16,8 @@ import urllib.request
 from pathlib import Path
 
 import psutil
+from tests.simulators.udp_proxy import UdpProxy
 from websockets.sync.client import connect
-
-from midair.testing.udp_proxy import UdpProxy
 
 SWITCH, SILENT_PATTERN = 0x12, 0x16
 """Commands that start a bank, and that silence the unit."""

@@ -14,7 +14,7 @@ NAMES = {
     "functions": "calibrate compare live load load_calibration loop open_rig open_take play prepare propagate record "
     "save solve",
     "modules": "calibration correct datasets devices dsp errors evaluate figures files model paper physics pipeline "
-    "recordings rig settings solvers studio study sweep targets testing view",
+    "recordings rig settings solvers studio study sweep targets view",
 }
 
 
@@ -73,7 +73,7 @@ def test_import_loads_nothing_heavy():
 
 def types_of(*functions):
     """Types of names in a program that has imported every module."""
-    modules = ", ".join(f"midair.{module}" for module in names("modules") if module != "testing")
+    modules = ", ".join(f"midair.{module}" for module in names("modules"))
     types = f"type(getattr(midair, n)).__name__ for n in {functions}"
     code = f"import {modules}, midair.rig.correction, midair; print(*({types}))"
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()

@@ -40,7 +40,6 @@ if TYPE_CHECKING:
         study,
         sweep,
         targets,
-        testing,
         view,
     )
     from midair.calibration import calibrate
@@ -114,7 +113,6 @@ __all__ = [
     "study",
     "sweep",
     "targets",
-    "testing",
     "view",
 ]
 

@@ -1,8 +1,7 @@
 import time
 
 import pytest
-
-from midair.testing import UdpProxy
+from tests.simulators.udp_proxy import UdpProxy
 
 
 @pytest.fixture

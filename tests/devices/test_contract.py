@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from tests.simulators.exposure_override import clear_any_exposure
+from tests.simulators.openmpd import OpenMpdSimulator
 
 from midair.devices import (
     OpenMpdArray,
@@ -18,7 +20,6 @@ from midair.errors import DeviceStateError, InputError, MismatchError, StoppedEr
 from midair.model import Board, Drive, Placement, TransducerArray
 from midair.physics import focus_phase
 from midair.physics.sensing import SensorModel
-from midair.testing import OpenMpdSimulator, clear_any_exposure
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 ONE = Placement.grid(columns=1, rows=1)

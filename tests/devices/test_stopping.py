@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.simulators.exposure_override import clear_any_exposure
 
 from midair.devices import (
     BankedArray,
@@ -24,7 +25,6 @@ from midair.devices.safety.stop_channel import uptime
 from midair.errors import DeviceError, HeldError, StoppedError
 from midair.files import profile_named, save_solution
 from midair.model import Drive, Placement, Solution
-from midair.testing import clear_any_exposure
 
 ONE = Placement.grid(columns=1, rows=1)
 MS = 1_000_000

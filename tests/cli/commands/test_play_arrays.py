@@ -12,11 +12,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from tests.simulators.udp_proxy import UdpProxy
 
 from midair.cli import run
 from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
-from midair.testing import UdpProxy
 
 pytest.importorskip("autd3")
 EMULATOR = ["--device", "autd3:emulator"]

@@ -6,11 +6,11 @@ import time
 
 import numpy as np
 import pytest
+from tests.simulators.openmpd import OpenMpdSimulator, measured_board
 
 from midair.cli import run
 from midair.files import load_solution, load_target
 from midair.physics import quantise_phase, transfer_matrix
-from midair.testing import OpenMpdSimulator, measured_board
 
 pytest.importorskip("serial")
 

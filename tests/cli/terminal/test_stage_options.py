@@ -9,10 +9,10 @@ import time
 from pathlib import Path
 
 import pytest
+from tests.simulators.grbl import GrblSimulator
 
 from midair.cli import run
 from midair.files import load
-from midair.testing import GrblSimulator
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "data" / "stage.toml"
 PROGRAM = "import sys; from midair.cli import run; sys.exit(run(sys.argv[1:]))"

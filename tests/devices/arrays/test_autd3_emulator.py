@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.simulators.exposure_override import clear_any_exposure
 
 from midair.devices import autd3_firmware
 from midair.devices.arrays.silencer import Silencer
@@ -11,7 +12,6 @@ from midair.devices.frame_bytes import amplitude_of, phase_bytes
 from midair.model import Acoustics, Drive, Medium, Placement
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.streaming import LazyFrames
-from midair.testing import clear_any_exposure
 
 pytest.importorskip("autd3_emulator")
 

@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from tests.simulators.exposure_override import clear_any_exposure
 
 from midair.devices import Cooling, ExposureChoices, autd3_immediate, check_exposure_level, stop_playing
 from midair.errors import (
@@ -22,7 +23,6 @@ from midair.errors import (
 )
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Drive, Placement
-from midair.testing import clear_any_exposure
 
 pytest.importorskip("autd3")
 

@@ -10,13 +10,13 @@ import time
 
 import numpy as np
 import pytest
+from tests.simulators.exposure_override import clear_any_exposure
+from tests.simulators.udp_proxy import READ_STATE
 
 from midair.devices import Cooling, autd3_array
 from midair.devices.frame_bytes import phase_bytes
 from midair.errors import DeviceError, LinkLostError, TooHotError
 from midair.model import Drive, Placement
-from midair.testing import clear_any_exposure
-from midair.testing.udp_proxy import READ_STATE
 
 pytest.importorskip("autd3")
 
@@ -31,7 +31,7 @@ import numpy as np
 from midair.devices import Cooling, autd3_array
 from midair.model import Drive, Placement
 from midair.rig.playing.cleared_play import signals_end_the_program
-from midair.testing import clear_any_exposure
+from tests.simulators.exposure_override import clear_any_exposure
 
 placement = Placement.grid(columns=1, rows=1)
 array = placement.array()
@@ -370,7 +370,7 @@ import numpy as np
 from midair.devices import Cooling, autd3_array
 from midair.errors import SilentFramesError
 from midair.model import Drive, Placement
-from midair.testing import clear_any_exposure
+from tests.simulators.exposure_override import clear_any_exposure
 
 placement = Placement.grid(columns=1, rows=1)
 array = placement.array()

@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from tests.simulators.exposure_override import clear_any_exposure
 
 from midair.devices import autd3_constant_frame
 from midair.devices.arrays.autd3_address import autd3_place
@@ -11,7 +12,6 @@ from midair.devices.arrays.constant_frame_array import ConstantFrameArray
 from midair.devices.frame_bytes import phase_bytes
 from midair.errors import InputError, SilentFramesError, TooHotError, UnknownDeviceError
 from midair.model import Drive, Placement
-from midair.testing import clear_any_exposure
 
 pytest.importorskip("autd3")
 

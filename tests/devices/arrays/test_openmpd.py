@@ -5,12 +5,13 @@ import time
 
 import numpy as np
 import pytest
+from tests.simulators.exposure_override import clear_any_exposure
+from tests.simulators.openmpd import OpenMpdSimulator, measured_board
 
 from midair.devices import OpenMpdArray
 from midair.devices.arrays.openmpd import LEAD
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, MissingExtraError, RateError
 from midair.model import Board, Drive, array_of_boards
-from midair.testing import OpenMpdSimulator, clear_any_exposure, measured_board
 
 pytest.importorskip("serial")
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.simulators.openmpd import CommandReader, measured_board
 
 from midair.devices.arrays.openmpd_frames import (
     AHEAD,
@@ -15,8 +16,6 @@ from midair.devices.arrays.openmpd_frames import (
 from midair.errors import RateError
 from midair.model import Board, Drive, array_of_boards
 from midair.streaming import LazyFrames
-from midair.testing import measured_board
-from midair.testing.openmpd_simulator import CommandReader
 
 
 def some_drive(boards, level=1.0, frames=6, seed=1):

@@ -9,8 +9,7 @@ import time
 
 import psutil
 import pytest
-
-from midair.testing import OpenMpdSimulator
+from tests.simulators.openmpd import OpenMpdSimulator
 
 pytest.importorskip("serial")
 
@@ -20,7 +19,7 @@ import numpy as np
 from midair.devices import OpenMpdArray
 from midair.errors import DeviceError
 from midair.model import Board, Drive, array_of_boards
-from midair.testing import clear_any_exposure
+from tests.simulators.exposure_override import clear_any_exposure
 
 board = Board.nominal()
 array = array_of_boards(board)

@@ -5,12 +5,12 @@ import time
 
 import numpy as np
 import pytest
+from tests.simulators.exposure_override import clear_any_exposure
 
 from midair.devices import pyautd3_array
 from midair.devices.frame_bytes import intensity_bytes, phase_bytes
 from midair.errors import DeviceStateError, TooHotError, UnknownDeviceError
 from midair.model import Drive, Placement
-from midair.testing import clear_any_exposure
 
 pyautd3 = pytest.importorskip("pyautd3")
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.simulators.exposure_override import clear_any_exposure
 
 from midair.devices import VirtualArray, VirtualSkin, autd3_array, choose_silencer
 from midair.devices.arrays.silencer import Sampling, named_silencer, silencer_errors
@@ -11,7 +12,6 @@ from midair.errors import InputError
 from midair.model import Drive, Placement, Provenance, TransducerArray
 from midair.physics import PlaybackChain, TransducerDynamics, focus_phase
 from midair.physics.sensing import SensorModel
-from midair.testing import clear_any_exposure
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 FOCUS = focus_phase(ARRAY, np.array([0, 0, 0.2]))

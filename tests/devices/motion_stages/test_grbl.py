@@ -5,11 +5,11 @@ import time
 
 import numpy as np
 import pytest
+from tests.simulators.grbl import GrblSimulator
 
 from midair.devices.motion_stages.grbl import GrblStage
 from midair.errors import DeviceError, HeldError, InputError, LinkLostError
 from midair.model import speed_of
-from midair.testing import GrblSimulator
 
 FAR = (-0.2, -0.05, -0.001)
 

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.simulators.exposure_override import clear_any_exposure
 
 from midair.devices import VirtualArray, VirtualSkin
 from midair.errors import RateError
@@ -20,7 +21,6 @@ from midair.physics import (
     transfer_matrix,
 )
 from midair.solvers import solve
-from midair.testing import clear_any_exposure
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 PERFECT = {"strength": 1.0, "spread": 0.0, "resonance_spread": 0.0, "quality_spread": 0.0}

@@ -10,12 +10,12 @@ import time
 
 import numpy as np
 import pytest
+from tests.simulators.udp_proxy import UdpProxy
 
 import midair
 from midair.devices import Cooling, ExposureChoices, stop_playing
 from midair.errors import DeviceError, ExposureError, InputError, MissingFileError, StoppedError, UnknownDeviceError
 from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
-from midair.testing import UdpProxy
 
 ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a test")
 

@@ -15,8 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-
-from midair.testing.pty_device import BehindPty
+from tests.simulators.pty_device import BehindPty
 
 Vector = NDArray[np.float64]
 

@@ -6,8 +6,7 @@ import time
 from contextlib import contextmanager
 
 import pytest
-
-from midair.testing import GrblSimulator
+from tests.simulators.grbl import GrblSimulator
 
 
 class Line:

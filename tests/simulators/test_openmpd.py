@@ -4,8 +4,7 @@ import os
 
 import numpy as np
 import pytest
-
-from midair.testing.openmpd_simulator import CommandReader, OpenMpdSimulator, PinFrame
+from tests.simulators.openmpd import CommandReader, OpenMpdSimulator, PinFrame
 
 
 def frame(first=0, length=0):

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from tests.simulators.pty_device import BehindPty
 
 from midair.model import Board
-from midair.testing.pty_device import BehindPty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
