@@ -15,7 +15,7 @@ from rich.console import Console
 
 from midair.cli import app, run
 from midair.cli.commands import COMMANDS
-from midair.cli.terminal import GROUPS, examples_of
+from midair.cli.help_text import GROUPS, examples_of
 from midair.files import save
 from midair.model import Recording
 

@@ -1,7 +1,7 @@
 import pytest
 
-from midair.cli.terminal import console
-from midair.cli.terminal.console import progress_bars, work_of
+from midair.cli import console
+from midair.cli.console import progress_bars, work_of
 from midair.cli.time_estimates import Speeds, Work, duration_text, estimate_text
 
 SOLVE, PLAY = Work(kind="solve exact 256", frames=3000), Work(kind="play", frames=3000)

@@ -14,7 +14,8 @@ from typing import Any, Literal
 from cyclopts import App, CycloptsError, Parameter
 
 from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of
-from midair.cli.terminal import GROUPS, add_command, busy_bar, err, parse_flags, verbosity, with_verbosity
+from midair.cli.console import busy_bar, err, parse_flags, verbosity, with_verbosity
+from midair.cli.help_text import GROUPS, add_command
 from midair.errors import MidairError, UnknownDeviceError
 from midair.version import __version__
 

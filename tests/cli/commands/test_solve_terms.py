@@ -5,7 +5,7 @@ import json
 import pytest
 
 from midair.cli import run
-from midair.cli.terminal.options import SolveOptions
+from midair.cli.options import SolveOptions
 from midair.evaluate import error_at_temperature
 from midair.files import load_solution, load_target
 from midair.model import Medium

@@ -8,7 +8,7 @@ from importlib import import_module
 
 from cyclopts import App
 
-from midair.cli.terminal import app_of_command
+from midair.cli.help_text import app_of_command
 
 COMMANDS: Mapping[str, tuple[str, str, str]] = {
     "demo": (
@@ -98,7 +98,7 @@ COMMANDS: Mapping[str, tuple[str, str, str]] = {
         "Reproduce the paper's figures and numbers on a virtual rig, in the paper's mode and in the best mode.",
     ),
 }
-"""For each command: its group in `terminal.GROUPS`, its "module:function", and the first line of its help."""
+"""For each command: its group in `help_text.GROUPS`, its "module:function", and the first line of its help."""
 
 FOLDERS: Mapping[str, tuple[str, str]] = {
     "calibrate": (

@@ -6,25 +6,15 @@ from typing import Annotated
 
 from rich.table import Table
 
-from midair.cli.terminal import (
-    Force,
-    Json,
-    SolveOptions,
-    Time,
-    banner,
-    calibrated_part,
-    may_write,
-    out,
-    print_air,
-    print_json,
-    print_palm,
-    print_rows,
-    progress_bars,
-    quantity,
-    with_array_calibration,
-    work_of,
-    workload_of,
-)
+from midair.cli.air_options import print_air
+from midair.cli.calibration_output import with_array_calibration
+from midair.cli.compare_inputs import calibrated_part
+from midair.cli.comparisons import print_palm
+from midair.cli.console import banner, out, print_json, print_rows, progress_bars, work_of
+from midair.cli.options import Force, Json, SolveOptions, Time
+from midair.cli.output import may_write
+from midair.cli.quantities import quantity
+from midair.cli.time_estimates import workload_of
 from midair.devices import SilencerChoice
 from midair.evaluate import Budget
 from midair.figures import budget_figure, png_bytes

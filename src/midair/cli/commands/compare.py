@@ -5,27 +5,12 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from midair.cli.terminal import (
-    BandOptions,
-    Force,
-    Json,
-    banner,
-    cached_pressure,
-    calibrated_part,
-    may_write,
-    metrics_or_none,
-    plain,
-    print_figures,
-    print_json,
-    print_line,
-    print_metrics,
-    print_palm,
-    progress_bars,
-    settings_of_rerecording,
-    verbosity,
-    work_of,
-    workload_of,
-)
+from midair.cli.compare_inputs import cached_pressure, calibrated_part, settings_of_rerecording
+from midair.cli.comparisons import metrics_or_none, plain, print_metrics, print_palm
+from midair.cli.console import banner, print_figures, print_json, print_line, progress_bars, verbosity, work_of
+from midair.cli.options import BandOptions, Force, Json
+from midair.cli.output import may_write
+from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
 from midair.evaluate import Comparison, PalmFidelity, PalmFrames, PerceptualMetrics, compare
 from midair.files import DRIVE_SUFFIX, OpenedTake, atomic_file, load_palm, load_solution, open_take

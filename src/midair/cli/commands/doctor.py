@@ -4,7 +4,8 @@ from dataclasses import asdict
 
 from rich.table import Table
 
-from midair.cli.terminal import Json, out, print_json
+from midair.cli.console import out, print_json
+from midair.cli.options import Json
 from midair.rig import run_checks
 
 

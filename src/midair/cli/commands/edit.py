@@ -8,20 +8,11 @@ import numpy as np
 from cyclopts import Parameter
 
 from midair import recordings
-from midair.cli.terminal import (
-    Force,
-    Frequency,
-    Json,
-    Time,
-    may_write,
-    parse_names,
-    parsed,
-    print_written,
-    quantity,
-    recording_figures,
-    recording_rows,
-    write_recording,
-)
+from midair.cli.import_options import parse_names, parsed
+from midair.cli.options import Force, Frequency, Json, Time
+from midair.cli.output import may_write, print_written, write_recording
+from midair.cli.quantities import quantity
+from midair.cli.rows import recording_figures, recording_rows
 from midair.errors import InputError
 from midair.files import contents, open_take
 from midair.model import Calibration, Recording

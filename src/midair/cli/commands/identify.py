@@ -9,7 +9,10 @@ import numpy as np
 from cyclopts import Parameter
 from rich.text import Text
 
-from midair.cli.terminal import Json, Keys, banner, err, out, print_json, quantity
+from midair.cli.console import banner, err, out, print_json
+from midair.cli.keys import Keys
+from midair.cli.options import Json
+from midair.cli.quantities import quantity
 from midair.devices import SensorDevice
 from midair.errors import InputError
 from midair.files import load_sensor, save_sensor

@@ -4,26 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-from midair.cli.terminal import (
-    FileOptions,
-    Force,
-    Json,
-    Time,
-    as_recording,
-    calibration_figures,
-    calibration_from_options,
-    calibration_text,
-    import_recording,
-    may_write,
-    out,
-    print_rows,
-    print_written,
-    quantity,
-    recording_figures,
-    recording_rows,
-    scale_by,
-    write_recording,
-)
+from midair.cli.console import out, print_rows
+from midair.cli.import_options import FileOptions, import_recording
+from midair.cli.options import Force, Json, Time
+from midair.cli.output import as_recording, may_write, print_written, write_recording
+from midair.cli.quantities import quantity
+from midair.cli.rows import calibration_figures, calibration_text, recording_figures, recording_rows
+from midair.cli.stated_calibration import calibration_from_options, scale_by
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
 from midair.files import DRIVE_SUFFIX, OpenedTake, format_of, load_pressure, open_take, repair

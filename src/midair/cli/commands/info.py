@@ -6,21 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.cli.terminal import (
-    Json,
-    array_rows,
-    banner,
+from midair.cli.calibration_output import array_rows
+from midair.cli.console import banner, print_json, print_rows
+from midair.cli.options import Json
+from midair.cli.rows import (
     calibration_figures,
     calibration_text,
     level_of_file,
-    print_json,
-    print_rows,
-    recorded_strokes,
     recording_figures,
     recording_rows,
     solve_error,
-    stroke_rows,
 )
+from midair.cli.stage_options import recorded_strokes, stroke_rows
 from midair.files import (
     contents,
     load_array_calibration,

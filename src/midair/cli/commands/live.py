@@ -10,20 +10,13 @@ from cyclopts import Parameter
 from rich.live import Live as Screen
 from rich.text import Text
 
-from midair.cli.terminal import (
-    ExposureOptions,
-    HeatOptions,
-    Json,
-    Signals,
-    banner,
-    err,
-    may_write,
-    print_json,
-    print_rows,
-    quantity,
-    signals_noted,
-    verbosity,
-)
+from midair.cli.console import banner, err, print_json, print_rows, verbosity
+from midair.cli.exposure_options import ExposureOptions
+from midair.cli.keys import Signals, signals_noted
+from midair.cli.options import Json
+from midair.cli.output import may_write
+from midair.cli.play_options import HeatOptions
+from midair.cli.quantities import quantity
 from midair.errors import InputError
 from midair.model import Acoustics, Medium
 from midair.rig import LiveSession, LiveSettings, LiveStatistics, make_key, send_touch

@@ -7,30 +7,17 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from midair.cli.terminal import (
-    ExposureOptions,
-    Force,
-    Json,
-    SolveOptions,
-    Time,
-    banner,
-    calibrated_part,
-    may_write,
-    plain,
-    print_air,
-    print_check_time_ahead,
-    print_figures,
-    print_json,
-    print_metrics,
-    print_rows,
-    progress_bars,
-    quantity,
-    verbosity,
-    warn_level,
-    with_array_calibration,
-    work_of,
-    workload_of,
-)
+from midair.cli.air_options import print_air
+from midair.cli.calibration_output import with_array_calibration
+from midair.cli.compare_inputs import calibrated_part
+from midair.cli.comparisons import plain, print_metrics
+from midair.cli.console import banner, print_figures, print_json, print_rows, progress_bars, verbosity, work_of
+from midair.cli.exposure_options import ExposureOptions, print_check_time_ahead
+from midair.cli.options import Force, Json, SolveOptions, Time
+from midair.cli.output import may_write
+from midair.cli.quantities import quantity
+from midair.cli.rows import warn_level
+from midair.cli.time_estimates import workload_of
 from midair.devices import SilencerChoice
 from midair.errors import InputError
 from midair.files import load_placement

@@ -5,19 +5,11 @@ from typing import Annotated, Literal, cast
 
 from cyclopts import Parameter
 
-from midair.cli.terminal import (
-    AirOptions,
-    Force,
-    Json,
-    banner,
-    may_write,
-    out,
-    print_air,
-    print_json,
-    print_rows,
-    progress_bars,
-    quantity,
-)
+from midair.cli.air_options import AirOptions, print_air
+from midair.cli.console import banner, out, print_json, print_rows, progress_bars
+from midair.cli.options import Force, Json
+from midair.cli.output import may_write
+from midair.cli.quantities import quantity
 from midair.model import Acoustics
 from midair.paper import (
     FidelityPlan,

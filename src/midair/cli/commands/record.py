@@ -10,26 +10,13 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from midair.cli.terminal import (
-    Drawing,
-    Json,
-    Keys,
-    MeterScreen,
-    PlainConsole,
-    Quiet,
-    Signals,
-    StageOptions,
-    banner,
-    err,
-    parse_quantity,
-    print_json,
-    print_rows,
-    quantity,
-    signals_noted,
-    take_rows,
-    take_values,
-    verbosity,
-)
+from midair.cli.console import PlainConsole, banner, err, print_json, print_rows, verbosity
+from midair.cli.keys import Keys, Signals, signals_noted
+from midair.cli.meter_screen import MeterScreen
+from midair.cli.options import Json, Quiet
+from midair.cli.quantities import parse_quantity, quantity
+from midair.cli.stage_options import Drawing, StageOptions
+from midair.cli.take_output import take_rows, take_values
 from midair.devices import PacedSensor, SensorDevice
 from midair.errors import DeviceError, InputError
 from midair.files import load_sensor

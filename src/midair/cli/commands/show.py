@@ -11,20 +11,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from midair.cli.terminal import (
-    BandOptions,
-    Force,
-    Time,
-    banner,
-    calibrated_part,
-    may_write,
-    out,
-    print_rows,
-    progress_bars,
-    quantity,
-    settings_of_rerecording,
-    work_of,
-)
+from midair.cli.compare_inputs import calibrated_part, settings_of_rerecording
+from midair.cli.console import banner, out, print_rows, progress_bars, work_of
+from midair.cli.options import BandOptions, Force, Time
+from midair.cli.output import may_write
+from midair.cli.quantities import quantity
 from midair.errors import InputError
 from midair.files import atomic_file, contents, load_solution, load_target, open_take
 from midair.pipeline import target_amplitude

@@ -6,32 +6,16 @@ from typing import Annotated
 
 import numpy as np
 
-from midair.cli.terminal import (
-    AirOptions,
-    Force,
-    HeatOptions,
-    Json,
-    PlayOptions,
-    SolveOptions,
-    Time,
-    banner,
-    calibrated_part,
-    level_of_file,
-    level_rows,
-    may_write,
-    play_on_array,
-    print_air,
-    print_json,
-    print_room_air,
-    print_rows,
-    progress_bars,
-    quantity,
-    solve_error,
-    warn_level,
-    with_array_calibration,
-    work_of,
-    workload_of,
-)
+from midair.cli.air_options import AirOptions, print_air
+from midair.cli.calibration_output import with_array_calibration
+from midair.cli.compare_inputs import calibrated_part
+from midair.cli.console import banner, print_json, print_rows, progress_bars, work_of
+from midair.cli.options import Force, Json, SolveOptions, Time
+from midair.cli.output import may_write
+from midair.cli.play_options import HeatOptions, PlayOptions, play_on_array, print_room_air
+from midair.cli.quantities import quantity
+from midair.cli.rows import level_of_file, level_rows, solve_error, warn_level
+from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
 from midair.files import load_array_calibration, load_placement, load_solution, load_target, save, save_solutions

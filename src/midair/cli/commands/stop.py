@@ -3,7 +3,8 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from midair.cli.terminal import Json, print_json, print_rows
+from midair.cli.console import print_json, print_rows
+from midair.cli.options import Json
 from midair.devices import Stopped, state_folder, stop_playing
 
 

@@ -2,7 +2,7 @@
 
 from cyclopts import App
 
-from midair.cli.terminal import add_command, epilogue, examples_of
+from midair.cli.help_text import add_command, epilogue, examples_of
 
 from .apply import apply_command, show_command
 from .measure import beam_command, bench_command, measure_command, tone_command

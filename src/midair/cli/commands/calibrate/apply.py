@@ -6,21 +6,13 @@ from typing import Annotated, Literal
 import numpy as np
 
 from midair.calibration import calibrate
-from midair.cli.terminal import (
-    BandOptions,
-    Force,
-    Json,
-    banner,
-    calibration_from_options,
-    calibration_text,
-    may_write,
-    prepare_page,
-    print_calibration,
-    print_rows,
-    quantity,
-    require_calibration,
-    write_recording,
-)
+from midair.cli.calibration_output import prepare_page, print_calibration, require_calibration
+from midair.cli.console import banner, print_rows
+from midair.cli.options import BandOptions, Force, Json
+from midair.cli.output import may_write, write_recording
+from midair.cli.quantities import quantity
+from midair.cli.rows import calibration_text
+from midair.cli.stated_calibration import calibration_from_options
 from midair.files import load_pressure, open_take
 from midair.rig import describe_uncertainty
 from midair.streaming import moments

@@ -2,7 +2,7 @@
 
 from cyclopts import App
 
-from midair.cli.terminal import add_command, epilogue
+from midair.cli.help_text import add_command, epilogue
 
 from .numbers import paper_command, power_command
 from .planning import new_command, plan_command, withdraw_command

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from midair.cli.terminal import print_line
+from midair.cli.console import print_line
 from midair.errors import InputError
 from midair.figures import png_bytes
 from midair.files import atomic_file

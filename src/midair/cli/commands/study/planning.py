@@ -5,7 +5,8 @@ import sys
 from hashlib import sha256
 from pathlib import Path
 
-from midair.cli.terminal import Force, banner, err, print_line, progress_bars
+from midair.cli.console import banner, err, print_line, progress_bars
+from midair.cli.options import Force
 from midair.errors import InputError
 from midair.files import atomic_file, read_text
 from midair.settings import Mode

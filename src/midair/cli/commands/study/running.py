@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-from midair.cli.terminal import AirOptions, ExposureOptions, PlainConsole, print_check_time, print_line, warn_simulated
+from midair.cli.air_options import AirOptions
+from midair.cli.console import PlainConsole, print_line, warn_simulated
+from midair.cli.exposure_options import ExposureOptions, print_check_time
 from midair.errors import InputError
 from midair.study import (
     InstantClock,

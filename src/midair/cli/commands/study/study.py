@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from midair.cli.terminal import Json, print_line, warn_simulated
+from midair.cli.console import print_line, warn_simulated
+from midair.cli.options import Json
 from midair.errors import InputError
 from midair.files import atomic_file
 from midair.study import (

@@ -2,7 +2,7 @@
 
 from cyclopts import App
 
-from midair.cli.terminal import add_command, epilogue
+from midair.cli.help_text import add_command, epilogue
 
 from .patterns import patterns_command
 from .recordings import recordings_command

@@ -8,7 +8,7 @@ import pytest
 import soundfile
 
 from midair.cli import run
-from midair.cli.terminal.import_options import FileOptions, import_recording, parse_layout, parse_patch
+from midair.cli.import_options import FileOptions, import_recording, parse_layout, parse_patch
 from midair.errors import InputError
 from midair.files import load, load_calibration, load_pressure, save, save_pressure
 from midair.model import Calibration, PressureFrames, Provenance, Recording, SensorGrid

@@ -9,7 +9,7 @@ from typing import Annotated, Any, get_args
 
 from cyclopts import Parameter, Token
 
-from midair.cli.terminal.quantities import format_quantity, parse_quantity, quantity
+from midair.cli.quantities import format_quantity, parse_quantity, quantity
 from midair.errors import InputError
 from midair.files import ImportOptions, OpenedTake, open_take
 from midair.model import Recording, SensorGrid, Unit

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from midair.cli.terminal.output import as_recording, may_write, print_written, write_recording
+from midair.cli.output import as_recording, may_write, print_written, write_recording
 from midair.errors import InputError
 from midair.files import FormatLoss, load, load_pressure
 from midair.model import PressureFrames, Provenance, SensorGrid

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.cli.terminal.options import BandOptions, SolveOptions, mode_name, paper_options
+from midair.cli.options import BandOptions, SolveOptions, mode_name, paper_options
 from midair.errors import InputError
 from midair.files import load_palm, load_solution
 from midair.model import Acoustics, ControlGrid, Medium

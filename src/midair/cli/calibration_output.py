@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from cyclopts import Parameter
 
-from midair.cli.terminal.console import banner, print_json, print_rows
-from midair.cli.terminal.options import Force, Json
-from midair.cli.terminal.output import may_write
+from midair.cli.console import banner, print_json, print_rows
+from midair.cli.options import Force, Json
+from midair.cli.output import may_write
 from midair.errors import MismatchError, MissingFileError
 from midair.files import CALIBRATION_SUFFIX, load_array_calibration, load_calibration, save_calibration
 from midair.model import ArrayCalibration, Calibration, PressureFrames, SensorGrid, TransducerArray

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.cli.terminal.air_options import note_air
-from midair.cli.terminal.quantities import format_quantity
+from midair.cli.air_options import note_air
+from midair.cli.quantities import format_quantity
 from midair.evaluate import SolveError, error_by_energy
 from midair.files import load_solution, load_target
 from midair.headroom import PressureLevel, band_of, level_of

@@ -1,7 +1,6 @@
 """Examples of a docstring become lines that can be copied."""
 
-from midair.cli import terminal
-from midair.cli.terminal import epilogue, examples_of
+from midair.cli.help_text import epilogue, examples_of
 
 
 def does(source: str) -> None:
@@ -30,8 +29,3 @@ def test_a_long_example_is_broken_as_a_shell_takes_it():
     assert shown.startswith("Example:\n  midair do")
     assert max(map(len, shown.splitlines())) <= 80
     assert " ".join(shown.split("\n\n")[0].split("\n", 1)[1].replace("\\\n", "").split()) == long
-
-
-def test_every_exported_name_is_in_its_module():
-    assert all(hasattr(terminal, name) for name in terminal.__all__)
-    assert not hasattr(terminal, "rewind")

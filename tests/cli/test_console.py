@@ -4,8 +4,18 @@ import pytest
 from rich.table import Table
 
 from midair.cli import app, run
-from midair.cli.terminal import Verbosity, parse_flags, verbosity
-from midair.cli.terminal.console import PlainConsole, err, out, print_figures, print_line, print_rows, progress_bars
+from midair.cli.console import (
+    PlainConsole,
+    Verbosity,
+    err,
+    out,
+    parse_flags,
+    print_figures,
+    print_line,
+    print_rows,
+    progress_bars,
+    verbosity,
+)
 
 HOSTILE = "a[/]b[red]c:smile:\x1b]0;title\x07\x1b[2J\u202ed"
 SHOWN = "a[/]b[red]c:smile:\\x1b]0;title\\x07\\x1b[2J\\u202ed"

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from rich.table import Table as Shown
 
-from midair.cli.terminal.console import banner, bars, err, out, verbosity
+from midair.cli.console import banner, bars, err, out, verbosity
 from midair.cli.time_estimates import MEASURED, Speeds, Work, estimate_text
 from midair.errors import InputError
 from midair.model import Progress as Advance

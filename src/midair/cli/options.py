@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_
 
 from cyclopts import Parameter
 
-from midair.cli.terminal.quantities import format_quantity, quantity
+from midair.cli.quantities import format_quantity, quantity
 from midair.errors import InputError
 from midair.files import load_palm, load_solution
 from midair.model import HEIGHTS, Palm

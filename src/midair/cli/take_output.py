@@ -1,7 +1,7 @@
 """Rows and JSON values that describe a take."""
 
-from midair.cli.terminal.quantities import format_quantity
-from midair.cli.terminal.stage_options import recorded_strokes, stroke_rows
+from midair.cli.quantities import format_quantity
+from midair.cli.stage_options import recorded_strokes, stroke_rows
 from midair.devices import SensorDevice
 from midair.files import open_take
 from midair.model import Provenance

@@ -7,8 +7,8 @@ from pathlib import Path as File
 import numpy as np
 
 from midair.calibration import MicrophoneScale, scale_of_drop, scale_of_tone
-from midair.cli.terminal.import_options import FileOptions, import_recording
-from midair.cli.terminal.quantities import parse_quantity
+from midair.cli.import_options import FileOptions, import_recording
+from midair.cli.quantities import parse_quantity
 from midair.errors import InputError, MismatchError
 from midair.model import Calibration, Provenance, Recording
 from midair.streaming import medians, moments

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from midair.cli.terminal.keys import Keys, signals_noted
+from midair.cli.keys import Keys, signals_noted
 
 termios = pytest.importorskip("termios", reason="terminals of POSIX")
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.cli.terminal import ExposureOptions, print_check_time, print_check_time_ahead
+from midair.cli.exposure_options import ExposureOptions, print_check_time, print_check_time_ahead
 from midair.devices import ExposureChoices, check_exposure
 from midair.errors import ExposureError, InputError
 from midair.files import profile_named

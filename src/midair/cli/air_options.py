@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from midair.cli.terminal.quantities import quantity
+from midair.cli.quantities import quantity
 from midair.errors import InputError
 from midair.model import Medium
 

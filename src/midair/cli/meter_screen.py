@@ -10,8 +10,8 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from midair.cli.terminal.keys import Keys, Signals
-from midair.cli.terminal.options import Quiet
+from midair.cli.keys import Keys, Signals
+from midair.cli.options import Quiet
 from midair.devices import SensorDevice
 from midair.files import printable
 from midair.model import Event

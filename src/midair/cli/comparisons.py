@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from midair.cli.terminal.console import out
+from midair.cli.console import out
 from midair.errors import ShapeError
 from midair.evaluate import Comparison, PalmFidelity, PerceptualMetrics, perceptual_metrics
 from midair.model import PressureFrames

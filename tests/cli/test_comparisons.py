@@ -1,4 +1,4 @@
-from midair.cli.terminal import print_palm
+from midair.cli.comparisons import print_palm
 from midair.evaluate import PalmFidelity
 
 

@@ -6,11 +6,11 @@ from typing import Literal
 
 from cyclopts import Parameter
 
-from midair.cli.terminal.air_options import note_air
-from midair.cli.terminal.console import banner, err, print_rows, progress_bars
-from midair.cli.terminal.exposure_options import ExposureOptions, print_check_time
-from midair.cli.terminal.options import Time
-from midair.cli.terminal.rows import level_of_file, level_rows
+from midair.cli.air_options import note_air
+from midair.cli.console import banner, err, print_rows, progress_bars
+from midair.cli.exposure_options import ExposureOptions, print_check_time
+from midair.cli.options import Time
+from midair.cli.rows import level_of_file, level_rows
 from midair.devices import ArrayDevice, Cooling, ExposureClearance, PlayReport, SilencerChoice, check_exposure
 from midair.files import check_memory_for, load_placement, load_solution, load_target
 from midair.model import Drive, Medium

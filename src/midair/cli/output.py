@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from midair.cli.terminal.console import banner, out, print_json, print_rows
+from midair.cli.console import banner, out, print_json, print_rows
 from midair.errors import InputError
 from midair.files import FormatLoss, check_not_recording, save, writable_path
 from midair.model import Calibration, Event, PressureFrames, Recording
