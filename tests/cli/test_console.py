@@ -11,7 +11,6 @@ from midair.cli.console import (
     out,
     parse_flags,
     print_figures,
-    print_line,
     print_rows,
     progress_bars,
     verbosity,
@@ -24,7 +23,6 @@ SHOWN = "a[/]b[red]c:smile:\\x1b]0;title\\x07\\x1b[2J\\u202ed"
 @pytest.mark.parametrize(
     "prints",
     [
-        lambda: print_line(HOSTILE),
         lambda: out().print(HOSTILE),
         lambda: err().print(HOSTILE, style="bold red"),
         lambda: print_rows([(HOSTILE, "value")]),

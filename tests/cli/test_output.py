@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from midair.cli.output import as_recording, may_write, print_written, write_recording
+from midair.cli.output import as_recording, may_write, print_written
 from midair.errors import InputError
-from midair.files import FormatLoss, load, load_pressure
+from midair.files import FormatLoss, load, load_pressure, save
 from midair.model import PressureFrames, Provenance, SensorGrid
 
 PRESSURE = PressureFrames(
@@ -26,15 +26,15 @@ def test_pressure_as_a_recording_in_pa():
 
 
 def test_midair_s_own_file_keeps_the_pressure(tmp_path):
-    assert write_recording(as_recording(PRESSURE), tmp_path / "A.H5", calibration=None, pressure=PRESSURE) == ()
+    assert save(as_recording(PRESSURE), tmp_path / "A.H5", calibration=None, pressure=PRESSURE) == ()
     np.testing.assert_array_equal(load_pressure(tmp_path / "A.H5").pressure, PRESSURE.pressure)
 
 
 def test_format_losses_are_printed(tmp_path):
-    lost = write_recording(as_recording(PRESSURE), tmp_path / "a.npz", calibration=None, pressure=PRESSURE)
+    lost = save(as_recording(PRESSURE), tmp_path / "a.npz", calibration=None, pressure=PRESSURE)
     assert [one.what for one in lost] == ["pressure"]
     np.testing.assert_array_equal(load(tmp_path / "a.npz").samples, PRESSURE.pressure)
-    assert write_recording(as_recording(PRESSURE), tmp_path / "b.npz", calibration=None) == ()
+    assert save(as_recording(PRESSURE), tmp_path / "b.npz", calibration=None) == ()
 
 
 def test_json_contains_what_is_printed(capsys):

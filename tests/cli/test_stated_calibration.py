@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from midair.cli.stated_calibration import calibration_from_options
+from midair.cli.import_options import calibration_from_options
 from midair.errors import InputError, MismatchError
 from midair.model import Recording, SensorGrid
 

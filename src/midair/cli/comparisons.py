@@ -1,14 +1,64 @@
-"""Printed and JSON output of comparisons and perceptual metrics."""
+"""Inputs and output of commands that compare."""
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
 
 from rich.table import Table
 
 from midair.cli.console import out
 from midair.errors import ShapeError
 from midair.evaluate import Comparison, PalmFidelity, PerceptualMetrics, perceptual_metrics
-from midair.model import PressureFrames
+from midair.files import load_array_calibration, open_take
+from midair.model import PressureFrames, Provenance, TransducerArray
+from midair.pipeline import calibrated_pressure
 from midair.rig import Outcome, comparison_rows
+from midair.settings import Settings
+from midair.streaming import TempFrames, blocks
+
+
+def calibrated_part(
+    source: Path, settings: Settings, start: float = 0.0, duration: float | None = None, *, streamed: bool = False
+) -> PressureFrames:
+    """Calibrated pressure of a part (lazy frames if `streamed`), cut after calibration so that filters leave no
+    edges.
+    """
+    take = open_take(source, streamed=streamed)
+    pressure = calibrated_pressure(take.recording, take.calibration, settings)
+    return pressure if start == 0 and duration is None else pressure.cut(start, duration)
+
+
+@contextmanager
+def cached_pressure(pressure: PressureFrames) -> Generator[PressureFrames]:
+    """The same pressure, computed once into a temporary file, inside the block."""
+    with TempFrames(*pressure.sensor.shape) as spool:
+        for block in blocks(pressure.pressure):
+            spool.append(block)
+        # The field is typed as an array; functions that accept lazy frames declare it.
+        yield replace(pressure, pressure=cast("Any", spool.reel()))
+
+
+def with_array_calibration(
+    path: Path | None, array: TransducerArray, settings: Settings, pressure: PressureFrames
+) -> tuple[TransducerArray, Settings, PressureFrames]:
+    """Array, settings and pressure for the measured transducers of a file; unchanged without a file."""
+    if path is None:
+        return array, settings, pressure
+    known = load_array_calibration(path)
+    told = {"file": path.name, "id": known.identifier, "date": known.date}
+    life = pressure.provenance.then("array calibration", told, simulated=known.provenance.simulated)
+    return known.applied(array), settings.measured(known), replace(pressure, provenance=life)
+
+
+def settings_of_rerecording(provenance: Provenance, settings: Settings) -> Settings:
+    """Settings with the band and rate of the drive of a re-recording."""
+    band, rate = provenance.last("calibrate").get("band_hz"), provenance.last("play").get("rate_hz")
+    if isinstance(band, tuple) and len(band) == 2:
+        low, high = (float(edge) for edge in band if isinstance(edge, int | float))
+        settings = settings.but(band=(low, high))
+    return settings.but(rate=float(rate)) if isinstance(rate, int | float) else settings
 
 
 def metrics_or_none(original: PressureFrames, reproduced: PressureFrames) -> PerceptualMetrics | None:

@@ -138,9 +138,9 @@ def err() -> PlainConsole:
     return PlainConsole(stderr=True)
 
 
-def print_line(line: str) -> None:
-    """Print a line of results."""
-    out().print(line)
+def print_note(line: str, *, warn: bool = False) -> None:
+    """Print a line on stderr, yellow for a warning."""
+    err().print(line, style="yellow" if warn else None)
 
 
 class ProgressBars(Protocol):

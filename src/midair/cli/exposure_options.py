@@ -1,17 +1,52 @@
-"""Exposure options of all commands that can play, and the time estimate of the exposure check."""
+"""Options for the air of the room and the exposure limits, and messages about both."""
 
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
-from rich.console import Console
 
-from midair.devices import ExposureChoices, measure_exposure
+from midair.cli.console import err, print_note
+from midair.cli.options import Time
+from midair.cli.quantities import quantity
+from midair.devices import Cooling, ExposureChoices, measure_exposure
+from midair.errors import InputError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import ExposureProfile
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AirOptions:
+    """Air of the room.
+
+    Parameters
+    ----------
+    temperature
+        Air temperature in the room, such as 22C.
+    humidity
+        Relative humidity of the room, such as 50%; needs --temperature. [default: 50%]
+    """
+
+    temperature: Annotated[float | None, quantity("C")] = None
+    humidity: Annotated[float | None, quantity("%")] = None
+
+    def medium(self) -> Medium | None:
+        """The stated air; None if neither option is given."""
+        if self.temperature is None:
+            if self.humidity is not None:
+                raise InputError("--humidity: expected --temperature with it, got none")
+            return None
+        return Medium.at(temperature=self.temperature, humidity=0.5 if self.humidity is None else self.humidity)
+
+
+def print_air(medium: Medium, *, stated: bool) -> None:
+    """Print on stderr which air a computation assumes; as a warning if it was not stated."""
+    whose = "" if stated else ", assumed; state the air of the room with --temperature and --humidity"
+    print_note(f"air: {medium}{whose}", warn=not stated)
 
 
 @Parameter(name="*")
@@ -66,7 +101,7 @@ def print_check_time(
     measure_exposure(first, drive.array, profile, room=room)
     lasts = (time.perf_counter() - began) * count / first.frames
     if lasts > few:
-        Console(stderr=True, highlight=False, soft_wrap=True).print(f"exposure of {count} frames: {lasts:.0f} s")
+        print_note(f"exposure of {count} frames: {lasts:.0f} s")
 
 
 def print_check_time_ahead(
@@ -76,3 +111,26 @@ def print_check_time_ahead(
     phase = np.zeros((1024, array.count))
     some = Drive(phase=phase, level=np.ones(1024), rate=1.0, array=array)
     print_check_time(some, profile, room=room, frames=frames, few=few)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeatOptions:
+    """Action if a unit of the array reports that it is too hot.
+
+    Parameters
+    ----------
+    when_hot
+        stop: end with status 1. wait: pause in silence, and continue once all units have been cool for a second.
+    cooling_limit
+        Longest pause of --when-hot wait; playback then ends with status 1.
+    """
+
+    when_hot: Literal["stop", "wait"] = "stop"
+    cooling_limit: Time = 600.0
+
+    def cooling(self) -> Cooling | None:
+        """Permission to wait; None to stop. Pauses are printed on stderr."""
+        if self.when_hot == "stop":
+            return None
+        return Cooling(limit=self.cooling_limit, report=lambda text: err().print(f"midair: {text}"))

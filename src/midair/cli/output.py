@@ -1,24 +1,20 @@
-"""Writing recordings, and printing notes and format losses."""
+"""Output of the commands: writing recordings, rows and JSON values of recordings, calibrations and drives."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from midair.cli.console import banner, out, print_json, print_rows
+import numpy as np
+
+from midair.cli.console import banner, out, print_json, print_note, print_rows
+from midair.cli.quantities import format_quantity
 from midair.errors import InputError
-from midair.files import FormatLoss, check_not_recording, save, writable_path
-from midair.model import Calibration, Event, PressureFrames, Recording
-
-
-def write_recording(
-    recording: Recording,
-    path: Path,
-    *,
-    calibration: Calibration | None,
-    pressure: PressureFrames | None = None,
-    journal: Sequence[Event] = (),
-) -> tuple[FormatLoss, ...]:
-    """Write a recording with calibration, pressure and journal; return what its format cannot hold."""
-    return save(recording, path, calibration=calibration, pressure=pressure, journal=journal)
+from midair.evaluate import SolveError, error_by_energy
+from midair.files import FormatLoss, check_not_recording, load_solution, load_target, writable_path
+from midair.headroom import PressureLevel, band_of, level_of
+from midair.model import AmplitudeFrames, ArrayCalibration, Calibration, PressureFrames, Recording, Solution
+from midair.recordings import dead_channels
+from midair.streaming import blocks
+from midair.targets import frames_without_lead
 
 
 def as_recording(pressure: PressureFrames) -> Recording:
@@ -62,3 +58,121 @@ def may_write(path: Path, force: bool, *endings: str) -> None:
     if path.exists() and not force:
         raise InputError(f"{path}: already exists; give another name, or --force to overwrite it")
     check_not_recording(path)
+
+
+def recording_rows(recording: Recording) -> list[tuple[str, str]]:
+    """Description of a recording as names and values."""
+    rows, columns = recording.sensor.shape
+    dead = np.flatnonzero(dead_channels(recording))
+    return [
+        ("frames", f"{recording.frames} at {recording.rate:.6g} Hz, {recording.duration:.3f} s"),
+        (
+            "sensor",
+            f"{recording.sensor.name}, {rows} x {columns}, pitch {format_quantity(recording.sensor.pitch, 'm')}",
+        ),
+        ("unit", recording.unit),
+        ("range", f"{recording.samples.min():.4g} to {recording.samples.max():.4g} {recording.unit}"),
+        (
+            "untouched cells" if _synthetic(recording) else "dead channels",
+            ", ".join(str(channel) for channel in dead) or "none",
+        ),
+    ]
+
+
+def _synthetic(recording: Recording) -> bool:
+    """Whether the recording is a synthetic field, in which constant cells are not broken but untouched."""
+    return any(step.stage == "footprint" for step in recording.provenance.steps)
+
+
+def recording_figures(recording: Recording) -> dict[str, object]:
+    """Description of a recording as JSON values; names carry units."""
+    rows, columns = recording.sensor.shape
+    synthetic, silent = _synthetic(recording), np.flatnonzero(dead_channels(recording)).tolist()
+    return {
+        "frames": recording.frames,
+        "rate_hz": recording.rate,
+        "duration_s": recording.duration,
+        "sensor": {
+            "name": recording.sensor.name,
+            "rows": rows,
+            "columns": columns,
+            "pitch_m": recording.sensor.pitch,
+        },
+        "unit": recording.unit,
+        "range": [float(recording.samples.min()), float(recording.samples.max())],
+        "dead_channels": [] if synthetic else silent,
+        **({"untouched_cells": silent} if synthetic else {}),
+    }
+
+
+def calibration_figures(calibration: Calibration | None) -> dict[str, object] | None:
+    """Identity of a calibration as JSON values."""
+    if calibration is None:
+        return None
+    return {
+        "source": calibration.provenance.source,
+        "id": calibration.identifier,
+        "version": calibration.version,
+        "date": calibration.date or None,
+    }
+
+
+def calibration_text(calibration: Calibration | None) -> str:
+    """Source of a calibration, or advice without one."""
+    if calibration is None:
+        return "none; state one with midair calibrate --sensitivity or --peak"
+    return " ".join(part for part in (calibration.provenance.source, calibration.date) if part)
+
+
+def level_of_file(source: Path, *, limits: bool = True) -> PressureLevel | None:
+    """Pressure level of the drive in a file, as `level_of`; None if the file has no target."""
+    target = load_target(source, streamed=True)
+    if target is None:
+        return None
+    return level_of(load_solution(source, streamed=True), target, band=band_of(target), limits=limits)
+
+
+def solve_error(solution: Solution, target: AmplitudeFrames) -> SolveError:
+    """Error of a solution without its lead, whose target is almost zero."""
+    inside = frames_without_lead(target.provenance, target.frames, target.rate)
+    plays = np.array([status != "silent" for status in solution.status])
+    power = np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
+    return error_by_energy(solution.error[inside], (power * plays)[inside])
+
+
+def level_rows(level: PressureLevel | None) -> list[tuple[str, str]]:
+    """Pressure level as rows; prints a warning on stderr if the request is too high."""
+    if level is None:
+        return [("level", "unknown: the file has no target")]
+    warn_level(level)
+    return level.rows()
+
+
+def warn_level(level: PressureLevel) -> None:
+    """Print a warning and advice if the drive requests more pressure than the array can produce."""
+    if level.too_loud:
+        print_note(level.advice(), warn=True)
+
+
+def array_rows(known: ArrayCalibration) -> list[tuple[str, str]]:
+    """Rows of an array calibration, with expanded uncertainties (k = 2)."""
+    alive = ~known.dead
+
+    def of(values: np.ndarray, errors: np.ndarray, unit: str, digits: int) -> str:
+        some = values[alive]
+        sure = 2 * float(np.median(errors[alive]))
+        return f"{some.mean():.{digits}f} {unit}, each ± {some.std():.2g}, uncertainty {sure:.2g} {unit} (k = 2)"
+
+    quality = known.quality_uncertainty * known.quality
+    dead = np.flatnonzero(known.dead)
+    named = ", ".join(str(number) for number in dead[:20]) + (" and more" if len(dead) > 20 else "")
+    return [
+        ("array", f"{known.array.name}, {known.array.count} transducers"),
+        ("dead", f"{len(dead)}: {named}" if len(dead) else "none"),
+        ("strength", of(known.strength, known.strength_uncertainty, "of the model's", 3)),
+        ("level of all", f"uncertainty {200 * known.level_uncertainty:.2g} % (k = 2)"),
+        ("phase", of(known.phase, known.phase_uncertainty, "rad", 3)),
+        ("resonance", of(known.resonance, known.resonance_uncertainty, "Hz", 0)),
+        ("quality factor", of(known.quality, quality, "", 1)),
+        ("calibration id", f"{known.identifier}, {known.date or 'no date'}"),
+    ]

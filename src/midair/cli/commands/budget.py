@@ -6,11 +6,9 @@ from typing import Annotated
 
 from rich.table import Table
 
-from midair.cli.air_options import print_air
-from midair.cli.calibration_output import with_array_calibration
-from midair.cli.compare_inputs import calibrated_part
-from midair.cli.comparisons import print_palm
+from midair.cli.comparisons import calibrated_part, print_palm, with_array_calibration
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars, work_of
+from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Json, SolveOptions, Time
 from midair.cli.output import may_write
 from midair.cli.quantities import quantity

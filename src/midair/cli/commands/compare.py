@@ -5,9 +5,16 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from midair.cli.compare_inputs import cached_pressure, calibrated_part, settings_of_rerecording
-from midair.cli.comparisons import metrics_or_none, plain, print_metrics, print_palm
-from midair.cli.console import banner, print_figures, print_json, print_line, progress_bars, verbosity, work_of
+from midair.cli.comparisons import (
+    cached_pressure,
+    calibrated_part,
+    metrics_or_none,
+    plain,
+    print_metrics,
+    print_palm,
+    settings_of_rerecording,
+)
+from midair.cli.console import banner, out, print_figures, print_json, progress_bars, verbosity, work_of
 from midair.cli.options import BandOptions, Force, Json
 from midair.cli.output import may_write
 from midair.cli.time_estimates import workload_of
@@ -101,9 +108,9 @@ def compare_command(
     if told is not None:
         print_palm(told)
     if report is not None:
-        print_line(f"report {report}")
+        out().print(f"report {report}")
     if film is not None:
-        print_line(f"film {film}")
+        out().print(f"film {film}")
     return None
 
 

@@ -7,12 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from midair.cli.air_options import print_air
 from midair.cli.comparisons import print_palm, print_side_by_side
 from midair.cli.console import ProgressBars, banner, err, out, print_rows, progress_bars, work_of
+from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, SolveOptions, Time, mode_name, paper_options
+from midair.cli.output import level_rows
 from midair.cli.quantities import quantity
-from midair.cli.rows import level_rows
 from midair.cli.time_estimates import Work, workload_of
 from midair.errors import InputError
 from midair.files import atomic_file, check_not_recording, save, save_solution

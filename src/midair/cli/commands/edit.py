@@ -10,11 +10,10 @@ from cyclopts import Parameter
 from midair import recordings
 from midair.cli.import_options import parse_names, parsed
 from midair.cli.options import Force, Frequency, Json, Time
-from midair.cli.output import may_write, print_written, write_recording
+from midair.cli.output import may_write, print_written, recording_figures, recording_rows
 from midair.cli.quantities import quantity
-from midair.cli.rows import recording_figures, recording_rows
 from midair.errors import InputError
-from midair.files import contents, open_take
+from midair.files import contents, open_take, save
 from midair.model import Calibration, Recording
 
 HIGHEST = 1e6
@@ -215,7 +214,7 @@ def _write(recording: Recording, sources: list[Path], output: Path, *, json: boo
         notes.append("The calibrated pressure was left out; run midair calibrate again.")
     # Before writing, which may replace the source.
     rows = [("recording", str(output)), *recording_rows(recording)]
-    lost = write_recording(recording, output, calibration=calibration)
+    lost = save(recording, output, calibration=calibration)
     figures = {"recording": str(output), **recording_figures(recording)}
     print_written(rows, figures, notes, lost, simulated=recording.provenance.simulated, json=json)
 

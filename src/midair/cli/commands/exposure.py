@@ -4,9 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
-from midair.cli.air_options import AirOptions
 from midair.cli.console import print_figures, print_json, print_rows
-from midair.cli.exposure_options import print_check_time
+from midair.cli.exposure_options import AirOptions, print_check_time
 from midair.cli.options import Force, Json
 from midair.cli.output import may_write
 from midair.devices import felt_pressure_text, measure_exposure

@@ -5,15 +5,21 @@ from pathlib import Path
 from typing import Annotated
 
 from midair.cli.console import out, print_rows
-from midair.cli.import_options import FileOptions, import_recording
+from midair.cli.import_options import FileOptions, calibration_from_options, import_recording, scale_by
 from midair.cli.options import Force, Json, Time
-from midair.cli.output import as_recording, may_write, print_written, write_recording
+from midair.cli.output import (
+    as_recording,
+    calibration_figures,
+    calibration_text,
+    may_write,
+    print_written,
+    recording_figures,
+    recording_rows,
+)
 from midair.cli.quantities import quantity
-from midair.cli.rows import calibration_figures, calibration_text, recording_figures, recording_rows
-from midair.cli.stated_calibration import calibration_from_options, scale_by
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
-from midair.files import DRIVE_SUFFIX, OpenedTake, format_of, load_pressure, open_take, repair
+from midair.files import DRIVE_SUFFIX, OpenedTake, format_of, load_pressure, open_take, repair, save
 from midair.recordings import GapFill, Mending
 
 Pressure = Annotated[float | None, quantity("Pa")]
@@ -151,7 +157,7 @@ def _convert(
     calibration = imported.calibration
     stated = calibration_from_options(imported.recording, sensitivity, peak)
     pressure = load_pressure(file, streamed=True) if imported.stored and stated is None else None
-    lost = write_recording(
+    lost = save(
         imported.recording, target, calibration=stated or calibration, pressure=pressure, journal=imported.journal
     )
     rows = [("recording", str(target)), *recording_rows(imported.recording)]
@@ -209,7 +215,7 @@ def export_command(
         if made is None:
             raise InputError(f"{source}: expected calibrated pressure in it, got none; run midair calibrate first")
         recording, calibration, made = as_recording(made), None, None
-    lost = write_recording(recording, output, calibration=calibration, pressure=made)
+    lost = save(recording, output, calibration=calibration, pressure=made)
     rows = [("written", str(output)), ("format", format_of(output).name)]
     print_written(
         rows,

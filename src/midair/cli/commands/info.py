@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.cli.calibration_output import array_rows
 from midair.cli.console import banner, print_json, print_rows
 from midair.cli.options import Json
-from midair.cli.rows import (
+from midair.cli.output import (
+    array_rows,
     calibration_figures,
     calibration_text,
     level_of_file,

@@ -11,11 +11,10 @@ from rich.live import Live as Screen
 from rich.text import Text
 
 from midair.cli.console import banner, err, print_json, print_rows, verbosity
-from midair.cli.exposure_options import ExposureOptions
+from midair.cli.exposure_options import ExposureOptions, HeatOptions
 from midair.cli.keys import Signals, signals_noted
 from midair.cli.options import Json
 from midair.cli.output import may_write
-from midair.cli.play_options import HeatOptions
 from midair.cli.quantities import quantity
 from midair.errors import InputError
 from midair.model import Acoustics, Medium

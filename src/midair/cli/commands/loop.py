@@ -7,16 +7,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from midair.cli.air_options import print_air
-from midair.cli.calibration_output import with_array_calibration
-from midair.cli.compare_inputs import calibrated_part
-from midair.cli.comparisons import plain, print_metrics
+from midair.cli.comparisons import calibrated_part, plain, print_metrics, with_array_calibration
 from midair.cli.console import banner, print_figures, print_json, print_rows, progress_bars, verbosity, work_of
-from midair.cli.exposure_options import ExposureOptions, print_check_time_ahead
+from midair.cli.exposure_options import ExposureOptions, print_air, print_check_time_ahead
 from midair.cli.options import Force, Json, SolveOptions, Time
-from midair.cli.output import may_write
+from midair.cli.output import may_write, warn_level
 from midair.cli.quantities import quantity
-from midair.cli.rows import warn_level
 from midair.cli.time_estimates import workload_of
 from midair.devices import SilencerChoice
 from midair.errors import InputError

@@ -5,8 +5,8 @@ from typing import Annotated, Literal, cast
 
 from cyclopts import Parameter
 
-from midair.cli.air_options import AirOptions, print_air
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars
+from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.options import Force, Json
 from midair.cli.output import may_write
 from midair.cli.quantities import quantity

@@ -14,12 +14,12 @@ from midair.cli.console import PlainConsole, banner, err, print_json, print_rows
 from midair.cli.keys import Keys, Signals, signals_noted
 from midair.cli.meter_screen import MeterScreen
 from midair.cli.options import Json, Quiet
-from midair.cli.quantities import parse_quantity, quantity
-from midair.cli.stage_options import Drawing, StageOptions
-from midair.cli.take_output import take_rows, take_values
+from midair.cli.quantities import format_quantity, parse_quantity, quantity
+from midair.cli.stage_options import Drawing, StageOptions, recorded_strokes, stroke_rows
 from midair.devices import PacedSensor, SensorDevice
 from midair.errors import DeviceError, InputError
-from midair.files import load_sensor
+from midair.files import load_sensor, open_take
+from midair.model import Provenance
 from midair.rig import (
     Subject,
     Take,
@@ -30,6 +30,7 @@ from midair.rig import (
     sensor_named,
     store_subject,
     take_path,
+    take_problems,
 )
 
 Time = Annotated[float | None, quantity("s")]
@@ -304,3 +305,44 @@ def _status(takes: list[Take], device: SensorDevice) -> int:
     if not any(take.frames for take in takes):
         raise DeviceError(f"{device.name}: nothing was recorded; the session ended before a take began")
     return 0
+
+
+def take_rows(take: Take, device: SensorDevice) -> list[tuple[str, str]]:
+    """A take as rows, with its problems."""
+    rows, columns = device.grid.shape
+    return [
+        ("recording", str(take.path)),
+        ("frames", f"{take.frames} at {device.rate:.6g} Hz, {take.frames / device.rate:.3f} s"),
+        ("sensor", f"{device.grid.name}, {rows} x {columns}, pitch {format_quantity(device.grid.pitch, 'm')}"),
+        ("range", f"{take.lowest:.4g} to {take.highest:.4g} {device.unit}"),
+        *(
+            []
+            if take.path is None
+            else stroke_rows(open_take(take.path, streamed=True).recording.provenance, device.rate)
+        ),
+        *take_problems(take, device.rate),
+    ]
+
+
+def take_values(take: Take, device: SensorDevice) -> dict[str, object]:
+    """A take as JSON values."""
+    levels = take.levels
+    return {
+        "recording": str(take.path),
+        "frames": take.frames,
+        "rate_hz": device.rate,
+        "lost_frames": take.lost,
+        "end": take.end,
+        "range": [take.lowest, take.highest],
+        "clipped_channels": levels.clipped.nonzero()[0].tolist(),
+        "dead_channels": levels.dead.nonzero()[0].tolist(),
+        "stuck_channels": levels.stuck.nonzero()[0].tolist(),
+        "rate_ppm": None if take.rate is None else take.rate.ppm,
+        "clock_ppm": None if take.clock is None else take.clock.ppm,
+        **({"strokes": strokes} if (strokes := recorded_strokes(_provenance(take), device.rate)) else {}),
+    }
+
+
+def _provenance(take: Take) -> Provenance:
+    """Provenance with the events of the recording, from the file."""
+    return Provenance() if take.path is None else open_take(take.path, streamed=True).recording.provenance

@@ -11,7 +11,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from midair.cli.compare_inputs import calibrated_part, settings_of_rerecording
+from midair.cli.comparisons import calibrated_part, settings_of_rerecording
 from midair.cli.console import banner, out, print_rows, progress_bars, work_of
 from midair.cli.options import BandOptions, Force, Time
 from midair.cli.output import may_write

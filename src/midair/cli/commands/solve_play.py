@@ -1,29 +1,36 @@
 """The commands `solve` and `play`."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
-from midair.cli.air_options import AirOptions, print_air
-from midair.cli.calibration_output import with_array_calibration
-from midair.cli.compare_inputs import calibrated_part
-from midair.cli.console import banner, print_json, print_rows, progress_bars, work_of
+from midair.cli.comparisons import calibrated_part, with_array_calibration
+from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars, work_of
+from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air, print_check_time
 from midair.cli.options import Force, Json, SolveOptions, Time
-from midair.cli.output import may_write
-from midair.cli.play_options import HeatOptions, PlayOptions, play_on_array, print_room_air
+from midair.cli.output import level_of_file, level_rows, may_write, solve_error, warn_level
 from midair.cli.quantities import quantity
-from midair.cli.rows import level_of_file, level_rows, solve_error, warn_level
 from midair.cli.time_estimates import workload_of
+from midair.devices import ArrayDevice, Cooling, ExposureClearance, PlayReport, SilencerChoice, check_exposure
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
-from midair.files import load_array_calibration, load_placement, load_solution, load_target, save, save_solutions
+from midair.files import (
+    check_memory_for,
+    load_array_calibration,
+    load_placement,
+    load_solution,
+    load_target,
+    save,
+    save_solutions,
+)
 from midair.headroom import level_of
-from midair.model import Acoustics
+from midair.model import Acoustics, Drive, Medium
 from midair.physics import Transducers
 from midair.pipeline import Reproduction, reproduce_stream, required_lead
-from midair.rig import ArrayKind, VirtualRig, array_of_kind, rerecord
+from midair.rig import ArrayKind, VirtualRig, array_named, array_of_kind, check_air, play_cleared, rerecord
 from midair.settings import Settings
 from midair.targets import add_lead, frames_without_lead, sensor_from_provenance
 
@@ -131,6 +138,35 @@ def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, 
     return [("E in other air", ", ".join(told))] if all(map(len, errors)) else []
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlayOptions(ExposureOptions):
+    """Playback options and exposure limits.
+
+    Parameters
+    ----------
+    repeats
+        Number of times to play the drive, without gaps.
+    delay
+        Time before the first frame.
+    silencer
+        How the array smooths phase steps; auto: least simulated pressure error; default: the firmware's 1 ms.
+    placement
+        TOML file with position and rotation of the units. [default: two by two, side by side]
+    """
+
+    repeats: int = 1
+    delay: Time = 0.0
+    silencer: SilencerChoice = "auto"
+    placement: Path | None = None
+
+    def admit(self, drive: Drive, device: ArrayDevice, room: Medium | None) -> ExposureClearance:
+        """Check the exposure of a drive on this device in the air of the room."""
+        choices = self.choices(room)
+        print_check_time(drive, choices.profile, room=room)
+        return check_exposure(drive, device, choices, repeats=self.repeats)
+
+
 def play_command(
     source: Path,
     /,
@@ -181,7 +217,7 @@ def play_command(
                 f"--array-calibration: expected --device virtual, got {device}; "
                 "for a real array use midair solve --array-calibration"
             )
-        return play_on_array(source, device, options, room, (heat or HeatOptions()).cooling())
+        return _play_on_array(source, device, options, room, (heat or HeatOptions()).cooling())
     target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
     may_write(target, force)
     drive = load_solution(source, streamed=True).drive
@@ -197,7 +233,7 @@ def play_command(
         rig = replace(rig, transducers=Transducers.measured(measured))
     skin = rig.skin()
     banner(True)
-    print_room_air(drive, source, room, simulated=True)
+    _print_room_air(drive, source, room, simulated=True)
     array = rig.array_device(skin)
     array.silencer = options.silencer
     name, workload = "play and re-record", workload_of(known, drive.array.count)
@@ -217,3 +253,51 @@ def play_command(
         ]
     )
     return None
+
+
+def _print_room_air(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:
+    """Print on stderr how the air of the room changes the drive of a file."""
+    found = check_air(drive, room, lambda: load_target(source, streamed=True), simulated=simulated)
+    print_note(found.said, warn=found.warns)
+
+
+def _play_on_array(
+    source: Path, device: str, options: PlayOptions, room: Medium | None, cooling: Cooling | None
+) -> None:
+    """Play the drive of a file on a real array or an emulator, and print the result."""
+    placement = None if options.placement is None else load_placement(options.placement)
+    array = array_named(device, placement, silencer=options.silencer)
+    array.cooling = cooling
+    # Reserved before a long drive is read and checked: `midair stop` works, and no other program gets the units.
+    with array.reserved():
+        drive = load_solution(source, streamed=True).drive
+        if not array.streams:
+            # Phases, and the driver's copy of them.
+            check_memory_for(
+                2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
+            )
+            drive = load_solution(source).drive
+        admission = options.admit(drive, array, room)
+        _print_room_air(drive, source, room)
+        rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
+        rows.append(("heat", admission.exposure.heat))
+        print_rows([*level_rows(level_of_file(source, limits=False)), *rows])
+        with progress_bars() as stage, array:
+            # Known only after opening the device.
+            banner(array.simulated)
+            report = play_cleared(
+                admission, array, source=source, delay=options.delay, progress=stage("play"), room=room
+            )
+    print_rows(_played_rows(report, drive, device))
+
+
+def _played_rows(report: PlayReport, drive: Drive, device: str) -> list[tuple[str, str]]:
+    start = "unknown" if report.start is None else f"{report.start} ns of device time"
+    return [
+        ("played", f"{report.frames} frames at {drive.rate:g} Hz on {device}, {report.duration:g} s"),
+        ("first frame", start),
+        ("timing", f"{report.late} late, {report.repeated} repeated, {1e3 * report.gap:g} ms of gaps"),
+        *([("paused", f"{report.paused:.1f} s in silence, since units were too hot")] if report.paused else []),
+        ("silencer", report.silencer),
+        ("units", report.units or "not reported"),
+    ]

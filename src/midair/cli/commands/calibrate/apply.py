@@ -6,14 +6,13 @@ from typing import Annotated, Literal
 import numpy as np
 
 from midair.calibration import calibrate
-from midair.cli.calibration_output import prepare_page, print_calibration, require_calibration
+from midair.cli.commands.calibrate.output import prepare_page, print_calibration, require_calibration
 from midair.cli.console import banner, print_rows
+from midair.cli.import_options import calibration_from_options
 from midair.cli.options import BandOptions, Force, Json
-from midair.cli.output import may_write, write_recording
+from midair.cli.output import calibration_text, may_write
 from midair.cli.quantities import quantity
-from midair.cli.rows import calibration_text
-from midair.cli.stated_calibration import calibration_from_options
-from midair.files import load_pressure, open_take
+from midair.files import load_pressure, open_take, save
 from midair.rig import describe_uncertainty
 from midair.streaming import moments
 
@@ -64,7 +63,7 @@ def apply_command(
     )
     # For a midair file, read the largest pressure back from the file: computing it here would calibrate twice.
     found = None if take.stored else moments(pressure.pressure)
-    write_recording(recording, source, calibration=known, pressure=pressure)
+    save(recording, source, calibration=known, pressure=pressure)
     found = found or moments((load_pressure(source, streamed=True) or pressure).pressure)
     banner(pressure.provenance.simulated)
     print_rows(

@@ -8,13 +8,12 @@ import numpy as np
 from cyclopts import Parameter
 
 from midair.calibration import BeamPlan, BeamSetting, MeasureSettings, measure_calibration, measure_tone, scale_to_tone
-from midair.cli.air_options import AirOptions, print_air
-from midair.cli.calibration_output import OutputOptions, require_calibration
+from midair.cli.commands.calibrate.output import OutputOptions, require_calibration
 from midair.cli.console import out, progress_bars, work_of
-from midair.cli.exposure_options import ExposureOptions
+from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
+from midair.cli.import_options import stated_sensitivity
 from midair.cli.options import Frequency, Length, Time
 from midair.cli.quantities import quantity
-from midair.cli.stated_calibration import stated_sensitivity
 from midair.errors import InputError
 from midair.files import open_take
 from midair.model import HEIGHT, Acoustics, Medium

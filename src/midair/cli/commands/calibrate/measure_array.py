@@ -6,12 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 from midair.calibration import ArrayPlan
-from midair.cli.air_options import AirOptions, print_air
-from midair.cli.calibration_output import array_rows
 from midair.cli.console import banner, print_json, print_rows, progress_bars
-from midair.cli.exposure_options import ExposureOptions
+from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
 from midair.cli.options import Force, Json, Length, Time
-from midair.cli.output import may_write
+from midair.cli.output import array_rows, may_write
 from midair.cli.quantities import quantity
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import MissingFileError

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from midair.cli.console import print_line
+from midair.cli.console import out
 from midair.errors import InputError
 from midair.figures import png_bytes
 from midair.files import atomic_file
@@ -76,7 +76,7 @@ def power_command(
         raise InputError(f"--power: expected between 0 and 1, got {power:g}")
     if test in ("paired", "threshold"):
         many, what = participants_for_paired_t(d_z=effect, power=power), "pairs" if test == "paired" else "thresholds"
-        print_line(f"{many} {what} for power {power:g} at {'d_z' if test == 'paired' else 'a distance'} = {effect:g}.")
+        out().print(f"{many} {what} for power {power:g} at {'d_z' if test == 'paired' else 'a distance'} = {effect:g}.")
         return
     experiment: Experiment = {
         "identification": IdentificationExperiment(objects=objects, trials=trials, d_prime=effect),
@@ -85,11 +85,11 @@ def power_command(
     }[test]
     curve = power_curve(experiment, [3, 5, 8, 10, 12, 16, 20, 30, 40], rng=np.random.default_rng(seed), runs=runs)
     for row in curve.to_dict("records"):
-        print_line(
+        out().print(
             f"{row['participants']:>4} participants: power {row['power']:.2f} ({row['low']:.2f} to {row['high']:.2f})"
         )
     enough = curve["participants"][curve["power"] >= power].tolist()
-    print_line(f"Enough for {power:g}: {enough[0]}." if enough else f"More than 40 are needed for {power:g}.")
+    out().print(f"Enough for {power:g}: {enough[0]}." if enough else f"More than 40 are needed for {power:g}.")
 
 
 def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
@@ -108,10 +108,10 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
     """
     for row in published_statistics().to_dict("records"):
         limits = "" if np.isnan(row["low"]) else f" ({row['low']:.3f} to {row['high']:.3f})"
-        print_line(f"{row['quantity']}: {row['value']:.4f}{limits}")
+        out().print(f"{row['quantity']}: {row['value']:.4f}{limits}")
     chance = chance_of_published(rng=np.random.default_rng(seed))
     low, high = chance.range95
-    print_line(f"macro F by chance: mean {chance.mean:.3f}, middle 95 % {low:.3f} to {high:.3f}")
+    out().print(f"macro F by chance: mean {chance.mean:.3f}, middle 95 % {low:.3f} to {high:.3f}")
     if output is None:
         return
     from pandas import DataFrame
@@ -124,4 +124,4 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
     for name, figure in report_progress(drawn.items(), len(drawn)):
         with atomic_file(output / name) as partial:
             partial.write_bytes(png_bytes(figure))
-    print_line(f"{output}: paper-chance.png, paper-power.png")
+    out().print(f"{output}: paper-chance.png, paper-power.png")

@@ -5,7 +5,7 @@ import sys
 from hashlib import sha256
 from pathlib import Path
 
-from midair.cli.console import banner, err, print_line, progress_bars
+from midair.cli.console import banner, err, out, progress_bars
 from midair.cli.options import Force
 from midair.errors import InputError
 from midair.files import atomic_file, read_text
@@ -80,10 +80,10 @@ def new_command(
         return {one.source: one.digest for one in gathered}
 
     plan = StudyFolder.create(path, text, design, drives=None if drives == "none" else fill).plan()
-    print_line(f"{path}: {len(plan.of(1))} trials for each of {design.participants} participants, plan {plan.digest}.")
+    out().print(f"{path}: {len(plan.of(1))} trials for each of {design.participants} participants, plan {plan.digest}.")
     for number in range(1, design.participants + 1):
         order = dict.fromkeys(block.group for block in block_order(plan.design, number))
-        print_line(f"  participant {number}: {', '.join(order)}")
+        out().print(f"  participant {number}: {', '.join(order)}")
     _print_drives(gathered)
     _print_next(path, design, gathered)
 
@@ -112,7 +112,7 @@ def plan_command(study: Path, output: Path | None = None, /, *, runs: int = 500,
     page = plan_page(plan, runs=runs)
     with atomic_file(target) as partial:
         partial.write_text(page, encoding="utf-8")
-    print_line(f"{target}: plan {plan.digest}, the page's SHA-256 {sha256(page.encode()).hexdigest()}")
+    out().print(f"{target}: plan {plan.digest}, the page's SHA-256 {sha256(page.encode()).hexdigest()}")
 
 
 def withdraw_command(study: Path, participant: int, /, *, force: Force = False) -> None:
@@ -138,8 +138,8 @@ def withdraw_command(study: Path, participant: int, /, *, force: Force = False) 
     if not force:
         _confirm_deletion(study, participant)
     for line in withdraw(folder, participant):
-        print_line(line)
-    print_line(f"participant {participant} is withdrawn.")
+        out().print(line)
+    out().print(f"participant {participant} is withdrawn.")
 
 
 def _confirm_deletion(study: Path, participant: int) -> None:
@@ -154,7 +154,7 @@ def _confirm_deletion(study: Path, participant: int) -> None:
 def _print_drives(gathered: list[StudyDrive]) -> None:
     words = {"found": "copied", "solved": "solved from its recording", "virtual": "from a virtual stroke"}
     for one in gathered:
-        print_line(f"  {one.source}: {one.duration:.2f} s, {words[one.how]}, SHA-256 {one.digest[:12]}")
+        out().print(f"  {one.source}: {one.duration:.2f} s, {words[one.how]}, SHA-256 {one.digest[:12]}")
     if any(one.how == "virtual" for one in gathered):
         banner(True)
 
@@ -164,10 +164,10 @@ def _print_next(path: Path, design: Design, gathered: list[StudyDrive]) -> None:
     there = shlex.quote(str(path))
     drives = any(one.kind == "drive" for one in design.stimuli)
     if drives and not gathered:
-        print_line(f"Next: midair study run {there} --simulate")
+        out().print(f"Next: midair study run {there} --simulate")
         return
     noise = " --noise none" if design.noise else ""
     array = f" --array virtual{noise}" if drives else ""
-    print_line(f"Next: midair study run {there} --participant 1{array}")
-    print_line(f"To preregister it: midair study plan {there}")
-    print_line(f"To simulate participants: midair study run {there} --simulate")
+    out().print(f"Next: midair study run {there} --participant 1{array}")
+    out().print(f"To preregister it: midair study plan {there}")
+    out().print(f"To simulate participants: midair study run {there} --simulate")

@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from midair.cli.air_options import AirOptions
-from midair.cli.console import PlainConsole, print_line, warn_simulated
-from midair.cli.exposure_options import ExposureOptions, print_check_time
+from midair.cli.console import PlainConsole, out, warn_simulated
+from midair.cli.exposure_options import AirOptions, ExposureOptions, print_check_time
 from midair.errors import InputError
 from midair.study import (
     InstantClock,
@@ -77,7 +76,7 @@ def run_command(
         raise InputError("participant: expected --participant N from 1, or --simulate, got neither")
     check_not_withdrawn(folder, participant)
     if done := _finished_log(folder, plan, participant):
-        print_line(f"participant {participant} has already finished; no question was asked. {done}")
+        out().print(f"participant {participant} has already finished; no question was asked. {done}")
         return 0
     room = (air or AirOptions()).medium()
     choices = (exposure or ExposureOptions()).choices(room)
@@ -113,8 +112,8 @@ def run_command(
             raise InputError(
                 "terminal: expected answers, got the end of input; the answers so far are stored"
             ) from closed
-    print_line("Done." if step.kind == "done" else "Stopped; the answers so far are stored.")
-    print_line(
+    out().print("Done." if step.kind == "done" else "Stopped; the answers so far are stored.")
+    out().print(
         f"{folder.log(participant).name}: seal {session.seal}. Write it down elsewhere: it detects a replaced log."
     )
     _print_next_session(session.standing())
@@ -134,7 +133,7 @@ def _finished_log(folder: StudyFolder, plan: Plan, participant: int) -> str:
 def _print_next_session(standing: SessionState) -> None:
     if standing.next_trial < len(standing.trials) and not standing.broken_off:
         due = standing.trials[standing.next_trial].session
-        print_line(f"Session {due} is next: run the same command again.")
+        out().print(f"Session {due} is next: run the same command again.")
 
 
 def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Policy, d_prime: float) -> int:
@@ -149,6 +148,6 @@ def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Po
         for _ in range(plan.design.sessions):
             with Session(plan, number, log, presenter, policy=policy, simulated=True, clock=InstantClock()) as session:
                 run(session, screen)
-        print_line(f"participant {number}: done; {log.name}: seal {chain_hash(log)}")
+        out().print(f"participant {number}: done; {log.name}: seal {chain_hash(log)}")
     warn_simulated(True)
     return 0

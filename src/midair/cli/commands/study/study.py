@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from midair.cli.console import print_line, warn_simulated
+from midair.cli.console import out, warn_simulated
 from midair.cli.options import Json
 from midair.errors import InputError
 from midair.files import atomic_file
@@ -160,14 +160,14 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
         written = write_bids(
             answers, plan.design, output, files=verified.summary, unfinished=tuple(verified.unfinished)
         )
-        print_line(f"{output}: {len(written)} files, {len(answers)} answers.")
+        out().print(f"{output}: {len(written)} files, {len(answers)} answers.")
     else:
         if answers.empty:
             raise InputError("export: expected answers, got none; run a participant first")
         log_derived_file(folder, output, "csv")
         write_csv(answers, output, files=verified.summary)
-        print_line(f"{output}: {len(answers)} answers.")
-    print_line(" ".join(part for part in (verified.summary, verified.unfinished_words) if part))
+        out().print(f"{output}: {len(answers)} answers.")
+    out().print(" ".join(part for part in (verified.summary, verified.unfinished_words) if part))
     warn_simulated(bool(answers["simulated"].any()))
 
 
@@ -192,7 +192,7 @@ def verify_command(study: Path, /, *, seal: Path | None = None) -> int:
     """
     verified = verify_study(StudyFolder(study), noted=None if seal is None else noted_seals(seal))
     for line in (*verified.sessions, verified.summary):
-        print_line(line)
+        out().print(line)
     return 1 if verified.faults else 0
 
 
@@ -209,6 +209,6 @@ def _print_report(report: Report, data: StudyData, target: Path, *, json: bool) 
     if json:
         print(report_json(report))  # noqa: T201
         return
-    print_line(report_text(report))
-    print_line(f"\nreport {target}, notebook of the analysis {target.with_suffix('.ipynb')}")
+    out().print(report_text(report))
+    out().print(f"\nreport {target}, notebook of the analysis {target.with_suffix('.ipynb')}")
     warn_simulated(data.simulated)

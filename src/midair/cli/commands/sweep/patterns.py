@@ -6,10 +6,10 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
-from midair.cli.air_options import AirOptions
+from midair.cli.commands.sweep.output import run_with_bar, show_patterns
 from midair.cli.console import out
+from midair.cli.exposure_options import AirOptions
 from midair.cli.quantities import format_quantity, parse_quantity
-from midair.cli.sweep_output import run_with_bar, show_patterns
 from midair.model import HEIGHT, Acoustics, Directivity, Medium
 from midair.sweep import PatternResults, PatternSweep, load_sweep, report_of
 

@@ -8,11 +8,11 @@ from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
-from midair.cli.air_options import print_air
+from midair.cli.commands.sweep.output import run_with_bar, show_trials
 from midair.cli.console import out
+from midair.cli.exposure_options import print_air
 from midair.cli.options import SolveOptions, Time
 from midair.cli.quantities import quantity
-from midair.cli.sweep_output import run_with_bar, show_trials
 from midair.errors import InputError
 from midair.files import open_take
 from midair.model import TransducerArray

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from midair.cli.commands.sweep.output import show_patterns, show_trials
 from midair.cli.console import out, print_json
 from midair.cli.options import Json
-from midair.cli.sweep_output import show_patterns, show_trials
 from midair.sweep import (
     PatternResults,
     TrialReport,

@@ -22,7 +22,7 @@ def run_with_bar(sweep: Sweep, where: str, *, scheduler: str | None, workers: in
         with sweep_bar("patterns" if sweep.kind == "patterns" else "frames", _workload(sweep)) as progress:
             run_sweep(sweep, where, scheduler=scheduler, workers=workers, progress=progress)
     except KeyboardInterrupt:
-        _print_line("stopped; the results so far are stored; run the same command again to resume")
+        err().print("midair: stopped; the results so far are stored; run the same command again to resume")
         return 130
     return 0
 
@@ -56,10 +56,6 @@ def sweep_bar(items: str, workload: str) -> Generator[Advance]:
     count, took = last[0] - begun[0], last[1] - begun[1]
     if count and took >= MEASURED:
         speeds.updated(Work(kind=kind, frames=count), took).save()
-
-
-def _print_line(words: str) -> None:
-    err().print(f"midair: {words}")
 
 
 def show_patterns(report: PatternReport) -> None:

@@ -1,7 +1,7 @@
 """Output of calibrations: options, comparison with an earlier one, rows to print."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -12,10 +12,9 @@ from midair.cli.console import banner, print_json, print_rows
 from midair.cli.options import Force, Json
 from midair.cli.output import may_write
 from midair.errors import MismatchError, MissingFileError
-from midair.files import CALIBRATION_SUFFIX, load_array_calibration, load_calibration, save_calibration
-from midair.model import ArrayCalibration, Calibration, PressureFrames, SensorGrid, TransducerArray
+from midair.files import CALIBRATION_SUFFIX, load_calibration, save_calibration
+from midair.model import Calibration, SensorGrid
 from midair.rig import calibration_rows, check_page_name, write_calibration_page
-from midair.settings import Settings
 
 
 @Parameter(name="*")
@@ -139,39 +138,3 @@ def print_calibration(
     banner(simulated)
     print_rows([*rows, *(("note", note) for note in notes or [])])
     return None
-
-
-def with_array_calibration(
-    path: Path | None, array: TransducerArray, settings: Settings, pressure: PressureFrames
-) -> tuple[TransducerArray, Settings, PressureFrames]:
-    """Array, settings and pressure for the measured transducers of a file; unchanged without a file."""
-    if path is None:
-        return array, settings, pressure
-    known = load_array_calibration(path)
-    told = {"file": path.name, "id": known.identifier, "date": known.date}
-    life = pressure.provenance.then("array calibration", told, simulated=known.provenance.simulated)
-    return known.applied(array), settings.measured(known), replace(pressure, provenance=life)
-
-
-def array_rows(known: ArrayCalibration) -> list[tuple[str, str]]:
-    """Rows of an array calibration, with expanded uncertainties (k = 2)."""
-    alive = ~known.dead
-
-    def of(values: np.ndarray, errors: np.ndarray, unit: str, digits: int) -> str:
-        some = values[alive]
-        sure = 2 * float(np.median(errors[alive]))
-        return f"{some.mean():.{digits}f} {unit}, each ± {some.std():.2g}, uncertainty {sure:.2g} {unit} (k = 2)"
-
-    quality = known.quality_uncertainty * known.quality
-    dead = np.flatnonzero(known.dead)
-    named = ", ".join(str(number) for number in dead[:20]) + (" and more" if len(dead) > 20 else "")
-    return [
-        ("array", f"{known.array.name}, {known.array.count} transducers"),
-        ("dead", f"{len(dead)}: {named}" if len(dead) else "none"),
-        ("strength", of(known.strength, known.strength_uncertainty, "of the model's", 3)),
-        ("level of all", f"uncertainty {200 * known.level_uncertainty:.2g} % (k = 2)"),
-        ("phase", of(known.phase, known.phase_uncertainty, "rad", 3)),
-        ("resonance", of(known.resonance, known.resonance_uncertainty, "Hz", 0)),
-        ("quality factor", of(known.quality, quality, "", 1)),
-        ("calibration id", f"{known.identifier}, {known.date or 'no date'}"),
-    ]
