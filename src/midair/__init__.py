@@ -12,149 +12,86 @@ The stages are functions of this package; the data classes that they exchange ar
 is a subpackage. Names are imported on first use, so ``import midair`` loads nothing else.
 """
 
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from midair.version import __version__
+from midair.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from midair import (
-        calibration,
-        correct,
-        datasets,
-        devices,
-        dsp,
-        errors,
-        evaluate,
-        figures,
-        files,
-        model,
-        paper,
-        physics,
-        pipeline,
-        recordings,
-        rig,
-        settings,
-        solvers,
-        studio,
-        study,
-        sweep,
-        targets,
-        view,
-    )
-    from midair.calibration import calibrate
-    from midair.evaluate import compare
-    from midair.files import load, load_calibration, open_take, save
-    from midair.model import (
-        Acoustics,
-        AmplitudeFrames,
-        Calibration,
-        ControlGrid,
-        Drive,
-        Medium,
-        PressureFrames,
-        Recording,
-        SensorGrid,
-        Solution,
-        TransducerArray,
-    )
-    from midair.physics import propagate
-    from midair.rig import live, loop, open_rig, play, record
-    from midair.settings import Settings
-    from midair.solvers import solve
-    from midair.targets import prepare
+    from midair import calibration as calibration
+    from midair import correct as correct
+    from midair import datasets as datasets
+    from midair import devices as devices
+    from midair import dsp as dsp
+    from midair import errors as errors
+    from midair import evaluate as evaluate
+    from midair import figures as figures
+    from midair import files as files
+    from midair import model as model
+    from midair import paper as paper
+    from midair import physics as physics
+    from midair import pipeline as pipeline
+    from midair import recordings as recordings
+    from midair import rig as rig
+    from midair import settings as settings
+    from midair import solvers as solvers
+    from midair import studio as studio
+    from midair import study as study
+    from midair import sweep as sweep
+    from midair import targets as targets
+    from midair import view as view
+    from midair.calibration import calibrate as calibrate
+    from midair.evaluate import compare as compare
+    from midair.files import load as load
+    from midair.files import load_calibration as load_calibration
+    from midair.files import open_take as open_take
+    from midair.files import save as save
+    from midair.model import Acoustics as Acoustics
+    from midair.model import AmplitudeFrames as AmplitudeFrames
+    from midair.model import Calibration as Calibration
+    from midair.model import ControlGrid as ControlGrid
+    from midair.model import Drive as Drive
+    from midair.model import Medium as Medium
+    from midair.model import PressureFrames as PressureFrames
+    from midair.model import Recording as Recording
+    from midair.model import SensorGrid as SensorGrid
+    from midair.model import Solution as Solution
+    from midair.model import TransducerArray as TransducerArray
+    from midair.physics import propagate as propagate
+    from midair.rig import live as live
+    from midair.rig import loop as loop
+    from midair.rig import open_rig as open_rig
+    from midair.rig import play as play
+    from midair.rig import record as record
+    from midair.settings import Settings as Settings
+    from midair.solvers import solve as solve
+    from midair.targets import prepare as prepare
 
-__all__ = [
-    "Acoustics",
-    "AmplitudeFrames",
-    "Calibration",
-    "ControlGrid",
-    "Drive",
-    "Medium",
-    "PressureFrames",
-    "Recording",
-    "SensorGrid",
-    "Settings",
-    "Solution",
-    "TransducerArray",
-    "__version__",
-    "calibrate",
-    "calibration",
-    "compare",
-    "correct",
-    "datasets",
-    "devices",
-    "dsp",
-    "errors",
-    "evaluate",
-    "figures",
-    "files",
-    "live",
-    "load",
-    "load_calibration",
-    "loop",
-    "model",
-    "open_rig",
-    "open_take",
-    "paper",
-    "physics",
-    "pipeline",
-    "play",
-    "prepare",
-    "propagate",
-    "record",
-    "recordings",
-    "rig",
-    "save",
-    "settings",
-    "solve",
-    "solvers",
-    "studio",
-    "study",
-    "sweep",
-    "targets",
-    "view",
-]
 
-_ELSEWHERE = {
-    **dict.fromkeys(
-        (
-            "Acoustics",
-            "AmplitudeFrames",
-            "Calibration",
-            "ControlGrid",
-            "Drive",
-            "Medium",
-            "PressureFrames",
-            "Recording",
-            "SensorGrid",
-            "Solution",
-            "TransducerArray",
-        ),
-        "midair.model",
-    ),
-    **dict.fromkeys(("load", "load_calibration", "open_take", "save"), "midair.files"),
-    **dict.fromkeys(("live", "loop", "open_rig", "play", "record"), "midair.rig"),
-    "Settings": "midair.settings",
-    "calibrate": "midair.calibration",
-    "compare": "midair.evaluate",
-    "prepare": "midair.targets",
-    "propagate": "midair.physics",
-    "solve": "midair.solvers",
-}
-"""Functions and classes of this package and the package that defines each; all other names are subpackages."""
+@cache
+def _names() -> dict[str, str]:
+    """Public names and the module that each is imported from, read from the imports above, the only list of them."""
+    import ast
+    from pathlib import Path
+
+    nodes = ast.walk(ast.parse(Path(__file__).read_text(encoding="utf-8")))
+    imports = [node for node in nodes if isinstance(node, ast.ImportFrom)]
+    return {name.asname: node.module or "" for node in imports for name in node.names if name.asname}
 
 
 def __getattr__(name: str) -> Any:
     """Import a name on first use and cache it."""
-    if name in _ELSEWHERE:
-        globals()[name] = getattr(import_module(_ELSEWHERE[name]), name)
-        return globals()[name]
-    if name in __all__:
+    if name == "__all__":
+        return __dir__()
+    if name not in _names():
+        raise AttributeError(f"module 'midair' has no attribute {name!r}")
+    if _names()[name] == "midair":
         return import_module(f"midair.{name}")
-    raise AttributeError(f"module 'midair' has no attribute {name!r}")
+    globals()[name] = getattr(import_module(_names()[name]), name)
+    return globals()[name]
 
 
 def __dir__() -> list[str]:
     """Public names only."""
-    return sorted(__all__)
+    return sorted(_names())
