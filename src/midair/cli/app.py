@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of
+from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of, summary_of
 from midair.cli.console import busy_bar, err, parse_flags, verbosity, with_verbosity
 from midair.cli.help_text import GROUPS, add_command
 from midair.errors import MidairError, UnknownDeviceError
@@ -61,7 +61,8 @@ def completion_command(shell: Literal["bash", "zsh", "fish"], /) -> None:
     sys.stdout.write(app.generate_completion(shell=shell))
 
 
-for order, (name, (group, _, summary)) in enumerate(COMMANDS.items()):
+for order, (name, (group, _)) in enumerate(COMMANDS.items()):
+    summary = summary_of(name)
     app.command(f"midair.cli.commands:{name}_app", name=name, help=summary, group=GROUPS[group], sort_key=order)
 for name, (group, summary) in FOLDERS.items():
     app.command(f"midair.cli.commands.{name}:{name}_app", name=name, help=summary, group=GROUPS[group])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from midair.cli.compare_inputs import calibrated_part
+from midair.cli.comparisons import calibrated_part
 from midair.devices import check_exposure
 from midair.evaluate import advance, compare
 from midair.files import open_take, save
