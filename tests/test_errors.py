@@ -1,6 +1,7 @@
 """The tree of errors equals the one in the docstring."""
 
 import inspect
+import pickle
 import re
 
 import pytest
@@ -34,3 +35,11 @@ def test_every_error_is_a_midair_error_with_its_message(error):
     with pytest.raises(MidairError) as caught:
         raise error("expected this, got that")
     assert str(caught.value) == "expected this, got that"
+
+
+def test_an_input_error_names_parameters_as_they_are_typed_in_python_or_elsewhere():
+    error = pickle.loads(
+        pickle.dumps(errors.RateError("a {b}.csv: no rate", parameters={"rate": "rate=2", "unit": "unit=3"}))
+    )
+    assert str(error) == "a {b}.csv: no rate; give rate=2, or unit=3"
+    assert error.message({"rate": "--rate 2Hz"}) == "a {b}.csv: no rate; give --rate 2Hz, or unit=3"

@@ -30,13 +30,35 @@
 Each message states the expected value, the value received, and what to do.
 """
 
+from collections.abc import Mapping
+
 
 class MidairError(Exception):
     """Root of every error that midair raises on purpose."""
 
 
 class InputError(MidairError, ValueError):
-    """A value that cannot be used."""
+    """A value that cannot be used.
+
+    Parameters
+    ----------
+    *args : str
+        The message.
+    parameters : mapping of str to str, optional
+        Parameters that correct the input, each as it is typed in Python; the message ends with this advice.
+    """
+
+    def __init__(self, *args: object, parameters: Mapping[str, str] | None = None) -> None:
+        super().__init__(*args)
+        self.parameters = dict(parameters or {})
+
+    def __str__(self) -> str:
+        return self.message({})
+
+    def message(self, typed: Mapping[str, str]) -> str:
+        """The message with parameters as they are typed elsewhere, such as options of a command."""
+        advice = [typed.get(name, python) for name, python in self.parameters.items()]
+        return super().__str__() + (f"; give {', or '.join(advice)}" if advice else "")
 
 
 class ShapeError(InputError):

@@ -90,7 +90,7 @@ def test_a_scale_makes_pressure_of_any_number(path):
     assert (recording.unit, recording.samples[0, 0, 0]) == ("Pa", 3.0)
     with pytest.raises(MismatchError, match="the file states Pa"):
         foreign((3, 1), rate=10.0, unit="Pa").resolve(ImportOptions(scale=2.0), path)
-    with pytest.raises(MismatchError, match="leave unit out"):
+    with pytest.raises(MismatchError, match="leave the unit out"):
         ImportOptions(scale=2.0, unit="V")
     for scale in (0.0, np.nan):
         with pytest.raises(InputError, match="other than 0 Pa"):

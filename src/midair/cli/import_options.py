@@ -110,24 +110,16 @@ class FileOptions:
         return self.footprint is not None or self.resample is not None
 
 
-AS_TYPED: Mapping[str, str] = MappingProxyType(
+_TYPED: Mapping[str, str] = MappingProxyType(
     {
-        "give it, such as rate=1000 (Hz)": "give it, such as --rate 1000Hz",
-        'give unit="V", "count" or "Pa"': "give --unit V, count or Pa",
-        "such as scale=2 (Pa)": "such as --scale 2Pa",
-        "give sensor=SensorGrid(rows=..., columns=..., pitch=...)": "give --layout ROWSxCOLUMNS:PITCH such as 4x4:11mm",
-        "channels=(...)": "--channels 0,1",
-        "(channels=)": "(--channels 0)",
+        "rate": "--rate 1000Hz",
+        "unit": "--unit V, count or Pa",
+        "scale": "--scale 2Pa, the pressure of the value 1",
+        "sensor": "--layout ROWSxCOLUMNS:PITCH such as 4x4:11mm",
+        "channels": "--channels 0 to choose one",
     }
 )
-"""Phrases of the library for Python, and the same for the command line."""
-
-
-def command_line_message(message: str) -> str:
-    """A message of the library with command-line options instead of Python arguments."""
-    for python, typed in AS_TYPED.items():
-        message = message.replace(python, typed)
-    return re.sub(r"got (rate|unit|scale)=", r"got --\1 ", message)
+"""Options for parameters of `open_take` that errors advise to give."""
 
 
 def import_recording(
@@ -137,7 +129,7 @@ def import_recording(
     try:
         return _read_with_options(file, options, streamed=streamed, mending=mending)
     except InputError as wrong:
-        raise type(wrong)(command_line_message(str(wrong))) from wrong
+        raise type(wrong)(wrong.message(_TYPED)) from wrong
 
 
 def _read_with_options(file: File, options: FileOptions, *, streamed: bool, mending: Mending | None) -> OpenedTake:

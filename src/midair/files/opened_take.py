@@ -76,7 +76,7 @@ class ImportOptions:
         if self.scale is not None and not (np.isfinite(self.scale) and self.scale != 0):
             raise InputError(f"scale: expected a number other than 0 Pa, got {self.scale:g}")
         if self.scale is not None and self.unit not in (None, "Pa"):
-            raise MismatchError(f"scale: it converts numbers to Pa, got unit={self.unit!r}; leave unit out")
+            raise MismatchError(f"scale: it converts numbers to Pa, got the unit {self.unit}; leave the unit out")
 
     def check(self, recording: Recording, path: Path) -> None:
         """Raise MismatchError if an option contradicts a file of midair, which needs no options."""
@@ -181,9 +181,9 @@ class ImportedData:
     def _rate(self, given: ImportOptions, path: Path) -> float:
         rate = given.rate if self.rate is None else self.rate
         if rate is None:
-            raise RateError(f"{path}: the file does not state its frame rate; give it, such as rate=1000 (Hz)")
+            raise RateError(f"{path}: the file does not state its frame rate", parameters={"rate": "rate=1000 (Hz)"})
         if given.rate not in (None, rate):
-            raise MismatchError(f"{path}: the file states {rate:g} Hz, got rate={given.rate:g}; leave rate out")
+            raise MismatchError(f"{path}: the file states {rate:g} Hz, got {given.rate:g} Hz; leave the rate out")
         return rate
 
     def _unit(self, given: ImportOptions, path: Path) -> Unit:
@@ -192,16 +192,16 @@ class ImportedData:
             stated = self.units[0]
         if given.scale is not None:
             if stated == "Pa":
-                raise MismatchError(f"{path}: the file states Pa, got scale={given.scale:g}; leave scale out")
+                raise MismatchError(f"{path}: the file states Pa, got a scale; leave it out")
             return "Pa"
         unit = stated or given.unit
         if unit is None:
             raise UnitError(
-                f'{path}: the file does not state the unit of its samples; give unit="V", "count" or "Pa", or for '
-                "another quantity the pressure that 1 corresponds to, such as scale=2 (Pa)"
+                f"{path}: the file does not state the unit of its samples",
+                parameters={"unit": 'unit="V", "count" or "Pa"', "scale": "scale=2, the pressure in Pa of the value 1"},
             )
         if given.unit not in (None, unit):
-            raise MismatchError(f"{path}: the file states {unit}, got unit={given.unit!r}; leave unit out")
+            raise MismatchError(f"{path}: the file states {unit}, got {given.unit}; leave the unit out")
         return unit
 
     def _sensor(self, given: ImportOptions, path: Path) -> tuple[SensorGrid, str]:
@@ -229,8 +229,11 @@ class ImportedData:
             return SensorGrid(), f"The file does not state the layout of its 16 channels: {layout} was assumed."
         named = f" ({', '.join(self.names[:20])})" if self.names else ""
         raise ShapeError(
-            f"{path}: the file has {channels} channels{named} and does not state their layout; "
-            "give sensor=SensorGrid(rows=..., columns=..., pitch=...), or choose some with channels=(...)"
+            f"{path}: the file has {channels} channels{named} and does not state their layout",
+            parameters={
+                "sensor": "sensor=SensorGrid(rows=..., columns=..., pitch=...)",
+                "channels": "channels=(...) to choose some",
+            },
         )
 
     def _select(self, channels: Sequence[str], path: Path) -> "ImportedData":

@@ -116,7 +116,8 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
     sensor = sensor or SensorGrid()
     if recording.sensor.count != 1:
         raise ShapeError(
-            f"footprint: expected a recording of one channel, got {recording.sensor.count}; choose one (channels=)"
+            f"footprint: expected a recording of one channel, got {recording.sensor.count}",
+            parameters={"channels": "channels=(...) to choose one"},
         )
 
     def field(first: int, last: int) -> Array:

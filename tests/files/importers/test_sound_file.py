@@ -72,7 +72,7 @@ def test_reads_mu_law_by_its_table(foreign):
 
 def test_takes_the_exact_rate_behind_a_whole_one(foreign):
     assert load(foreign("FLOAT"), unit="V", rate=7999.7).rate == 7999.7
-    with pytest.raises(MismatchError, match="the file states 8000 Hz, got rate=1000"):
+    with pytest.raises(MismatchError, match="the file states 8000 Hz, got 1000 Hz"):
         load(foreign("FLOAT"), unit="V", rate=1000)
 
 
