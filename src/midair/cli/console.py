@@ -3,18 +3,18 @@
 import json
 import shlex
 import time
-from collections.abc import Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from midair.cli.time_estimates import MEASURED, Speeds, Work, estimate_text
+from midair.cli.time_estimates import estimate_text, remember_speed
 from midair.cli.waiting import BusyBar, waiting
 
 if TYPE_CHECKING:
@@ -143,35 +143,21 @@ def print_note(line: str, *, warn: bool = False) -> None:
     err().print(line, style="yellow" if warn else None)
 
 
-class ProgressBars(Protocol):
-    """Starts the bar of a stage, given its name and workload, and returns the function that reports its progress."""
-
-    def __call__(self, name: str, /, workload: str = "") -> "Report":
-        """Progress function of a new stage."""
-        ...
-
-
-def work_of(name: str, workload: str, frames: int) -> Work:
-    """Work of a stage; its name up to the first comma and its workload decide the speed."""
-    return Work(kind=f"{name.partition(',')[0]} {workload}".strip(), frames=frames)
-
-
 @contextmanager
-def progress_bars(works: Sequence[Work] = ()) -> Generator[ProgressBars]:
-    """Progress bars on stderr, one per stage, with a time estimate before; measured speeds are stored afterwards."""
-    speeds, running = Speeds.load(), list[_Running]()
-    if works and (line := estimate_text(speeds, works)) and not verbosity().quiet:
+def progress_bars(kind: str = "", frames: int = 0) -> Generator[Callable[[str], "Report"]]:
+    """Progress bars on stderr: the function inside the block starts that of a stage and returns its report function.
+
+    With a kind of work a time estimate appears before, and the speed of finished work is stored for the next one.
+    """
+    if kind and (line := estimate_text(kind, frames)) and not verbosity().quiet:
         err().print(line, style="dim")
+    began = time.monotonic()
     with bars() as shown:
 
-        def begin(name: str, /, workload: str = "") -> "Report":
+        def begin(name: str, /) -> "Report":
             task = shown.add_task(_printable(name), total=None)
-            if running:
-                running[-1].ended = time.monotonic()
-            running.append(stage := _Running(name=name, workload=workload))
 
             def report(done: int, total: int) -> None:
-                stage.done = done
                 shown.update(task, completed=done, total=total)
 
             return report
@@ -180,23 +166,8 @@ def progress_bars(works: Sequence[Work] = ()) -> Generator[ProgressBars]:
         for task in shown.tasks:
             if task.total is None:
                 shown.remove_task(task.id)
-    for stage in running:
-        took = (stage.ended or time.monotonic()) - stage.began
-        if stage.done and took >= MEASURED:
-            speeds = speeds.updated(work_of(stage.name, stage.workload, stage.done), took)
-    if running:
-        speeds.save()
-
-
-@dataclass(slots=True, kw_only=True)
-class _Running:
-    """A running stage and its progress."""
-
-    name: str
-    workload: str
-    began: float = field(default_factory=time.monotonic)
-    ended: float = 0.0
-    done: int = 0
+    if kind:
+        remember_speed(kind, frames, time.monotonic() - began)
 
 
 def print_figures(title: str, columns: Mapping[str, Mapping[str, tuple[float, str]]]) -> None:

@@ -1,13 +1,12 @@
 """The command `budget`: distortion that each stage of a reproduction adds."""
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from rich.table import Table
 
 from midair.cli.comparisons import calibrated_part, print_palm, with_array_calibration
-from midair.cli.console import banner, out, print_json, print_rows, progress_bars, work_of
+from midair.cli.console import banner, out, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Json, SolveOptions, Time
 from midair.cli.output import may_write
@@ -82,11 +81,9 @@ def budget_command(
     )
     banner(True)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
-    workload = workload_of(settings, measured.count)
     frames = round((original.frames / original.rate + 2 * plan.lead) * settings.target.rate)
-    with progress_bars([work_of(name, workload, frames) for name in _STAGES]) as stage:
-        paced = partial(stage, workload=workload)
-        made = error_budget(original, plan, kept=band_power_share(open_take(source).recording, band), stage=paced)
+    with progress_bars(f"budget {workload_of(settings, measured.count)}", frames) as stage:
+        made = error_budget(original, plan, kept=band_power_share(open_take(source).recording, band), stage=stage)
     if figure is not None:
         with atomic_file(figure) as unfinished:
             unfinished.write_bytes(png_bytes(budget_figure([(source.name, made)])))
@@ -95,10 +92,6 @@ def budget_command(
     print_budget(f"distortion of each stage, {source.name}", made)
     print_rows([("figure", str(figure))] if figure is not None else [])
     return None
-
-
-_STAGES = ("solve", "solver", "quantisation", "frame hold", "transducers", "silencer", "palm")
-"""Stages of a budget that take long enough for a time estimate."""
 
 
 def print_budget(title: str, budget: Budget) -> None:

@@ -2,7 +2,6 @@
 
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from midair.cli.comparisons import (
@@ -14,7 +13,7 @@ from midair.cli.comparisons import (
     print_palm,
     settings_of_rerecording,
 )
-from midair.cli.console import banner, out, print_figures, print_json, progress_bars, verbosity, work_of
+from midair.cli.console import banner, out, print_figures, print_json, progress_bars, verbosity
 from midair.cli.options import BandOptions, Force, Json
 from midair.cli.output import may_write
 from midair.cli.time_estimates import workload_of
@@ -169,14 +168,12 @@ def _played(
     band = settings.calibration.band
     rig = VirtualRig(cells=felt.sensor, seed=seed, height=settings.target.grid.height).hearing(band)
     outline = Palm.disc() if palm is None else load_palm(palm)
-    workload = workload_of(settings, drive.array.count)
-    works = [work_of(name, workload, drive.frames) for name in ("play and re-record", "palm")]
-    with progress_bars(works) as stage:
+    kind = f"compare {workload_of(settings, drive.array.count)}{'' if film is None else ' film'}"
+    with progress_bars(kind, drive.frames) as stage:
         if film is not None:
             lead = (asked.frames - piece.frames) // 2 / piece.rate
             judged, chain = (lead, piece.frames / piece.rate), played_chain(drive, rig)
             frames = palm_frames_of_drive(asked, drive, outline, chain=chain, rig=rig, judged=judged, band=band)
             _write_film(film, frames, stage("film"))
-        paced = partial(stage, workload=workload)
-        heard = rerecord_drive(drive, piece, asked, rig, palm=outline, band=band, stage=paced)
+        heard = rerecord_drive(drive, piece, asked, rig, palm=outline, band=band, stage=stage)
     return settings, OpenedTake(recording=heard.recording, calibration=heard.calibration), heard.palm

@@ -2,18 +2,18 @@
 
 import shlex
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from midair.cli.comparisons import print_palm, print_side_by_side
-from midair.cli.console import ProgressBars, banner, err, out, print_rows, progress_bars, work_of
+from midair.cli.console import banner, err, out, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, SolveOptions, Time, mode_name, paper_options
 from midair.cli.output import level_rows
 from midair.cli.quantities import quantity
-from midair.cli.time_estimates import Work, workload_of
+from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
 from midair.files import atomic_file, check_not_recording, save, save_solution
 from midair.headroom import level_of
@@ -31,7 +31,6 @@ from midair.rig import (
     write_report,
 )
 from midair.rig import loop as go_round
-from midair.settings import Settings
 
 _STROKE = 1.28
 """Duration of a virtual stroke over the whole sensor, in s."""
@@ -111,7 +110,9 @@ def demo_command(
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     paper = paper_options(options)
     ways = [options] if paper is None else [options, paper]
-    with progress_bars([work for each in ways for work in _works(each.settings(), piece)]) as stage:
+    frames = round((duration + 2 * required_lead(settings)) * settings.target.rate)
+    kind = " and ".join(["demo", *(workload_of(each.settings(), rig.array.count) for each in ways)])
+    with progress_bars(kind, frames) as stage:
         with touched_by as touched:
             recording = capture_recording(
                 touched, _STROKE, path=output / "stroke.h5", notes={"object": object_name}, progress=stage("record")
@@ -126,25 +127,16 @@ def _outcome(
     calibration: Calibration | None,
     options: SolveOptions,
     piece: _StrokePart,
-    stage: ProgressBars,
+    stage: Callable[[str], Progress],
 ) -> Outcome:
     """Run the loop once with these options."""
     settings = options.settings()
-    paced = partial(stage, workload=workload_of(settings, piece.rig.array.count))
     original = calibrated_pressure(recording, calibration, settings).cut(piece.start_at, piece.duration)
     with open_rig("virtual", height=settings.target.grid.height, seed=piece.rig.seed) as opened:
-        loop = go_round(original, settings, opened, stage=paced)
+        loop = go_round(original, settings, opened, stage=stage)
     return Outcome.of(
-        loop, palm=palm_of_loop(loop, piece.rig, piece.palm, progress=paced("palm")), name=mode_name(options)
+        loop, palm=palm_of_loop(loop, piece.rig, piece.palm, progress=stage("palm")), name=mode_name(options)
     )
-
-
-def _works(settings: Settings, piece: _StrokePart) -> list[Work]:
-    """Work that takes long, for the time estimate: both passes and the palm."""
-    workload = workload_of(settings, piece.rig.array.count)
-    frames = round((piece.duration + 2 * required_lead(settings)) * settings.target.rate)
-    passes = {"solve": 2, "play and re-record": 2, "palm": 1}
-    return [work_of(name, workload, times * frames) for name, times in passes.items()]
 
 
 def _confirm_overwrite(output: Path, force: bool) -> None:

@@ -1,14 +1,13 @@
 """The command `loop`: solve, play, re-record, correct, play again, compare, report."""
 
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from midair.cli.comparisons import calibrated_part, plain, print_metrics, with_array_calibration
-from midair.cli.console import banner, print_figures, print_json, print_rows, progress_bars, verbosity, work_of
+from midair.cli.console import banner, print_figures, print_json, print_rows, progress_bars, verbosity
 from midair.cli.exposure_options import ExposureOptions, print_air, print_check_time_ahead
 from midair.cli.options import Force, Json, SolveOptions, Time
 from midair.cli.output import may_write, warn_level
@@ -137,11 +136,8 @@ def loop_command(
     # Every pass plays another drive, whose exposure is checked first.
     frames = (corrections + 1 + iterate) * round((original.frames / original.rate + 2 * lead) * settings.target.rate)
     print_check_time_ahead(frames, opened.array.array, room, opened.exposure.profile)
-    workload = workload_of(settings, opened.array.array.count)
-    works = [work_of(name, workload, frames) for name in ("solve", "play and re-record")]
-    with progress_bars(works) as stage, opened:
-        paced = partial(stage, workload=workload)
-        loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=paced)
+    with progress_bars(f"loop {workload_of(settings, opened.array.array.count)}", frames) as stage, opened:
+        loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
         write_report(loop, target, commands=(verbosity().line,), progress=stage("draw"))
     _print(loop, target, json)
 

@@ -12,7 +12,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from midair.cli.comparisons import calibrated_part, settings_of_rerecording
-from midair.cli.console import banner, out, print_rows, progress_bars, work_of
+from midair.cli.console import banner, out, print_rows, progress_bars
 from midair.cli.options import BandOptions, Force, Time
 from midair.cli.output import may_write
 from midair.cli.quantities import quantity
@@ -135,8 +135,8 @@ def _film(write: Callable[..., None]) -> Callable[[ViewData, Path], list[tuple[s
         film = Film(shown)
         out().print(f"film of {len(film)} pictures, {film.seconds:.3g} s, {film.slower:.4g} times slower")
         kind = path.suffix.lower()
-        with progress_bars([work_of("film", kind, len(film))]) as stage, atomic_file(path) as partial:
-            write(film, partial, progress=stage("film", kind))
+        with progress_bars(f"film {kind}", len(film)) as stage, atomic_file(path) as partial:
+            write(film, partial, progress=stage("film"))
         return []
 
     return write_film

@@ -8,7 +8,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from midair.cli.comparisons import calibrated_part, with_array_calibration
-from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars, work_of
+from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air, print_check_time
 from midair.cli.options import Force, Json, SolveOptions, Time
 from midair.cli.output import level_of_file, level_rows, may_write, solve_error, warn_level
@@ -89,12 +89,9 @@ def solve_command(
     transducers, settings, pressure = with_array_calibration(array_calibration, transducers, settings, pressure)
     banner(pressure.provenance.simulated)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
-    frames, workload = (
-        round(pressure.frames / pressure.rate * settings.target.rate),
-        workload_of(settings, transducers.count),
-    )
-    with progress_bars([work_of("solve", workload, frames)]) as stage:
-        wanted, parts = reproduce_stream(pressure, transducers, settings, progress=stage("solve", workload))
+    frames = round(pressure.frames / pressure.rate * settings.target.rate)
+    with progress_bars(f"solve {workload_of(settings, transducers.count)}", frames) as stage:
+        wanted, parts = reproduce_stream(pressure, transducers, settings, progress=stage("solve"))
         save_solutions(parts, target, frames=wanted.frames, target=wanted)
     # Read back from the file: the lazy frames would be computed again.
     solution = load_solution(target, streamed=True)
@@ -236,11 +233,11 @@ def play_command(
     _print_room_air(drive, source, room, simulated=True)
     array = rig.array_device(skin)
     array.silencer = options.silencer
-    name, workload = "play and re-record", workload_of(known, drive.array.count)
-    with progress_bars([work_of(name, workload, drive.frames)]) as stage, array, rig.sensor(skin) as sensor:
+    kind = f"play and re-record {workload_of(known, drive.array.count)}"
+    with progress_bars(kind, drive.frames) as stage, array, rig.sensor(skin) as sensor:
         sensor.streamed = True
         admission = options.admit(drive, array, room)
-        recording = rerecord(admission, array, sensor, source=source, progress=stage(name, workload))
+        recording = rerecord(admission, array, sensor, source=source, progress=stage("play and re-record"))
     save(recording, target, calibration=sensor.calibration)
     print_rows(
         [

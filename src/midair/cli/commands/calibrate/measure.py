@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from midair.calibration import BeamPlan, BeamSetting, MeasureSettings, measure_calibration, measure_tone, scale_to_tone
 from midair.cli.commands.calibrate.output import OutputOptions, require_calibration
-from midair.cli.console import out, progress_bars, work_of
+from midair.cli.console import out, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
 from midair.cli.import_options import stated_sensitivity
 from midair.cli.options import Frequency, Length, Time
@@ -247,9 +247,8 @@ def bench_command(
     --------
     $ midair calibrate bench bench --kind sweep
     """
-    workload = f"{kind} of {duration:g} s"
-    with progress_bars([work_of("simulate", workload, PRACTICE_RECORDINGS)]) as stage:
-        progress = stage("simulate", workload)
+    with progress_bars(f"simulate {kind} of {duration:g} s", PRACTICE_RECORDINGS) as stage:
+        progress = stage("simulate")
         command = write_practice_recordings(folder, kind=kind, duration=duration, seed=seed, progress=progress)
     out().print("now measure:", command, sep="\n")
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from rich.table import Table as Shown
 
 from midair.cli.console import banner, bars, err, out, verbosity
-from midair.cli.time_estimates import MEASURED, Speeds, Work, estimate_text
+from midair.cli.time_estimates import estimate_text, remember_speed
 from midair.errors import InputError
 from midair.model import Progress as Advance
 from midair.sweep import PatternReport, PatternSweep, Sweep, TrialReport, run_sweep
@@ -36,7 +36,7 @@ def _workload(sweep: Sweep) -> str:
 @contextmanager
 def sweep_bar(items: str, workload: str) -> Generator[Advance]:
     """A progress bar on stderr, with a time estimate before; the measured speed is stored afterwards."""
-    speeds, kind, begun, last = Speeds.load(), f"sweep {workload}", (0, 0.0), (0, 0.0)
+    kind, begun, last = f"sweep {workload}", (0, 0.0), (0, 0.0)
     with bars(items, width=24, name="", digits=1, period=120) as shown:
         task = shown.add_task("sweep", total=None, start=False)
 
@@ -45,7 +45,7 @@ def sweep_bar(items: str, workload: str) -> Generator[Advance]:
             last = (done, time.monotonic())
             if shown.tasks[0].total is None:
                 begun = last
-                line = estimate_text(speeds, [Work(kind=kind, frames=total - done)])
+                line = estimate_text(kind, total - done)
                 if line and total > done and not verbosity().quiet:
                     shown.console.print(line, style="dim")
                 shown.reset(task, total=total, completed=done)
@@ -53,9 +53,7 @@ def sweep_bar(items: str, workload: str) -> Generator[Advance]:
                 shown.update(task, completed=done)
 
         yield report
-    count, took = last[0] - begun[0], last[1] - begun[1]
-    if count and took >= MEASURED:
-        speeds.updated(Work(kind=kind, frames=count), took).save()
+    remember_speed(kind, last[0] - begun[0], last[1] - begun[1])
 
 
 def show_patterns(report: PatternReport) -> None:
