@@ -24,6 +24,17 @@ Time = Annotated[float, quantity("s")]
 Force = Annotated[bool, Parameter(alias="-f", help="Overwrite existing files.")]
 Json = Annotated[bool, Parameter(alias="-j", help="Print the result as JSON.")]
 Quiet = Annotated[bool, Parameter(help="Hide progress bars and meters, as -q does.")]
+OptionalTime = Annotated[float | None, quantity("s")]
+StartAt = Annotated[Time, Parameter(help="Start of the part to use.")]
+PartLength = Annotated[OptionalTime, Parameter(help="Length of the part to use. [default: to the end]")]
+Lead = Annotated[OptionalTime, Parameter(help="Fade time before and after the part. [default: by the mapping]")]
+Sensitivity = Annotated[str | None, Parameter(help="Sensitivity of every channel, such as 20mV/Pa or 2count/Pa.")]
+_PEAK = "Pressure of the largest change of any channel, such as 30Pa."
+Peak = Annotated[float | None, quantity("Pa"), Parameter(help=_PEAK)]
+_ARRAY_CALIBRATION = "Measured transducers to solve for, NAME.array.h5 of midair calibrate array."
+ArrayCalibration = Annotated[Path | None, Parameter(help=_ARRAY_CALIBRATION)]
+_PLACEMENT = "TOML file with position and rotation of the units. [default: two by two, side by side]"
+Placement = Annotated[Path | None, Parameter(help=_PLACEMENT)]
 
 
 class _SettingsOptions:

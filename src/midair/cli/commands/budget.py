@@ -1,16 +1,14 @@
 """The command `budget`: distortion that each stage of a reproduction adds."""
 
 from pathlib import Path
-from typing import Annotated
 
 from rich.table import Table
 
 from midair.cli.comparisons import calibrated_part, print_palm, with_array_calibration
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
-from midair.cli.options import Force, Json, SolveOptions, Time
+from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, SolveOptions, StartAt
 from midair.cli.output import may_write
-from midair.cli.quantities import quantity
 from midair.cli.time_estimates import workload_of
 from midair.devices import SilencerChoice
 from midair.evaluate import Budget
@@ -26,11 +24,11 @@ def budget_command(
     /,
     *,
     options: SolveOptions | None = None,
-    start_at: Time = 0.0,
-    duration: Annotated[float | None, quantity("s")] = None,
+    start_at: StartAt = 0.0,
+    duration: PartLength = None,
     silencer: SilencerChoice = "auto",
-    lead: Annotated[float | None, quantity("s")] = None,
-    array_calibration: Path | None = None,
+    lead: Lead = None,
+    array_calibration: ArrayCalibration = None,
     seed: int = 0,
     force: Force = False,
     json: Json = False,
@@ -46,16 +44,8 @@ def budget_command(
         Recording with a calibration, NAME.h5.
     figure
         Write a waterfall chart of the stages to this PNG file.
-    start_at
-        Start of the part to use.
-    duration
-        Length of the part to use. [default: to the end]
     silencer
         How the array smooths phase steps; auto is the setting that midair uses on any array.
-    lead
-        Fade time before and after the part. [default: by the mapping]
-    array_calibration
-        Measured transducers to solve for, NAME.array.h5 of midair calibrate array.
     seed
         Random seed of the virtual rig.
 

@@ -5,14 +5,12 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 from midair.cli.comparisons import print_palm, print_side_by_side
 from midair.cli.console import banner, err, out, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, SolveOptions, Time, mode_name, paper_options
 from midair.cli.output import level_rows
-from midair.cli.quantities import quantity
 from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
 from midair.files import atomic_file, check_not_recording, save, save_solution
@@ -61,7 +59,7 @@ def demo_command(
     *,
     object_name: str = "towel",
     start_at: Time = 0.4,
-    duration: Annotated[float, quantity("s")] = 0.5,
+    duration: Time = 0.5,
     options: SolveOptions | None = None,
     seed: int = 0,
     force: Force = False,

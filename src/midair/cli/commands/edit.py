@@ -9,9 +9,8 @@ from cyclopts import Parameter
 
 from midair import recordings
 from midair.cli.import_options import parse_names, parsed
-from midair.cli.options import Force, Frequency, Json, Time
+from midair.cli.options import Force, Frequency, Json, OptionalTime, Time
 from midair.cli.output import may_write, print_written, recording_figures, recording_rows
-from midair.cli.quantities import quantity
 from midair.errors import InputError
 from midair.files import contents, open_take, save
 from midair.model import Calibration, Recording
@@ -28,7 +27,7 @@ def cut_command(
     /,
     *,
     start: Time = 0.0,
-    end: Annotated[float | None, quantity("s")] = None,
+    end: OptionalTime = None,
     force: Force = False,
     json: Json = False,
 ) -> None:

@@ -6,7 +6,7 @@ from typing import get_args
 
 from midair.cli.console import print_figures, print_json, print_rows
 from midair.cli.exposure_options import AirOptions, print_check_time
-from midair.cli.options import Force, Json
+from midair.cli.options import Force, Json, Placement
 from midair.cli.output import may_write
 from midair.devices import felt_pressure_text, measure_exposure
 from midair.errors import InputError
@@ -22,7 +22,7 @@ def exposure_command(
     /,
     *,
     device: str | None = None,
-    placement: Path | None = None,
+    placement: Placement = None,
     profile: str = DEFAULT_PROFILE,
     profiles: Path | None = None,
     repeats: int = 1,
@@ -42,8 +42,6 @@ def exposure_command(
     device
         Array that would play the drive, as in midair play. The transducer strength stored in the drive is ignored.
         [default: the array that the drive was solved for]
-    placement
-        TOML file with position and rotation of the units. [default: two by two, side by side]
     profile
         Name of the exposure profile.
     profiles

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from cyclopts import Parameter
 from rich.text import Text
 
 from midair.cli.console import banner, err, out, print_json
 from midair.cli.keys import Keys
-from midair.cli.options import Json
+from midair.cli.options import Json, OptionalTime, Time
 from midair.cli.quantities import quantity
 from midair.devices import SensorDevice
 from midair.errors import InputError
@@ -27,15 +26,13 @@ from midair.rig import (
     sensor_named,
 )
 
-Time = Annotated[float, quantity("s")]
-
 
 def identify_command(
     sensor: str,
     /,
     *,
-    sensor_file: Annotated[Path | None, Parameter(name="--sensor-file")] = None,
-    every: Annotated[float | None, quantity("s")] = None,
+    sensor_file: Path | None = None,
+    every: OptionalTime = None,
     wait: Time = 10.0,
     tones: Annotated[tuple[float, float] | None, quantity("Hz", many=2)] = None,
     duration: Time = 2.0,

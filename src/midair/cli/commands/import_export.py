@@ -2,11 +2,10 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 from midair.cli.console import out, print_rows
 from midair.cli.import_options import FileOptions, calibration_from_options, import_recording, scale_by
-from midair.cli.options import Force, Json, Time
+from midair.cli.options import Force, Json, Peak, Sensitivity, Time
 from midair.cli.output import (
     as_recording,
     calibration_figures,
@@ -16,13 +15,10 @@ from midair.cli.output import (
     recording_figures,
     recording_rows,
 )
-from midair.cli.quantities import quantity
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
 from midair.files import DRIVE_SUFFIX, OpenedTake, format_of, load_pressure, open_take, repair, save
 from midair.recordings import GapFill, Mending
-
-Pressure = Annotated[float | None, quantity("Pa")]
 
 
 def import_command(
@@ -31,8 +27,8 @@ def import_command(
     /,
     *,
     options: FileOptions | None = None,
-    sensitivity: str | None = None,
-    peak: Pressure = None,
+    sensitivity: Sensitivity = None,
+    peak: Peak = None,
     reference: Path | None = None,
     tone: str = "94dB",
     drop: str | None = None,
@@ -57,10 +53,6 @@ def import_command(
         sample:connect: an effect.
     output
         Recording to write. [default: name of the source with .h5, in this folder]
-    sensitivity
-        Sensitivity of every channel, such as 20mV/Pa or 2count/Pa.
-    peak
-        Pressure of the largest change of any channel, such as 30Pa.
     reference
         Derive the scale from this file: a known signal recorded with the same microphone at the same gain.
     tone
@@ -95,8 +87,8 @@ def mend_command(
     options: FileOptions | None = None,
     longest: Time = 20e-3,
     fill: GapFill = "spectrum",
-    sensitivity: str | None = None,
-    peak: Pressure = None,
+    sensitivity: Sensitivity = None,
+    peak: Peak = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -114,10 +106,6 @@ def mend_command(
         Longest gap to fill; longer ones are refused.
     fill
         spectrum continues the vibration around the gap; line interpolates without vibration.
-    sensitivity
-        Sensitivity of every channel, such as 20mV/Pa or 2count/Pa.
-    peak
-        Pressure of the largest change of any channel, such as 30Pa.
 
     Examples
     --------

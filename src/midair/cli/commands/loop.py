@@ -2,16 +2,14 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
 
 from cyclopts import Parameter
 
 from midair.cli.comparisons import calibrated_part, plain, print_metrics, with_array_calibration
 from midair.cli.console import banner, print_figures, print_json, print_rows, progress_bars, verbosity
 from midair.cli.exposure_options import ExposureOptions, print_air, print_check_time_ahead
-from midair.cli.options import Force, Json, SolveOptions, Time
+from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, Placement, SolveOptions, StartAt
 from midair.cli.output import may_write, warn_level
-from midair.cli.quantities import quantity
 from midair.cli.time_estimates import workload_of
 from midair.devices import SilencerChoice
 from midair.errors import InputError
@@ -39,10 +37,6 @@ class RigOptions(ExposureOptions):
         Calibration of that sensor, a file of midair calibrate.
     silencer
         How the array smooths phase steps; auto chooses the least simulated error.
-    placement
-        TOML file with position and rotation of the units. [default: two by two, side by side]
-    array_calibration
-        Measured transducers to solve for, NAME.array.h5 of midair calibrate array.
     seed
         Random seed of the virtual rig: transducer strengths and noise.
     """
@@ -51,8 +45,8 @@ class RigOptions(ExposureOptions):
     sensor: str | None = None
     calibration: Path | None = None
     silencer: SilencerChoice | None = None
-    placement: Path | None = None
-    array_calibration: Path | None = None
+    placement: Placement = None
+    array_calibration: ArrayCalibration = None
     seed: int = 0
 
     def rig(self, settings: Settings, cells: SensorGrid, room: Medium | None) -> OpenRig:
@@ -84,11 +78,11 @@ def loop_command(
     *,
     rig: RigOptions | None = None,
     options: SolveOptions | None = None,
-    start_at: Time = 0.0,
-    duration: Annotated[float | None, quantity("s")] = None,
+    start_at: StartAt = 0.0,
+    duration: PartLength = None,
     corrections: int = 1,
     iterate: int = 0,
-    lead: Annotated[float | None, quantity("s")] = None,
+    lead: Lead = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -100,16 +94,10 @@ def loop_command(
         Recording with a calibration, NAME.h5.
     output
         Report to write, NAME.html. [default: name of the source]
-    start_at
-        Start of the part to use.
-    duration
-        Length of the part to use. [default: to the end]
     corrections
         Number of amplitude corrections, each followed by another playback; the paper makes one.
     iterate
         Maximum number of waveform corrections after that; stops early when the error no longer falls.
-    lead
-        Fade time before and after the part. [default: by the mapping]
 
     Examples
     --------

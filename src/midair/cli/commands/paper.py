@@ -7,9 +7,8 @@ from cyclopts import Parameter
 
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, print_air
-from midair.cli.options import Force, Json
+from midair.cli.options import Force, Json, Time
 from midair.cli.output import may_write
-from midair.cli.quantities import quantity
 from midair.model import Acoustics
 from midair.paper import (
     FidelityPlan,
@@ -41,7 +40,7 @@ def paper_command(
     mode: Mode = "best",
     things: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = FidelityPlan().things,
     strength: float = 0.15,
-    duration: Annotated[float, quantity("s")] = 0.12,
+    duration: Time = 0.12,
     iterate: int = 6,
     air: AirOptions | None = None,
     seed: int = 0,

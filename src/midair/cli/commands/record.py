@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from midair.cli.console import PlainConsole, banner, err, print_json, print_rows, verbosity
 from midair.cli.keys import Keys, Signals, signals_noted
 from midair.cli.meter_screen import MeterScreen
-from midair.cli.options import Json, Quiet
+from midair.cli.options import Json, OptionalTime, Quiet, Time
 from midair.cli.quantities import format_quantity, parse_quantity, quantity
 from midair.cli.stage_options import Drawing, StageOptions, recorded_strokes, stroke_rows
 from midair.devices import PacedSensor, SensorDevice
@@ -32,8 +32,6 @@ from midair.rig import (
     take_path,
     take_problems,
 )
-
-Time = Annotated[float | None, quantity("s")]
 
 
 @Parameter(name="*")
@@ -88,12 +86,12 @@ class TakeOptions:
         Pause between takes that start automatically.
     """
 
-    duration: Time = None
+    duration: OptionalTime = None
     trigger: str | None = None
-    pre_roll: Annotated[float, quantity("s")] = 0.2
-    post_roll: Annotated[float, quantity("s")] = 0.5
+    pre_roll: Time = 0.2
+    post_roll: Time = 0.5
     repeats: int = 1
-    pause: Time = None
+    pause: OptionalTime = None
 
 
 def record_command(
@@ -104,7 +102,7 @@ def record_command(
     subject: SubjectOptions | None = None,
     options: TakeOptions | None = None,
     staging: StageOptions | None = None,
-    sensor_file: Annotated[Path | None, Parameter(name="--sensor-file")] = None,
+    sensor_file: Path | None = None,
     real_time: bool = False,
     quiet: Quiet = False,
     json: Json = False,

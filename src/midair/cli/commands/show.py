@@ -13,9 +13,8 @@ from cyclopts import Parameter
 
 from midair.cli.comparisons import calibrated_part, settings_of_rerecording
 from midair.cli.console import banner, out, print_rows, progress_bars
-from midair.cli.options import BandOptions, Force, Time
+from midair.cli.options import BandOptions, Force, OptionalTime, Time
 from midair.cli.output import may_write
-from midair.cli.quantities import quantity
 from midair.errors import InputError
 from midair.files import atomic_file, contents, load_solution, load_target, open_take
 from midair.pipeline import target_amplitude
@@ -52,7 +51,7 @@ def show_command(
     channel: int | None = None,
     target: bool = False,
     start_at: Time = 0.0,
-    duration: Annotated[float | None, quantity("s")] = None,
+    duration: OptionalTime = None,
     options: BandOptions | None = None,
     no_browser: bool = False,
     force: Force = False,

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
@@ -10,9 +9,8 @@ from cyclopts import Parameter
 from midair.cli.comparisons import calibrated_part, with_array_calibration
 from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air, print_check_time
-from midair.cli.options import Force, Json, SolveOptions, Time
+from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, Placement, SolveOptions, StartAt, Time
 from midair.cli.output import level_of_file, level_rows, may_write, solve_error, warn_level
-from midair.cli.quantities import quantity
 from midair.cli.time_estimates import workload_of
 from midair.devices import ArrayDevice, Cooling, ExposureClearance, PlayReport, SilencerChoice, check_exposure
 from midair.errors import InputError
@@ -41,12 +39,12 @@ def solve_command(
     /,
     *,
     options: SolveOptions | None = None,
-    start_at: Time = 0.0,
-    duration: Annotated[float | None, quantity("s")] = None,
-    lead: Annotated[float | None, quantity("s")] = None,
+    start_at: StartAt = 0.0,
+    duration: PartLength = None,
+    lead: Lead = None,
     array: ArrayKind = "autd3",
     placement: Path | None = None,
-    array_calibration: Path | None = None,
+    array_calibration: ArrayCalibration = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -58,18 +56,10 @@ def solve_command(
         Recording with a calibration, NAME.h5.
     output
         Drive to write, NAME.drive.h5. [default: name of the source]
-    start_at
-        Start of the part to use.
-    duration
-        Length of the part to use. [default: to the end]
-    lead
-        Fade time before and after the part. [default: by the mapping]
     array
         autd3: two by two units. openmpd, openmpd-twin (experimental): one board, two facing boards.
     placement
         TOML file with position and rotation of AUTD3 units.
-    array_calibration
-        Measured transducers to solve for, NAME.array.h5 of midair calibrate array.
 
     Examples
     --------
@@ -148,14 +138,12 @@ class PlayOptions(ExposureOptions):
         Time before the first frame.
     silencer
         How the array smooths phase steps; auto: least simulated pressure error; default: the firmware's 1 ms.
-    placement
-        TOML file with position and rotation of the units. [default: two by two, side by side]
     """
 
     repeats: int = 1
     delay: Time = 0.0
     silencer: SilencerChoice = "auto"
-    placement: Path | None = None
+    placement: Placement = None
 
     def admit(self, drive: Drive, device: ArrayDevice, room: Medium | None) -> ExposureClearance:
         """Check the exposure of a drive on this device in the air of the room."""

@@ -1,7 +1,7 @@
 """The commands `calibrate` (convert a recording to pressure) and `calibrate show`."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -9,14 +9,11 @@ from midair.calibration import calibrate
 from midair.cli.commands.calibrate.output import prepare_page, print_calibration, require_calibration
 from midair.cli.console import banner, print_rows
 from midair.cli.import_options import calibration_from_options
-from midair.cli.options import BandOptions, Force, Json
+from midair.cli.options import BandOptions, Force, Json, Peak, Sensitivity
 from midair.cli.output import calibration_text, may_write
-from midair.cli.quantities import quantity
 from midair.files import load_pressure, open_take, save
 from midair.rig import describe_uncertainty
 from midair.streaming import moments
-
-Pressure = Annotated[float | None, quantity("Pa")]
 
 
 def apply_command(
@@ -24,8 +21,8 @@ def apply_command(
     /,
     *,
     options: BandOptions | None = None,
-    sensitivity: str | None = None,
-    peak: Pressure = None,
+    sensitivity: Sensitivity = None,
+    peak: Peak = None,
     calibration: Path | None = None,
     crosstalk: Literal["keep", "undo"] = "keep",
     damping: float = 0.0,
@@ -36,10 +33,6 @@ def apply_command(
     ----------
     source
         Recording, NAME.h5; the result is stored in this file.
-    sensitivity
-        Sensitivity of every channel, such as 20mV/Pa or 2count/Pa.
-    peak
-        Pressure of the largest change of any channel, such as 30Pa.
     calibration
         NAME.calibration.h5, or a recording with the calibration. [default: that of the recording]
     crosstalk

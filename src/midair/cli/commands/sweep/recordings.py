@@ -11,8 +11,7 @@ from cyclopts import App, CycloptsError, Parameter
 from midair.cli.commands.sweep.output import run_with_bar, show_trials
 from midair.cli.console import out
 from midair.cli.exposure_options import print_air
-from midair.cli.options import SolveOptions, Time
-from midair.cli.quantities import quantity
+from midair.cli.options import OptionalTime, SolveOptions, Time
 from midair.errors import InputError
 from midair.files import open_take
 from midair.model import TransducerArray
@@ -29,7 +28,7 @@ def recordings_command(
     vary: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
     options: SolveOptions | None = None,
     start_at: Time = 0.0,
-    duration: Annotated[float | None, quantity("s")] = None,
+    duration: OptionalTime = None,
     bits: int = 8,
     blocks: int = 4,
     scheduler: str | None = None,
