@@ -85,6 +85,20 @@ def test_what_the_firmware_rounds_up_is_measured_as_it_sounds(own):
         check_exposure(second, Loud(ARRAY), CHOICES)
 
 
+def test_own_levels_are_measured_as_the_firmware_rounds_them():
+    """Stated levels can cancel at an ear where the pulses do not; such a drive was measured 28 dB too low."""
+    ear = np.array(PROFILE.places[0].position)
+    # The level of the first group is played a sixth lower than stated.
+    first = np.arange(ARRAY.count) % 20 < 9
+    level = np.where(first, 7.49 / 255, 6 / 255)
+    phase = focus_phase(ARRAY, ear) + np.pi * first
+    drive = Drive(phase=phase[None], level=level[None], rate=1000.0, array=ARRAY)
+    sounds = replace(drive, level=amplitude_of(intensity_bytes(drive, 4)).reshape(1, -1))
+    airs = airs_of_room(None, PROFILE.places, ARRAY)
+    expected = exposure(sounds, PROFILE, acoustics=airs, steps=256).level
+    np.testing.assert_allclose(measure_exposure(drive, ARRAY, PROFILE).level, expected, atol=1e-3)
+
+
 @pytest.mark.parametrize("steps", [256, 128])
 def test_phases_are_measured_as_the_firmware_rounds_them(steps):
     """Errors of up to half a step, aligned for one place, reduce the stated level by 2 dB."""
@@ -251,6 +265,23 @@ def test_parts_are_weakened_alike():
     assert admission.outcome == "attenuated"
     assert two == pytest.approx(one / 2, abs=2 / 255)
     assert exposure(admission.frames(parts[0]).drive, PROFILE).excess <= 0
+
+
+def test_own_levels_keep_the_profile_after_attenuation_and_rounding():
+    """Two groups of transducers cancel at an ear, and do not after their levels are rounded down by one step."""
+    ear = replace(PROFILE.places[0], reach=0.0)
+    second = np.arange(ARRAY.count) % 9 < 4
+    phase = focus_phase(ARRAY, np.array(ear.position)) + np.pi * second
+    level = np.where(second, 8 / 255, 7 / 255)
+    drive = Drive(phase=phase[None], level=level[None], rate=1000.0, array=ARRAY)
+    before = measure_exposure(drive, ARRAY, replace(PROFILE, places=(ear,))).peak[0]
+    profile = replace(PROFILE, places=(replace(ear, limit=before - 0.01),))
+    weaker = replace(WEAKER, profile=profile)
+    found = check_exposure(drive, Loud(ARRAY), weaker)
+    assert found.exposure.excess <= 0
+    parts = check_exposure_parts([drive], Loud(ARRAY), weaker)
+    with pytest.raises(ExposureError, match="after attenuation"):
+        parts.frames(drive)
 
 
 @pytest.mark.parametrize(

@@ -147,7 +147,7 @@ class ExposureClearance:
         MismatchError
             If array or rate differ.
         ExposureError
-            If the frames were not measured, or exceed the cleared level.
+            If the frames were not measured, or exceed the cleared level or, after attenuation, the profile.
         """
         if not self.array.same_as(drive.array):
             raise MismatchError(f"frames: expected some for {self.array.name}, got some for {drive.array.name}")
@@ -162,6 +162,12 @@ class ExposureClearance:
             )
         own = replace(drive, array=self.array)
         weaker = own if self.factor == 1 else _weakened(own, self.factor, self.exposure.profile.name)
+        # Rounding the level of each transducer changes the pattern, and can make it louder at a place.
+        if weaker is not own and weaker.level.ndim > 1:
+            steps = replace(weaker, level=each_frame(weaker.level, actual_level))
+            found = exposure(steps, self.exposure.profile, acoustics=self.exposure.airs, steps=PHASE_STEPS)
+            if found.excess > 0:
+                raise ExposureError(f"frames: {found.verdict()} after attenuation; reduce the level of the drive")
         return replace(self, drive=weaker, _key=_KEY)
 
     def verdict(self) -> str:
@@ -254,9 +260,11 @@ def check_exposure(drive: Drive, device: ArrayInfo, choices: ExposureChoices, *,
     found = _measured(drive, device, choices, repeats)
     own = replace(drive, array=device.array)
     outcome, factor = _decide(found, device, choices)
-    if outcome == "attenuated":
-        own = _weakened(own, factor, choices.profile.name)
+    while outcome == "attenuated" and found.excess > 0:
+        own = _weakened(replace(drive, array=device.array), factor, choices.profile.name)
         found = _measured(own, device, choices, repeats)
+        # Rounding the level of each transducer changes the pattern, and can make it louder at a place.
+        factor *= 10 ** (-(max(found.excess, 0) + 0.1) / 20)
     return _clearance(device, choices, found, outcome, drive=own, repeats=repeats)
 
 

@@ -49,12 +49,14 @@ def amplitude_of(intensity: Bytes) -> NDArray[np.float64]:
 
 
 def actual_level(level: Array) -> Array:
-    """Actual level after rounding to bytes and pulses, or the level itself if that is higher.
+    """Actual level after rounding to bytes and pulses, shape (frame,) or (frame, transducer).
 
-    Half a step, .002 of full drive, is rounded to a whole step and then to a pulse of .006: 10 dB louder.
+    Half a step, .002 of full drive, is rounded to a whole step and then to a pulse of .006: 10 dB louder. If all
+    transducers share a level, the level itself is returned where it is higher. Levels of single transducers are exact,
+    since a drive can be silent at a place with the stated ones and loud with the actual ones.
     """
-    played = amplitude_of(np.arange(256, dtype=np.uint8))
-    return np.asarray(np.maximum(np.abs(level), played[np.rint(level * 255).astype(np.uint8)]), np.float64)
+    played = amplitude_of(np.arange(256, dtype=np.uint8))[np.rint(level * 255).astype(np.uint8)]
+    return np.asarray(np.maximum(np.abs(level), played) if level.ndim == 1 else played, np.float64)
 
 
 def divider(rate: float) -> int:
