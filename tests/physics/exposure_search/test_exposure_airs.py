@@ -29,10 +29,21 @@ def test_they_hold_all_that_the_room_may_have():
     unknown = [each.medium for each in airs_of_room(None, PLACES, TransducerArray.autd3())]
     stated = [each.medium for each in airs_of_room(Medium.at(temperature=22.0), PLACES, TransducerArray.autd3())]
     for airs, coldest, warmest in ((unknown, 15.0, 30.0), (stated, 20.0, 24.0)):
-        for humidity in (0.3, 0.5, 0.7):
+        for humidity in (0.1, 0.5, 0.9):
             ends = [Medium.at(temperature=each, humidity=humidity) for each in (coldest, warmest)]
             assert airs[0].speed <= ends[0].speed
             assert airs[-1].speed >= ends[1].speed
             for one, air in ((airs[0], ends[0]), (airs[-1], ends[1])):
                 assert one.attenuation < air.attenuation + 5e-3
-    assert unknown[0].speed == pytest.approx(340.0, abs=0.1)
+
+
+def test_a_stated_humidity_narrows_the_range_and_a_lower_attenuation_counts():
+    array = TransducerArray.autd3()
+    dry = Medium.at(temperature=22.0, humidity=0.15)
+    airs = [each.medium for each in airs_of_room(dry, PLACES, array)]
+    assert airs[-1].speed == pytest.approx(Medium.at(temperature=24.0, humidity=0.35).speed)
+    assert all(0.02 < air.attenuation < dry.attenuation for air in airs)
+    damp = [each.medium for each in airs_of_room(Medium.at(temperature=22.0, humidity=0.8), PLACES, array)]
+    assert min(air.attenuation for air in damp) > 0.11
+    known = Medium(speed=345.0, attenuation=0.03)
+    assert {each.medium.attenuation for each in airs_of_room(known, PLACES, array)} == {0.03}

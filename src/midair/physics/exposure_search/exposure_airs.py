@@ -20,10 +20,13 @@ AROUND = 2.0
 """Maximum deviation of the room from its stated temperature, in degrees Celsius."""
 
 HUMID = 0.2
-"""Maximum deviation of the relative humidity from the stated one, 0 to 1; from 50 % if none is stated."""
+"""Maximum deviation of the relative humidity from the stated one, 0 to 1."""
 
-STEP = 1.6
-"""Largest change of phase over the array from one air to the next, in rad, as between points inside a cube."""
+ANY_HUMIDITY = (0.1, 0.9)
+"""Range of the relative humidity if none is stated, 0 to 1."""
+
+STEP = 2.6
+"""Largest change of phase over the array from one air to the next, in rad."""
 
 
 def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: TransducerArray) -> tuple[Acoustics, ...]:
@@ -32,27 +35,27 @@ def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: Transduc
     Parameters
     ----------
     room : Medium or None
-        The stated air, for 2 degrees and 20 % of humidity around it; 14 to 30 degrees if None.
+        The stated air, for 2 degrees and 20 % of humidity around it; 14 to 30 degrees if None. A humidity of 50 % is
+        that of `Medium.at` by default, and counts as not stated: 10 to 90 %.
     """
-    if room is None:
-        (cold, warm), humidity = UNKNOWN, 0.5
-    else:
-        cold, warm = max(room.degrees - AROUND, 0.0), min(room.degrees + AROUND, 50.0)
-        humidity = 0.5 if room.humidity is None else room.humidity
-    dry, damp = max(humidity - HUMID, 0.0), min(humidity + HUMID, 1.0)
+    cold, warm = UNKNOWN if room is None else (max(room.degrees - AROUND, 0.0), min(room.degrees + AROUND, 50.0))
+    humidity = 0.5 if room is None or room.humidity is None else room.humidity
+    dry, damp = ANY_HUMIDITY if humidity == 0.5 else (max(humidity - HUMID, 0.0), min(humidity + HUMID, 1.0))
+    # An attenuation that was measured, or computed for another air pressure, counts where it is lower.
+    most = np.inf if room is None else room.attenuation
     slow, fast = (Medium.at(temperature=t, humidity=wet).speed for t, wet in ((cold, dry), (warm, damp)))
     turns = 2 * np.pi * array.frequency * (1 / slow - 1 / fast)
     count = 1 + max(2, int(np.ceil(turns * max(_path_difference(place, array) for place in places) / STEP)))
     return tuple(
-        Acoustics(medium=_air(float(degrees), float(wet), (dry, humidity, damp), array.frequency))
+        Acoustics(medium=_air(float(degrees), float(wet), (dry, damp), most, array.frequency))
         for degrees, wet in zip(np.linspace(cold, warm, count), np.linspace(dry, damp, count), strict=True)
     )
 
 
-def _air(degrees: float, humidity: float, possible: tuple[float, ...], frequency: float) -> Medium:
-    """Air with the lowest attenuation of any of the possible humidities."""
-    airs = [Medium.at(temperature=degrees, humidity=each, frequency=frequency) for each in (humidity, *possible)]
-    return replace(airs[0], attenuation=float(min(air.attenuation for air in airs)))
+def _air(degrees: float, humidity: float, ends: tuple[float, float], most: float, frequency: float) -> Medium:
+    """Air with the lowest attenuation between two humidities, where it has no minimum, and at most `most` Np/m."""
+    airs = [Medium.at(temperature=degrees, humidity=each, frequency=frequency) for each in (humidity, *ends)]
+    return replace(airs[0], attenuation=min(most, *(air.attenuation for air in airs)))
 
 
 def _path_difference(place: Place, array: TransducerArray) -> float:
