@@ -1,0 +1,123 @@
+"""Every command that can play passes the air of the room to the exposure check only if it was typed."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midair.cli import run
+from midair.cli.commands.live import LiveOptions, NetworkOptions
+from midair.devices.frame_bytes import actual_level
+from midair.errors import InputError
+from midair.files import profile_named, save_solution
+from midair.model import Acoustics, Drive, Medium, Solution, TransducerArray
+from midair.physics import exposure, focus_phase, transfer_matrix
+from midair.studio.live_process import LiveRequest
+
+ARRAY = TransducerArray.autd3()
+PROFILE = profile_named("occupational-110")
+WARM = Acoustics(medium=Medium.at(temperature=45.0))
+TYPED, UNKNOWN = ("38", "40", "42"), ("14", "22", "30")
+PLAN = """
+name = "focus"
+participants = 1
+seed = 1
+consent = "You may stop at any time."
+questions = [{ name = "which", kind = "choice", text = "Which?", options = ["one", "two"], truth = "object" }]
+stimuli = [{ name = "f", kind = "drive", source = "loud.drive.h5", levels = { object = "one" } }]
+blocks = [{ name = "all", stimuli = ["f"], questions = ["which"] }]
+"""
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+
+
+def save(name, phase, level, acoustics=WARM):
+    drive = Drive(phase=phase, level=level, rate=1000.0, array=ARRAY, acoustics=acoustics)
+    count = len(phase)
+    save_solution(
+        Solution(drive=drive, error=np.zeros(count), iterations=np.ones(count, int), status=("converged",) * count),
+        name,
+    )
+    return name
+
+
+def loud():
+    """A drive whose file states air of 45 °C."""
+    return save("loud.drive.h5", np.tile(focus_phase(ARRAY, np.array([0, 0, 0.2])), (10, 1)), np.ones(10))
+
+
+def air_of(text):
+    """The temperature that a verdict names."""
+    return re.search(r"in air of (-?\d+) °C", " ".join(text.split()))[1]
+
+
+@pytest.mark.parametrize(("words", "expected"), [([], UNKNOWN), (["--temperature", "40C"], TYPED)])
+def test_play_and_exposure(words, expected, capsys):
+    assert run(["play", loud(), "--device", "autd3:nowhere", *words]) == 1
+    assert air_of(capsys.readouterr().err) in expected
+    assert run(["exposure", "loud.drive.h5", *words]) == 0
+    assert air_of(capsys.readouterr().out) in expected
+
+
+@pytest.mark.parametrize(("words", "expected"), [([], UNKNOWN), (["--temperature", "40C"], TYPED)])
+def test_a_study(words, expected, capsys):
+    pytest.importorskip("autd3")
+    loud()
+    Path("plan.toml").write_text(PLAN, encoding="utf-8")
+    assert run(["study", "new", "s", "--source", "plan.toml"]) == 0
+    capsys.readouterr()
+    assert run(["study", "run", "s", "--participant", "1", "--array", "autd3:emulator", *words]) == 1
+    assert air_of(capsys.readouterr().err) in expected
+
+
+def test_live():
+    stated = LiveOptions(temperature=40.0).session(None, None, NetworkOptions()).order.exposure.room
+    assert stated.temperature == 40.0
+    assert LiveOptions().session(None, None, NetworkOptions()).order.exposure.room is None
+
+
+@pytest.mark.parametrize(("words", "expected"), [([], None), (["--temperature", "40C"], 40.0)])
+def test_a_loop(words, expected, monkeypatch):
+    found = []
+
+    def stop_before_solving(_frames, _array, room, _profile):
+        found.append(None if room is None else room.temperature)
+        raise InputError("enough")
+
+    monkeypatch.setattr("midair.cli.commands.loop.print_check_time_ahead", stop_before_solving)
+    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.2s"]) == 0
+    assert run(["loop", "take.h5", "--mode", "paper", "--duration", "0.08s", *words]) == 1
+    assert found == [expected]
+
+
+def test_the_studio_states_no_air():
+    assert LiveRequest(sensor="virtual:towel", device="virtual").session().order.exposure.room is None
+
+
+def test_a_drive_that_is_quiet_in_the_papers_air_alone_is_refused(capsys):
+    """The former check, in the paper's air and that of the file, kept it; at 22 °C it is above the limit."""
+    ear = PROFILE.places[0]
+    edge = np.linspace(-ear.reach, ear.reach, 11)
+    points = np.stack(np.meshgrid(edge, edge, edge), axis=-1).reshape(-1, 3) + ear.position
+    quiet = transfer_matrix(points, ARRAY)
+    power = quiet.conj().T @ quiet / len(quiet)
+    power[np.diag_indices(ARRAY.count)] += 1e-3 * np.linalg.norm(power, 2)
+    corner = np.array(ear.position) + ear.reach * np.array([[1.0, 1.0, 1.0]])
+    room = Acoustics(medium=Medium.at(temperature=22.0))
+    q = np.linalg.solve(power, transfer_matrix(corner, ARRAY, acoustics=room)[0].conj())
+    phase = np.rint(np.angle(q) * 128 / np.pi) * np.pi / 128
+    for share in 10 ** (-np.arange(0, 3, 0.0125)):
+        level = np.rint(255 * share * np.abs(q)[None] / np.abs(q).max()) / 255
+        former = Drive(phase=phase[None], level=actual_level(level), rate=1000.0, array=ARRAY)
+        if exposure(former, PROFILE).excess <= 0:
+            break
+    save("hidden.drive.h5", former.phase, level, Acoustics())
+    assert run(["play", "hidden.drive.h5", "--device", "autd3:nowhere", "--temperature", "22C"]) == 1
+    refused = " ".join(capsys.readouterr().err.split())
+    assert "occupational-110 is exceeded" in refused
+    assert air_of(refused) in ("20", "22", "24")
