@@ -121,3 +121,14 @@ def test_a_drive_that_is_quiet_in_the_papers_air_alone_is_refused(capsys):
     refused = " ".join(capsys.readouterr().err.split())
     assert "occupational-110 is exceeded" in refused
     assert air_of(refused) in ("20", "22", "24")
+
+
+@pytest.mark.parametrize("words", [["exposure"], ["play"], ["play", "--device", "autd3:nowhere"]])
+def test_a_file_of_no_air_is_refused(words, capsys, monkeypatch):
+    phase = np.zeros((2, ARRAY.count))
+    save("slow.drive.h5", phase, np.ones(2), Acoustics(medium=Medium(speed=100.0)))
+    # The search around the ears must not begin.
+    monkeypatch.delattr("midair.physics.exposure_level.searches_of")
+    command, *rest = words
+    assert run([command, "slow.drive.h5", *rest]) == 1
+    assert "expected a speed of sound of 300 to 370 m/s, as in air, got 100 m/s" in capsys.readouterr().err

@@ -47,7 +47,8 @@ class ExposureChoices:
     room: Medium | None = None
     """Air in the room, stated by the user or measured; 2 degrees and 20 % of humidity around it are checked.
 
-    If None, 14 to 30 degrees are checked. Never pass a default, or the air stored in a file.
+    If None, 14 to 30 degrees are checked. Never pass a default, or the air stored in a file; a humidity of 50 %, the
+    default of `Medium.at`, counts as not stated.
     """
 
     def __post_init__(self) -> None:
