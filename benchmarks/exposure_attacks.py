@@ -113,20 +113,20 @@ class Seen:
     points: Single  # From modes to pressures, shape (point, mode)
 
     @classmethod
-    def of(cls, matrix: Single, *, modes: int = 240) -> Seen:
+    def of(cls, matrix: Single, *, modes: int = 180) -> Seen:
         """Decompose a transfer matrix, shape (point, transducer)."""
         power, vectors = np.linalg.eigh((matrix.conj().T @ matrix / len(matrix)).astype(np.complex128))
         basis = vectors[:, -modes:]
         return cls(basis=basis, power=power[-modes:], points=matrix @ basis.astype(np.complex64))
 
 
-def solved(seen: Seen, wanted: NDArray[np.complex128], *, rounds: int = 12) -> NDArray[np.complex128]:
+def solved(seen: Seen, wanted: NDArray[np.complex128], *, rounds: int = 6) -> NDArray[np.complex128]:
     """Drives that are loud at one point and as quiet as possible where the check looks, shape (effort, transducer).
 
-    Least squares with weights that follow the loudest points (Lawson), for six penalties on the strength of the drive.
+    Least squares with weights that follow the loudest points (Lawson), for three penalties on its strength.
     """
     found, there = [], (wanted @ seen.basis).conj()
-    for effort in seen.power[-1] * 10.0 ** np.arange(-7, -1):
+    for effort in seen.power[-1] * 10.0 ** np.arange(-6, 0, 2):
         weight, made = np.full(len(seen.points), 1 / len(seen.points), np.float32), there
         for _ in range(rounds):
             weighed = np.sqrt(weight)[:, None] * seen.points

@@ -207,7 +207,7 @@ def exposure(
         list(
             report_progress(threads.map(partial(_fill, (level, loudest), drive, searches, steps), shares), len(shares))
         )
-    # The palm's limit is not enforced: the first, the middle and the last air suffice.
+    # The palm's limit is not enforced: the first, the middle and the last air suffice. The coldest distorts most.
     few = airs[:: max(1, len(airs) // 2)]
     every = max(1, round(BIN * drive.rate))
     return Exposure(
@@ -217,7 +217,7 @@ def exposure(
         air=loudest,
         rate=drive.rate,
         repeats=repeats,
-        nonlinearity=max(_nonlinearity(drive, profile, air, level) for air in few),
+        nonlinearity=_nonlinearity(drive, profile, airs[0], level),
         pressure=max(_pressure(drive, profile, air) for air in few),
         duty=unit_duty(unit_levels(drive, every=every), drive.rate / every, repeats=repeats),
         warming=palm_warming(drive, _palm_points(profile), acoustics=airs[len(airs) // 2], repeats=repeats),
