@@ -64,6 +64,7 @@ def test_play_and_exposure(words, expected, capsys):
     assert air_of(capsys.readouterr().out) in expected
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("words", "expected"), [([], UNKNOWN), (["--temperature", "40C"], TYPED)])
 def test_a_study(words, expected, capsys):
     pytest.importorskip("autd3")
@@ -99,6 +100,7 @@ def test_the_studio_states_no_air():
     assert LiveRequest(sensor="virtual:towel", device="virtual").session().order.exposure.room is None
 
 
+@pytest.mark.long
 def test_a_drive_that_is_quiet_in_the_papers_air_alone_is_refused(capsys):
     """The former check, in the paper's air and that of the file, kept it; at 22 °C it is above the limit."""
     ear = PROFILE.places[0]
