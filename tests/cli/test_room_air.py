@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.cli.commands.live import LiveOptions, NetworkOptions
+from midair.cli.commands.live import LiveOptions
 from midair.devices.frame_bytes import actual_level
 from midair.errors import InputError
 from midair.files import profile_named, save_solution
 from midair.model import Acoustics, Drive, Medium, Solution, TransducerArray
 from midair.physics import exposure, focus_phase, transfer_matrix
-from midair.studio.live_process import LiveRequest
+from midair.rig import LiveSettings
 
 ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")
@@ -78,9 +78,10 @@ def test_a_study(words, expected, capsys):
 
 
 def test_live():
-    stated = LiveOptions(temperature=40.0).session(None, None, NetworkOptions()).order.exposure.room
-    assert stated.temperature == 40.0
-    assert LiveOptions().session(None, None, NetworkOptions()).order.exposure.room is None
+    assert LiveOptions(temperature=40.0).settings().exposure.room.temperature == 40.0
+    assert LiveOptions().settings().exposure.room is None
+    # The studio states no air either; the default air of the processing must not count.
+    assert LiveSettings().exposure.room is None
 
 
 @pytest.mark.parametrize(("words", "expected"), [([], None), (["--temperature", "40C"], 40.0)])
@@ -95,10 +96,6 @@ def test_a_loop(words, expected, monkeypatch):
     assert run(["record", "virtual:towel", "take.h5", "--duration", "0.2s"]) == 0
     assert run(["loop", "take.h5", "--mode", "paper", "--duration", "0.08s", *words]) == 1
     assert found == [expected]
-
-
-def test_the_studio_states_no_air():
-    assert LiveRequest(sensor="virtual:towel", device="virtual").session().order.exposure.room is None
 
 
 @pytest.mark.long
