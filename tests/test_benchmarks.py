@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[1]
 NO_PROGRAMS = {
     "clock",
     "empty_studies",
+    "exposure_attacks",
     "live_outside",
     "palm_floor",
     "studio_deaths",

@@ -14,7 +14,7 @@ from tests.simulators.grbl import GrblSimulator
 from midair.cli import run
 from midair.files import load
 
-EXAMPLE = Path(__file__).parents[3] / "docs" / "data" / "stage.toml"
+EXAMPLE = Path(__file__).parents[2] / "docs" / "data" / "stage.toml"
 PROGRAM = "import sys; from midair.cli import run; sys.exit(run(sys.argv[1:]))"
 
 
