@@ -72,7 +72,7 @@ def test_a_wave_of_20_pa_is_reproduced():
     assert told.strength == pytest.approx(np.sqrt(20 / told.headroom.focus))
     assert not told.too_loud
     assert told.advice() == ""
-    assert dict(told.rows())["asked"].startswith("20 Pa at most")
+    assert dict(told.rows())["requested"].startswith("20 Pa at most")
 
 
 def test_the_lead_does_not_count():

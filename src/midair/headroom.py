@@ -97,16 +97,16 @@ class PressureLevel:
 
     def rows(self) -> list[tuple[str, str]]:
         """Label and text of each row of a printed table."""
-        limits = [] if self.headroom is None else [("can be had", str(self.headroom))]
+        limits = [] if self.headroom is None else [("largest possible", str(self.headroom))]
         full = "" if self.linear is None else f"; in full up to about {_pa(self.linear)}"
         return [
             *limits,
             (
-                "asked",
+                "requested",
                 f"{_pa(self.asked)} at most, strength {self.strength:.3f}; at that point {_pa(self.steady)} steady "
                 f"and {_pa(self.vibration)} rms of vibration",
             ),
-            ("comes", f"{100 * self.comes:.0f} % of it in the loudest frames (model prediction){full}"),
+            ("predicted", f"{100 * self.comes:.0f} % of it in the loudest frames (model prediction){full}"),
         ]
 
     def plain(self) -> dict[str, object]:

@@ -83,12 +83,12 @@ def test_the_air_of_the_room_is_checked_at_play(take, capsys):
 def test_play_runs_no_solver(take, capsys, monkeypatch):
     """It prints the level of the drive; the limits of the array, for which patterns are solved, are in info."""
     assert run(["solve", "take.h5", *QUICK, "--start-at", "0.1s", "--duration", "0.05s"]) == 0
-    assert "can be had" in capsys.readouterr().out
+    assert "largest possible" in capsys.readouterr().out
     monkeypatch.setattr("midair.headroom.solve", lambda *_, **__: pytest.fail("play ran a solver"))
     assert run(["play", "take.drive.h5"]) == 0
     printed = capsys.readouterr().out
-    assert "comes" in printed
-    assert "can be had" not in printed
+    assert "predicted" in printed
+    assert "largest possible" not in printed
 
 
 @pytest.mark.slow

@@ -61,7 +61,7 @@ def test_the_page_has_all_sections(loop, page):
     for words in (
         "SIMULATED",
         "Towel, reproduced in midair",
-        "E of what is met, mean",
+        "E as the solver measures it, mean",
         "midair loop x.h5",
         "numpy",
         "band",

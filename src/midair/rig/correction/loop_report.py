@@ -149,7 +149,7 @@ def _level(loop: Loop) -> str:
     made = loop.passes[-1].reproduction
     level = level_of(made.solution, made.target, band=loop.settings.calibration.band)
     said = dict(level.rows())
-    return f"Requested: {said['asked']}. Result: {said['comes']}. Possible: {said['can be had']}."
+    return f"Requested: {said['requested']}. Result: {said['predicted']}. Possible: {said['largest possible']}."
 
 
 def _figures(loop: Loop) -> list[Row]:
@@ -169,9 +169,9 @@ def _pass_figures(loop: Loop, number: int) -> Mapping[str, tuple[float, str]]:
     field = propagate(solution.drive, target.grid, acoustics=settings.acoustics)
     error = relative_error(field, target.amplitude)[plays]
     return {
-        "gain asked for": (this.gain, ""),
+        "gain requested": (this.gain, ""),
         "strength": (this.reproduction.strength(), ""),
-        "E of what is met, mean": (100 * float(solution.error[plays].mean()), "%"),
+        "E as the solver measures it, mean": (100 * float(solution.error[plays].mean()), "%"),
         "E at the control points, mean": (100 * float(error.mean()), "%"),
         "E at the control points, worst frame": (100 * float(error.max()), "%"),
         "E as printed, with 1/M, mean": (100 * float(printed_error(field, target.amplitude)[plays].mean()), "%"),

@@ -116,8 +116,8 @@ def _figures(outcome: Outcome) -> dict[str, tuple[str, str]]:
             " and ".join(f"{level:.1f}" for level in levels),
             "dB",
         )
-        rows["felt spectrum alike (SPQI)"] = (f"{card.figure('SPQI').overall:.2f}", "")
-    rows["E of what is met, mean"] = (f"{100 * float(np.mean(made.solution.error[inside])):.1f}", "%")
+        rows["similarity of felt spectra (SPQI)"] = (f"{card.figure('SPQI').overall:.2f}", "")
+    rows["E as the solver measures it, mean"] = (f"{100 * float(np.mean(made.solution.error[inside])):.1f}", "%")
     solver = outcome.loop.settings.solver
     rows["solver, frames"] = (f"{solver.name}, {made.target.frames} at {made.target.rate:g} Hz", "")
     return rows
