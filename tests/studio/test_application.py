@@ -106,7 +106,9 @@ def test_all_files_of_a_page_are_small_and_preloaded(client):
     wanted = set(re.findall(r'(?:href|src)="(/web/[^"]+)"', page))
     scripts = {name for name in wanted if name.endswith(".js")}
     imported = {name for script in scripts for name in re.findall(r'from "(/web/[^"]+)"', client.get(script).text)}
-    assert imported | {"/web/app.js"} == scripts
+    tabs = re.findall(r'data-room="(\w+)" data-script="([^"]+)"', page)
+    assert [name for name, _ in tabs] == ["record", "calibrate", "reproduce", "compare", "study", "live"]
+    assert imported | {"/web/app.js"} | {script for _, script in tabs} == scripts
     received = 0
     for name in ["/", *wanted]:
         with client.stream("GET", name, headers={"accept-encoding": "gzip"}) as answer:
@@ -124,7 +126,7 @@ def test_demo_stroke_is_shown_until_the_sample_exists(studio, client, talk):
     assert (section.first, section.values.shape) == (1000, (600, 256))
     assert "samples yet" in talk.order("reproduce", "solve", take="sample:towel")["error"]
     studio.takes.path("towel.h5").rename(studio.takes.samples / "towel.h5")
-    studio.reproduce.show()
+    studio.store.put(takes=studio.takes.rows())
     talk.order("play", "stop")
     [made] = talk.state["whole"]["takes"]
     assert made["name"] == row["name"]

@@ -1,3 +1,5 @@
+"""Flow control of the sections of a sensor or of live touch."""
+
 import asyncio
 
 import numpy as np
@@ -5,81 +7,98 @@ import pytest
 
 from midair.studio.feed import Feed
 from midair.studio.studio_state import Page
-from midair.view import unpack
+from midair.view import Kind, Section, pack, unpack
 
 
 class Wire:
+    """A page that receives messages or hangs."""
+
     def __init__(self):
-        self.sent = []
+        self.got, self.hangs = [], False
 
     async def send_bytes(self, data):
-        self.sent.extend(unpack(data))
-
-
-@pytest.fixture
-def page():
-    return Page(number=1, wire=Wire())
-
-
-@pytest.fixture
-def feed(page):
-    made = Feed(lambda: [page])
-    made._rate = 1000.0
-    return made
+        while self.hangs:
+            await asyncio.sleep(0.001)
+        self.got.extend([data])
 
 
 def block(first, frames=8):
-    return first, (np.arange(first, first + frames, dtype=np.float32)[:, None] * np.ones((1, 2), np.float32))
+    values = np.full((frames, 3), first % 100, np.int16)
+    return [pack([Section(kind=Kind.SAMPLES, values=values, first=first)])]
 
 
-def send(feed, page, times=1):
-    for _ in range(times):
-        asyncio.run(feed._send(page))
+def frames_of(messages):
+    return [first + i for data in messages for each in unpack(data) for first, i in _frames(each)]
 
 
-def frames_of(page):
-    return [frame for section in page.wire.sent for frame in range(section.first, section.first + len(section.values))]
+def _frames(section):
+    return [(section.first, i) for i in range(len(section.values))]
 
 
-def test_every_frame_is_sent_once_and_in_order(feed, page):
-    for first in range(0, 80, 8):
-        feed.add(*block(first))
-        send(feed, page)
-    assert frames_of(page) == list(range(80))
-    section = page.wire.sent[-1]
-    assert np.abs(section.values * section.unit - block(72)[1]).max() <= section.unit
+async def settle():
+    for _ in range(5):
+        await asyncio.sleep(0)
 
 
-def test_slow_page_gets_its_credit_and_later_one_joined_message(feed, page):
-    page.credit = 3
-    for first in range(0, 80, 8):
-        feed.add(*block(first))
-        send(feed, page)
-    assert len(page.wire.sent) == 3
-    page.credit = 1
-    send(feed, page, 2)
-    assert len(page.wire.sent) == 4
-    assert frames_of(page) == list(range(80))
-    assert [section.number for section in page.wire.sent] == [1, 2, 3, 4]
+def test_slow_page_gets_one_joined_message_and_delays_no_other_page():
+    async def run():
+        feed, quick, slow = Feed(), Page(1, Wire()), Page(2, Wire(), credit=2)
+        for page in (quick, slow):
+            feed.enter(page)
+        await settle()
+        for first in range(0, 80, 8):
+            feed.add(block(first))
+            await settle()
+            quick.credit = 24
+        assert len(quick.wire.got) == 10
+        assert len(slow.wire.got) == 2, "no more under way than it has credit for"
+        assert feed.waiting == 8
+        slow.credit += 2
+        feed.remind(slow)
+        await settle()
+        assert len(slow.wire.got) == 3
+        assert frames_of(slow.wire.got) == frames_of(quick.wire.got) == list(range(80))
+        assert feed.waiting == 0, "what every page has is forgotten"
+        assert [unpack(data)[0].number for data in slow.wire.got] == [1, 2, 3]
+        assert {each.number for each in unpack(slow.wire.got[-1])} == {3}
+        feed.close()
+
+    asyncio.run(run())
 
 
-def test_lost_frames_are_a_gap_between_two_messages(feed, page):
-    feed.add(*block(0))
-    feed.add(*block(20))
-    send(feed, page, 3)
-    assert [(section.first, len(section.values)) for section in page.wire.sent] == [(0, 8), (20, 8)]
+def test_hanging_page_delays_no_other_page_and_at_most_a_minute_is_kept():
+    async def run():
+        feed, quick, stuck = Feed(), Page(1, Wire()), Page(2, Wire())
+        stuck.wire.hangs = True
+        for page in (quick, stuck):
+            feed.enter(page)
+        await settle()
+        for first in range(0, 8 * 7300, 8):
+            feed.add(block(first))
+            if first % 800 == 0:
+                quick.credit = 24
+                await settle()
+        await settle()
+        assert frames_of(quick.wire.got)[-1] == 8 * 7300 - 1
+        assert feed.waiting == 7200
+        feed.leave(stuck)
+        assert feed.waiting == 0
+        feed.close()
+
+    asyncio.run(run())
 
 
-def test_restarted_sensor_starts_again_at_frame_0(feed, page):
-    feed.add(*block(64))
-    send(feed, page)
-    feed.add(*block(0))
-    send(feed, page)
-    assert [section.first for section in page.wire.sent] == [64, 0]
+@pytest.mark.parametrize("pages", [0, 1])
+def test_new_page_starts_with_the_current_frame(pages):
+    async def run():
+        feed, page = Feed(), Page(1, Wire())
+        feed.add(block(0))
+        for _ in range(pages):
+            feed.enter(page)
+        await settle()
+        feed.add(block(8))
+        await settle()
+        assert frames_of(page.wire.got) == list(range(8, 16)) * pages
+        feed.close()
 
-
-def test_at_most_a_minute_waits_for_a_page(feed, page):
-    page.credit = 0
-    for first in range(0, 100_000, 1000):
-        feed.add(*block(first, 1000))
-    assert sum(len(rows) for _, rows in feed._blocks) <= 61_000
+    asyncio.run(run())

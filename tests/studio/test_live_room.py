@@ -21,7 +21,7 @@ def studio(tmp_path):
     samples.mkdir()
     made = Studio(StudioPlan(folder=folder), samples, 8346)
     yield made
-    made.live.close()
+    made.panels["live"].close()
     made.playing.close()
     made.jobs.close()
 
@@ -73,7 +73,7 @@ def test_watching_page_sees_live_touch_and_changes_nothing(client, studio):
         for order, given in (("begin", {"admission": 1}), ("turn", {"share": 0.5}), ("keep", {}), ("end", {})):
             assert "may only watch" in ask(second, order, **given)["error"]
         assert ask(second, "sight", shown=False)["ok"]
-    assert studio.live.feed.waiting == 0
+    assert studio.panels["live"].feed.waiting == 0
 
 
 def test_state_is_known_before_anything_plays(client, studio):
@@ -88,7 +88,7 @@ def test_state_is_known_before_anything_plays(client, studio):
 
 def test_nothing_is_armed_if_the_array_cannot_be_lent(client, studio):
     """Without a player, checked settings do not start and the lease stays revoked."""
-    studio.live._checked = {3: _request()}
+    studio.panels["live"]._checked = {3: _request()}
     with page(client) as socket:
         socket.send_text(json.dumps({"alive": True}))
         assert "player" in ask(socket, "begin", admission=3)["error"]
@@ -98,7 +98,7 @@ def test_nothing_is_armed_if_the_array_cannot_be_lent(client, studio):
 
 
 def test_hidden_page_cannot_begin(client, studio):
-    studio.live._checked = {3: _request()}
+    studio.panels["live"]._checked = {3: _request()}
     with page(client) as socket:
         socket.send_text(json.dumps({"alive": False}))
         assert "to be visible" in ask(socket, "begin", admission=3)["error"]

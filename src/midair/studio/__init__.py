@@ -2,4 +2,6 @@
 
 from .application import Studio as Studio
 from .application import StudioPlan as StudioPlan
+from .panels import Panel as Panel
+from .panels import PanelContext as PanelContext
 from .server import open_studio as open_studio

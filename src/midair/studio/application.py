@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import html
 import secrets
 import time
 from collections.abc import AsyncGenerator, Callable
@@ -18,27 +19,17 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from midair.errors import InputError, MidairError
-from midair.files import DEFAULT_PROFILE
 from midair.studio.demo_stroke import DemoStroke
 from midair.studio.folders import StudioFolder
-from midair.studio.job_call import result_of
 from midair.studio.jobs import Jobs, StudioJob
-from midair.studio.panels import (
-    CalibratePanel,
-    ComparePanel,
-    LivePanel,
-    PlayPanel,
-    RecordPanel,
-    ReproducePanel,
-    StudyPanel,
-)
+from midair.studio.panels import PANELS, Panel, PanelContext, PlayPanel
 from midair.studio.player import PlayerPlan
 from midair.studio.request_guard import LoginTokens, RequestGuard
 from midair.studio.studio_state import LARGEST_ORDER, Page, StudioState
-from midair.studio.take_data import TakeData, frames_of
+from midair.studio.take_data import frames_of
 from midair.studio.takes_list import TakesList
 from midair.studio.web_files import WebFiles
-from midair.studio.work import make_sample, methods_of_modes, warm_up
+from midair.studio.work import methods_of_modes, warm_up
 from midair.version import __version__
 from midair.view import TABLES, WEB, colour_table
 
@@ -77,25 +68,33 @@ class Studio:
         self.folder = StudioFolder.at(plan.folder)
         self.takes = TakesList(self.folder, samples)
         self.first = DemoStroke.load()
-        self._files = WebFiles.of((OWN, WEB))
         self.store = StudioState(lambda: self.playing.sounding)
         self.loop: asyncio.AbstractEventLoop | None = None
         self.jobs = Jobs(self._job_changed, name="work", warm=warm_up)
-        self.reading = Jobs(_ignore, name="reading")
+        self.reading = Jobs(name="reading")
         self._shown: dict[int, StudioJob] = {}
         self._kept: dict[tuple[str, str, int], bytes] = {}
         self._began = False
         token = secrets.token_urlsafe(24)
         player = PlayerPlan(device=plan.device, seed=plan.seed, token=token)
-        self.playing = PlayPanel(self.store, self.takes, player, self.later, profile=DEFAULT_PROFILE)
-        self.reproduce = ReproducePanel(self.store, self.takes, self.jobs, self.reading, self.later, self.first.facts)
-        self.compare = ComparePanel(self.store, self.takes, self.jobs, self.playing, self.later)
-        self.record = RecordPanel(self.store, self.takes, plan.sensor, plan.seed, self.later, self.reproduce.show)
-        CalibratePanel(self.store, self.takes, self.reading)
-        self.study = StudyPanel(self.store, self.folder, self.jobs, self.playing, self.later)
-        self.live = LivePanel(
-            self.store, self.takes, self.playing, self.record, plan.seed, self.later, self.reproduce.show
+        self.playing = PlayPanel(self.store, self.takes, player, self.later)
+        context = PanelContext(
+            store=self.store,
+            takes=self.takes,
+            jobs=self.jobs,
+            reading=self.reading,
+            playing=self.playing,
+            later=self.later,
+            sensor=plan.sensor,
+            seed=plan.seed,
+            first=self.first,
         )
+        self.panels = context.panels
+        for name in PANELS:
+            panel = self.panels[name] = PANELS[name](context)
+            self.store.left.append(panel.left)
+        scripts = [panel.script for panel in self.panels.values()]
+        self._files = WebFiles.of((*scripts, OWN, WEB), _tabs_and_scripts(self.panels))
         self.store.put(
             studio={
                 "version": __version__,
@@ -125,20 +124,16 @@ class Studio:
         self.reading.start()
         # Loading takes a moment; meanwhile the browser opens.
         tables = asyncio.gather(*(asyncio.to_thread(colour_table, name) for name in TABLES))
-        # The first sample is shown and solved while the others are computed.
-        for thing in ("towel", "brush", "sponge"):
-            order = (str(self.takes.samples), thing)
-            self.reading.add(f"sample {thing}", make_sample, order, ended=lambda _: self.later(self._sampled))
-        try:
+        with contextlib.ExitStack() as ending:
+            for end in (self.reading.close, self.jobs.close, self.playing.close):
+                ending.callback(end)
+            for panel in self.panels.values():
+                ending.callback(panel.close)
+            ending.callback(self.playing.permit.stop)
+            ending.callback(tables.cancel)
+            for panel in self.panels.values():
+                panel.start()
             yield
-        finally:
-            tables.cancel()
-            self.live.close()
-            self.study.close()
-            self.playing.close()
-            self.record.close()
-            self.jobs.close()
-            self.reading.close()
 
     def application(self) -> RequestGuard:
         """Return the ASGI application behind the request guard."""
@@ -160,10 +155,6 @@ class Studio:
         if self.loop is not None and not self._began:
             self._began = True
             self.loop.call_later(AFTER, self.playing.start, self.origins)
-
-    def _sampled(self) -> None:
-        self.reproduce.show()
-        self.reproduce.solve_sample()
 
     def _job_changed(self, job: StudioJob) -> None:
         self.later(self._show_job, job)
@@ -209,7 +200,7 @@ class Studio:
             if key not in self._kept:
                 while len(self._kept) > 64:
                     self._kept.pop(next(iter(self._kept)))
-                self._kept[key] = await result_of(self.reading, f"frames of {take}", _frames_of, (data, stream, second))
+                self._kept[key] = await self.reading.result(f"frames of {take}", frames_of, (data, stream, second))
         except MidairError as wrong:
             return PlainTextResponse(f"{wrong}\n", 404)
         return Response(self._kept[key], media_type="application/octet-stream")
@@ -243,7 +234,7 @@ class Studio:
             path = await self.folder.receive(name[:200], request.stream())
         except (MidairError, ValueError) as wrong:
             return JSONResponse({"error": str(wrong)}, 400)
-        self.reproduce.show()
+        self.store.put(takes=self.takes.rows())
         return JSONResponse({"ok": path.name})
 
     async def _socket(self, socket: WebSocket) -> None:
@@ -266,15 +257,9 @@ class Studio:
             pass
         finally:
             self.store.leave(page)
-            self.record.left(page)
-            self.live.left(page)
             sending.cancel()
             with contextlib.suppress(Exception):
                 await socket.close()
-
-
-def _ignore(_: StudioJob) -> None:
-    """Ignore changes of quick jobs; only their results are shown."""
 
 
 async def _send(page: Page) -> None:
@@ -284,5 +269,9 @@ async def _send(page: Page) -> None:
             await page.wire.send_text(await page.waiting.get())
 
 
-def _frames_of(order: tuple[TakeData, Any, int], _: Any) -> bytes:
-    return frames_of(order)
+def _tabs_and_scripts(panels: dict[str, Panel]) -> dict[str, str]:
+    """Return the parts of index.html that depend on the panels."""
+    tab = '<a href="#{0}" data-room="{0}" data-script="/web/{1}">{2}</a>'
+    tabs = [tab.format(name, each.script.name, html.escape(each.title)) for name, each in panels.items()]
+    scripts = [f'<link rel="modulepreload" href="/web/{each.script.name}">' for each in panels.values()]
+    return {"tabs": "\n    ".join(tabs), "scripts": "\n".join(scripts)}

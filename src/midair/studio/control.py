@@ -20,14 +20,10 @@ class Control:
         if not self.holder:
             self.holder = page
 
-    def leave(self, page: int) -> bool:
-        """Remove a page; True if it had control, which is then free."""
-        if self.asking == page:
-            self.asking = 0
-        if self.holder != page:
-            return False
-        self.holder = 0
-        return True
+    def leave(self, page: int) -> None:
+        """Remove a page; if it had control, that is then free."""
+        self.asking = 0 if self.asking == page else self.asking
+        self.holder = 0 if self.holder == page else self.holder
 
     def check(self, page: int) -> None:
         """Raise DeviceStateError unless a page has control."""

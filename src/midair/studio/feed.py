@@ -1,111 +1,100 @@
-"""Frames of a sensor for the pages, with flow control.
+"""Packed sections of a sensor or of live touch for the pages, with flow control.
 
-A page returns credit for each message that it drew. Frames for a slow page wait and are joined into one message, so
-that its delay does not grow.
+A page returns credit for each message that it drew. Sections for a slow page wait and are joined into one message, so
+that its delay does not grow and no page waits for another.
 """
 
 import asyncio
+import itertools
 from collections import deque
-from collections.abc import Callable, Iterable
 from contextlib import suppress
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass, field
 
 from midair.studio.studio_state import Page
-from midair.view import Kind, encode_counts, pack
-
-LOOK = 0.05
-"""Seconds between two checks for new credit while no frames arrive."""
 
 KEPT = 60.0
-"""Seconds of frames that wait for a slow page; older ones are dropped, and the page shows a gap."""
+"""Seconds of sections that wait for a slow page; older ones are dropped, and the page shows a gap."""
+
+
+@dataclass(slots=True, eq=False)
+class _Viewer:
+    page: Page
+    next: int
+    fresh: asyncio.Event = field(default_factory=asyncio.Event)
+    task: "asyncio.Task[None] | None" = None
+    messages: "itertools.count[int]" = field(default_factory=lambda: itertools.count(1))
 
 
 class Feed:
-    """Sends blocks of samples as binary messages to the pages that `pages()` returns."""
+    """Sends packed sections to the pages."""
 
-    def __init__(self, pages: Callable[[], Iterable[Page]]) -> None:
-        self._pages = pages
-        self._blocks: deque[tuple[int, NDArray[np.float32]]] = deque()
-        self._rate = 1000.0
-        self._sent: dict[int, int] = {}
-        self._numbers: dict[int, int] = {}
-        self._task: asyncio.Task[None] | None = None
-        self._fresh = asyncio.Event()
-        self._end = 0
-        self._run = 0
+    def __init__(self) -> None:
+        self._blocks: deque[list[bytes]] = deque()
+        self._first = 0
+        self._viewers: dict[int, _Viewer] = {}
+        self._most = round(KEPT * 120)
 
-    def start(self, rate: float) -> None:
-        """Start at frame 0 with this rate in Hz."""
-        self._rate = rate
-        self._blocks.clear()
-        self._sent.clear()
-        self._end = 0
-        if self._task is None:
-            self._task = asyncio.ensure_future(self._go())
+    @property
+    def waiting(self) -> int:
+        """Number of blocks that some page has not received yet."""
+        return len(self._blocks)
 
-    def add(self, first: int, rows: NDArray[np.float32]) -> None:
-        """Append new frames; a number below the last one means that the sensor was restarted."""
-        if first < self._end:
-            self._blocks.clear()
-            self._sent.clear()
-        self._blocks.append((first, rows))
-        self._end = first + len(rows)
-        self._fresh.set()
-        while self._blocks and self._blocks[0][0] < self._end - KEPT * self._rate:
-            self._blocks.popleft()
+    def enter(self, page: Page) -> None:
+        """Send to this page from now on."""
+        self.leave(page)
+        viewer = self._viewers[page.number] = _Viewer(page, self._first + len(self._blocks))
+        viewer.task = asyncio.ensure_future(self._go(viewer))
 
     def leave(self, page: Page) -> None:
-        """Forget a page that has gone."""
-        self._sent.pop(page.number, None)
-        self._numbers.pop(page.number, None)
+        """Stop sending to a page."""
+        viewer = self._viewers.pop(page.number, None)
+        if viewer is not None and viewer.task is not None:
+            viewer.task.cancel()
+        self._forget()
+
+    def add(self, sections: list[bytes]) -> None:
+        """Append the next sections."""
+        self._blocks.append(sections)
+        self._forget()
+        for viewer in self._viewers.values():
+            viewer.fresh.set()
+
+    def remind(self, page: Page) -> None:
+        """Send waiting sections to a page that may have returned credit."""
+        if page.number in self._viewers:
+            self._viewers[page.number].fresh.set()
 
     def close(self) -> None:
         """Stop sending."""
-        if self._task is not None:
-            self._task.cancel()
-            self._task = None
+        for viewer in list(self._viewers.values()):
+            self.leave(viewer.page)
 
-    async def _go(self) -> None:
-        # The sensor process sends 120 blocks/s. A second clock would beat against them and the page's frame rate.
-        while True:
-            with suppress(TimeoutError):
-                await asyncio.wait_for(self._fresh.wait(), LOOK)
-            self._fresh.clear()
-            for page in self._pages():
-                with suppress(Exception):
-                    await self._send(page)
+    def _forget(self) -> None:
+        """Drop the blocks that every page has received and those that are too old."""
+        end = self._first + len(self._blocks)
+        wanted = max(min((each.next for each in self._viewers.values()), default=end), end - self._most)
+        while self._first < wanted:
+            self._blocks.popleft()
+            self._first += 1
 
-    async def _send(self, page: Page) -> None:
-        """Send the page's missing frames as one message, if it has credit."""
-        if page.credit <= 0 or not self._blocks:
-            return
-        begin = self._sent.get(page.number, max(0, self._end - round(0.1 * self._rate)))
-        if begin >= self._end:
-            return
-        parts: list[NDArray[np.float32]] = []
-        first = -1
-        for start, rows in self._blocks:
-            if start + len(rows) <= begin:
-                continue
-            if first < 0:
-                first = max(start, begin)
-            elif start != first + sum(map(len, parts)):
-                break  # lost frames: the rest is sent with the next message, whose frame number shows the gap
-            parts.append(rows[max(0, first - start) :] if not parts else rows)
-        if not parts:
-            return
-        rows = np.concatenate(parts)
-        self._sent[page.number] = first + len(rows)
-        number = self._numbers[page.number] = self._numbers.get(page.number, 0) + 1
-        page.credit -= 1
-        section = encode_counts(rows, Kind.SAMPLES, first=first, rate=self._rate)
-        await page.wire.send_bytes(pack([_numbered(section, number)]))
+    async def _go(self, viewer: _Viewer) -> None:
+        # A closed socket is handled where it is read; that code calls `leave`.
+        with suppress(Exception):
+            while True:
+                await viewer.fresh.wait()
+                viewer.fresh.clear()
+                begin = max(viewer.next, self._first)
+                end = self._first + len(self._blocks)
+                if viewer.page.credit <= 0 or begin >= end:
+                    continue
+                blocks = list(itertools.islice(self._blocks, begin - self._first, None))
+                viewer.next = end
+                viewer.page.credit -= 1
+                self._forget()
+                await viewer.page.wire.send_bytes(numbered(blocks, next(viewer.messages)))
 
 
-def _numbered(section: Any, number: int) -> Any:
-    from dataclasses import replace
-
-    return replace(section, number=number)
+def numbered(blocks: list[list[bytes]], number: int) -> bytes:
+    """Join the sections of some blocks, each with the message number in bytes 4 to 8 of its header."""
+    header = (number % 2**32).to_bytes(4, "little")
+    return b"".join(section[:4] + header + section[8:] for block in blocks for section in block)

@@ -1,18 +1,19 @@
 """A job queue with one worker process: progress, remaining time and cancellation at any moment."""
 
+import asyncio
 import contextlib
 import itertools
 import os
-import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass, field
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
 from typing import Any, Literal
 
-from midair.errors import MidairError
+from midair.errors import InputError
+from midair.studio.worker_process import StudioPipe, WorkerProcess
 
 JobState = Literal["waits", "runs", "done", "failed", "cancelled"]
 
@@ -70,21 +71,26 @@ class Jobs:
     """
 
     def __init__(
-        self, changed: Callable[[StudioJob], None], *, name: str = "work", warm: Callable[[], None] | None = None
+        self,
+        changed: Callable[[StudioJob], None] = lambda _: None,
+        *,
+        name: str = "work",
+        warm: Callable[[], None] | None = None,
     ) -> None:
-        self._changed, self._name, self._warm = changed, name, warm
+        self._changed, self._warm = changed, warm
         self._lock = threading.RLock()
         self._numbers = itertools.count(1)
         self._waiting: list[tuple[StudioJob, Work, Any]] = []
         self._running: StudioJob | None = None
-        self._process: Any = None
-        self._pipe: Connection | None = None
+        gone = "the worker process ended unexpectedly; there may be too little memory"
+        self._worker = WorkerProcess(serve_jobs, self._on_event, name=name, absent=gone, gone=gone)
         self._closed = False
 
     def start(self) -> None:
         """Start the worker process before the first job."""
         with self._lock:
-            self._ready()
+            if not self._worker.process:
+                self._worker.start(self._warm)
 
     def add(
         self,
@@ -104,6 +110,16 @@ class Jobs:
         self._changed(job)
         return job
 
+    async def result(self, title: str, work: Work, order: Any) -> Any:
+        """Add a job before the waiting ones and return its result; InputError with its message if it fails."""
+        done = Future[StudioJob]()
+        done.set_running_or_notify_cancel()
+        self.add(title, work, order, ended=done.set_result, first=True)
+        job = await asyncio.wrap_future(done)
+        if job.state != "done":
+            raise InputError(job.error or f"{title}: {job.state}")
+        return job.result
+
     def unfinished(self) -> list[StudioJob]:
         """Return the running job, then the waiting ones."""
         with self._lock:
@@ -121,7 +137,7 @@ class Jobs:
                 return False
             job, self._running = self._running, None
             # A solver cannot be interrupted: its process ends, and the next job gets a new one.
-            self._drop()
+            self._worker.close()
             self._end(job, "cancelled")
             self._next()
             return True
@@ -132,72 +148,46 @@ class Jobs:
             self._closed = True
             self._waiting.clear()
             self._running = None
-            self._drop()
+            self._worker.close()
 
     @property
     def process(self) -> int:
         """Process ID of the worker; 0 if there is none."""
-        return self._process.pid if self._process is not None else 0
-
-    def _ready(self) -> Connection:
-        if self._pipe is None or self._process is None or not self._process.is_alive():
-            context = get_context("spawn")
-            here, there = context.Pipe()
-            self._process = context.Process(
-                target=serve_jobs, args=(there, self._warm), name=f"midair {self._name}", daemon=True
-            )
-            self._process.start()
-            there.close()
-            self._pipe = here
-            threading.Thread(target=self._listen, args=(here,), name=f"{self._name} results", daemon=True).start()
-        return self._pipe
+        return self._worker.process
 
     def _next(self) -> None:
         """Start the next job; the lock must be held."""
         if self._running is not None or not self._waiting or self._closed:
             return
         job, work, order = self._waiting.pop(0)
-        pipe = self._ready()
+        self.start()
         job.state, job.began = "runs", time.monotonic()
         job.stage_began = job.began
         self._running = job
-        pipe.send((job.number, work, order))
+        answer = self._worker.request("work", number=job.number, work=work, order=order)
+        answer.add_done_callback(lambda answer: self._done(job, answer))
 
-    def _listen(self, pipe: Connection) -> None:
-        """Handle messages of the worker until it ends."""
-        while True:
-            try:
-                number, kind, value = pipe.recv()
-            except (EOFError, OSError, TypeError):
-                self._lost(pipe)
-                return
-            with self._lock:
-                job = self._running
-                if job is None or job.number != number:
-                    continue
-                if kind == "progress":
-                    stage, job.done, job.total = value
-                    if stage != job.stage:
-                        job.stage, job.stage_began = stage, time.monotonic()
-                else:
-                    self._running = None
-            if kind == "progress":
-                self._changed(job)
-                continue
-            job.result, job.error = (value, "") if kind == "done" else (None, value)
-            self._end(job, "done" if kind == "done" else "failed")
-            with self._lock:
-                self._next()
-
-    def _lost(self, pipe: Connection) -> None:
-        """Mark the job of a dead worker as failed, and start the next job in a new process."""
+    def _on_event(self, said: dict[str, Any]) -> None:
+        """Show the progress of the running job."""
         with self._lock:
-            if pipe is not self._pipe or self._closed:
+            job = self._running
+            if said["kind"] != "progress" or job is None or job.number != said["number"]:
                 return
-            self._pipe, job, self._running = None, self._running, None
-            if job is not None:
-                job.error = "the worker process ended unexpectedly; there may be too little memory"
-                self._end(job, "failed")
+            job.done, job.total = said["done"], said["total"]
+            if said["stage"] != job.stage:
+                job.stage, job.stage_began = said["stage"], time.monotonic()
+        self._changed(job)
+
+    def _done(self, job: StudioJob, answer: Future[Any]) -> None:
+        """End a job with the answer of the worker, or because the worker has died, and start the next one."""
+        with self._lock:
+            if job is not self._running:
+                return
+            self._running = None
+        wrong = answer.exception()
+        job.result, job.error = (answer.result(), "") if wrong is None else (None, str(wrong))
+        self._end(job, "done" if wrong is None else "failed")
+        with self._lock:
             self._next()
 
     def _end(self, job: StudioJob, state: JobState) -> None:
@@ -205,50 +195,26 @@ class Jobs:
         job.ended(job)
         self._changed(job)
 
-    def _drop(self) -> None:
-        process, pipe = self._process, self._pipe
-        self._process = self._pipe = None
-        if process is not None:
-            process.terminate()
-            process.join(2)
-            if process.is_alive():
-                process.kill()
-                process.join(2)
-        if pipe is not None:
-            pipe.close()
 
-
-def serve_jobs(pipe: Connection, warm: Callable[[], None] | None) -> None:
-    """Main loop of the worker process: run one job after the other until the pipe is closed."""
-    # Ctrl-C in the terminal reaches the studio, which then ends this process.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def serve_jobs(pipe: StudioPipe, warm: Callable[[], None] | None) -> None:
+    """Main loop of the worker process: run one job after the other until the studio ends."""
     with contextlib.suppress(AttributeError, OSError):
         os.nice(5)
     if warm is not None:
         warm()
-    while True:
-        try:
-            number, work, order = pipe.recv()
-        except (EOFError, OSError):
-            return
-        last = [0.0]
 
-        def progress(stage: str, done: int, total: int, number: int = number, last: list[float] = last) -> None:
+    def run(order: dict[str, Any]) -> Any:
+        last = 0.0
+
+        def progress(stage: str, done: int, total: int) -> None:
+            nonlocal last
             now = time.monotonic()
             # The page shows at most ten updates per second.
-            if now - last[0] > 0.1 or done >= total:
-                last[0] = now
-                pipe.send((number, "progress", (stage, done, total)))
+            if now - last > 0.1 or done >= total:
+                last = now
+                if not pipe.send("progress", number=order["number"], stage=stage, done=done, total=total):
+                    sys.exit()
 
-        try:
-            answer = (number, "done", work(order, progress))
-        except MidairError as wrong:
-            answer = (number, "failed", str(wrong))
-        except Exception as wrong:  # noqa: BLE001  # the process goes on with the next job
-            answer = (
-                number,
-                "failed",
-                f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}",
-            )
-        with contextlib.suppress(BrokenPipeError, OSError):
-            pipe.send(answer)
+        return order["work"](order["order"], progress)
+
+    pipe.serve(run)

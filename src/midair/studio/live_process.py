@@ -5,15 +5,11 @@ ends with the studio. The sound field that the page shows is computed here, not 
 """
 
 import os
-import signal
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing import connection, parent_process
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +34,7 @@ from midair.rig import (
 )
 from midair.solvers import one_blas_thread
 from midair.studio.player import exposed
+from midair.studio.worker_process import NO_ANSWER, StudioPipe, end_with_studio
 from midair.view import Kind, Section, encode_counts, fit_interpolation, pack
 
 EVERY = 1 / 120
@@ -50,26 +47,16 @@ REMEMBERED = 60.0
 """Seconds that can be saved as a take afterwards."""
 
 
-def run_live(pipe: Connection, permit: PlayLease) -> None:
+def run_live(pipe: StudioPipe, permit: PlayLease) -> None:
     """Main function of the process, which ends with its studio; `pipe` carries requests, frames and status."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(AttributeError, OSError):
         # The loop does not wait for this process; pages may wait for both.
         os.nice(5)
-    threading.Thread(target=_end_with_the_studio, args=(permit,), name="studio", daemon=True).start()
-    with one_blas_thread():
-        _LiveSupervisor(pipe, permit).serve()
-
-
-def _end_with_the_studio(permit: PlayLease) -> None:
-    studio = parent_process()
-    if studio is None:
-        return
-    connection.wait([studio.sentinel])
-    permit.stop()
     # The loop reads the stop within a millisecond and goes silent; then this process ends, whatever it does.
-    time.sleep(1.0)
-    os._exit(0)
+    end_with_studio(permit.stop, patience=1.0)
+    with one_blas_thread():
+        supervisor = _LiveSupervisor(pipe, permit)
+        pipe.serve(supervisor.act)
 
 
 class RecentFrames:
@@ -184,38 +171,24 @@ class LiveView:
 class _LiveSupervisor:
     """Serves the requests of the studio, and one run of live touch at a time."""
 
-    def __init__(self, pipe: Connection, permit: PlayLease) -> None:
+    def __init__(self, pipe: StudioPipe, permit: PlayLease) -> None:
         self._pipe, self._permit = pipe, permit
-        self._sending = threading.Lock()
         self._checked: dict[int, LiveSettings] = {}
         self._number = self._seen = 0
         self._past: tuple[LiveSettings, LoopStarted, RecentFrames] | None = None
 
-    def serve(self) -> None:
-        """Handle one request after the other."""
-        while True:
-            try:
-                order: dict[str, Any] = self._pipe.recv()
-            except (EOFError, OSError):
-                return
-            self._do(order)
-
-    def _do(self, order: Mapping[str, Any]) -> None:
-        try:
-            match order["do"]:
-                case "check":
-                    self._send("answer", id=order["id"], value=self._check(order["request"]))
-                case "begin":
-                    self._begin(order)
-                case "keep":
-                    self._keep(order)
-                case _:
-                    pass  # the run to be ended is over already
-        except MidairError as wrong:
-            self._send("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
-        except Exception as wrong:  # noqa: BLE001  # a failed request must not end the process
-            said = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
-            self._send("wrong", id=order["id"], error=said, of="unforeseen")
+    def act(self, order: dict[str, Any]) -> Any:
+        """Handle one request."""
+        match order["do"]:
+            case "check":
+                return self._check(order["request"])
+            case "begin":
+                self._begin(order)
+            case "keep":
+                self._keep(order)
+            case _:
+                pass  # the run to be ended is over already
+        return NO_ANSWER
 
     def _check(self, request: dict[str, Any]) -> dict[str, Any]:
         """Return the worst-case exposure of the level, with a number by which the run may be started."""
@@ -240,7 +213,7 @@ class _LiveSupervisor:
             **exposed(admission.exposure),
         }
 
-    def _begin(self, order: Mapping[str, Any]) -> None:
+    def _begin(self, order: dict[str, Any]) -> None:
         """Play with a lease token until the run ends; the answer is sent as soon as it plays."""
         settings = self._checked.pop(order["admission"], None)
         if settings is None:
@@ -250,24 +223,24 @@ class _LiveSupervisor:
         # Created before the first frame: otherwise frames of that time would arrive all at once.
         sight = LiveView(session.order)
         about = sight.about()
-        error = ""
+        error, plays = "", False
         try:
             with session:
                 opened = session.opened
                 sight.found(opened)
                 kept = RecentFrames(opened.sensor.count, sight.array.count, round(REMEMBERED * opened.rate))
                 self._past = session.order, opened, kept
-                self._send("answer", id=order["id"], value={**_session_info(session), **about})
-                order = {}
+                plays = True
+                self._pipe.answer(order, {**_session_info(session), **about})
                 self._watch(session, sight, kept)
         except MidairError as wrong:
-            if order:
+            if not plays:
                 raise
             error = str(wrong)
         # Last frames that the loop wrote before it went silent.
         if self._past is not None:
             self._hand_on(session, sight, self._past[2])
-        self._send("ended", error=error, goes=_status(session))
+        self._pipe.send("ended", error=error, goes=_status(session))
 
     def _watch(self, session: LiveSession, sight: LiveView, kept: RecentFrames) -> None:
         sent, emitting = 0.0, False
@@ -277,12 +250,12 @@ class _LiveSupervisor:
             emitting = bool(found["intensity"][-1]) if len(found) else emitting
             if time.monotonic() - sent > 0.25:
                 sent = time.monotonic()
-                self._send("goes", goes=_status(session), emitting=emitting, remembered=kept.frames)
+                self._pipe.send("goes", goes=_status(session), emitting=emitting, remembered=kept.frames)
             while self._pipe.poll():
-                order = self._pipe.recv()
-                if order["do"] == "end":
+                order = self._pipe.receive()
+                if order is None or order["do"] == "end":
                     return
-                self._do(order)
+                self._pipe.handle(order, self.act)
 
     def _hand_on(self, session: LiveSession, sight: LiveView, kept: RecentFrames) -> NDArray[Any]:
         """Send new frames to the page and keep them."""
@@ -291,10 +264,10 @@ class _LiveSupervisor:
             kept.clear()
         if len(found):
             kept.add(found)
-            self._send("frames", data=[pack([section]) for section in sight.sections(found)])
+            self._pipe.send("frames", data=[pack([section]) for section in sight.sections(found)])
         return found
 
-    def _keep(self, order: Mapping[str, Any]) -> None:
+    def _keep(self, order: dict[str, Any]) -> None:
         """Save the last seconds as a take while the run goes on."""
         if self._past is None or not self._past[2].frames:
             raise InputError("keep: expected recorded frames, there are none yet; start live touch first")
@@ -302,22 +275,15 @@ class _LiveSupervisor:
         moment = kept.last(round(order["seconds"] * opened.rate))
 
         def write() -> None:
-            try:
+            with self._pipe.answering(order):
                 take = LiveTake(Path(order["path"]), known, opened, moment, order["notes"])
                 take.end()
                 take.run()
                 take.close()
-            except MidairError as wrong:
-                self._send("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
-                return
-            value = {"name": Path(order["path"]).name, "frames": len(moment.frames)}
-            self._send("answer", id=order["id"], value={**value, "duration_s": len(moment.frames) / opened.rate})
+                found = {"frames": len(moment.frames), "duration_s": len(moment.frames) / opened.rate}
+                self._pipe.answer(order, {"name": Path(order["path"]).name, **found})
 
         threading.Thread(target=write, name="keep").start()
-
-    def _send(self, kind: str, **said: Any) -> None:
-        with suppress(OSError, ValueError), self._sending:
-            self._pipe.send({"kind": kind, **said})
 
 
 def _session_info(session: LiveSession) -> dict[str, Any]:

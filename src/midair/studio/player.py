@@ -4,21 +4,23 @@ It checks the lease before every frame or bank switch, and from a thread 200 tim
 port for STOP. When the studio process ends, it silences the array and ends too.
 """
 
-import os
-import signal
 import socket
-import threading
 import time
-from collections.abc import Mapping
-from contextlib import ExitStack, suppress
+from collections.abc import Generator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
-from multiprocessing import connection, get_context, parent_process
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from midair.studio.noise_process import NoiseProcess
+from midair.devices import ExposureChoices, check_exposure, measure_exposure
+from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError
+from midair.files import load_solution, profile_named, save
+from midair.rig import VirtualRig, array_named, play_cleared, rerecord, under_lease
+from midair.settings import Settings
 from midair.studio.stop_port import StopPort
+from midair.studio.worker_process import StudioPipe, end_with_studio
+from midair.study import Headphones
+from midair.targets import sensor_from_provenance
 
 TRIALS = 32
 """Checked drives of a session that are kept, so that later trials start as quickly as the first."""
@@ -37,117 +39,113 @@ class PlayerPlan:
     """Origins of the pages that may use the stop port."""
 
 
-def run_player(pipe: Connection, permit: Any, listening: socket.socket, plan: PlayerPlan) -> None:
+class NoiseOutput:
+    """White noise in the participant's headphones during a presentation, which masks the sound of the array."""
+
+    def __init__(self) -> None:
+        self._held: Any = None
+
+    def take(self, noise: Any, device: str) -> str:
+        """Open the named output for the noise of a plan, or close it if there is none; returns a description."""
+        held, self._held = self._held, None
+        if held is not None:
+            held.__exit__(None, None, None)
+        if noise is None:
+            return ""
+        self._held = Headphones(noise, device=device).__enter__()
+        return noise.said
+
+    @contextmanager
+    def over(self, wanted: bool) -> Generator[None]:
+        """Play noise within the block if `wanted`; DeviceError if the output is not open."""
+        if not wanted:
+            yield
+            return
+        if self._held is None:
+            raise DeviceError("headphones: expected an open sound output, got none; leave the session and resume it")
+        self._held.on()
+        try:
+            yield
+        finally:
+            self._held.off()
+
+
+def run_player(pipe: StudioPipe, permit: Any, listening: socket.socket, plan: PlayerPlan) -> None:
     """Main function of the player process, which ends with its studio."""
-    # Ctrl-C in the terminal ends the studio, and this process with it.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     player = _Player(pipe, permit, plan)
-    port = StopPort(listening, plan.token, plan.origins, player.stop)
-    port.start()
-    threading.Thread(target=player.end_with_the_studio, name="studio", daemon=True).start()
-    player.serve()
+    StopPort(listening, plan.token, plan.origins, player.stop).start()
+    end_with_studio(permit.stop, player.silence, patience=2.0)
+    pipe.send("ready")
+    with player.held:
+        pipe.serve(player.act)
 
 
 @dataclass(slots=True, eq=False)
 class _Player:
-    pipe: Connection
+    pipe: StudioPipe
     permit: Any
     plan: PlayerPlan
     array: Any = None
+    held: ExitStack = field(default_factory=ExitStack)
     admitted: dict[int, tuple[Any, Path]] = field(default_factory=dict[int, tuple[Any, Path]])
     trials: dict[tuple[str, float], dict[str, Any]] = field(default_factory=dict[tuple[str, float], dict[str, Any]])
-    noise: NoiseProcess = field(default_factory=NoiseProcess)
+    noise: NoiseOutput = field(default_factory=NoiseOutput)
     number: int = 0
-    emits: bool = False
 
-    def serve(self) -> None:
-        """Handle one request after the other."""
-        from midair.errors import LinkLostError, MidairError
+    def act(self, order: Mapping[str, Any]) -> Any:
+        """Handle one request."""
+        try:
+            match order["do"]:
+                case "open":
+                    return self._open()
+                case "admit":
+                    return self._admit(order)
+                case "play":
+                    return self._play(order)
+                case "mask":
+                    self.trials.clear()
+                    return self.noise.take(order["noise"], order["device"])
+                case "quiet":
+                    return self._quiet(order)
+                case _:
+                    # "let go": another process uses the array for a while.
+                    self.held.close()
+                    self.array = None
+                    return True
+        except LinkLostError:
+            # Units that stopped answering are opened again for the next drive.
+            self.array = None
+            with suppress(Exception):
+                self.held.close()
+            raise
 
-        self._send("ready", process=os.getpid())
-        with ExitStack() as held:
-            while True:
-                try:
-                    order: dict[str, Any] = self.pipe.recv()
-                except (EOFError, OSError):
-                    return
-                try:
-                    match order["do"]:
-                        case "open":
-                            self._send("answer", id=order["id"], value=self._open(held))
-                        case "admit":
-                            self._send("answer", id=order["id"], value=self._admit(order, held))
-                        case "play":
-                            self._send("answer", id=order["id"], value=self._play(order))
-                        case "mask":
-                            self.trials.clear()
-                            self._send("answer", id=order["id"], value=self.noise.take(order["noise"], order["device"]))
-                        case "quiet":
-                            self._send("answer", id=order["id"], value=self._quiet(order))
-                        case "let go":
-                            # Another process uses the array for a while.
-                            held.close()
-                            self.array = None
-                            self._send("answer", id=order["id"], value=True)
-                        case _:
-                            return
-                except MidairError as wrong:
-                    if isinstance(wrong, LinkLostError):
-                        # Units that stopped answering are opened again for the next drive.
-                        self.array = None
-                        with suppress(Exception):
-                            held.close()
-                    self._send("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
-                except Exception as wrong:  # noqa: BLE001  # a failed request must not end the player
-                    said = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
-                    self._send("wrong", id=order["id"], error=said, of="unforeseen")
+    def silence(self) -> None:
+        """Silence an open array, from any thread."""
+        if self.array is not None:
+            self.array.silence()
 
     def stop(self) -> None:
         """STOP, from any thread; returns when the array is silent."""
         self.permit.stop()
-        if self.array is not None:
-            self.array.silence()
-        self._send("stopped", by="the page, at the player's own port")
+        self.silence()
+        self.pipe.send("stopped")
 
-    def end_with_the_studio(self) -> None:
-        """Wait for the end of the studio, then silence the array and end the process."""
-        studio = parent_process()
-        if studio is None:
-            return
-        connection.wait([studio.sentinel])
-        with suppress(Exception):
-            self.permit.stop()
-        with suppress(Exception):
-            if self.array is not None:
-                self.array.silence()
-        # The main thread reads the stopped lease and closes the device; wait for that, but not forever.
-        time.sleep(2.0)
-        os._exit(0)
-
-    def _open(self, held: ExitStack) -> dict[str, Any]:
+    def _open(self) -> dict[str, Any]:
         """Open the array if necessary and describe it; the virtual one is created again for each drive."""
-        from midair.rig import VirtualRig, array_named
-
         if self.plan.device == "virtual":
             array = VirtualRig(seed=self.plan.seed).array
-            return {"name": "virtual", "units": "", "count": array.count, "simulated": True, "heard": True}
+            return {"units": "", "count": array.count, "simulated": True}
         if self.array is None:
-            self.array = held.enter_context(array_named(self.plan.device))
+            self.array = self.held.enter_context(array_named(self.plan.device))
         said = self.array.describe()
         return {
-            "name": self.array.name,
             "units": "; ".join(f"{name}: {value}" for name, value in said.items()),
             "count": self.array.array.count,
             "simulated": self.array.simulated,
-            "heard": False,
         }
 
-    def _admit(self, order: Mapping[str, Any], held: ExitStack) -> dict[str, Any]:
+    def _admit(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Check the exposure of a drive file on this array, and keep the clearance."""
-        from midair.devices import ExposureChoices, check_exposure
-        from midair.errors import ExposureError
-        from midair.files import load_solution, profile_named
-
         path, trial = Path(order["path"]), (order["path"], order.get("share", 1.0))
         if order.get("keep") and trial in self.trials:
             return self.trials[trial]
@@ -156,7 +154,7 @@ class _Player:
             # Radiation pressure is proportional to the square of the sound pressure, hence of the level.
             drive = replace(drive, level=drive.level * share**0.5)
         if self.plan.device != "virtual" and self.array is None:
-            self._open(held)
+            self._open()
         array: Any = self.array if self.plan.device != "virtual" else self._virtual(drive).array_device()
         profile = profile_named(order["profile"])
         choices = ExposureChoices(profile=profile, attenuate=order["attenuate"], override=order["override"] or None)
@@ -164,7 +162,7 @@ class _Player:
             admission = check_exposure(drive, array, choices, repeats=order["repeats"])
         except ExposureError as wrong:
             # The page shows the excess and the possible remedies, so the exposure is measured again.
-            return {"number": 0, "refused": str(wrong), **exposed(_measured(drive, array, profile))}
+            return {"number": 0, "refused": str(wrong), **exposed(measure_exposure(drive, array.array, profile))}
         self.number += 1
         kept = {found["number"] for found in self.trials.values()} if order.get("keep") else set[int]()
         self.admitted = {number: one for number, one in self.admitted.items() if number in kept}
@@ -183,10 +181,6 @@ class _Player:
 
     def _virtual(self, drive: Any) -> Any:
         """Create a virtual rig with the array, cells, height and band of a drive."""
-        from midair.rig import VirtualRig
-        from midair.settings import Settings
-        from midair.targets import sensor_from_provenance
-
         known = Settings.of(drive.provenance) or Settings()
         rig = VirtualRig(
             array=drive.array.nominal,
@@ -198,8 +192,6 @@ class _Player:
 
     def _play(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Play a checked drive with a lease token; a virtual rig re-records it."""
-        from midair.errors import DeviceStateError
-
         kept = any(trial["number"] == order["admission"] for trial in self.trials.values())
         found = self.admitted.get(order["admission"]) if kept else self.admitted.pop(order["admission"], None)
         if found is None:
@@ -217,9 +209,6 @@ class _Player:
         return True
 
     def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path) -> dict[str, Any]:
-        from midair.files import save
-        from midair.rig import play_cleared, rerecord, under_lease
-
         leave, output = order["leave"], order["output"]
         if self.plan.device != "virtual":
             with under_lease(self.array, self.permit, leave):
@@ -250,22 +239,9 @@ class _Player:
                 time.sleep(0.002)
             if time.monotonic() - sent[0] > 0.05 or done >= total:
                 sent[0] = time.monotonic()
-                self._send("sounds", done=done, total=total, emitting=bool(getattr(self.array, "emitting", True)))
+                self.pipe.send("sounds", done=done, total=total, emitting=bool(getattr(self.array, "emitting", True)))
 
         return progress
-
-    def _send(self, kind: str, **said: Any) -> None:
-        with suppress(OSError, ValueError), _SENDING:
-            self.pipe.send({"kind": kind, **said})
-
-
-_SENDING = threading.Lock()
-
-
-def _measured(drive: Any, array: Any, profile: Any) -> Any:
-    from midair.devices import measure_exposure
-
-    return measure_exposure(drive, array.array, profile)
 
 
 def exposed(found: Any) -> dict[str, Any]:
@@ -286,77 +262,3 @@ def exposed(found: Any) -> dict[str, Any]:
             for number, place in enumerate(found.profile.places)
         ],
     }
-
-
-class PlayerProcess:
-    """The player process, as the studio uses it.
-
-    `on_message` is called from a thread with each message of the player.
-    """
-
-    def __init__(self, permit: Any, plan: PlayerPlan, on_message: Any) -> None:
-        self._permit, self._plan, self._on_message = permit, plan, on_message
-        self._listening = socket.create_server(("127.0.0.1", 0))
-        self._process: Any = None
-        self._pipe: Connection | None = None
-        self._closed = False
-
-    @property
-    def port(self) -> int:
-        """Port for STOP; it stays the same when the player is restarted."""
-        return self._listening.getsockname()[1]
-
-    @property
-    def process(self) -> int:
-        """Process ID; 0 if there is no process."""
-        return self._process.pid if self._process is not None and self._process.is_alive() else 0
-
-    def start(self, origins: tuple[str, ...]) -> None:
-        """Start the process."""
-        context = get_context("spawn")
-        self._pipe, there = context.Pipe()
-        plan = replace(self._plan, origins=origins)
-        self._process = context.Process(
-            target=run_player, args=(there, self._permit, self._listening, plan), name="midair player"
-        )
-        self._process.start()
-        there.close()
-        threading.Thread(target=self._listen, args=(self._pipe, origins), name="player", daemon=True).start()
-
-    def send(self, order: dict[str, Any]) -> None:
-        """Send a request; DeviceStateError if the process does not run."""
-        from midair.errors import DeviceStateError
-
-        try:
-            if self._pipe is None:
-                raise OSError
-            self._pipe.send(order)
-        except OSError as wrong:
-            raise DeviceStateError(
-                "player: expected a running process, it is starting or has ended; try again"
-            ) from wrong
-
-    def close(self) -> None:
-        """Silence the array and end the process."""
-        self._closed = True
-        self._permit.stop()
-        with suppress(Exception):
-            self.send({"do": "end", "id": 0})
-        if self._process is not None:
-            self._process.join(3)
-            if self._process.is_alive():
-                self._process.terminate()
-                self._process.join(2)
-        self._listening.close()
-
-    def _listen(self, pipe: Connection, origins: tuple[str, ...]) -> None:
-        while True:
-            try:
-                self._on_message(pipe.recv())
-            except (EOFError, OSError):
-                break
-        if not self._closed:
-            self._on_message({"kind": "gone"})
-            # The failsafe of the array has silenced it. The lease is revoked, and a new process starts.
-            self._permit.stop()
-            self.start(origins)

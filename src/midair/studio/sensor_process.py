@@ -1,12 +1,8 @@
 """The sensor process: it reads the sensor all the time, sends its frames, and writes takes."""
 
-import contextlib
 import os
-import signal
+import sys
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +28,8 @@ from midair.rig import (
     sensor_named,
     take_problems,
 )
+from midair.studio.worker_process import StudioPipe
+from midair.view import Kind, encode_counts, pack
 
 STEP = 1 / 120
 """Seconds of samples per message: two 60 Hz clocks would beat against each other."""
@@ -81,36 +79,17 @@ class RepeatedStroke(SensorDevice):
         self._sensor.close()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TakeRequest:
-    """A take to record into the file `path`; the fields are those of `TakePlan`."""
-
-    path: str
-    start: Any = "at once"
-    duration: float | None = None
-    level: float | None = None
-    pre_roll: float = 0.0
-    post_roll: float | None = None
-    notes: Mapping[str, str] = field(default_factory=dict[str, str])
-
-
-def run_sensor(pipe: Connection, name: str, seed: int) -> None:
+def run_sensor(pipe: StudioPipe, name: str, seed: int) -> None:
     """Main function of the sensor process, which ends with its studio.
 
-    The pipe carries a `TakeRequest`, "toggle", "quit" or "taps" in, and frames, levels and messages out.
+    The requests are "take" with a `TakePlan`, "toggle" and "taps"; the events are frames, levels and messages.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        sensor = _named(name, seed)
-        with sensor:
+        with _named(name, seed) as sensor:
             _SensorLoop(pipe, sensor, name, seed).run()
     except MidairError as wrong:
-        _send(pipe, "lost", error=str(wrong))
-    except (EOFError, OSError):
-        pass
+        pipe.send("lost", error=str(wrong))
     finally:
-        with contextlib.suppress(OSError):
-            pipe.close()
         os._exit(0)
 
 
@@ -124,7 +103,7 @@ def _named(name: str, seed: int) -> SensorDevice:
 class _MirroredSensor(SensorDevice):
     """Wraps an open sensor and sends a copy of its frames to the page."""
 
-    def __init__(self, sensor: SensorDevice, pipe: Connection) -> None:
+    def __init__(self, sensor: SensorDevice, pipe: StudioPipe) -> None:
         self._sensor, self._pipe = sensor, pipe
         self.name, self.grid, self.rate, self.unit = sensor.name, sensor.grid, sensor.rate, sensor.unit
         self.calibration, self.simulated, self.full_scale = sensor.calibration, sensor.simulated, sensor.full_scale
@@ -144,7 +123,8 @@ class _MirroredSensor(SensorDevice):
             mean = rows.mean(axis=0)
             # Traces are drawn around a slow mean, so that an offset does not show as signal.
             rest = self._rest = mean if self._rest is None else 0.99 * self._rest + 0.01 * mean
-            _send(self._pipe, "frames", first=block.first, rows=(rows - rest).astype(np.float32))
+            section = encode_counts(rows - rest, Kind.SAMPLES, first=block.first, rate=self.rate)
+            self._pipe.send("frames", data=[pack([section])])
         return block
 
     def stop(self) -> None:
@@ -157,16 +137,13 @@ class _MirroredSensor(SensorDevice):
 class _SensorLoop:
     """Main loop: requests in, frames and takes out."""
 
-    def __init__(self, pipe: Connection, sensor: SensorDevice, name: str, seed: int) -> None:
+    def __init__(self, pipe: StudioPipe, sensor: SensorDevice, name: str, seed: int) -> None:
         self._pipe, self._sensor, self._name, self._seed = pipe, sensor, name, seed
-        self._shown = 0.0
-        self._pending: list[Any] = []
 
     def run(self) -> None:
         """Read the sensor and record the requested takes."""
         sensor = self._sensor
-        _send(
-            self._pipe,
+        self._pipe.send(
             "open",
             sensor=sensor.name,
             rate_hz=sensor.rate,
@@ -178,51 +155,33 @@ class _SensorLoop:
             simulated=sensor.simulated,
             calibrated=sensor.calibration is not None,
         )
-        while True:
-            request = self._wait()
-            if request == "quit":
-                return
-            if request == "taps":
+        while (request := self._wait()) is not None:
+            if request["do"] == "taps":
                 self._taps()
-            elif isinstance(request, TakeRequest):
-                self._take(request)
+            elif request["do"] == "take":
+                self._take(request["plan"])
 
-    def _wait(self) -> Any:
+    def _wait(self) -> dict[str, Any] | None:
         """Send frames until a request comes; uses a take that waits for a key and is never begun."""
         watcher = _TakeObserver(self._pipe, self._sensor, idle=True)
-        nowhere = Path(os.devnull)
-        while watcher.request is None:
+        plan = TakePlan(path=Path(os.devnull), start="key", block=STEP)
+        while not watcher.over:
             try:
-                record_take(
-                    _MirroredSensor(self._sensor, self._pipe), TakePlan(path=nowhere, start="key", block=STEP), watcher
-                )
+                record_take(_MirroredSensor(self._sensor, self._pipe), plan, watcher)
             except MidairError as wrong:
-                _send(self._pipe, "lost", error=str(wrong))
+                self._pipe.send("lost", error=str(wrong))
                 # A sensor that was unplugged may come back.
                 if self._pipe.poll(1.0):
-                    return self._pipe.recv()
+                    return self._pipe.receive()
         return watcher.request
 
-    def _take(self, request: TakeRequest) -> None:
-        plan = TakePlan(
-            path=Path(request.path),
-            start=request.start,
-            duration=request.duration,
-            level=request.level,
-            pre_roll=request.pre_roll,
-            post_roll=request.post_roll,
-            notes=dict(request.notes),
-            block=STEP,
-        )
-        watcher = _TakeObserver(self._pipe, self._sensor)
+    def _take(self, plan: TakePlan) -> None:
         try:
-            take = record_take(_MirroredSensor(self._sensor, self._pipe), plan, watcher)
+            take = record_take(_MirroredSensor(self._sensor, self._pipe), plan, _TakeObserver(self._pipe, self._sensor))
         except MidairError as wrong:
-            _send(self._pipe, "failed", error=str(wrong))
+            self._pipe.send("failed", error=str(wrong))
             return
-        _send(self._pipe, "taken", **_take_info(take, self._sensor.rate))
-        if watcher.request is not None:
-            self._pending.append(watcher.request)
+        self._pipe.send("taken", **_take_info(take, self._sensor.rate))
 
     def _taps(self) -> None:
         """Identify the channel of each cell by taps; a virtual sensor simulates them."""
@@ -234,10 +193,9 @@ class _SensorLoop:
             else:
                 found = identify_by_taps(sensor, TapTest(), self._prompt)
         except MidairError as wrong:
-            _send(self._pipe, "failed", error=str(wrong))
+            self._pipe.send("failed", error=str(wrong))
             return
-        _send(
-            self._pipe,
+        self._pipe.send(
             "identified",
             channel=[-1 if each is None else each for each in found.channel],
             margin=[float(min(each, 99.0)) for each in found.margin],
@@ -248,28 +206,27 @@ class _SensorLoop:
         )
 
     def _prompt(self, cell: int) -> None:
-        _send(self._pipe, "tap", cell=cell)
+        if not self._pipe.send("tap", cell=cell):
+            sys.exit()
 
 
 class _TakeObserver:
     """Observer of a take: requests in, levels and messages out."""
 
-    def __init__(self, pipe: Connection, sensor: SensorDevice, *, idle: bool = False) -> None:
+    def __init__(self, pipe: StudioPipe, sensor: SensorDevice, *, idle: bool = False) -> None:
         self._pipe, self._sensor, self._idle = pipe, sensor, idle
         self._shown = 0.0
-        self.request: Any = None
+        self.over = False
+        self.request: dict[str, Any] | None = None
 
     def order(self) -> TakeOrder | None:
         """Return the request that came since the last call."""
         if not self._pipe.poll():
             return None
-        said = self._pipe.recv()
-        if self._idle:
-            self.request = said
-            return "quit"
-        if said == "toggle":
+        request = self._pipe.receive()
+        if request is not None and not self._idle and request["do"] == "toggle":
             return "toggle"
-        self.request = said
+        self.over, self.request = True, request
         return "quit"
 
     def show(self, view: View) -> None:
@@ -278,8 +235,7 @@ class _TakeObserver:
         if now - self._shown < 1 / 15:
             return
         self._shown = now
-        _send(
-            self._pipe,
+        self._pipe.send(
             "levels",
             state="listening" if self._idle else view.state,
             frames=view.frames,
@@ -292,7 +248,7 @@ class _TakeObserver:
     def tell(self, event: Event, drift: Drift | None = None) -> None:
         """Send an event."""
         said = event_message(event, self._sensor.rate, self._sensor.grid, drift)
-        _send(self._pipe, "event", event=event.kind, channel=event.channel, said=said)
+        self._pipe.send("event", event=event.kind, channel=event.channel, said=said)
 
 
 def _levels(levels: Levels) -> dict[str, Any]:
@@ -315,7 +271,3 @@ def _take_info(take: Take, rate: float) -> dict[str, Any]:
         "end": take.end,
         "problems": [list(row) for row in take_problems(take, rate)],
     }
-
-
-def _send(pipe: Connection, kind: str, **said: Any) -> None:
-    pipe.send({"kind": kind, **said})

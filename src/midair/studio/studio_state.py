@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from midair.errors import MidairError
+from midair.errors import InputError, MidairError
 from midair.studio.control import Control
 
 LARGEST_ORDER = 2**20
@@ -21,10 +21,14 @@ ORDERS_A_SECOND = 100
 """Limit for one page; "alive" and credit messages are not counted."""
 
 
-class Envelope(BaseModel):
-    """Fields of every request."""
+class Arguments(BaseModel):
+    """Arguments of a request, checked; by itself, none."""
 
     model_config = ConfigDict(extra="forbid")
+
+
+class Envelope(Arguments):
+    """Fields of every request."""
 
     id: int
     room: str
@@ -53,8 +57,6 @@ class Page:
     wire: Wire
     visible: bool = True
     """False for a hidden page, as the page itself reports."""
-    room: str = ""
-    """Name of the panel that it shows."""
     last_alive: float = 0.0
     """Time of its last "alive" message, in s of the monotonic clock."""
     credit: int = 24
@@ -63,22 +65,8 @@ class Page:
     waiting: "asyncio.Queue[str]" = field(default_factory=lambda: asyncio.Queue[str](256))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RequestKind:
-    """A kind of request that a panel handles."""
-
-    model: type[BaseModel]
-    """Its arguments."""
-    act: Callable[[Page, Any], Awaitable[Any] | Any]
-    """Handles it: takes the page and the checked arguments, and returns the answer."""
-    watchers: bool = False
-    """True if a page without control may send it."""
-
-
-class NoArguments(BaseModel):
-    """A request without arguments."""
-
-    model_config = ConfigDict(extra="forbid")
+Handler = Callable[[Page, Any], Awaitable[Any] | Any]
+"""Handles a request: takes the page and the checked arguments, and returns the answer."""
 
 
 class StudioState:
@@ -90,21 +78,15 @@ class StudioState:
         self.state: dict[str, Any] = {}
         self._number = 0
         self._pages = 0
-        self._orders: dict[tuple[str, str], RequestKind] = {}
-        self.left: list[Callable[[Page, bool], None]] = []
+        self._orders: dict[tuple[str, str], tuple[Handler, type[Arguments], bool]] = {}
+        self.left: list[Callable[[Page], None]] = []
         self.alive: list[Callable[[Page], None]] = []
 
     def offer(
-        self,
-        room: str,
-        order: str,
-        act: Callable[[Page, Any], Awaitable[Any] | Any],
-        model: type[BaseModel] = NoArguments,
-        *,
-        watchers: bool = False,
+        self, room: str, order: str, act: Handler, model: type[Arguments] = Arguments, *, watchers: bool = False
     ) -> None:
-        """Register the handler of a kind of request."""
-        self._orders[room, order] = RequestKind(model=model, act=act, watchers=watchers)
+        """Register the handler of a kind of request; a page without control may send it if `watchers`."""
+        self._orders[room, order] = act, model, watchers
 
     def put(self, **sections: Any) -> None:
         """Change sections of the state and send the changes to all pages."""
@@ -128,9 +110,9 @@ class StudioState:
     def leave(self, page: Page) -> None:
         """Remove a page."""
         self.pages.pop(page.number, None)
-        had = self.control.leave(page.number)
+        self.control.leave(page.number)
         for callback in self.left:
-            callback(page, had)
+            callback(page)
         self.show_control()
 
     def whole(self, page: Page) -> None:
@@ -185,15 +167,13 @@ class StudioState:
 
     async def _act(self, page: Page, said: dict[str, Any]) -> Any:
         order = Envelope.model_validate({("with_" if key == "with" else key): value for key, value in said.items()})
-        kind = self._orders.get((order.room, order.order))
-        if kind is None:
-            from midair.errors import InputError
-
+        if (order.room, order.order) not in self._orders:
             raise InputError(f"request: expected one that this studio handles, got {order.room}.{order.order}")
-        model = kind.model.model_validate(order.with_)
-        if not kind.watchers:
+        act, model, watchers = self._orders[order.room, order.order]
+        arguments = model.model_validate(order.with_)
+        if not watchers:
             self.control.check(page.number)
-        done = kind.act(page, model)
+        done = act(page, arguments)
         return await done if isinstance(done, Awaitable) else done
 
     def _broadcast(self, text: str) -> None:

@@ -40,7 +40,7 @@ class TakeData:
     """Changes when one of the files changes."""
 
 
-def facts(data: TakeData) -> dict[str, Any]:
+def facts(data: TakeData, _: object = None) -> dict[str, Any]:
     """Return the properties of a take, without its frames."""
     take = _take(data.take, data.stamp)
     recording = take.recording
@@ -136,7 +136,7 @@ def describe_settings(settings: Settings) -> dict[str, Any]:
     }
 
 
-def made_with(path: str) -> str:
+def made_with(path: str, _: object = None) -> str:
     """Return the settings of a drive in one line."""
     try:
         known = Settings.of(load_solution(path, streamed=True).drive.provenance)
@@ -149,7 +149,7 @@ def made_with(path: str) -> str:
     )
 
 
-def frames_of(order: tuple[TakeData, Streams, int]) -> bytes:
+def frames_of(order: tuple[TakeData, Streams, int], _: object = None) -> bytes:
     """Return one second of a stream as sections; InputError if the take has no such stream."""
     data, stream, second = order
     if stream in ("original", "again"):

@@ -1,7 +1,7 @@
 """Static files of the page, loaded and compressed once."""
 
 import gzip
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -20,11 +20,16 @@ class WebFiles:
     """Media type, contents, and contents compressed by gzip."""
 
     @classmethod
-    def of(cls, folders: Iterable[Path]) -> Self:
-        """Load all web files of some folders."""
+    def of(cls, paths: Iterable[Path], filled: Mapping[str, str] | None = None) -> Self:
+        """Load web files and those of folders; the comment of a name in a page is replaced by the text `filled`."""
         found: dict[str, tuple[str, bytes, bytes]] = {}
-        for path in (path for folder in folders for path in folder.iterdir() if path.suffix in _TYPES):
+        for path in (one for each in paths for one in (each.iterdir() if each.is_dir() else [each])):
+            if path.suffix not in _TYPES:
+                continue
             contents = path.read_bytes()
+            if path.suffix == ".html":
+                for name, text in (filled or {}).items():
+                    contents = contents.replace(f"<!-- {name} -->".encode(), text.encode())
             found[path.name] = (_TYPES[path.suffix], contents, gzip.compress(contents, mtime=0))
         return cls(found)
 

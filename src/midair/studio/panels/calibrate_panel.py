@@ -6,24 +6,25 @@ import numpy as np
 
 from midair.files import load_calibration, open_take
 from midair.rig import calibration_rows
-from midair.studio.job_call import result_of
-from midair.studio.jobs import Jobs, Progressed
+from midair.studio.jobs import Progressed
+from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.panels.reproduce_panel import TakeNamed
-from midair.studio.studio_state import Page, StudioState
-from midair.studio.takes_list import TakesList
+from midair.studio.studio_state import Page
 
 
-class CalibratePanel:
+class CalibratePanel(Panel):
     """Calibrations of takes and calibration files."""
 
-    def __init__(self, store: StudioState, takes: TakesList, reading: Jobs) -> None:
-        self._takes, self._reading = takes, reading
-        store.offer("calibrate", "look", self.look, TakeNamed, watchers=True)
+    name, title, script = "calibrate", "Calibrate", WEB / "room-calibrate.js"
+
+    def __init__(self, context: PanelContext) -> None:
+        super().__init__(context)
+        context.store.offer("calibrate", "look", self.look, TakeNamed, watchers=True)
 
     async def look(self, _: Page, order: TakeNamed) -> Any:
         """Return the calibration of a take's sensor, or None if the take has none."""
         path = str(self._takes.path(order.take))
-        return await result_of(self._reading, f"calibration of {order.take}", calibration_facts, path)
+        return await self._context.reading.result(f"calibration of {order.take}", calibration_facts, path)
 
 
 def calibration_facts(path: str, _: Progressed) -> dict[str, Any] | None:

@@ -1,85 +1,73 @@
 """Panel Compare: original and re-recording, their figures, and a correction that can be applied."""
 
-from collections.abc import Callable
 from typing import Any
 
 from midair.errors import InputError
-from midair.studio.jobs import Jobs, StudioJob, Work
+from midair.studio.jobs import StudioJob, Work
+from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.panels.reproduce_panel import TakeNamed
-from midair.studio.studio_state import Page, StudioState
-from midair.studio.takes_list import TakesList
+from midair.studio.studio_state import Page
 from midair.studio.work import budget_of_take, compare_takes, palm_of_take
 
 
-class ComparePanel:
+class ComparePanel(Panel):
     """Comparisons of this session; runs after each play."""
 
-    def __init__(self, store: StudioState, takes: TakesList, jobs: Jobs, played: Any, later: Any) -> None:
-        self._store, self._takes, self._jobs, self._later = store, takes, jobs, later
-        self._found: dict[str, Any] = {}
-        self._palms: dict[str, Any] = {}
-        self._budgets: dict[str, Any] = {}
+    name, title, script = "compare", "Compare", WEB / "room-compare.js"
+
+    def __init__(self, context: PanelContext) -> None:
+        super().__init__(context)
+        store = context.store
         store.offer("compare", "compare", self.compare, TakeNamed)
         store.offer("compare", "palm", self.palm, TakeNamed)
         store.offer("compare", "budget", self.budget, TakeNamed)
-        played.played.append(self._played)
+        context.playing.played.append(self._played)
         store.put(comparisons={}, palms={}, budgets={})
 
     def compare(self, _: Page, order: TakeNamed) -> dict[str, int]:
         """Compare a take with its re-recording."""
-        again = self._takes.beside(order.take, ".rerecorded.h5")
-        if not again.exists():
+        if not self._takes.beside(order.take, ".rerecorded.h5").exists():
             raise InputError(f"{order.take}: expected a take that was played and re-recorded; play it first")
-        return {"job": self._start(order.take).number}
+        return self._compare(order.take)
 
     def palm(self, _: Page, order: TakeNamed) -> dict[str, int]:
         """Simulate the pressure of a take's drive on a whole palm."""
-        return self._simulate(order.take, f"palm simulation of {order.take}", palm_of_take, self._palm_ready)
+        return self._simulate(order.take, f"palm simulation of {order.take}", palm_of_take, "palms")
 
     def budget(self, _: Page, order: TakeNamed) -> dict[str, int]:
         """Compute the error budget of a take's drive."""
-        return self._simulate(order.take, f"error budget of {order.take}", budget_of_take, self._budget_ready)
+        return self._simulate(order.take, f"error budget of {order.take}", budget_of_take, "budgets")
 
-    def _simulate(self, take: str, title: str, work: Work, ready: Callable[[str, StudioJob], None]) -> dict[str, int]:
+    def _simulate(self, take: str, title: str, work: Work, section: str) -> dict[str, int]:
         drive = self._takes.beside(take, ".drive.h5")
         if not drive.exists():
             raise InputError(f"{take}: expected a take that was solved; solve it first")
-        order = (str(self._takes.path(take)), str(drive))
-        job = self._jobs.add(title, work, order, room="compare", ended=lambda job: self._later(ready, take, job))
-        return {"job": job.number}
-
-    def _budget_ready(self, take: str, job: StudioJob) -> None:
-        if job.state == "done":
-            self._budgets = {**self._budgets, take: job.result}
-            self._store.put(budgets=self._budgets)
-
-    def _palm_ready(self, take: str, job: StudioJob) -> None:
-        if job.state == "done":
-            self._palms = {**self._palms, take: job.result}
-            self._store.put(palms=self._palms)
+        return self._add(take, title, work, (str(self._takes.path(take)), str(drive)), section)
 
     def _played(self, take: str) -> None:
         """Compare a take after it was played."""
         if self._takes.beside(take, ".rerecorded.h5").exists():
-            self._start(take)
-        self._store.put(takes=self._takes.rows())
+            self._compare(take)
+        self._context.show_takes()
 
-    def _start(self, take: str) -> StudioJob:
+    def _compare(self, take: str) -> dict[str, int]:
         order = (
             str(self._takes.path(take)),
             str(self._takes.beside(take, ".rerecorded.h5")),
             str(self._takes.comparison_path(take)),
             str(self._takes.beside(take, ".drive.h5")),
         )
-        return self._jobs.add(
-            f"compare {take}",
-            compare_takes,
-            order,
-            room="compare",
-            ended=lambda job: self._later(self._compared, take, job),
-        )
+        return self._add(take, f"compare {take}", compare_takes, order, "comparisons")
 
-    def _compared(self, take: str, job: StudioJob) -> None:
-        if job.state == "done":
-            self._found = {**self._found, take: {**job.result, "kept": ""}}
-            self._store.put(comparisons=self._found, takes=self._takes.rows())
+    def _add(self, take: str, title: str, work: Work, order: Any, section: str) -> dict[str, int]:
+        """Add a job whose result becomes that of the take in a section of the state."""
+
+        def ready(job: StudioJob) -> None:
+            if job.state == "done":
+                self._store.put(**{section: {**self._store.state[section], take: job.result}})
+                self._context.show_takes()
+
+        job = self._context.jobs.add(
+            title, work, order, room="compare", ended=lambda job: self._context.later(ready, job)
+        )
+        return {"job": job.number}

@@ -1,20 +1,21 @@
 """Playing from any panel: exposure check, arming by a held button, renewal of the lease, STOP."""
 
 import asyncio
-import itertools
-import secrets
+import socket
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from midair import errors
 from midair.errors import DeviceStateError, ExposureError, InputError, LinkLostError, MidairError, SilentFramesError
+from midair.files import DEFAULT_PROFILE
 from midair.rig import LeaseToken, PlayLease
-from midair.studio.player import PlayerPlan, PlayerProcess
-from midair.studio.studio_state import NoArguments, Page, StudioState
+from midair.studio.player import PlayerPlan, run_player
+from midair.studio.studio_state import Arguments, Page, StudioState
 from midair.studio.takes_list import TakesList
+from midair.studio.worker_process import WorkerProcess
 
 ATTEMPTS = 3
 """Number of attempts to open an array that does not answer."""
@@ -23,10 +24,9 @@ ALIVE = 0.5
 """Seconds for which the lease lasts after the last "alive" message of the page in control."""
 
 
-class CheckExposure(BaseModel):
+class CheckExposure(Arguments):
     """Drive and settings to check before playing."""
 
-    model_config = ConfigDict(extra="forbid")
     take: str = Field(max_length=1000)
     profile: str = Field(default="", max_length=100)
     attenuate: bool = False
@@ -34,23 +34,30 @@ class CheckExposure(BaseModel):
     repeats: int = Field(default=1, ge=1, le=1000)
 
 
-class PlayNow(BaseModel):
+class PlayNow(Arguments):
     """Play a checked drive, after the button was held."""
 
-    model_config = ConfigDict(extra="forbid")
     admission: int
 
 
 class PlayPanel:
-    """The player process and the lease that it needs to play; `profile` names the default exposure profile."""
+    """The player process and the lease that it needs to play."""
 
-    def __init__(self, store: StudioState, takes: TakesList, plan: PlayerPlan, later: Any, *, profile: str) -> None:
-        self._store, self._takes, self._later, self._profile = store, takes, later, profile
+    def __init__(self, store: StudioState, takes: TakesList, plan: PlayerPlan, later: Any) -> None:
+        self._store, self._takes, self._plan, self._later = store, takes, plan, later
         self.permit = PlayLease()
-        self.token = plan.token or secrets.token_urlsafe(24)
-        self._player = PlayerProcess(self.permit, plan, self._forward)
-        self._waiting: dict[int, asyncio.Future[Any]] = {}
-        self._numbers = itertools.count(1)
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self._player = WorkerProcess(
+            run_player,
+            self._on_message,
+            name="player",
+            absent="player: expected a running process, it is starting or has ended; try again",
+            gone="player: the process ended; the failsafe of the array has silenced it",
+            call=later,
+            on_end=self._restart,
+            daemon=False,
+        )
+        self._closed = False
         self._controls = 0
         self._opening: asyncio.Future[None] | None = None
         self._checked: dict[int, str] = {}
@@ -69,7 +76,7 @@ class PlayPanel:
         }
         store.offer("play", "check", self.check, CheckExposure)
         store.offer("play", "play", self.play, PlayNow)
-        store.offer("play", "stop", self.stop, NoArguments, watchers=True)
+        store.offer("play", "stop", self.stop, watchers=True)
         store.offer("control", "take", self.take_control, watchers=True)
         store.offer("control", "give", self.give_control)
         store.offer("control", "refuse", self.refuse_control)
@@ -79,8 +86,8 @@ class PlayPanel:
 
     @property
     def port(self) -> int:
-        """The player's port for STOP."""
-        return self._player.port
+        """The player's port for STOP; it stays the same when the player is restarted."""
+        return self._listening.getsockname()[1]
 
     @property
     def sounding(self) -> bool:
@@ -92,18 +99,24 @@ class PlayPanel:
         """Name of the array."""
         return self._state["device"]
 
-    @property
-    def process(self) -> int:
-        """Process ID of the player."""
-        return self._player.process
-
     def start(self, origins: tuple[str, ...]) -> None:
-        """Start the player."""
-        self._player.start(origins)
+        """Start the player, for pages of these origins."""
+        self._plan = replace(self._plan, origins=origins)
+        self._player.start(self.permit, self._listening, self._plan)
 
     def close(self) -> None:
         """Silence the array and end the player."""
-        self._player.close()
+        self._closed = True
+        self.permit.stop()
+        self._player.close(3)
+        self._listening.close()
+
+    def _restart(self) -> None:
+        # The failsafe of the array has silenced it. The lease is revoked, and a new process starts.
+        self._later(self._on_message, {"kind": "gone"})
+        self.permit.stop()
+        if not self._closed:
+            self._player.start(self.permit, self._listening, self._plan)
 
     async def check(self, _: Page, order: CheckExposure) -> Any:
         """Check the exposure of a drive and return it."""
@@ -111,10 +124,10 @@ class PlayPanel:
         if not drive.exists():
             raise InputError(f"{order.take}: expected a take that was solved; solve it first")
         self._busy()
-        found = await self._ask(
-            do="admit",
+        found = await self._player.ask(
+            "admit",
             path=str(drive),
-            profile=order.profile or self._profile,
+            profile=order.profile or DEFAULT_PROFILE,
             attenuate=order.attenuate,
             override=order.override.strip(),
             repeats=order.repeats,
@@ -131,8 +144,8 @@ class PlayPanel:
         if take is None:
             raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
         output = self._takes.beside(take, ".rerecorded.h5")
-        partial = self._beside(output)
-        report = await self._sound(page, take, do="play", admission=order.admission, output=str(partial), masked=False)
+        partial = output.with_name(f".{output.name.removesuffix('.h5')}.partial.h5")
+        report = await self._sound(page, take, "play", admission=order.admission, output=str(partial), masked=False)
         if report.get("output") and partial.exists():
             partial.replace(output)
             report["output"] = output.name
@@ -142,21 +155,21 @@ class PlayPanel:
 
     async def admit_trial(self, path: Path, share: float, *, override: str = "") -> dict[str, Any]:
         """Check a drive of a study and keep it for its trials; ExposureError above the profile without an override."""
-        how = {"profile": self._profile, "attenuate": False, "override": override, "repeats": 1, "share": share}
-        found = await self._ask(do="admit", path=str(path), keep=True, **how)
+        how = {"profile": DEFAULT_PROFILE, "attenuate": False, "override": override, "repeats": 1, "share": share}
+        found = await self._player.ask("admit", path=str(path), keep=True, **how)
         if not found["number"]:
             raise ExposureError(f"{path.name}: {found['refused']}")
         return found
 
     async def mask(self, noise: Any, device: str) -> str:
         """Open a sound output for the noise of a study, or close it if there is none; returns a description."""
-        return await self._ask(do="mask", noise=noise, device=device)
+        return await self._player.ask("mask", noise=noise, device=device)
 
     async def present(self, path: Path, share: float, *, masked: bool = False) -> dict[str, Any]:
         """Play a drive of a study while the controlling page is visible; SilentFramesError if frames were late."""
         page = self._experimenter()
         found = await self.admit_trial(path, share)
-        report = await self._sound(page, path.name, do="play", admission=found["number"], output="", masked=masked)
+        report = await self._sound(page, path.name, "play", admission=found["number"], output="", masked=masked)
         if report.get("gap"):
             raise SilentFramesError(
                 f"array: expected every frame in time, {report['late']} were late after {report['gap']:.3f} s of "
@@ -166,7 +179,7 @@ class PlayPanel:
 
     async def quiet(self, seconds: float, *, masked: bool = False) -> None:
         """Present silence of the given length with the same noise."""
-        await self._sound(self._experimenter(), "silence", do="quiet", seconds=seconds, masked=masked)
+        await self._sound(self._experimenter(), "silence", "quiet", seconds=seconds, masked=masked)
 
     def _experimenter(self) -> Page:
         self._busy()
@@ -177,13 +190,13 @@ class PlayPanel:
             )
         return page
 
-    async def _sound(self, page: Page, what: str, **order: Any) -> Any:
+    async def _sound(self, page: Page, what: str, do: str, **order: Any) -> Any:
         """Arm for a page, run a request of the player, and disarm in any case."""
         self._controls = page.number
         leave = self.permit.arm(lasts=ALIVE)
         self._show(state="plays", take=what, done=0, total=0, said="")
         try:
-            report = await self._ask(leave=leave, **order)
+            report = await self._player.ask(do, leave=leave, **order)
         except MidairError as wrong:
             self._show(state="ready", emitting=False, said=str(wrong))
             raise
@@ -198,7 +211,7 @@ class PlayPanel:
         self._seen(page)
         self._show(state="plays", take=what, done=0, total=0, said="")
         try:
-            await self._ask(do="let go")
+            await self._player.ask("let go")
             self._seen(page)
         except MidairError:
             await self._open()
@@ -221,18 +234,18 @@ class PlayPanel:
         if not page.visible or time.monotonic() - page.last_alive > ALIVE:
             raise DeviceStateError("play: expected the page to be visible, it is hidden or does not respond; show it")
 
-    def stop(self, _: Page, __: NoArguments) -> bool:
+    def stop(self, _: Page, __: Arguments) -> bool:
         """STOP, from any page: revokes the lease; the player's thread silences the array within milliseconds."""
         self.permit.stop()
         return True
 
-    def take_control(self, page: Page, _: NoArguments) -> bool:
+    def take_control(self, page: Page, _: Arguments) -> bool:
         """Request control for a page."""
         had = self._store.control.take(page.number)
         self._store.show_control()
         return had
 
-    def give_control(self, page: Page, _: NoArguments) -> bool:
+    def give_control(self, page: Page, _: Arguments) -> bool:
         """Hand over control; anything that the former holder armed ends."""
         control = self._store.control
         control.give(page.number, to=control.asking)
@@ -240,14 +253,11 @@ class PlayPanel:
         self._store.show_control()
         return True
 
-    def refuse_control(self, page: Page, _: NoArguments) -> bool:
+    def refuse_control(self, page: Page, _: Arguments) -> bool:
         """Keep control."""
         self._store.control.refuse(page.number)
         self._store.show_control()
         return True
-
-    def _beside(self, output: Any) -> Any:
-        return output.with_name(f".{output.name.removesuffix('.h5')}.partial.h5")
 
     def _busy(self) -> None:
         if self._state["state"] == "plays":
@@ -262,52 +272,28 @@ class PlayPanel:
         elif self.permit.armed:
             self.permit.stop()
 
-    def _left(self, page: Page, _: bool) -> None:
+    def _left(self, page: Page) -> None:
         """Stop at once if the page that armed has gone."""
         if page.number == self._controls:
             self.permit.stop()
 
-    async def _ask(self, **order: Any) -> Any:
-        number = next(self._numbers)
-        done: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
-        self._waiting[number] = done
-        try:
-            self._player.send({"id": number, **order})
-            return await done
-        finally:
-            self._waiting.pop(number, None)
-
-    def _forward(self, said: dict[str, Any]) -> None:
-        self._later(self._on_message, said)
-
     def _on_message(self, said: dict[str, Any]) -> None:
-        """Handle a message of the player."""
+        """Handle an event of the player."""
         match said["kind"]:
             case "ready":
                 self._show(state="opens")
                 self._opening = asyncio.ensure_future(self._open())
-            case "answer":
-                if (waits := self._waiting.get(said["id"])) is not None and not waits.done():
-                    waits.set_result(said["value"])
-            case "wrong":
-                if (waits := self._waiting.get(said["id"])) is not None and not waits.done():
-                    waits.set_exception(_error_class(said["of"])(said["error"]))
             case "sounds":
                 self._show(done=said["done"], total=said["total"], emitting=said["emitting"])
             case "stopped":
                 self._show(emitting=False, said="silenced")
             case _:
-                for waits in self._waiting.values():
-                    if not waits.done():
-                        waits.set_exception(
-                            DeviceStateError("player: the process ended; the failsafe of the array has silenced it")
-                        )
                 self._show(state="starts", emitting=False, said="the player ended unexpectedly and is starting again")
 
     async def _open(self) -> None:
         for left in reversed(range(ATTEMPTS)):
             try:
-                found = await self._ask(do="open")
+                found = await self._player.ask("open")
                 break
             except LinkLostError as wrong:
                 # Units, in particular emulated ones, may answer late while the studio is starting.
@@ -325,9 +311,3 @@ class PlayPanel:
     def _show(self, **changes: Any) -> None:
         self._state = {**self._state, **changes}
         self._store.put(player=self._state)
-
-
-def _error_class(name: str) -> type[MidairError]:
-    """Return the error class of a name, so that callers can distinguish errors of the player."""
-    kind = getattr(errors, name, InputError)
-    return kind if isinstance(kind, type) and issubclass(kind, MidairError) else InputError

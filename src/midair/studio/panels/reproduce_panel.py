@@ -1,34 +1,30 @@
 """Panel Reproduce: the takes, the settings of their drives, and the jobs that solve them."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from midair.errors import InputError
 from midair.model import HEIGHTS
 from midair.settings import Mode
-from midair.studio.job_call import result_of
-from midair.studio.jobs import Jobs, Progressed, StudioJob
-from midair.studio.studio_state import Page, StudioState
-from midair.studio.take_data import TakeData, describe_settings, facts, made_with
-from midair.studio.takes_list import TakesList
-from midair.studio.work import SolveRequest, report_loop, settings_of, solve_take, stamp_of
+from midair.studio.jobs import StudioJob
+from midair.studio.panels.panel import WEB, Panel, PanelContext
+from midair.studio.studio_state import Arguments, Page
+from midair.studio.take_data import describe_settings, facts, made_with
+from midair.studio.work import SolveRequest, make_sample, report_loop, settings_of, solve_take, stamp_of
 
 
-class TakeNamed(BaseModel):
+class TakeNamed(Arguments):
     """Name of a take."""
 
-    model_config = ConfigDict(extra="forbid")
     take: str = Field(max_length=1000)
 
 
-class SolveForm(BaseModel):
+class SolveForm(Arguments):
     """Settings of a drive; None means the default of the mode."""
 
-    model_config = ConfigDict(extra="forbid")
     take: str = Field(max_length=1000)
     mode: Mode = "best"
     mapping: Literal["half-wave", "constant-offset", "slow-bias"] | None = None
@@ -53,38 +49,40 @@ class SolveForm(BaseModel):
         return tuple((name, value) for name, value in given.items() if value is not None)
 
 
-class JobNumber(BaseModel):
+class JobNumber(Arguments):
     """Number of a job."""
 
-    model_config = ConfigDict(extra="forbid")
     number: int
 
 
-class ReproducePanel:
-    """Takes and drives; `first` has the facts of the demo stroke."""
+class ReproducePanel(Panel):
+    """Takes and drives."""
 
-    def __init__(
-        self, store: StudioState, takes: TakesList, jobs: Jobs, reading: Jobs, later: Any, first: Mapping[str, Any]
-    ) -> None:
-        self._store, self._takes, self._jobs, self._reading, self._later = store, takes, jobs, reading, later
-        self._sampled, self._first = False, first
+    name, title, script = "reproduce", "Reproduce", WEB / "room-reproduce.js"
+
+    def __init__(self, context: PanelContext) -> None:
+        super().__init__(context)
+        self._jobs, self._reading, self._sampled = context.jobs, context.reading, False
+        store = context.store
         store.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
         store.offer("reproduce", "solve", self.solve, SolveForm)
         store.offer("reproduce", "code", self.code, SolveForm, watchers=True)
         store.offer("compare", "report", self.report, SolveForm)
         store.offer("jobs", "cancel", self.cancel, JobNumber)
-        self.show()
+        context.show_takes()
 
-    def show(self) -> None:
-        """Send the list of takes."""
-        self._store.put(takes=self._takes.rows())
+    def start(self) -> None:
+        """Make the samples; the first one is shown and solved while the others are computed."""
+        for thing in ("towel", "brush", "sponge"):
+            order = (str(self._takes.samples), thing)
+            self._reading.add(f"sample {thing}", make_sample, order, ended=lambda _: self._context.later(self._made))
 
     async def open(self, _: Page, order: TakeNamed) -> Any:
         """Return the facts of a take."""
         if self._takes.is_pending(order.take):
-            return {"stamp": "first", **self._first}
+            return {"stamp": "first", **self._context.first.facts}
         data = self._takes.data(order.take)
-        found = await result_of(self._reading, f"reading {order.take}", facts_of, data)
+        found = await self._reading.result(f"reading {order.take}", facts, data)
         return {"stamp": data.stamp, "part": data.drive == self._takes.preview_path(order.take), **found}
 
     def code(self, _: Page, order: SolveForm) -> dict[str, Any]:
@@ -102,7 +100,7 @@ class ReproducePanel:
         stamp = "-".join(map(stamp_of, there))
         if there and order.replaces != stamp:
             title = f"reading {order.take}"
-            made = await result_of(self._reading, title, made_with_of, request.drive) if request.replaces else ""
+            made = await self._reading.result(title, made_with, request.drive) if request.replaces else ""
             return {"asks": {"files": [Path(path).name for path in there], "made": made, "new": new, "replaces": stamp}}
         return {"job": self._solve(order, request).number}
 
@@ -129,8 +127,9 @@ class ReproducePanel:
             self._jobs.add(sight, solve_take, first, room="reproduce", ended=self._ended(order.take, title))
         return self._jobs.add(title, solve_take, whole, room="reproduce", ended=self._ended(order.take, title))
 
-    def solve_sample(self) -> None:
-        """Solve the first sample, so that there is something to show and play at once."""
+    def _made(self) -> None:
+        """Show a new sample, and solve the first one, so that there is something to show and play at once."""
+        self._context.show_takes()
         rows = [row for row in self._takes.rows() if row["sample"] and not self._takes.is_pending(row["name"])]
         if rows and not rows[0]["solved"] and not self._sampled:
             self._sampled = True
@@ -166,14 +165,4 @@ class ReproducePanel:
         return ended
 
     def _solved(self, _: StudioJob) -> None:
-        self._later(self.show)
-
-
-def facts_of(data: TakeData, _: Progressed) -> Any:
-    """Return the facts of a take, in the worker."""
-    return facts(data)
-
-
-def made_with_of(drive: str, _: Progressed) -> str:
-    """Return the settings of a drive in one line, in the worker."""
-    return made_with(drive)
+        self._context.later(self._context.show_takes)

@@ -6,14 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
-from midair.studio.folders import StudioFolder
-from midair.studio.jobs import Jobs, StudioJob
+from midair.studio.jobs import StudioJob
 from midair.studio.panels.page_presenter import PagePresenter
-from midair.studio.panels.play_panel import PlayPanel
-from midair.studio.studio_state import NoArguments, Page, StudioState
+from midair.studio.panels.panel import WEB, Panel, PanelContext
+from midair.studio.studio_state import Arguments, Page
 from midair.studio.work import StudyRequest, draw_study
 from midair.study import (
     Plan,
@@ -26,19 +25,17 @@ from midair.study import (
 )
 
 
-class NewStudy(BaseModel):
+class NewStudy(Arguments):
     """Draw a study plan from a template."""
 
-    model_config = ConfigDict(extra="forbid")
     name: str = Field(min_length=1, max_length=60, pattern=r"^\w[\w -]*$")
     template: Template = "paper"
     participants: int = Field(default=10, ge=1, le=500)
 
 
-class BeginSession(BaseModel):
+class BeginSession(Arguments):
     """Study, participant and settings of a session."""
 
-    model_config = ConfigDict(extra="forbid")
     study: str = Field(min_length=1, max_length=200)
     participant: int = Field(ge=1, le=500)
     pilot: bool = False
@@ -46,27 +43,28 @@ class BeginSession(BaseModel):
     override: str = Field(default="", max_length=200)
 
 
-class AnswerGiven(BaseModel):
+class AnswerGiven(Arguments):
     """Answer of the participant."""
 
-    model_config = ConfigDict(extra="forbid")
     turn: int
     text: str = Field(max_length=1000)
     reaction_s: float | None = Field(default=None, ge=0, le=86400)
 
 
-class Reason(BaseModel):
+class Reason(Arguments):
     """Reason for stopping a session."""
 
-    model_config = ConfigDict(extra="forbid")
     reason: str = Field(max_length=200)
 
 
-class StudyPanel:
+class StudyPanel(Panel):
     """Studies of the folder, and the running session."""
 
-    def __init__(self, store: StudioState, folder: StudioFolder, jobs: Jobs, playing: PlayPanel, later: Any) -> None:
-        self._store, self._folder, self._jobs, self._playing, self._later = store, folder, jobs, playing, later
+    name, title, script = "study", "Study", WEB / "room-study.js"
+
+    def __init__(self, context: PanelContext) -> None:
+        super().__init__(context)
+        self._folder, self._playing, self._later = context.takes.folder, context.playing, context.later
         self._session: Session | None = None
         self._presenter: PagePresenter | None = None
         # All calls of a session run in this thread, which may wait for a stimulus.
@@ -74,19 +72,20 @@ class StudyPanel:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._about: dict[str, Any] = {}
         self._turn, self._shown_step, self._masked = 0, object(), False
-        store.offer("study", "list", self.list, NoArguments, watchers=True)
+        store = context.store
+        store.offer("study", "list", self.list, watchers=True)
         store.offer("study", "new", self.new, NewStudy)
         store.offer("study", "begin", self.begin, BeginSession)
-        store.offer("study", "presented", self.presented, NoArguments)
-        store.offer("study", "end", self.end, NoArguments)
+        store.offer("study", "presented", self.presented)
+        store.offer("study", "end", self.end)
         # The participant may use a second page, which has no control.
-        store.offer("study", "acknowledge", self.acknowledge, NoArguments, watchers=True)
-        store.offer("study", "present", self.present, NoArguments, watchers=True)
+        store.offer("study", "acknowledge", self.acknowledge, watchers=True)
+        store.offer("study", "present", self.present, watchers=True)
         store.offer("study", "answer", self.answer, AnswerGiven, watchers=True)
         store.offer("study", "stop", self.stop, Reason, watchers=True)
         store.put(studies=[], session=None)
 
-    async def list(self, _: Page, __: NoArguments) -> bool:
+    async def list(self, _: Page, __: Arguments) -> bool:
         """Send the list of studies."""
         found = await asyncio.to_thread(self._studies)
         self._store.put(studies=found)
@@ -98,7 +97,9 @@ class StudyPanel:
         if path.exists():
             raise InputError(f"{order.name}: expected a new name, this one exists already")
         request = StudyRequest(path=str(path), template=order.template, participants=order.participants)
-        job = self._jobs.add(f"draw the study {order.name}", draw_study, request, room="study", ended=self._drawn)
+        job = self._context.jobs.add(
+            f"draw the study {order.name}", draw_study, request, room="study", ended=self._drawn
+        )
         return {"job": job.number}
 
     def _drawn(self, _: StudioJob) -> None:
@@ -171,13 +172,13 @@ class StudyPanel:
         self._masked = noise is not None
         return max(each["duration_s"] for each in found)
 
-    async def acknowledge(self, _: Page, __: NoArguments) -> bool:
+    async def acknowledge(self, _: Page, __: Arguments) -> bool:
         """Continue after a text or a break."""
         await self._do(self._open().acknowledge)
         self._show()
         return True
 
-    async def present(self, _: Page, __: NoArguments) -> bool:
+    async def present(self, _: Page, __: Arguments) -> bool:
         """Present the next stimulus; answers when it is over."""
         session = self._open()
         if self._about["busy"]:
@@ -205,7 +206,7 @@ class StudyPanel:
         self._show()
         return True
 
-    def presented(self, _: Page, __: NoArguments) -> bool:
+    def presented(self, _: Page, __: Arguments) -> bool:
         """Confirm that the experimenter has presented the object."""
         self._open()
         if self._presenter is not None:
@@ -221,7 +222,7 @@ class StudyPanel:
         self._show()
         return True
 
-    async def end(self, page: Page, _: NoArguments) -> bool:
+    async def end(self, page: Page, _: Arguments) -> bool:
         """Leave the session; it can be resumed."""
         session = self._open()
         if session.step.kind not in ("done", "stopped"):
@@ -231,7 +232,7 @@ class StudyPanel:
         self._store.put(session=None)
         if self._masked:
             await self._playing.mask(None, "")
-        return await self.list(page, NoArguments())
+        return await self.list(page, Arguments())
 
     def close(self) -> None:
         """Stop the session as an interrupted one, when the studio ends."""

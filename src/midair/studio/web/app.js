@@ -3,19 +3,16 @@
 import { Link } from "/web/socket.js";
 import { TABLE, listen } from "/web/keys.js";
 import { make, toast, tried } from "/web/dom.js";
-import { Record } from "/web/room-record.js";
-import { Reproduce } from "/web/room-reproduce.js";
-import { Compare } from "/web/room-compare.js";
-import { Calibrate } from "/web/room-calibrate.js";
-import { Study } from "/web/room-study.js";
-import { Live } from "/web/room-live.js";
 import { jobsShown } from "/web/jobs.js";
 import { colours } from "/web/take.js";
 
-const ROOMS = { record: Record, calibrate: Calibrate, reproduce: Reproduce, compare: Compare, study: Study, live: Live };
 const by = (id) => document.getElementById(id);
 const link = new Link();
 for (const name of ["inferno", "twilight"]) colours(name); // requested early: the first picture needs them
+/** The class of each panel, the default export of its script; a panel that cannot be loaded has no tab. */
+const ROOMS = Object.fromEntries((await Promise.all([...by("rooms").children].map(async (tab) => {
+  try { return [[tab.dataset.room, (await import(tab.dataset.script)).default]]; } catch (wrong) { tab.remove(); toast(`${tab.textContent}: ${wrong.message}`); return []; }
+}))).flat());
 const main = by("main"), footer = by("transport");
 let handled = ""; // the address that was handled last
 

@@ -12,7 +12,7 @@ export const TABLE = [
 export function listen(acts) {
   addEventListener("keydown", (event) => {
     if (event.key === "Escape") { acts.stop(); return; } // Escape also closes dialogs
-    if (event.altKey && /^[1-6]$/.test(event.key)) { event.preventDefault(); acts.room(Number(event.key) - 1); return; }
+    if (event.altKey && /^[1-9]$/.test(event.key)) { event.preventDefault(); acts.room(Number(event.key) - 1); return; }
     if (event.ctrlKey || event.metaKey || event.altKey || event.isComposing) return;
     const { target } = event, within = target.closest?.("input, select, textarea, [contenteditable], dialog");
     if (within) return;

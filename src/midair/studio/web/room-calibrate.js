@@ -2,7 +2,7 @@
 
 import { make, panel, rows, tried } from "/web/dom.js";
 
-export class Calibrate {
+export default class Calibrate {
   constructor(studio) {
     this.studio = studio;
     this.link = studio.link;

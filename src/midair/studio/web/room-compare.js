@@ -6,7 +6,7 @@ import { make, panel, rows, tried } from "/web/dom.js";
 import { solveTake } from "/web/jobs.js";
 import { chosen, sections } from "/web/take.js";
 
-export class Compare {
+export default class Compare {
   constructor(studio) {
     this.studio = studio;
     this.link = studio.link;

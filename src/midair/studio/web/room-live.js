@@ -40,7 +40,7 @@ class Lately extends Track {
 /** The verdict as text; an exceeded limit may be played only on a simulated array. */
 const spoken = (verdict) => (verdict.startsWith("exceeded: ") ? `On a real array: ${verdict.slice(10)}. The simulated array emits no sound.` : verdict);
 
-export class Live {
+export default class Live {
   constructor(studio) {
     this.studio = studio;
     this.link = studio.link;

@@ -7,7 +7,7 @@ import { colours } from "/web/take.js";
 const SOURCES = [["virtual:towel", "virtual: towel"], ["virtual:brush", "virtual: brush"], ["virtual:sponge", "virtual: sponge"], ["virtual:towel+groove", "virtual: towel, grooved"], ["virtual:am-i", "virtual: modulated focus"], ["", "other (enter its name)"]];
 const KEPT = 60; // seconds
 
-export class Record {
+export default class Record {
   constructor(studio) {
     this.studio = studio;
     this.link = studio.link;

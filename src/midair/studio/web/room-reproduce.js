@@ -14,7 +14,7 @@ const HEIGHTS = [["", "default of the mode"], ["150", "150 mm"], ["180", "180 mm
 const LEVELS = [["", "default of the mode"], ["auto", "auto"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]];
 const USUAL = { mode: "best", mapping: "", method: "", level: "", gain: 1, height_mm: "" };
 
-export class Reproduce {
+export default class Reproduce {
   constructor(studio) {
     this.studio = studio;
     this.link = studio.link;

@@ -4,7 +4,7 @@ import { choice, field, make, panel, rows, tried } from "/web/dom.js";
 
 const TEMPLATES = [["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
 
-export class Study {
+export default class Study {
   constructor(studio) {
     this.studio = studio;
     this.link = studio.link;

@@ -1,0 +1,88 @@
+"""A panel of the studio: its tab, its script, and the requests that it handles."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from midair.registry import Registry
+from midair.studio.demo_stroke import DemoStroke
+from midair.studio.jobs import Jobs
+from midair.studio.panels.play_panel import PlayPanel
+from midair.studio.studio_state import Page, StudioState
+from midair.studio.takes_list import TakesList
+
+WEB = Path(__file__).parents[1] / "web"
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class PanelContext:
+    """Parts of the studio that panels use."""
+
+    store: StudioState
+    """State that all pages show, and their requests."""
+    takes: TakesList
+    """Takes of the folder; `takes.folder` is the folder."""
+    jobs: Jobs
+    """Long jobs, which the pages show."""
+    reading: Jobs
+    """Quick jobs, which read files."""
+    playing: PlayPanel
+    """The array."""
+    later: Callable[..., None]
+    """Runs a function on the event loop, from any thread."""
+    sensor: str
+    """Name of the sensor."""
+    seed: int
+    """Random seed of the virtual rig."""
+    first: DemoStroke
+    """Stroke that is shown until the samples exist."""
+    panels: dict[str, Any] = field(default_factory=dict[str, Any])
+    """Panels by name."""
+
+    def show_takes(self) -> None:
+        """Send the list of takes."""
+        self.store.put(takes=self.takes.rows())
+
+
+class Panel:
+    """A tab of the page; an instance lives as long as the studio and offers its requests when it is made.
+
+    The default export of `script` is a class that builds the tab. The state of a panel is the section of its name.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    script: ClassVar[Path]
+
+    def __init__(self, context: PanelContext) -> None:
+        self._context, self._store, self._takes = context, context.store, context.takes
+        self._state: dict[str, Any] = {}
+
+    def start(self) -> None:
+        """Act when the studio has started."""
+
+    def left(self, page: Page) -> None:
+        """Act when a page has gone."""
+
+    def close(self) -> None:
+        """Act when the studio ends."""
+
+    def _show(self, **changes: Any) -> None:
+        """Change the state of the panel."""
+        self._state = {**self._state, **changes}
+        self._store.put(**{self.name: self._state})
+
+
+PANELS: Registry[type[Panel]] = Registry(
+    "midair.panels",
+    {
+        "record": "midair.studio.panels.record_panel:RecordPanel",
+        "calibrate": "midair.studio.panels.calibrate_panel:CalibratePanel",
+        "reproduce": "midair.studio.panels.reproduce_panel:ReproducePanel",
+        "compare": "midair.studio.panels.compare_panel:ComparePanel",
+        "study": "midair.studio.panels.study_panel:StudyPanel",
+        "live": "midair.studio.panels.live_panel:LivePanel",
+    },
+)
+"""Tabs of the page from left to right; other packages add theirs by the entry point group ``midair.panels``."""
