@@ -1,4 +1,4 @@
-"""The package in examples/plugin, installed: its sensor is recorded, its format is read and written."""
+"""The package in examples/plugin, installed: its sensor is recorded, its format read and written, its panel served."""
 
 import contextlib
 import json
@@ -33,7 +33,7 @@ def midair(tmp_path_factory):
         )
         return done.returncode, done.stdout, done.stderr
 
-    run.folder = folder
+    run.folder, run.paths = folder, paths
     return run
 
 
@@ -79,3 +79,36 @@ def test_its_sensor_is_found_recorded_and_lost_frames_are_counted(midair):
     (take,) = json.loads(out)
     assert "udp:PLACE" in midair("record", "nothing:here")[2]
     assert (take["frames"], take["lost_frames"]) == (50, 5), take
+
+
+SERVES = """
+import asyncio, json, pathlib, re, tempfile
+from midair.studio import Studio, StudioPlan
+from starlette.testclient import TestClient
+
+folder = pathlib.Path(tempfile.mkdtemp())
+studio = Studio(StudioPlan(folder=folder), folder, 8347)
+client = TestClient(studio.application(), base_url="http://127.0.0.1:8347")
+client.cookies.set(studio.keys.cookie, studio.keys.session)
+page = client.get("/").text
+script = client.get(re.search('data-room="cells" data-script="([^"]+)"', page)[1])
+studio.store.put(levels={"rms": [0.1, 0.3, 0.2]})
+with client.websocket_connect("/socket", headers={"origin": "http://127.0.0.1:8347"}) as socket:
+    socket.send_text(json.dumps({"id": 1, "room": "cells", "order": "loudest"}))
+    while (answer := json.loads(socket.receive_text())).get("id") != 1:
+        pass
+studio.playing.close()
+print(json.dumps([re.findall('data-room="(.*?)"', page), script.text, answer["ok"]]))
+"""
+
+
+@pytest.mark.long
+def test_its_panel_is_served_and_answers(midair):
+    pytest.importorskip("starlette")
+    command = [sys.executable, "-W", "ignore", "-c", SERVES]
+    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": midair.paths}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    tabs, script, loudest = json.loads(done.stdout)
+    assert tabs == ["record", "calibrate", "reproduce", "compare", "study", "live", "cells"]
+    assert "export default class Cells" in script
+    assert loudest == 1
