@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import html
-import secrets
 import time
 from collections.abc import AsyncGenerator, Callable
 from contextlib import asynccontextmanager
@@ -23,8 +22,7 @@ from midair.studio.demo_stroke import DemoStroke
 from midair.studio.folders import StudioFolder
 from midair.studio.jobs import Jobs, StudioJob
 from midair.studio.panels import PANELS, Panel, PanelContext, PlayPanel
-from midair.studio.player import PlayerPlan
-from midair.studio.request_guard import LoginTokens, RequestGuard
+from midair.studio.request_guard import NAMES, LoginTokens, RequestGuard
 from midair.studio.studio_state import LARGEST_ORDER, Page, StudioState
 from midair.studio.take_data import frames_of
 from midair.studio.takes_list import TakesList
@@ -75,9 +73,10 @@ class Studio:
         self._shown: dict[int, StudioJob] = {}
         self._kept: dict[tuple[str, str, int], bytes] = {}
         self._began = False
-        token = secrets.token_urlsafe(24)
-        player = PlayerPlan(device=plan.device, seed=plan.seed, token=token)
-        self.playing = PlayPanel(self.store, self.takes, player, self.later)
+        origins = tuple(f"http://{name}:{port}" for name in NAMES)
+        self.playing = PlayPanel(
+            self.store, self.takes, self.later, device=plan.device, seed=plan.seed, origins=origins
+        )
         context = PanelContext(
             store=self.store,
             takes=self.takes,
@@ -101,16 +100,11 @@ class Studio:
                 "folder": str(self.folder.path),
                 "sensor": plan.sensor,
                 "stop_port": self.playing.port,
-                "stop_token": token,
+                "stop_token": self.playing.token,
                 "methods": methods_of_modes(),
             },
             jobs=[],
         )
-
-    @property
-    def origins(self) -> tuple[str, ...]:
-        """Origins (scheme, host, port) of the studio's own pages."""
-        return tuple(f"http://{name}:{self.keys.port}" for name in ("127.0.0.1", "localhost", "[::1]"))
 
     def later(self, act: Callable[..., Any], *values: Any) -> None:
         """Run `act(*values)` on the event loop; may be called from any thread."""
@@ -154,7 +148,7 @@ class Studio:
         """Open the array after the first page has loaded, once per session."""
         if self.loop is not None and not self._began:
             self._began = True
-            self.loop.call_later(AFTER, self.playing.start, self.origins)
+            self.loop.call_later(AFTER, self.playing.start)
 
     def _job_changed(self, job: StudioJob) -> None:
         self.later(self._show_job, job)

@@ -26,19 +26,6 @@ TRIALS = 32
 """Checked drives of a session that are kept, so that later trials start as quickly as the first."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlayerPlan:
-    """Settings of the player process."""
-
-    device: str = "virtual"
-    """Name of the array, as in ``midair play --device``."""
-    seed: int = 0
-    token: str = ""
-    """Secret for the stop port."""
-    origins: tuple[str, ...] = ()
-    """Origins of the pages that may use the stop port."""
-
-
 class NoiseOutput:
     """White noise in the participant's headphones during a presentation, which masks the sound of the array."""
 
@@ -70,10 +57,18 @@ class NoiseOutput:
             self._held.off()
 
 
-def run_player(pipe: StudioPipe, permit: Any, listening: socket.socket, plan: PlayerPlan) -> None:
-    """Main function of the player process, which ends with its studio."""
-    player = _Player(pipe, permit, plan)
-    StopPort(listening, plan.token, plan.origins, player.stop).start()
+def run_player(
+    pipe: StudioPipe,
+    permit: Any,
+    listening: socket.socket,
+    origins: tuple[str, ...],
+    token: str,
+    device: str,
+    seed: int,
+) -> None:
+    """Main function of the player process, which ends with its studio; `token` is the secret of the stop port."""
+    player = _Player(pipe, permit, device, seed)
+    StopPort(listening, token, origins, player.stop).start()
     end_with_studio(permit.stop, player.silence, patience=2.0)
     pipe.send("ready")
     with player.held:
@@ -84,7 +79,8 @@ def run_player(pipe: StudioPipe, permit: Any, listening: socket.socket, plan: Pl
 class _Player:
     pipe: StudioPipe
     permit: Any
-    plan: PlayerPlan
+    device: str
+    seed: int
     array: Any = None
     held: ExitStack = field(default_factory=ExitStack)
     admitted: dict[int, tuple[Any, Path]] = field(default_factory=dict[int, tuple[Any, Path]])
@@ -132,11 +128,11 @@ class _Player:
 
     def _open(self) -> dict[str, Any]:
         """Open the array if necessary and describe it; the virtual one is created again for each drive."""
-        if self.plan.device == "virtual":
-            array = VirtualRig(seed=self.plan.seed).array
+        if self.device == "virtual":
+            array = VirtualRig(seed=self.seed).array
             return {"units": "", "count": array.count, "simulated": True}
         if self.array is None:
-            self.array = self.held.enter_context(array_named(self.plan.device))
+            self.array = self.held.enter_context(array_named(self.device))
         said = self.array.describe()
         return {
             "units": "; ".join(f"{name}: {value}" for name, value in said.items()),
@@ -153,9 +149,9 @@ class _Player:
         if (share := order.get("share", 1.0)) != 1.0:
             # Radiation pressure is proportional to the square of the sound pressure, hence of the level.
             drive = replace(drive, level=drive.level * share**0.5)
-        if self.plan.device != "virtual" and self.array is None:
+        if self.device != "virtual" and self.array is None:
             self._open()
-        array: Any = self.array if self.plan.device != "virtual" else self._virtual(drive).array_device()
+        array: Any = self.array if self.device != "virtual" else self._virtual(drive).array_device()
         profile = profile_named(order["profile"])
         choices = ExposureChoices(profile=profile, attenuate=order["attenuate"], override=order["override"] or None)
         try:
@@ -186,7 +182,7 @@ class _Player:
             array=drive.array.nominal,
             cells=sensor_from_provenance(drive.provenance),
             height=known.target.grid.height,
-            seed=self.plan.seed,
+            seed=self.seed,
         )
         return rig.hearing(known.calibration.band)
 
@@ -210,7 +206,7 @@ class _Player:
 
     def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path) -> dict[str, Any]:
         leave, output = order["leave"], order["output"]
-        if self.plan.device != "virtual":
+        if self.device != "virtual":
             with under_lease(self.array, self.permit, leave):
                 report = play_cleared(admission, self.array, source=path, progress=self._progress(leave))
             return {"output": "", **asdict(report)}

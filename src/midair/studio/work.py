@@ -2,6 +2,7 @@
 
 import secrets
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from midair.errors import InputError, ShapeError
 from midair.evaluate import compare, perceptual_metrics
 from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
 from midair.headroom import level_of
-from midair.model import Palm, PressureFrames, Progress, Provenance
+from midair.model import Palm, PressureFrames, Provenance
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
 from midair.rig import (
     BudgetPlan,
@@ -82,7 +83,7 @@ def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
     if order.duration is not None:
         pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
     led, array = add_lead(pressure, required_lead(settings)), array_of_kind("autd3")
-    target, parts = reproduce_stream(led, array, settings, progress=_stage("solving", progress))
+    target, parts = reproduce_stream(led, array, settings, progress=partial(progress, "solving"))
     drive = Path(order.drive)
     fresh = drive.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")
     try:
@@ -179,7 +180,7 @@ def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]
         rig=rig,
         judged=(lead, judged),
         band=settings.calibration.band,
-        progress=_stage("simulating the palm", progress),
+        progress=partial(progress, "simulating the palm"),
     )
     rows = [[name.removeprefix("palm: "), _figure(value, unit)] for name, (value, unit) in found.figures().items()]
     return {"stamp": stamp, "palm": found.palm, "seconds": judged, "rows": rows}
@@ -197,7 +198,7 @@ def budget_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, An
     height = settings.target.grid.height
     rig = VirtualRig(array=drive.array.nominal, cells=before.sensor, height=height).hearing(band)
     plan = BudgetPlan(settings=settings, rig=rig, lead=required_lead(settings))
-    made = error_budget(before.cut(0.0, judged), plan, stage=lambda name: _stage(name, progress))
+    made = error_budget(before.cut(0.0, judged), plan, stage=partial(partial, progress))
     rows = [
         [each.name, _figure(each.alone.distortion_ratio, "dB"), _figure(each.so_far.distortion_ratio, "dB"), each.what]
         for each in made.stages
@@ -222,7 +223,7 @@ def report_loop(order: tuple[SolveRequest, str], progress: Progressed) -> dict[s
     solve, path = order
     settings, take = settings_of(solve), open_take(solve.take)
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
-    made = loop(pressure, settings, "virtual", stage=lambda name: _stage(name, progress))
+    made = loop(pressure, settings, "virtual", stage=partial(partial, progress))
     progress("drawing the report", 0, 1)
     commands = (f"midair loop {Path(solve.take).name}",)
     write_report(made, Path(path), commands=commands)
@@ -255,7 +256,7 @@ def draw_study(request: StudyRequest, progress: Progressed) -> str:
     design = read_design(text, name=kept, participants=request.participants)
 
     def drives(into: Path) -> dict[str, str]:
-        made = prepare_drives(design, into, found_in=None, seed=design.seed, stage=lambda name: _stage(name, progress))
+        made = prepare_drives(design, into, found_in=None, seed=design.seed, stage=partial(partial, progress))
         return {one.source: one.digest for one in made}
 
     StudyFolder.create(path, text, design, drives=drives)
@@ -283,13 +284,6 @@ def _spectra(before: PressureFrames, after: PressureFrames) -> dict[str, Any]:
 
 def _figure(value: float, unit: str) -> str:
     return f"{value:.3g} {unit}".rstrip()
-
-
-def _stage(name: str, progress: Progressed) -> Progress:
-    def tell(done: int, total: int) -> None:
-        progress(name, done, total)
-
-    return tell
 
 
 def warm_up() -> None:

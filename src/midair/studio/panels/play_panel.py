@@ -1,9 +1,9 @@
 """Playing from any panel: exposure check, arming by a held button, renewal of the lease, STOP."""
 
 import asyncio
+import secrets
 import socket
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from pydantic import Field
 from midair.errors import DeviceStateError, ExposureError, InputError, LinkLostError, MidairError, SilentFramesError
 from midair.files import DEFAULT_PROFILE
 from midair.rig import LeaseToken, PlayLease
-from midair.studio.player import PlayerPlan, run_player
+from midair.studio.player import run_player
 from midair.studio.studio_state import Arguments, Page, StudioState
 from midair.studio.takes_list import TakesList
 from midair.studio.worker_process import WorkerProcess
@@ -43,10 +43,14 @@ class PlayNow(Arguments):
 class PlayPanel:
     """The player process and the lease that it needs to play."""
 
-    def __init__(self, store: StudioState, takes: TakesList, plan: PlayerPlan, later: Any) -> None:
-        self._store, self._takes, self._plan, self._later = store, takes, plan, later
+    def __init__(
+        self, store: StudioState, takes: TakesList, later: Any, *, device: str, seed: int, origins: tuple[str, ...]
+    ) -> None:
+        self._store, self._takes, self._later = store, takes, later
+        self.token = secrets.token_urlsafe(24)
         self.permit = PlayLease()
         self._listening = socket.create_server(("127.0.0.1", 0))
+        self._arguments = self.permit, self._listening, origins, self.token, device, seed
         self._player = WorkerProcess(
             run_player,
             self._on_message,
@@ -64,8 +68,8 @@ class PlayPanel:
         self.played: list[Any] = []
         self._state: dict[str, Any] = {
             "state": "starts",
-            "device": plan.device,
-            "simulated": plan.device == "virtual",
+            "device": device,
+            "simulated": device == "virtual",
             "count": 0,
             "units": "",
             "done": 0,
@@ -99,10 +103,9 @@ class PlayPanel:
         """Name of the array."""
         return self._state["device"]
 
-    def start(self, origins: tuple[str, ...]) -> None:
-        """Start the player, for pages of these origins."""
-        self._plan = replace(self._plan, origins=origins)
-        self._player.start(self.permit, self._listening, self._plan)
+    def start(self) -> None:
+        """Start the player."""
+        self._player.start(*self._arguments)
 
     def close(self) -> None:
         """Silence the array and end the player."""
@@ -116,7 +119,7 @@ class PlayPanel:
         self._later(self._on_message, {"kind": "gone"})
         self.permit.stop()
         if not self._closed:
-            self._player.start(self.permit, self._listening, self._plan)
+            self.start()
 
     async def check(self, _: Page, order: CheckExposure) -> Any:
         """Check the exposure of a drive and return it."""
