@@ -82,7 +82,7 @@ def test_its_sensor_is_found_recorded_and_lost_frames_are_counted(midair):
 
 
 SERVES = """
-import asyncio, json, pathlib, re, tempfile
+import json, pathlib, re, tempfile
 from midair.studio import Studio, StudioPlan
 from starlette.testclient import TestClient
 
@@ -93,7 +93,7 @@ client.cookies.set(studio.keys.cookie, studio.keys.session)
 page = client.get("/").text
 script = client.get(re.search('data-room="cells" data-script="([^"]+)"', page)[1])
 studio.store.put(levels={"rms": [0.1, 0.3, 0.2]})
-with client.websocket_connect("/socket", headers={"origin": "http://127.0.0.1:8347"}) as socket:
+with client.websocket_connect("ws://127.0.0.1:8347/socket", headers={"origin": "http://127.0.0.1:8347"}) as socket:
     socket.send_text(json.dumps({"id": 1, "room": "cells", "order": "loudest"}))
     while (answer := json.loads(socket.receive_text())).get("id") != 1:
         pass
