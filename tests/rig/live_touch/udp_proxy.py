@@ -27,8 +27,8 @@ class Proxy:
     """
 
     def __init__(self, to, *, loss=0.0, delay=0.0, jitter=0.0, reordering=0.0, repeating=0.0, seed=1):
-        self._to, self._rng = ("127.0.0.1", to), np.random.default_rng(seed)
-        self._loss, self._delay, self._jitter = loss, delay, jitter
+        self.to, self._rng = ("127.0.0.1", to), np.random.default_rng(seed)
+        self._loss, self.delay, self._jitter = loss, delay, jitter
         self._reordering, self._repeating = reordering, repeating
         self._front, self._back = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
         self._front.bind(("127.0.0.1", 0))
@@ -49,7 +49,7 @@ class Proxy:
     def again(self, datagrams):
         """Send all recorded datagrams again to the current receiver."""
         for each in datagrams:
-            self._back.sendto(each, self._to)
+            self._back.sendto(each, self.to)
 
     def _run(self):
         waiting, count, latest = [], 0, 0.0
@@ -65,7 +65,7 @@ class Proxy:
                 if self._rng.random() < self._loss:
                     self.lost += 1
                     continue
-                due = time.monotonic() + self._delay + self._jitter * self._rng.random()
+                due = time.monotonic() + self.delay + self._jitter * self._rng.random()
                 overtaken = self._rng.random() < self._reordering
                 due = due + 3e-3 if overtaken else max(due, latest)
                 latest = latest if overtaken else due
@@ -73,4 +73,4 @@ class Proxy:
                     heapq.heappush(waiting, (due, count, datagram))
                     count += 1
             while waiting and waiting[0][0] <= time.monotonic():
-                self._back.sendto(heapq.heappop(waiting)[2], self._to)
+                self._back.sendto(heapq.heappop(waiting)[2], self.to)

@@ -140,12 +140,17 @@ def frame_message(number: int, taken: float, pressure: Array, drawn: bytes) -> b
     return _HEAD.pack(number, taken, len(pressure)) + drawn + pressure.astype("<f4").tobytes()
 
 
+def run_of(message: bytes) -> bytes:
+    """Random number of the run that an encoded frame states."""
+    return message[_HEAD.size : _HEAD.size + NUMBER]
+
+
 def frame_from(message: bytes, channels: int, drawn: bytes) -> ReceivedFrame | None:
     """Decode a frame; None if it does not belong to this run."""
     if len(message) != _HEAD.size + NUMBER + 4 * channels:
         return None
     number, taken, count = _HEAD.unpack_from(message)
-    if count != channels or not secrets.compare_digest(message[_HEAD.size : _HEAD.size + NUMBER], drawn):
+    if count != channels or not secrets.compare_digest(run_of(message), drawn):
         return None
     pressure = np.frombuffer(message, "<f4", offset=_HEAD.size + NUMBER).astype(np.float64)
     if not (np.isfinite(pressure).all() and np.isfinite(taken)):

@@ -113,6 +113,9 @@ class LiveLoop:
             self._asked = began
             self._ahead = self._array.units.now() - time.monotonic_ns()
         self._touch.feel(self._frame)
+        if self._rising is None:
+            # Silence hides the step to a new grid, which the delay of a network may require.
+            self._times.restart()
         instant = self._times.instant(self._next, round(taken * _NS) + self._ahead)
         slot = self._ring.count("head")
         left = (instant - time.monotonic_ns() - self._ahead) / _NS

@@ -1,10 +1,11 @@
 """The playing side of the network: received frames as a sensor with regular timing.
 
 A frame waits in the jitter buffer until the arrival time of the fastest recent frame plus the buffer length, which
-hides jitter up to that length. A frame that has not arrived by then is concealed by the last one, and dropped if it
-arrives later.
+hides jitter up to that length. A frame that has not arrived by then is left out and dropped if it arrives later: the
+units keep the frame before it, which the loop fades after 20 ms. If the network delay changes, the buffer follows.
 """
 
+import math
 import secrets
 import socket
 import time
@@ -14,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from midair.devices import Chunk, Stream
-from midair.errors import DeviceError, DeviceStateError
+from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.model import SensorGrid, SensorWiring
 from midair.rig.live_touch.encryption import (
     END,
@@ -27,10 +28,30 @@ from midair.rig.live_touch.encryption import (
     ReplayFilter,
     SessionOffer,
     frame_from,
+    run_of,
 )
 
 LARGEST = 2048
 """Maximum length of a message in bytes."""
+
+
+WINDOW = 0.1
+"""Time in s over which the network delay is measured."""
+
+SLEW = 4e-6
+"""Change of the playout time in s per frame towards the measured delay; the loop's timetable follows it."""
+
+EXCESS = 0.06
+"""Surplus delay in s that is removed at once; a timetable starts anew for such a step."""
+
+OFFERS = 64
+"""Number of greetings that are remembered until the first frame."""
+
+OTHERS = 500
+"""Messages of an unknown sender that are decrypted in a second."""
+
+AHEAD = 4000
+"""Number of frames that may wait."""
 
 
 @dataclass(slots=True)
@@ -40,89 +61,129 @@ class PacketCounts:
     frames: int = 0
     """Frames of this run, without repetitions."""
     concealed: int = 0
-    """Frames that had not arrived in time, replaced by the last one."""
+    """Frames that had not arrived in time: the frame before them stayed."""
     tardy: int = 0
     """Frames among them that arrived later."""
     repeated: int = 0
     """Frames that arrived a second time, and were refused."""
     refused: int = 0
-    """Messages that failed authentication or belong to another run."""
+    """Messages that failed authentication, belong to another run, or exceed the rate limit."""
 
 
 @dataclass(slots=True, kw_only=True)
 class JitterBuffer:
-    """Frames in order, each at its time; `rate` in Hz, `length` in s."""
+    """Frames in order, each at its time; `rate` in Hz, `length` and `window` in s.
+
+    The way of a frame is its arrival time less its sampling time, up to a constant.
+    """
 
     rate: float
     length: float
-    over: int = 4000
-    """Number of frames for which the fastest arrival is remembered, as clocks drift."""
+    window: float = WINDOW
     counted: PacketCounts = field(default_factory=PacketCounts)
     _waiting: dict[int, np.ndarray] = field(default_factory=dict[int, np.ndarray])
-    _fastest: deque[tuple[int, float]] = field(default_factory=deque[tuple[int, float]])
+    _came: deque[float] = field(default_factory=deque[float])
+    _ways: deque[float] = field(default_factory=deque[float])
+    _began: float = np.inf
+    _fastest: float = np.inf
+    # Way on which the playout times are based; None before the first.
+    _way: float | None = None
     _next: int = -1
-    _last: np.ndarray | None = None
 
     def put(self, sealed: ReceivedFrame, came: float) -> None:
         """Add a frame that arrived at `came`, in s of this computer's clock."""
+        number, way = sealed.number, came - sealed.number / self.rate
         if self._next < 0:
-            self._next = sealed.number
+            self._next, self._began = number, came
         self.counted.frames += 1
-        # Sliding minimum over the last frames.
-        way = came - sealed.number / self.rate
-        while self._fastest and self._fastest[-1][1] >= way:
-            self._fastest.pop()
-        self._fastest.append((sealed.number, way))
-        while self._fastest[0][0] < sealed.number - self.over:
-            self._fastest.popleft()
-        if sealed.number < self._next:
+        if number < self._next:
             self.counted.tardy += 1
-        elif sealed.number < self._next + self.over:
-            self._waiting[sealed.number] = sealed.pressure
+        elif number < self._next + AHEAD:
+            self._waiting[number] = sealed.pressure
+        self._came.append(came)
+        self._ways.append(way)
+        while self._came[0] < came - self.window:
+            self._came.popleft()
+            self._ways.popleft()
+        self._fastest = min(self._ways)
+        if self._way is None:
+            if came - self._began >= self.window:
+                self._follow(self._fastest, came)
+        elif way > self._way + self.length:
+            self._follow_late_frames(came)
+        elif self._way - self._fastest > EXCESS:
+            self._follow(self._fastest, came)
 
     def due(self) -> float:
-        """Time of the next frame by this computer's clock; infinite before the first."""
-        if not self._fastest:
-            return np.inf
-        return self._fastest[0][1] + self._next / self.rate + self.length
+        """Time of the next frame by this computer's clock; infinite in the first window."""
+        return np.inf if self._way is None else self._way + self._next / self.rate + self.length
 
-    def get(self) -> tuple[int, np.ndarray] | None:
-        """Return the next frame, or the last one in its place; None before the first."""
+    def get(self) -> tuple[int, np.ndarray | None]:
+        """Return the number of the next frame and its pressure; None for a frame that has not arrived."""
         number, self._next = self._next, self._next + 1
+        if self._way is not None:
+            self._way += min(max(self._fastest - self._way, -SLEW), SLEW)
         pressure = self._waiting.pop(number, None)
-        if pressure is None:
-            self.counted.concealed += 1
-            return None if self._last is None else (number, self._last)
-        self._last = pressure
+        self.counted.concealed += pressure is None
         return number, pressure
+
+    @property
+    def empty(self) -> bool:
+        """Whether no frame waits."""
+        return not self._waiting
+
+    def _follow_late_frames(self, came: float) -> None:
+        """Follow a longer way if most frames of a window are late; frames that arrive all at once are no longer way."""
+        latest = (self._way or 0.0) + self.length
+        half = [way for at, way in zip(self._came, self._ways, strict=True) if at > came - self.window / 2]
+        late = sum(way > latest for way in self._ways)
+        if late > len(self._ways) / 2 and came - self._came[0] > self.window / 2:
+            self._follow(min(half), came)
+
+    def _follow(self, way: float, came: float) -> None:
+        """Base the playout times on another way, and leave out frames whose time is over."""
+        first = max(self._next, math.ceil((came - way - self.length) * self.rate))
+        self.counted.concealed += 0 if self._way is None else first - self._next
+        self._waiting = {number: pressure for number, pressure in self._waiting.items() if number >= first}
+        self._way, self._next = way, first
+
+
+class RateLimit:
+    """Accepts so many messages of each sender in a second, so that a flood is not decrypted."""
+
+    def __init__(self) -> None:
+        self._began, self._seen = -np.inf, dict[object, int]()
+
+    def accepts(self, sender: object, most: float, now: float) -> bool:
+        """Whether a sender's message is among the first `most` of this second."""
+        if now - self._began > 1:
+            self._began = now
+            self._seen.clear()
+        self._seen[sender] = self._seen.get(sender, 0) + 1
+        return self._seen[sender] <= most
 
 
 class NetworkSource:
-    """Waits for one authenticated sender, refuses others, and gives its frames: a `Source` for `StreamedSensor`.
+    """Waits for the first frame of an authenticated sender and gives its frames: a `Source` for `StreamedSensor`.
 
-    `buffer` is the length of the jitter buffer, `patience` the longest wait for a greeting, and `silence` the time
-    without any frame after which concealment ends (the loop fades 20 ms later), all in s.
+    Every greeting is answered with a random number of its own; only a frame that carries one of these numbers selects
+    the run, since anybody can repeat a recorded greeting. Other runs are refused from then on. `buffer` is the length
+    of the jitter buffer and `patience` the longest wait for the first frame, both in s.
     """
 
-    def __init__(
-        self,
-        where: tuple[str, int],
-        key: bytes,
-        *,
-        buffer: float = 0.01,
-        patience: float = 60.0,
-        silence: float = 0.02,
-    ) -> None:
+    def __init__(self, where: tuple[str, int], key: bytes, *, buffer: float = 0.01, patience: float = 60.0) -> None:
         self._where, self._seal, self._length, self._patience = where, FrameCipher(key), buffer, patience
-        self._silence = silence
         self._drawn, self._origin = b"", -1
         self._socket: socket.socket | None = None
         self.greeting: SessionOffer | None = None
-        self._begun: bytes = b""
+        # Greeting and offer of each run that may begin, by the number drawn for it.
+        self._offers: dict[bytes, tuple[bytes, SessionOffer]] = {}
+        self._sender: object = None
         self._buffer: JitterBuffer | None = None
-        self._once = ReplayFilter()
-        self._heard = -np.inf
-        self._ended = False
+        self._once, self._limit = ReplayFilter(), RateLimit()
+        # Time of the end of sending; frames sent before may still arrive.
+        self._ended = np.inf
+        self._unfit = ""
         self.counted = PacketCounts()
 
     @property
@@ -155,52 +216,44 @@ class NetworkSource:
         self._socket = made
 
     def open(self) -> Stream:
-        """Wait for a greeting from a sender with the key, and answer it."""
+        """Answer greetings of senders with the key until one of them sends a frame."""
         self.bind()
         until = time.monotonic() + self._patience
         while self.greeting is None:
             if time.monotonic() > until:
-                more = (
-                    f"; {self.counted.refused} messages failed authentication: check the key"
-                    if self.counted.refused
-                    else ""
-                )
-                raise DeviceError(f"live: expected a greeting of a sender, got none in {self._patience:g} s{more}")
+                refused = f"; {self.counted.refused} messages were refused: check the key"
+                more = f"; {self._unfit}" if self._unfit else refused if self.counted.refused else ""
+                raise DeviceError(f"live: expected frames of a sender, got none in {self._patience:g} s{more}")
             self._take(0.1)
-        self._buffer = JitterBuffer(rate=self.greeting.rate, length=self._length, counted=self.counted)
         return Stream(channels=self.greeting.grid.count, rate=self.greeting.rate, unit="Pa")
 
     def start(self) -> None:
-        """Begin with the next frame."""
+        """Begin with the next frame; those that arrived since `open` are old."""
+        self._buffer, self._origin = None, -1
+        self._take_all()
         if self.greeting is not None:
             self._buffer = JitterBuffer(rate=self.greeting.rate, length=self._length, counted=self.counted)
-        self._origin = -1
 
     def pull(self, wait: float) -> Chunk | None:
-        """Return the next frame at its time."""
+        """Return the next frame at its time; frames that did not arrive by then are left out."""
         buffer, until = self._buffer, time.monotonic() + wait
         if buffer is None:
             raise DeviceStateError("live: expected an open source before reading frames")
         while True:
-            now = time.monotonic()
-            due = buffer.due()
+            if buffer.due() <= time.monotonic():
+                # Read all messages that arrived while this computer was busy; they may move the time.
+                self._take_all()
+            now, due = time.monotonic(), buffer.due()
             if due <= now:
-                # Read all messages that arrived while this computer was busy.
-                while self._take(0.0):
-                    pass
-                now = time.monotonic()
-                if now - self._heard > self._silence + self._length:
-                    # The sender is silent: a repeated frame would no longer be touch.
-                    if self._ended:
-                        raise DeviceError("live: the sender has ended")
-                    return self._wait_for_frames(buffer, until)
-                got = buffer.get()
-                if got is not None:
-                    return self._chunk(got, due)
-                continue
-            if now >= until:
+                number, pressure = buffer.get()
+                if pressure is not None:
+                    return self._chunk(number, pressure, due)
+            elif now > self._ended + WINDOW and buffer.empty:
+                raise DeviceError("live: the sender has ended")
+            elif now >= until:
                 return None
-            self._take(min(due, until) - now)
+            else:
+                self._take(min(due, until) - now)
 
     def stop(self) -> None:
         """Do nothing."""
@@ -220,20 +273,17 @@ class NetworkSource:
             "jitter buffer": f"{1e3 * self._length:g} ms",
         }
 
-    def _wait_for_frames(self, buffer: JitterBuffer, until: float) -> None:
-        """Wait until frames arrive again; frames whose time passes meanwhile are lost."""
-        while time.monotonic() < until and time.monotonic() - self._heard > self._silence + self._length:
-            self._take(max(0.0, min(0.005, until - time.monotonic())))
-        if time.monotonic() - self._heard <= self._silence + self._length:
-            while buffer.due() <= time.monotonic() - 1 / buffer.rate:
-                buffer.get()
-
-    def _chunk(self, got: tuple[int, np.ndarray], due: float) -> Chunk:
-        number, pressure = got
+    def _chunk(self, number: int, pressure: np.ndarray, due: float) -> Chunk:
         if self._origin < 0:
             self._origin = number
         first, rate = number - self._origin, 1.0 if self.greeting is None else self.greeting.rate
         return Chunk(samples=pressure[None], first=first, device_time=number / rate, host_time=due)
+
+    def _take_all(self) -> None:
+        """Process the messages that wait; their number is limited, since a flood has no end."""
+        for _ in range(1000):
+            if not self._take(0.0):
+                return
 
     def _take(self, wait: float) -> bool:
         """Process one message if one arrives in time; return whether one arrived."""
@@ -246,39 +296,56 @@ class NetworkSource:
         except OSError:
             return False
         came = time.monotonic()
-        opened = self._seal.open(box)
+        # All others share one limit once the sender is known.
+        known, most = sender == self._sender, OTHERS
+        if known and self.greeting is not None:
+            most += 4 * self.greeting.rate
+        opened = None
+        if self._limit.accepts(sender if known or self._sender is None else None, most, came):
+            opened = self._seal.open(box)
         kind, message = opened or (b"", b"")
         if kind == HELLO:
-            self._accept_greeting(message, sender)
-        elif kind == FRAME and self.greeting is not None and self._drawn:
-            self._accept_frame(message, came)
+            self._answer(message, sender)
+        elif kind == FRAME:
+            self._accept_frame(message, sender, came)
         elif kind == END and self._drawn and message == self._drawn:
-            self._ended = True
+            self._ended = min(self._ended, came)
         else:
             self.counted.refused += 1
         return True
 
-    def _accept_greeting(self, message: bytes, sender: object) -> None:
-        begun, said = message[:NUMBER], message[NUMBER:]
-        if self.greeting is None:
-            self.greeting, self._begun, self._drawn = SessionOffer.of(said), begun, secrets.token_bytes(NUMBER)
-        elif begun != self._begun:
-            # A second sender, or a replayed greeting of another run, is refused.
-            self.counted.refused += 1
-            return
+    def _answer(self, message: bytes, sender: object) -> None:
+        """Answer a greeting; after the first frame only the same run is answered."""
+        begun = message[:NUMBER]
+        drawn = next((drawn for drawn, (known, _) in self._offers.items() if known == begun), b"")
+        if not drawn:
+            try:
+                offer = None if self._drawn else SessionOffer.of(message[NUMBER:])
+            except InputError as wrong:
+                self._unfit, offer = str(wrong), None
+            if offer is None:
+                self.counted.refused += 1
+                return
+            drawn = secrets.token_bytes(NUMBER)
+            self._offers[drawn] = begun, offer
+            if len(self._offers) > OFFERS:
+                del self._offers[next(iter(self._offers))]
         if self._socket is not None:
-            answer = self._seal.close(WELCOME, begun + self._drawn)
+            answer = self._seal.close(WELCOME, begun + drawn)
             self._socket.sendto(answer, sender)  # pyright: ignore[reportArgumentType]
 
-    def _accept_frame(self, message: bytes, came: float) -> None:
-        channels = 0 if self.greeting is None else self.greeting.grid.count
-        sealed = frame_from(message, channels, self._drawn)
-        if sealed is None:
+    def _accept_frame(self, message: bytes, sender: object, came: float) -> None:
+        drawn = self._drawn or run_of(message)
+        offer = self._offers.get(drawn)
+        sealed = None if offer is None else frame_from(message, offer[1].grid.count, drawn)
+        if sealed is None or offer is None:
             self.counted.refused += 1
             return
         if not self._once.first(sealed.number):
             self.counted.repeated += 1
             return
-        self._heard = came
-        if self._buffer is not None:
+        self._drawn, self._offers, self._sender, self.greeting = drawn, {drawn: offer}, sender, offer[1]
+        if self._buffer is None:
+            self.counted.frames += 1
+        else:
             self._buffer.put(sealed, came)

@@ -16,12 +16,16 @@ class Timetable:
 
     Frames have a constant period despite jitter of the time stamps: the grid moves by one tick at a time towards the
     mean of the stamps over `over` frames. A deviation above `far`, after a pause of sensor or computer, starts a new
-    grid. All times in ns.
+    grid, and so does `restart`. All times in ns.
     """
 
     def __init__(self, period: int, hold: int, *, far: int = 50_000_000, over: int = 256) -> None:
         self._period, self._hold, self._far, self._over = period, hold, far, over
         self._number, self._instant, self._off = -1, 0, 0.0
+
+    def restart(self) -> None:
+        """Start a new grid with the next frame."""
+        self._number = -1
 
     def instant(self, number: int, taken: int) -> int:
         """Instant of a frame that was sampled at `taken`, in ns of device time; numbers may skip."""
