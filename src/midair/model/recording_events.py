@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from typing import Literal
 
-EventKind = Literal["lost", "clipped", "dead", "stuck", "rate", "clock", "trigger", "stroke", "mended"]
+EventKind = Literal["lost", "clipped", "dead", "stuck", "rate", "clock", "trigger", "stroke", "mended", "late"]
 """lost: frames that did not arrive; the last good one was repeated. clipped, dead, stuck: faults of a channel. rate:
 frames counted against this computer's clock. clock: the device's clock against this computer's. trigger: the frame that
 started the recording. stroke: frames of a stroke of a motion stage. mended: missing frames of a channel that were
-filled."""
+filled. late: frames of live touch that were not played in time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.live_take import LiveTake
 from midair.rig.live_touch.process import LoopStarted
 from midair.rig.live_touch.timing import SchedulerGrant
-from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_REPEATED, RingShape, TouchRing
+from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, RingShape, TouchRing
 
 SENSOR, ONE = SensorGrid(rows=2, columns=2), Placement.grid(columns=1, rows=1)
 ORDER = LiveSettings(
@@ -60,7 +60,8 @@ def test_the_take_holds_samples_and_emitted_phases_of_each_frame(tmp_path):
     take, thread = taking(tmp_path / "felt.h5", ring)
     fill(ring, 0, 500)
     fill(ring, 500, 3, FRAME_REPEATED)
-    fill(ring, 503, 700)
+    fill(ring, 503, 600)
+    fill(ring, 1103, 100, FRAME_LATE)
     take.end()
     thread.join()
     take.close()
@@ -68,7 +69,12 @@ def test_the_take_holds_samples_and_emitted_phases_of_each_frame(tmp_path):
     assert (kept.recording.samples == np.arange(1203)[:, None, None]).all()
     assert (played.phase_steps == (np.arange(1203) % 256)[:, None]).all()
     assert np.flatnonzero(played.state & FRAME_REPEATED).tolist() == [500, 501, 502]
-    assert [(event.kind, event.frame, event.frames) for event in kept.journal] == [("lost", 500, 3)]
+    assert [(event.kind, event.frame, event.frames) for event in kept.journal] == [
+        ("lost", 500, 3),
+        ("late", 1103, 100),
+    ]
+    (events,) = [each for each in kept.recording.provenance.steps if each.stage == "events"]
+    assert (events.settings["late_frames"], events.settings["lost_frames"]) == (100, 3)
     assert kept.calibration is not None
     assert kept.recording.provenance.notes == {"object": "towel"}
     (step, *_) = [each for each in kept.recording.provenance.steps if each.stage == "live"]

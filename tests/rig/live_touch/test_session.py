@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -217,3 +218,34 @@ def test_an_existing_take_is_not_overwritten(tmp_path):
     assert done.returncode == 1
     assert "already exists; give another name" in done.stderr
     assert (tmp_path / "felt.h5").read_bytes() == b"something"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("rate", "status"), [(900, 1), (970, 0)])
+def test_a_sensor_with_another_rate_than_stated_is_reported(tmp_path, rate, status):
+    name = f"midair-{os.getpid()}-{rate}"
+    here = Path(__file__).parent
+    sender = subprocess.Popen([sys.executable, str(here / "touch_sender.py"), name, str(rate)], stdout=subprocess.PIPE)
+    try:
+        assert sender.stdout is not None
+        sender.stdout.readline()
+        line = [
+            sys.executable,
+            "-m",
+            "midair",
+            "live",
+            "--sensor",
+            f"lsl:{name}?counter=16",
+            "--duration",
+            "8s",
+            "--json",
+        ]
+        done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    finally:
+        sender.kill()
+        sender.communicate()
+    assert done.returncode == status, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["stated_rate_hz"], told["rate_hz"]) == (1000.0, pytest.approx(rate, rel=0.01))
+    assert done.stderr.count("expected 1000 frames per second, measured ") == 1
+    assert told["worst_seconds"]

@@ -4,7 +4,7 @@ import sys
 import numpy as np
 import pytest
 
-from midair.rig.live_touch.timing import TICK, SchedulerGrant, Timetable
+from midair.rig.live_touch.timing import TICK, RateMeter, SchedulerGrant, Timetable
 
 MS = 1_000_000
 
@@ -56,3 +56,14 @@ def test_zero_priority_is_not_reported_as_refused():
     code = "from midair.rig.live_touch.timing import request_realtime; print(request_realtime(0).words())"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert said.startswith("no real-time priority (none was asked for)")
+
+
+@pytest.mark.parametrize("rate", [900.0, 1000.0, 1010.0])
+def test_a_sensor_s_rate_is_measured_without_its_pauses_and_lost_frames(rate):
+    """20 s with 3 ms of jitter; 500 frames are lost, and once the sensor pauses without counting."""
+    rng, meter = np.random.default_rng(1), RateMeter()
+    for number in range(round(20 * rate)):
+        if not 4000 <= number < 4500:
+            pause = 0.7 if number >= 8000 else 0.0
+            meter.add(number, 100.0 + number / rate + pause + rng.uniform(0, 3e-3))
+    assert meter.frames / meter.span == pytest.approx(rate, rel=1e-3)

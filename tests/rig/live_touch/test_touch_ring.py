@@ -46,3 +46,14 @@ def test_is_one_memory_wherever_it_is():
     assert np.flatnonzero(other.histogram("left")).tolist() == [3, 999]
     other.end()
     assert ring.ends
+
+
+def test_the_seconds_with_the_most_missing_frames_are_returned_in_order():
+    ring = TouchRing(SHAPE)
+    assert ring.worst() == ()
+    for second, late, lost in ((3, 0, 1), (7, 5, 2), (9, 40, 0), (9000, 2, 2)):
+        for name, count in (("late", late), ("lost", lost)):
+            for number in range(count):
+                ring.miss(name, second + number / 100)
+    assert ring.worst(3) == ((7, 5, 2), (9, 40, 0), (4095, 2, 2))
+    assert (ring.count("late"), ring.count("lost")) == (47, 5)

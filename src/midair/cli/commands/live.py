@@ -21,6 +21,9 @@ from midair.model import Acoustics, Medium
 from midair.rig import LiveSession, LiveSettings, LiveStatistics, make_key, send_touch
 from midair.rig import live as begin
 
+WRONG_RATE = 0.05
+"""Relative deviation of the sensor's rate beyond which the command ends with status 1."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _LiveOptions(ExposureOptions):
@@ -123,6 +126,8 @@ def live_command(
         _watch(session, signals, quiet=json)
         ended = session
     _print_result(ended, keep, json=json)
+    if abs(ended.statistics.rate_error) > WRONG_RATE:
+        return 1
     # Without a duration Ctrl-C is the normal end.
     if not signals.came or settings.duration is None:
         return 0
@@ -160,9 +165,14 @@ def _send(settings: LiveSettings, to: str, *, json: bool) -> None:
 def _watch(session: LiveSession, signals: Signals, *, quiet: bool) -> None:
     """Wait for the end, with a status line if stderr is a terminal."""
     shown = not quiet and not verbosity().quiet and sys.stderr.isatty()
+    warned = False
     with Screen(console=err(), refresh_per_second=10, transient=True) if shown else _NoScreen() as screen:
         while session.wait(0.1) and not signals.came:
-            screen.update(Text(_status_line(session.statistics)))
+            counts = session.statistics
+            screen.update(Text(_status_line(counts)))
+            if counts.rate_problem and not warned:
+                warned = True
+                err().print(f"midair: {counts.rate_problem}", soft_wrap=True)
 
 
 class _NoScreen:
@@ -215,6 +225,10 @@ def _network_rows(session: LiveSession) -> list[tuple[str, str]]:
     return [("network", f"{said}; {counts['repeated']} duplicates and {counts['refused']} other packets dropped")]
 
 
+def _worst(counts: LiveStatistics) -> str:
+    return "; ".join(f"second {second}: {late} late, {lost} lost" for second, late, lost in counts.worst)
+
+
 def _statistics_rows(counts: LiveStatistics) -> list[tuple[str, str]]:
     def times(shares: tuple[float, ...]) -> str:
         names = ("half", "99 %", "99.9 %", "all")
@@ -228,4 +242,6 @@ def _statistics_rows(counts: LiveStatistics) -> list[tuple[str, str]]:
         ("latency", f"{1e3 * counts.latency:.3g} ms from skin to skin"),
         ("sent after they were taken", times(counts.left)),
         ("work on a frame", times(counts.work)),
+        *([("worst seconds", _worst(counts))] if counts.worst else []),
+        *([("rate", counts.rate_problem)] if counts.rate_problem else []),
     ]

@@ -58,9 +58,10 @@ def with_events(provenance: Provenance, events: Iterable[Event], frames: int) ->
 def _settings(events: tuple[Event, ...], frames: int) -> dict[str, Setting]:
     of = {kind: [event for event in events if event.kind == kind] for kind in KINDS}
     settings: dict[str, Setting] = {}
-    if of["lost"]:
-        lost = [(event.frame, min(event.frames, frames - event.frame)) for event in of["lost"]]
-        settings |= {"lost_frames": sum(count for _, count in lost), "lost": tuple(lost[:LISTED])}
+    for kind in ("lost", "late"):
+        if of[kind]:
+            runs = [(event.frame, min(event.frames, frames - event.frame)) for event in of[kind]]
+            settings |= {f"{kind}_frames": sum(count for _, count in runs), kind: tuple(runs[:LISTED])}
     if of["clipped"]:
         settings["clipped_frames"] = sum(event.frames for event in of["clipped"])
         settings["clipped"] = tuple((event.channel, event.frame, event.frames) for event in of["clipped"][:LISTED])

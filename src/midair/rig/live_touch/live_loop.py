@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.devices import ImmediateArray, Put, StreamedSensor
-from midair.rig.live_touch.timing import TICK, Timetable
+from midair.rig.live_touch.timing import TICK, RateMeter, Timetable
 from midair.rig.live_touch.touch import Touch
 from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, TouchRing
 
@@ -62,7 +62,7 @@ class LiveLoop:
         self._shape = (array.placement.units, -1)
         self._phases = touch.phases.reshape(self._shape)
         self._frame = np.zeros(sensor.grid.count)
-        self._next = 0
+        self._next, self._meter = 0, RateMeter()
         # Slots of the frames that were sent, until the time of their sending is known.
         self._put_slots = np.full(64, -1, np.int64)
         self._puts = self._looked = 0
@@ -96,13 +96,16 @@ class LiveLoop:
         if lost > 0:
             self._repeat_frame(lost, block.host_time)
         self._frame[:] = block.samples.reshape(-1)
+        self._meter.add(block.first, block.host_time)
+        self._ring.put("timed", self._meter.frames)
+        self._ring.put("span_us", round(1e6 * self._meter.span))
         self._play(put, block.host_time, 0)
         self._next = block.first + 1
 
     def _repeat_frame(self, lost: int, taken: float) -> None:
         """Repeat the last good frame for lost frames, so that the filter keeps its timing."""
-        self._ring.add("lost", lost)
         for back in range(lost, 0, -1):
+            self._ring.miss("lost", self._next / self._sensor.rate)
             self._touch.feel(self._frame)
             self._write(taken - back / self._sensor.rate, 0, FRAME_REPEATED)
             self._next += 1
@@ -120,7 +123,7 @@ class LiveLoop:
         slot = self._ring.count("head")
         left = (instant - time.monotonic_ns() - self._ahead) / _NS
         if left <= self._pace.enough:
-            self._ring.add("late")
+            self._ring.miss("late", self._next / self._sensor.rate)
             self._write(taken, instant, flags | FRAME_LATE)
             return
         if self._rising is None:
@@ -137,7 +140,7 @@ class LiveLoop:
         else:
             self._intensity = 0
         if time.monotonic_ns() + self._ahead >= instant:
-            self._ring.add("late")
+            self._ring.miss("late", self._next / self._sensor.rate)
             flags |= FRAME_LATE
         else:
             self._send(put, instant, slot)

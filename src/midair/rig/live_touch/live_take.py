@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from midair.errors import MidairError
 from midair.files import RecordingWriter
-from midair.model import Event, Placement, Provenance
+from midair.model import Event, EventKind, Placement, Provenance
 from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.process import LoopStarted
-from midair.rig.live_touch.touch_ring import FRAME_REPEATED
+from midair.rig.live_touch.touch_ring import FRAME_LATE, FRAME_REPEATED
 
 
 class TouchFrames(Protocol):
@@ -99,9 +99,10 @@ class LiveTake:
             self.missed += missed
         if not len(found):
             return
-        held = (found["flags"] & FRAME_REPEATED) > 0
-        for begin, end in _runs(held):
-            self._writer.note([Event(kind="lost", frame=self._writer.frames + begin, frames=end - begin)])
+        kinds: tuple[tuple[EventKind, int], ...] = (("lost", FRAME_REPEATED), ("late", FRAME_LATE))
+        for kind, flag in kinds:
+            for begin, end in _runs((found["flags"] & flag) > 0):
+                self._writer.note([Event(kind=kind, frame=self._writer.frames + begin, frames=end - begin)])
         samples = found["samples"][:, : self._count].reshape(-1, *self._grid.shape)
         played = {
             "phase_steps": found["phases"],

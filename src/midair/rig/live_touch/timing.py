@@ -7,6 +7,8 @@ import os
 import sys
 from dataclasses import dataclass
 
+import numpy as np
+
 TICK = 25_000
 """Period of the ultrasound in ns: the units' instants are multiples of it."""
 
@@ -40,6 +42,22 @@ class Timetable:
                 grid, self._off = grid + step, self._off - step
         self._number, self._instant = number, grid
         return grid
+
+
+class RateMeter:
+    """Counts frames against the computer's clock; steps of more than `pause` s, after lost frames, are left out."""
+
+    def __init__(self, *, pause: float = 0.05) -> None:
+        self.frames, self.span = 0, 0.0
+        self._pause, self._number, self._taken = pause, -1, -np.inf
+
+    def add(self, number: int, taken: float) -> None:
+        """Add a frame that was sampled at `taken`, in s."""
+        step = taken - self._taken
+        if abs(step) < self._pause:
+            self.frames += number - self._number
+            self.span += step
+        self._number, self._taken = number, taken
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

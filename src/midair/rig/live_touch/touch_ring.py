@@ -18,8 +18,15 @@ STEP = 50e-6
 """Bin width of the histograms in s."""
 
 _BINS = 1000
-_COUNTS = ("head", "frames", "lost", "late", "gaps", "unanswered", "played", "hurried", "hot", "ends")
+_COUNTS = (
+    *("head", "frames", "lost", "late", "gaps", "unanswered", "played", "hurried", "hot", "ends"),
+    *("timed", "span_us"),
+)
 _TIMES = ("work", "left")
+_MISSES = ("late", "lost")
+_SECONDS = 4096
+
+_NUMBERS = len(_COUNTS) + len(_TIMES) * _BINS + len(_MISSES) * _SECONDS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +62,7 @@ class RingShape:
     @property
     def size(self) -> int:
         """Size in bytes."""
-        return 8 * (len(_COUNTS) + len(_TIMES) * _BINS) + self.slots * self.slot.itemsize
+        return 8 * _NUMBERS + self.slots * self.slot.itemsize
 
 
 class TouchRing:
@@ -76,14 +83,17 @@ class TouchRing:
 
     def _view(self) -> None:
         whole = np.frombuffer(self._memory, np.uint8)
-        numbers = whole[: 8 * (len(_COUNTS) + len(_TIMES) * _BINS)].view(np.int64)
+        numbers = whole[: 8 * _NUMBERS].view(np.int64)
         self._counts = {name: numbers[place : place + 1] for place, name in enumerate(_COUNTS)}
-        times = numbers[len(_COUNTS) :].reshape(len(_TIMES), _BINS)
+        self._misses: NDArray[np.int64] = numbers[-len(_MISSES) * _SECONDS :].reshape(len(_MISSES), _SECONDS)
+        times = numbers[len(_COUNTS) : len(_COUNTS) + len(_TIMES) * _BINS].reshape(len(_TIMES), _BINS)
         self._times: dict[str, NDArray[np.int64]] = dict(zip(_TIMES, times, strict=True))
         self.slots: NDArray[Any] = whole[numbers.nbytes :].view(self.shape.slot)
 
     def count(self, name: str) -> int:
-        """Count since the start: frames (with repeated ones), lost, late, gaps, unanswered, played, hurried, hot."""
+        """Count since the start: frames (with repeated ones), lost, late, gaps, unanswered, played, hurried, hot;
+        timed frames and their span in us, see `RateMeter`.
+        """
         return int(self._counts[name][0])
 
     def add(self, name: str, more: int = 1) -> None:
@@ -97,6 +107,19 @@ class TouchRing:
     def time(self, name: str, seconds: float) -> None:
         """Add a duration to a histogram (loop only): "work", computing time; "left", from sampling to sending."""
         self._times[name][min(max(int(seconds / STEP), 0), _BINS - 1)] += 1
+
+    def miss(self, name: str, seconds: float) -> None:
+        """Count a late or lost frame, `seconds` after the start (loop only)."""
+        self.add(name)
+        self._misses[_MISSES.index(name), min(int(seconds), _SECONDS - 1)] += 1
+
+    def worst(self, most: int = 5) -> tuple[tuple[int, int, int], ...]:
+        """Up to `most` seconds with the most missing frames, in order: (second, late, lost).
+
+        Seconds from 4095 on count as one.
+        """
+        worst = np.argsort(-self._misses.sum(axis=0), kind="stable")[:most]
+        return tuple((int(at), *map(int, self._misses[:, at])) for at in np.sort(worst) if self._misses[:, at].any())
 
     def histogram(self, name: str) -> NDArray[np.int64]:
         """Number of durations per bin of `STEP`, shape (bin,); the last bin holds all longer ones."""
