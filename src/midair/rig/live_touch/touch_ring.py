@@ -119,7 +119,8 @@ class TouchRing:
         Seconds from 4095 on count as one.
         """
         worst = np.argsort(-self._misses.sum(axis=0), kind="stable")[:most]
-        return tuple((int(at), *map(int, self._misses[:, at])) for at in np.sort(worst) if self._misses[:, at].any())
+        late, lost = self._misses.tolist()
+        return tuple((at, late[at], lost[at]) for at in np.sort(worst).tolist() if late[at] or lost[at])
 
     def histogram(self, name: str) -> NDArray[np.int64]:
         """Number of durations per bin of `STEP`, shape (bin,); the last bin holds all longer ones."""
