@@ -80,6 +80,15 @@ def test_one_program_may_not_have_it_twice_either():
         pass
 
 
+def test_a_symbolic_link_is_not_followed(tmp_path):
+    mine = tmp_path / "mine"
+    mine.write_text("precious", encoding="utf-8")
+    (make_state_folder() / "device-autd3.json").symlink_to(mine)
+    with pytest.raises(FileError, match="expected a file, got a symbolic link; remove it"), device_lock("autd3"):
+        pass
+    assert mine.read_text(encoding="utf-8") == "precious"
+
+
 def test_a_file_that_cannot_be_is_one_error():
     (make_state_folder() / "device-autd3.json").mkdir()
     with pytest.raises(FileError, match="set MIDAIR_STATE"), device_lock("autd3"):

@@ -1,5 +1,6 @@
 """Location and access rights of the logs."""
 
+import os
 import sys
 
 import pytest
@@ -20,6 +21,25 @@ def test_a_chosen_folder_is_taken_and_made_only_when_needed(tmp_path, monkeypatc
 def test_other_users_cannot_read_it(tmp_path, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "mine"))
     assert make_state_folder().stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="rights of POSIX")
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o1777])
+def test_a_folder_that_others_can_write_to_is_refused(tmp_path, monkeypatch, mode):
+    tmp_path.chmod(mode)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+    with pytest.raises(FileError, match=f"only you can write to, got mode {mode:o}; run chmod go-w"):
+        make_state_folder()
+    tmp_path.chmod(0o755)
+    assert make_state_folder() == tmp_path
+
+
+@pytest.mark.skipif(sys.platform == "win32" or os.geteuid() != 0, reason="only root can give a folder away")
+def test_a_folder_of_another_user_is_refused(tmp_path, monkeypatch):
+    os.chown(tmp_path, 65534, 65534)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+    with pytest.raises(FileError, match=r"of this user \(number 0\), got one of user 65534; set MIDAIR_STATE"):
+        make_state_folder()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the XDG folders of POSIX")

@@ -1,6 +1,7 @@
 """Lock files with content: an entry is valid while the process that wrote it holds the lock."""
 
 import contextlib
+import errno
 import getpass
 import json
 import os
@@ -16,6 +17,9 @@ from midair.errors import FileError
 
 _NO_WAIT = getattr(os, "O_NONBLOCK", 0)
 """Open without waiting, so that a pipe in place of a file does not block."""
+
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0)
+"""Open no symbolic link, which would overwrite the file that it refers to."""
 
 ENTRY_MAX = 65536
 """Maximum number of bytes read from a lock file; an entry has some hundred."""
@@ -35,7 +39,7 @@ class LockFile:
         """Create and lock a file; None if another process holds it, FileError if that cannot be determined."""
         while True:
             try:
-                handle = os.open(path, os.O_RDWR | os.O_CREAT | _NO_WAIT, 0o600)
+                handle = open_no_link(path, os.O_RDWR | os.O_CREAT)
                 try:
                     if not stat.S_ISREG(os.fstat(handle).st_mode):
                         raise FileError(f"{path}: expected a file, got something else; remove it, or set MIDAIR_STATE")
@@ -76,6 +80,16 @@ class LockFile:
             os.close(handle)
 
 
+def open_no_link(path: Path, flags: int) -> int:
+    """Open a file without waiting, private to this user if it is created; OSError for a symbolic link."""
+    try:
+        return os.open(path, flags | _NO_WAIT | _NO_LINK, 0o600)
+    except OSError as wrong:
+        if wrong.errno == errno.ELOOP:
+            raise OSError(errno.ELOOP, "expected a file, got a symbolic link; remove it") from wrong
+        raise
+
+
 def holder() -> dict[str, object]:
     """Number, command, start time and user of this process."""
     return {
@@ -111,14 +125,16 @@ def held_entry(path: Path) -> dict[str, Any] | None:
 def read_lock(path: Path) -> tuple[Literal["held", "left", "ended"], dict[str, Any]]:
     """State of a lock file (held, left by a process that died, or removed) and its entry.
 
-    A file left behind is removed; a folder or pipe of that name is not. Raises FileError if the file cannot be opened
-    or locked.
+    A file left behind is removed; a folder, pipe or link of that name is not. Raises FileError if the file cannot be
+    opened or locked.
     """
     try:
-        handle = os.open(path, os.O_RDWR | _NO_WAIT)
+        handle = open_no_link(path, os.O_RDWR)
     except (FileNotFoundError, IsADirectoryError):
         return "ended", {}
     except OSError as wrong:
+        if wrong.errno == errno.ELOOP:
+            return "ended", {}
         raise FileError(f"{path}: {wrong.strerror}") from wrong
     try:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
