@@ -31,6 +31,7 @@ from .reading import GapFiller as GapFiller
 from .reading import fill_gaps as fill_gaps
 from .reading import read_frames as read_frames
 from .safety import Stopped as Stopped
+from .safety import close_orders as close_orders
 from .safety import device_lock as device_lock
 from .safety import make_state_folder as make_state_folder
 from .safety import ordered_at as ordered_at

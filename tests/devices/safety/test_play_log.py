@@ -3,12 +3,14 @@
 import hashlib
 import json
 import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
-from midair.devices import ExposureChoices, VirtualArray, check_exposure, state_folder
-from midair.devices.safety.play_log import log_end, log_order
+from midair.devices import ExposureChoices, VirtualArray, check_exposure, make_state_folder, state_folder
+from midair.devices.safety.play_log import close_orders, log_end, log_order
 from midair.errors import FileError
 from midair.files import profile_named
 from midair.model import Drive, Medium, TransducerArray
@@ -134,3 +136,54 @@ def test_nothing_is_ordered_without_a_log(tmp_path, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "file" / "state"))
     with pytest.raises(FileError, match="MIDAIR_STATE"):
         log_order("x.drive.h5", "autd3", admitted(0.01))
+
+
+def test_a_symbolic_link_is_not_appended_to(tmp_path):
+    mine = tmp_path / "mine"
+    mine.write_text("precious", encoding="utf-8")
+    (make_state_folder() / "played.jsonl").symlink_to(mine)
+    with pytest.raises(FileError, match="expected a file, got a symbolic link"):
+        log_end("one", "x", "autd3", "played")
+    assert mine.read_text(encoding="utf-8") == "precious"
+
+
+PLAYER = """
+import time
+import numpy as np
+from midair.devices import ExposureChoices, VirtualArray, check_exposure
+from midair.devices.safety.play_log import log_order
+from midair.devices.safety.stop_channel import open_stop_channel
+from midair.files import profile_named
+from midair.model import Drive, TransducerArray
+array = TransducerArray.autd3()
+still = np.zeros((3, array.count))
+drive = Drive(phase=still, level=np.full(3, 0.01), rate=1000.0, array=array)
+with open_stop_channel("autd3", lambda: None):
+    admission = check_exposure(drive, VirtualArray(array), ExposureChoices(profile=profile_named("occupational-110")))
+    print(log_order("x.drive.h5", "autd3", admission), flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="without locks no program counts as dead")
+def test_the_order_of_a_killed_program_is_closed_by_the_next_one():
+    with subprocess.Popen([sys.executable, "-c", PLAYER], stdout=subprocess.PIPE, text=True) as player:
+        order = player.stdout.readline().strip()
+        close_orders()
+        assert [entry["event"] for entry in entries()] == ["play"]
+        player.kill()
+    log_order("y.drive.h5", "autd3", admitted(0.01))
+    close_orders()
+    begun, closed, mine = entries()
+    assert (closed["event"], closed["order"], closed["outcome"]) == ("end", order, "failed")
+    assert (closed["drive"], closed["device"]) == ("x.drive.h5", "autd3")
+    assert closed["reason"] == f"ended without a report: process {player.pid} died after {begun['time']}"
+    assert mine["event"] == "play"
+
+
+def test_lines_that_are_no_entries_leave_the_log_usable():
+    log_end("one", "x", "autd3", "played")
+    with (state_folder() / "played.jsonl").open("a", encoding="utf-8") as file:
+        file.write("{\n[]\n3\n")
+    close_orders()

@@ -1,11 +1,13 @@
 """The command `stop`: silence playing arrays from another terminal."""
 
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
 from midair.cli.console import print_json, print_rows
 from midair.cli.options import Json
-from midair.devices import Stopped, state_folder, stop_playing
+from midair.devices import Stopped, close_orders, state_folder, stop_playing
+from midair.errors import FileError
 
 
 def stop_command(*, device: str | None = None, placement: Path | None = None, json: Json = False) -> int:
@@ -29,6 +31,8 @@ def stop_command(*, device: str | None = None, placement: Path | None = None, js
     """
     try:
         stopped = stop_playing()
+        with suppress(FileError):  # silence does not depend on the log
+            close_orders()
         if json:
             print_json([asdict(one) for one in stopped])
         elif stopped or device is None:

@@ -6,16 +6,18 @@ import json
 import math
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from midair.devices.exposure_check import ExposureClearance
-from midair.devices.safety.lock_files import command, token, user
-from midair.devices.safety.state_folders import make_state_folder
+from midair.devices.safety.lock_files import LockFile, command, open_no_link, token, user
+from midair.devices.safety.state_folders import make_state_folder, state_folder
+from midair.devices.safety.stop_channel import playing_now
 from midair.errors import FileError
 from midair.model import Drive, Medium
 from midair.physics import ExposureProfile
@@ -39,9 +41,10 @@ def log_order(
 ) -> str:
     """Log a drive before it is played; return the number of the order, for `log_end`.
 
-    A `source` that is a Path is hashed. Raises FileError if the log or the drive's file cannot be used, since nothing
-    plays without a log.
+    A `source` that is a Path is hashed; orders of programs that died are closed first. Raises FileError if the log or
+    the drive's file cannot be used, since nothing plays without a log.
     """
+    close_orders()
     found, drive, order = admission.exposure, admission.drive, token()
     _append(
         {
@@ -100,6 +103,49 @@ def log_pause(order: str, source: str | Path, device: str, event: str, reason: s
     _append({"event": event, "order": order, "drive": str(source), "device": device, "reason": reason})
 
 
+def close_orders() -> None:
+    """Log an end for each order of a program that died, for example by SIGKILL.
+
+    Raises
+    ------
+    FileError
+        If the log cannot be read or written.
+    """
+    if not _open_orders():
+        return
+    held = LockFile.take(make_state_folder() / "closing-orders.json")
+    if held is None:  # another program closes them
+        return
+    try:
+        alive = {os.getpid(), *(entry["process"] for entry in playing_now())}
+        # Read after `alive`: a program logs its end before it leaves `playing_now`.
+        for entry in _open_orders():
+            if entry.get("process") not in alive:
+                reason = f"ended without a report: process {entry.get('process')} died after {entry.get('time')}"
+                log_end(entry["order"], entry.get("drive", ""), entry.get("device", ""), "failed", reason)
+    finally:
+        held.release()
+
+
+def _open_orders() -> list[dict[str, Any]]:
+    """Orders in the log that have no end; lines that cannot be parsed are skipped."""
+    orders: dict[str, dict[str, Any]] = {}
+    try:
+        with (state_folder() / LOG).open(encoding="utf-8", errors="replace") as file:
+            for line in file:
+                with suppress(ValueError, TypeError, KeyError):
+                    entry = json.loads(line)
+                    if entry["event"] == "play":
+                        orders[entry["order"]] = entry
+                    elif entry["event"] == "end":
+                        orders.pop(entry["order"], None)
+    except FileNotFoundError:
+        return []
+    except OSError as wrong:
+        raise _unusable(state_folder() / LOG, wrong) from wrong
+    return list(orders.values())
+
+
 def hash_of_drive(drive: Drive) -> str:
     """SHA-256, in hex, of all phases and then all levels, as in memory, row by row."""
     digest = hashlib.sha256()
@@ -134,7 +180,7 @@ def _append(entry: dict[str, object]) -> None:
     line = text.encode()
     try:
         # A single write, so that lines of two programs do not mix; readable for this user only.
-        handle = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+        handle = open_no_link(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
         try:
             if (taken := os.write(handle, line)) < len(line):
                 # On a full disk, write() stores a part and raises no error.
@@ -144,4 +190,8 @@ def _append(entry: dict[str, object]) -> None:
         finally:
             os.close(handle)
     except OSError as wrong:
-        raise FileError(f"{path}: {wrong.strerror}; nothing plays without a log, set MIDAIR_STATE") from wrong
+        raise _unusable(path, wrong) from wrong
+
+
+def _unusable(path: Path, wrong: OSError) -> FileError:
+    return FileError(f"{path}: {wrong.strerror}; nothing plays without a log, set MIDAIR_STATE")

@@ -5,8 +5,8 @@ import os
 import socket
 import sys
 
-from midair.devices import playing_now, state_folder
-from midair.errors import MidairError
+from midair.devices import close_orders, playing_now, state_folder
+from midair.errors import FileError, MidairError
 from midair.rig.doctor.check import Check
 from midair.rig.names import array_named
 
@@ -110,12 +110,16 @@ def _raw_sockets() -> Check:
 
 
 def _log() -> Check:
-    """Check that the log can be written, without writing it."""
+    """Check that the log can be written, and close the orders of programs that died."""
     path = state_folder() / "played.jsonl"
     nearest = next(parent for parent in (path, *path.parents) if parent.exists())
     if path.is_dir() or (nearest != path and not nearest.is_dir()) or not os.access(nearest, os.W_OK):
         advice = "set MIDAIR_STATE to a folder you can write to; nothing plays without a log"
         return Check(subject="log of what played", state="broken", found=f"cannot write {path}", advice=advice)
+    try:
+        close_orders()
+    except FileError as wrong:
+        return Check(subject="log of what played", state="broken", found=str(wrong))
     return Check(subject="log of what played", state="ok", found=str(path))
 
 
