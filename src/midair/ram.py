@@ -21,6 +21,16 @@ def available_memory(meminfo: Path = Path("/proc/meminfo"), group: Path = Path("
     return left if free is None else min(free, left)
 
 
+def address_limit() -> int | None:
+    """Address space that this process may use, in bytes (``ulimit -v``); None if unlimited."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if limit == resource.RLIM_INFINITY else limit
+
+
 def return_large_arrays(least: int = 2**22) -> bool:
     """Return arrays of `least` bytes or more to the system as soon as they are freed; True if that could be set.
 

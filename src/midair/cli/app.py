@@ -17,10 +17,14 @@ from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of, summary_o
 from midair.cli.console import busy_bar, err, parse_flags, verbosity, with_verbosity
 from midair.cli.help_text import GROUPS, add_command
 from midair.errors import MidairError, UnknownDeviceError
+from midair.ram import address_limit
 from midair.version import __version__
 
 TRACEBACK = "MIDAIR_TRACEBACK"
 """Environment variable: if set, an unexpected error prints its traceback, as with -v."""
+
+OPEN_FILES = 64
+"""Smallest limit of open files with which a command starts."""
 
 _EPILOGUE = """Examples:
   midair demo
@@ -93,9 +97,24 @@ def main(tokens: Sequence[str] | None = None) -> None:
         sys.exit(run(tokens))
     from midair.devices import ordered_at, process_start_time
 
+    # Never in the way of `midair stop`.
+    if "stop" not in tokens and (refused := _too_few_files()):
+        sys.exit(_print_line(refused, 1))
     # From here on `midair stop` applies, even before the command registers that it plays.
     with ordered_at(process_start_time()):
         sys.exit(run(tokens))
+
+
+def _too_few_files() -> str:
+    """One line if this process may open too few files at once for its connections and libraries."""
+    try:
+        import resource
+    except ImportError:
+        return ""
+    limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    if limit == resource.RLIM_INFINITY or limit >= OPEN_FILES:
+        return ""
+    return f"expected a limit of {OPEN_FILES} open files or more, got {limit} (ulimit -n); raise it: ulimit -n 1024"
 
 
 def run(tokens: Sequence[str]) -> int:
@@ -157,7 +176,10 @@ def _report_unexpected(wrong: Exception) -> int:
     if os.environ.get(TRACEBACK) or verbosity().verbose:
         raise wrong
     if isinstance(wrong, MemoryError):
-        return _print_line("not enough memory; cut the recording (midair cut) or use a computer with more memory", 1)
+        advice = "cut the recording (midair cut) or use a computer with more memory"
+        if (limit := address_limit()) is not None:
+            advice = f"the limit is {limit / 1e9:.2g} GB of address space (ulimit -v), raise it"
+        return _print_line(f"not enough memory; {advice}", 1)
     if isinstance(wrong, OSError) and wrong.strerror:
         where = f"{os.fspath(wrong.filename)}: " if isinstance(wrong.filename, str | bytes) else ""
         return _print_line(f"{where}{wrong.strerror} (-v shows where)", 1)

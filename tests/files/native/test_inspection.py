@@ -10,9 +10,11 @@ from pathlib import Path
 import h5py
 import pytest
 
-from midair.errors import BrokenFileError
+from midair.errors import BrokenFileError, FileError
 from midair.files import load, save
 from midair.files.native import inspection
+
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
 
 
 @pytest.fixture
@@ -40,12 +42,34 @@ def test_a_file_that_crashes_the_inspector_does_not_end_this_process(path, recor
 
 
 def test_an_inspector_that_waits_without_end_is_ended(path, recording, alike, monkeypatch):
-    monkeypatch.setattr(inspection, "PATIENCE", 0.2)
     alike(load(path), recording)
+    monkeypatch.setattr(inspection, "PATIENCE", 0.2)
     monkeypatch.setattr(inspection, "_PLAIN", {})
     os.kill(inspection._INSPECTOR._process.pid, signal.SIGSTOP)
     with pytest.raises(BrokenFileError, match="crashes or hangs"):
         load(path)
+
+
+def test_the_message_names_a_limit_of_address_space(path, recording, alike, monkeypatch):
+    alike(load(path), recording)
+    monkeypatch.setattr(inspection, "PATIENCE", 0.2)
+    monkeypatch.setattr(inspection, "address_limit", lambda: 1_100_000_000)
+    monkeypatch.setattr(inspection, "_PLAIN", {})
+    os.kill(inspection._INSPECTOR._process.pid, signal.SIGSTOP)
+    with pytest.raises(FileError, match=r"within the limit of 1.1 GB of address space \(ulimit -v\); raise") as refused:
+        load(path)
+    assert not isinstance(refused.value, BrokenFileError)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="address space is limited on Linux")
+def test_a_good_file_opens_within_a_limit_of_address_space(path):
+    program = (
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_AS, (15 * 10**8, 15 * 10**8)); "
+        "from midair.files import load; load(sys.argv[1])"
+    )
+    words = [sys.executable, "-c", program, str(path)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, env=os.environ | ONE_THREAD)
+    assert done.stderr == ""
 
 
 def test_without_a_process_the_check_is_the_same(path, recording, alike, monkeypatch):

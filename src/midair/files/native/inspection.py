@@ -11,8 +11,9 @@ from contextlib import suppress
 from pathlib import Path
 from threading import Lock, Timer
 
-from midair.errors import BrokenFileError
+from midair.errors import BrokenFileError, FileError
 from midair.files.native.hdf5_recovery import openable
+from midair.ram import address_limit
 
 PATIENCE = 120.0
 """Time limit for an answer in s; the inspector's own limit is in CPU time."""
@@ -22,6 +23,9 @@ REMEMBERED = 256
 
 SETTLED = 100_000_000
 """Resolution of file time stamps, in ns, within which a change may be invisible."""
+
+ADDRESS_SPACE = 2**31
+"""Address space in bytes that the inspector limits itself to; with less, a good file may end it."""
 
 FATAL = "one on which HDF5 crashes or hangs; it is damaged or malicious"
 """Reason for a file that crashed the inspector; it is not inspected again."""
@@ -92,6 +96,12 @@ class _Inspector:
             late.cancel()
             if not line:
                 self._end()
+                if (limit := address_limit()) is not None and limit < ADDRESS_SPACE:
+                    raise FileError(
+                        f"{path}: expected an answer from the process that checks the file, it ended within the limit "
+                        f"of {limit / 1e9:.2g} GB of address space (ulimit -v); raise the limit to "
+                        f"{ADDRESS_SPACE / 1e9:.2g} GB or more"
+                    )
                 return FATAL
             return json.loads(line)
 

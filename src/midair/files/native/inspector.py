@@ -58,6 +58,8 @@ def refusal(path: Path, opened: Callable[[Path], Any]) -> str | None:
             _walk(file, path.stat().st_size)
     except NotPlainError as wrong:
         return str(wrong)
+    except MemoryError:
+        raise
     except (Exception, RecursionError) as wrong:  # noqa: BLE001  # h5py raises many types
         lines = str(wrong).strip().splitlines()
         return f"a damaged or foreign file ({_plain_message(lines[0])[:160] if lines else type(wrong).__name__})"
@@ -191,7 +193,9 @@ def _limit_resources(size: int) -> None:
         import resource
     except ImportError:
         return
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+    soft = MEMORY if hard == resource.RLIM_INFINITY else min(MEMORY, hard)
+    resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
     # The signal of the timer ends the process, also within HDF5.
     signal.setitimer(signal.ITIMER_PROF, SECONDS * (1 + size / 2**32))
 
