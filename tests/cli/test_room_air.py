@@ -78,7 +78,8 @@ def test_a_study(words, expected, capsys):
 
 
 def test_live():
-    assert LiveOptions(temperature=40.0).settings().exposure.room.temperature == 40.0
+    room = Medium.at(temperature=40.0)
+    assert LiveOptions().settings(room).exposure.room == LiveOptions().settings(room).acoustics.medium == room
     assert LiveOptions().settings().exposure.room is None
     # The studio states no air either; the default air of the processing must not count.
     assert LiveSettings().exposure.room is None

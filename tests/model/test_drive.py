@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError, NonFiniteError, ShapeError
-from midair.model import Drive, PlayedTouch, Solution, TransducerArray
+from midair.model import Drive, Medium, PlayedTouch, Provenance, Solution, TransducerArray
 
 ARRAY = TransducerArray(position=np.eye(3), normal=np.broadcast_to([0.0, 0, 1], (3, 3)))
 
@@ -86,6 +86,19 @@ def test_what_was_late_or_never_came_is_the_frame_before_which_stood_on():
     drive = played_touch([1, 3, 4, 1, 0, 2]).drive
     assert drive.phase[:, 0] * 256 / (2 * np.pi) == pytest.approx([0, 0, 0, 3, 4, 4])
     assert drive.level == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("air", "medium"),
+    [
+        ({"temperature_c": 25.0, "humidity": 0.3, "sound_m_s": 346.8}, Medium.at(temperature=25.0, humidity=0.3)),
+        ({"temperature_c": None, "humidity": None, "sound_m_s": 343.0}, Medium(speed=343.0)),
+        ({}, Medium()),
+    ],
+)
+def test_the_drive_of_a_live_take_has_the_air_it_was_solved_for(air, medium):
+    provenance = Provenance().then("live", air)
+    assert played_touch([1, 1], provenance=provenance).drive.acoustics.medium == medium
 
 
 def test_arrays_are_read_only_and_as_long_as_each_other():

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError, ShapeError
 from midair.model.acoustics import Acoustics
 from midair.model.geometry import TransducerArray
+from midair.model.medium import Medium
 from midair.model.provenance import Provenance
 from midair.model.reprs import clipped, counted, frames_and_duration, from_source, span, summary
 from midair.model.svg_pictures import curve, dots, framed
@@ -204,5 +205,18 @@ class PlayedTouch:
             level=self.intensity[there] / 255,
             rate=self.rate,
             array=self.array,
+            acoustics=Acoustics(medium=self._medium),
             provenance=self.provenance,
         )
+
+    @property
+    def _medium(self) -> Medium:
+        """Air that the frames were solved for; older files, which do not state it, have the paper's."""
+        air = self.provenance.last("live")
+        match air.get("temperature_c"), air.get("humidity"), air.get("sound_m_s"):
+            case float(temperature), float(humidity), _:
+                return Medium.at(temperature=temperature, humidity=humidity)
+            case _, _, float(speed):
+                return Medium(speed=speed)
+            case _:
+                return Medium()

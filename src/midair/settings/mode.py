@@ -35,7 +35,7 @@ def best_mode() -> Settings:
         interpolate="pressure",
         decouple=True,
         guard=Guard(margin=25e-3, pitch=6e-3, ceiling=0.3),
-        acoustics=Acoustics(medium=Medium.at(temperature=22.0, humidity=0.5)),
+        acoustics=Acoustics(medium=Medium.at()),
     )
 
 

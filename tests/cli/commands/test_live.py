@@ -4,24 +4,50 @@ import pytest
 from pydantic import ValidationError
 
 from midair.cli.app import app
-from midair.model import HEIGHTS
+from midair.model import HEIGHTS, Medium
 from midair.rig import LiveSettings
+from midair.settings import best_mode
 from midair.studio.panels.live_panel import CheckLive
 
 
 def typed(words):
     """Settings that the command makes of a line."""
     _, bound, _ = app.parse_args(["live", *words])
-    return bound.arguments["options"].settings()
+    given = bound.arguments
+    air = given.get("air")
+    return given["options"].settings(None if air is None else air.medium())
 
 
 def test_typed_values_become_settings():
     assert typed(["--seed", "0"]) == LiveSettings()
     known = typed(
-        ["--hold", "4ms", "--band", "20Hz", "200Hz", "--height", "150mm", "--temperature", "22C", "--key", "k"]
+        [
+            "--hold",
+            "4ms",
+            "--band",
+            "20Hz",
+            "200Hz",
+            "--height",
+            "150mm",
+            "--temperature",
+            "25C",
+            "--humidity",
+            "30%",
+            "--key",
+            "k",
+        ]
     )
     assert (known.hold, known.band, known.height, known.key.name) == (0.004, (20.0, 200.0), 0.15, "k")
-    assert known.acoustics.medium.temperature == known.exposure.room.temperature == 22.0
+    assert known.acoustics.medium == known.exposure.room == Medium.at(temperature=25.0, humidity=0.3)
+
+
+def test_the_default_air_is_that_of_the_other_commands_and_counts_as_not_stated():
+    known = typed(["--seed", "0"])
+    assert known.acoustics == best_mode().acoustics
+    assert known.acoustics.medium.temperature == 22.0
+    assert known.exposure.room is None
+    assert known.stored()["temperature_c"] == 22.0
+    assert not known.stored()["air_stated"]
 
 
 def test_the_studio_takes_the_same_defaults_and_limits():

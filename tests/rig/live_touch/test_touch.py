@@ -3,7 +3,7 @@ import pytest
 
 from midair.calibration import CausalInverse
 from midair.errors import InputError
-from midair.model import Calibration, ControlGrid, Drive, PressureFrames, SensorGrid, TransducerArray
+from midair.model import Acoustics, Calibration, ControlGrid, Drive, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import SensorModel, calibration_of, focus_amplitude, propagate
 from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.touch import Touch
@@ -29,7 +29,7 @@ def felt(rng, frames=3, size=20.0):
 def test_targets_equal_those_of_the_stages(mapping, offset):
     """Decoupled, mapped, gained and interpolated as by `prepare`, over the focus of the array."""
     pressure = felt(np.random.default_rng(1))
-    live = touch(None, mapping=mapping, offset=offset, gain=1.7)
+    live = touch(None, mapping=mapping, offset=offset, gain=1.7, acoustics=Acoustics())
     apart = decouple(PressureFrames(pressure=pressure, rate=1000.0), grid=SMALL)
     lifted = np.maximum(1.7 * apart.pressure + (offset or 0.0), 0.0)
     target = prepare(PressureFrames(pressure=lifted, rate=1000.0), grid=SMALL, interpolate="pressure")

@@ -11,7 +11,7 @@ from rich.live import Live as Screen
 from rich.text import Text
 
 from midair.cli.console import banner, err, print_json, print_rows, verbosity
-from midair.cli.exposure_options import ExposureOptions, HeatOptions
+from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air
 from midair.cli.keys import Signals, signals_noted
 from midair.cli.options import Json
 from midair.cli.output import may_write
@@ -27,21 +27,13 @@ WRONG_RATE = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _LiveOptions(ExposureOptions):
-    """Options beside those made from `LiveSettings`.
+    """Exposure limits, beside the options made from `LiveSettings`."""
 
-    Parameters
-    ----------
-    temperature
-        Air temperature, such as 22C. [default: 14C, as in the paper]
-    """
-
-    temperature: Annotated[float | None, quantity("C")] = None
-
-    def settings(self) -> LiveSettings:
-        """The settings that these options describe."""
-        air = None if self.temperature is None else Acoustics(medium=Medium.at(temperature=self.temperature))
+    def settings(self, room: Medium | None = None) -> LiveSettings:
+        """The settings that these options describe, in the stated air of the room."""
+        air = None if room is None else Acoustics(medium=room)
         given = {one.name: getattr(self, one.name) for one in fields(LiveSettings) if hasattr(self, one.name)}
-        return LiveSettings().but(**given, acoustics=air, exposure=self.choices(None if air is None else air.medium))
+        return LiveSettings().but(**given, acoustics=air, exposure=self.choices(room))
 
 
 def _options() -> Any:
@@ -74,6 +66,7 @@ def live_command(
     *,
     options: LiveOptions | None = None,
     heat: HeatOptions | None = None,
+    air: AirOptions | None = None,
     to: str | None = None,
     new_key: Path | None = None,
     keep: Path | None = None,
@@ -88,6 +81,8 @@ def live_command(
 
     Parameters
     ----------
+    air
+        Air of the room. [default: 22C, 50%]
     to
         Send the sensor's frames to HOST:PORT; nothing plays on this computer. Needs --key.
     new_key
@@ -110,7 +105,8 @@ def live_command(
         make_key(new_key)
         print_rows([("key", f"{new_key}; copy it to the other computer, and keep it secret")])
         return 0
-    settings = (options or LiveOptions()).settings()
+    room = (air or AirOptions()).medium()
+    settings = (options or LiveOptions()).settings(room)
     if to is not None:
         _send(settings, to, json=json)
         return 0
@@ -123,6 +119,7 @@ def live_command(
         if not json:
             banner(session.opened.simulated)
             print_rows(_session_rows(session))
+        print_air(settings.acoustics.medium, stated=room is not None)
         _watch(session, signals, quiet=json)
         ended = session
     _print_result(ended, keep, json=json)

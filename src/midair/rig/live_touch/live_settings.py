@@ -9,7 +9,7 @@ import numpy as np
 from midair.devices import ExposureChoices
 from midair.errors import InputError
 from midair.files import load_calibration, load_placement, load_sensor
-from midair.model import BAND, HEIGHT, HEIGHTS, Acoustics, Calibration, ControlGrid, Placement, SensorWiring
+from midair.model import BAND, HEIGHT, HEIGHTS, Acoustics, Calibration, ControlGrid, Medium, Placement, SensorWiring
 from midair.rig.playing import default_exposure
 from midair.validation import check_settings, documented, setting
 
@@ -87,7 +87,9 @@ class LiveSettings:
         "TOML file with position and rotation of the units. [default: two by two, side by side]",
         load=load_placement,
     )
-    acoustics: Acoustics = setting(Acoustics, "Air of the room and directivity of the transducers.", option="")
+    acoustics: Acoustics = setting(
+        lambda: Acoustics(medium=Medium.at()), "Air of the room and directivity of the transducers.", option=""
+    )
     exposure: ExposureChoices = setting(default_exposure, "Exposure limits.", option="")
     cooling_limit: float | None = setting(
         None, "Longest pause in silence while units are too hot; None ends the run at once.", unit="s", option=""
@@ -150,7 +152,10 @@ class LiveSettings:
 
     def stored(self) -> dict[str, Any]:
         """Return the settings that the provenance of a take states."""
-        return {one.metadata["stored"]: getattr(self, one.name) for one in fields(self) if "stored" in one.metadata}
+        medium = self.acoustics.medium
+        air = {"sound_m_s": medium.speed, "temperature_c": medium.temperature, "humidity": medium.humidity}
+        kept = {one.metadata["stored"]: getattr(self, one.name) for one in fields(self) if "stored" in one.metadata}
+        return {**kept, **air, "air_stated": self.exposure.room is not None}
 
 
 def host_and_port(text: str, option: str) -> tuple[str, int]:

@@ -22,7 +22,7 @@ from midair.devices import (
     virtual_immediate,
 )
 from midair.errors import DeviceError, InputError, MidairError, StoppedError, UnknownDeviceError
-from midair.model import Calibration, Medium, SensorGrid, Unit
+from midair.model import Calibration, SensorGrid, Unit
 from midair.rig.live_touch.encryption import read_key
 from midair.rig.live_touch.live_loop import LiveLoop, Pace
 from midair.rig.live_touch.live_settings import LiveSettings, host_and_port
@@ -168,7 +168,7 @@ def _play(
             )
             try:
                 with (
-                    array.frames_to_come(admission, source=f"live {sensor.name}", room=room_of(order)) as put,
+                    array.frames_to_come(admission, source=f"live {sensor.name}", room=order.exposure.room) as put,
                     _running(sensor),
                 ):
                     loop.run(put, order.duration)
@@ -205,12 +205,6 @@ def check_rate(sensor: StreamedSensor) -> None:
             f"{sensor.name}: expected {RATES[0]:g} to {RATES[1]:g} frames per second, got {sensor.rate:g} Hz; "
             "state a rate with ?rate=1000"
         )
-
-
-def room_of(order: LiveSettings) -> Medium | None:
-    """Air of the room; None if no temperature was given."""
-    medium = order.acoustics.medium
-    return None if medium.temperature is None else medium
 
 
 def sensor_for(order: LiveSettings) -> tuple[StreamedSensor, NetworkSource | None]:
