@@ -3,6 +3,8 @@
 A part of a virtual towel stroke, at one strength, in both modes and at three heights, is solved for a laboratory at 22
 degrees Celsius, for the same with a temperature range of two degrees (`--robust 2C`), and for the paper's 340 m/s. E is
 the mean over the frames, in %, when it is played in air of other temperatures (`midair.evaluate.error_at_temperature`).
+With `--corrected`: the drive for 22 degrees as it is, with its phases corrected (`midair play --correct-air`), and
+solved again for each temperature.
 """
 
 from __future__ import annotations
@@ -10,11 +12,13 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 import midair
+from midair.correct import correct_air
 from midair.evaluate import error_at_temperature
 from midair.figures import png_bytes
 from midair.figures.style import Style, new_figure, plain_axes
@@ -42,8 +46,12 @@ def main() -> None:
     )
     parser.add_argument("--duration", type=float, default=0.02, help="duration of the part in s (default .02)")
     parser.add_argument("--strength", type=float, default=0.1, help="target peak over a single focus (default .1)")
+    parser.add_argument("--corrected", action="store_true", help="table of corrected phases instead")
     options = parser.parse_args()
     stroke = midair.record("virtual:towel", 1.0)
+    if options.corrected:
+        print_corrected(stroke, options.heights, options.duration, options.strength)
+        return
     print(f"towel, {options.duration:g} s, strength {options.strength:g}; mean E in % at temperatures in °C")
     print(f"{'mode':6} {'height':7} {'solved for':17}" + "".join(f"{each:6}" for each in COLUMNS) + "  CPU ms a frame")
     curves: dict[tuple[str, float, str], np.ndarray] = {}
@@ -70,6 +78,30 @@ def solved(
     start = time.process_time()
     made = reproduce(pressure, ARRAY, settings.but(gain=(strength / now) ** 2))
     return made, 1e3 * (time.process_time() - start) / pressure.frames
+
+
+def print_corrected(take: midair.files.OpenedTake, heights: list[float], duration: float, strength: float) -> None:
+    """E of the drive for 22 degrees Celsius as it is, corrected, and solved again."""
+    print(
+        f"towel, {duration:g} s, strength {strength:g}; mean E in % of a drive for 22 °C: as is / corrected / re-solved"
+    )
+    for mode in ("paper", "best"):
+        for height in heights:
+            settings = MODES[mode]()
+            settings = settings.but(grid=type(settings.target.grid)(height=height))
+            own, _ = solved(take, settings.but(acoustics=Acoustics(medium=ROOM)), duration, strength)
+            centre = own.target.grid.position.mean(axis=0)
+            for temperature in (14, 18, 20, 22, 24, 26, 30):
+                room = Medium.at(temperature=temperature, humidity=0.5)
+                again, _ = solved(take, settings.but(acoustics=Acoustics(medium=room)), duration, strength)
+                # With the air it was solved for, to which its target belongs.
+                drive = replace(correct_air(own.solution.drive, room, centre), acoustics=own.solution.drive.acoustics)
+                after = float(error_at_temperature(drive, own.target, room).mean())
+                row = (error(own, temperature), after, error(again, temperature))
+                print(
+                    f"{mode:6} {1e3 * height:4.0f} mm {temperature:3} °C"
+                    + "".join(f"{100 * each:7.1f}" for each in row)
+                )
 
 
 def error(made: Reproduction, temperature: float) -> float:

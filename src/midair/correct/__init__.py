@@ -1,5 +1,6 @@
 """Correct a reproduction from its re-recording or prediction: gains (paper, 5.2), iteration, envelope prediction."""
 
+from .air_phases import correct_air as correct_air
 from .envelope_prediction import EnvelopePrediction as EnvelopePrediction
 from .gains import BeamGain as BeamGain
 from .gains import amplitude_gain as amplitude_gain

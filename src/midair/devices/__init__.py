@@ -33,6 +33,7 @@ from .reading import read_frames as read_frames
 from .safety import Stopped as Stopped
 from .safety import close_orders as close_orders
 from .safety import device_lock as device_lock
+from .safety import log_drift as log_drift
 from .safety import make_state_folder as make_state_folder
 from .safety import ordered_at as ordered_at
 from .safety import playing_now as playing_now
@@ -49,6 +50,7 @@ from .sensors import SensorOptions as SensorOptions
 from .sensors import Source as Source
 from .sensors import Stream as Stream
 from .sensors import StreamedSensor as StreamedSensor
+from .sensors import Thermometer as Thermometer
 from .virtual import VirtualArray as VirtualArray
 from .virtual import VirtualSensor as VirtualSensor
 from .virtual import VirtualSkin as VirtualSkin

@@ -61,6 +61,7 @@ from .names import array_named as array_named
 from .names import array_of_kind as array_of_kind
 from .names import sensor_named as sensor_named
 from .names import stage_named as stage_named
+from .names import thermometer_named as thermometer_named
 from .play_lease import LeaseGuard as LeaseGuard
 from .play_lease import LeaseToken as LeaseToken
 from .play_lease import PlayLease as PlayLease
@@ -70,6 +71,7 @@ from .playing import default_exposure as default_exposure
 from .playing import play_cleared as play_cleared
 from .playing import rerecord as rerecord
 from .playing import stop_playing as stop_playing
+from .playing import watch_air as watch_air
 from .recorder import OpenRig as OpenRig
 from .recorder import Played as Played
 from .recorder import loop as loop

@@ -146,6 +146,12 @@ def _open_orders() -> list[dict[str, Any]]:
     return list(orders.values())
 
 
+def log_drift(device: str, thermometer: str, *, measured: float, solved: float) -> None:
+    """Log that the room differs from the air that the drive on a device was solved for, both in degrees Celsius."""
+    found = {"measured_c": round(measured, 2), "solved_c": round(solved, 2)}
+    _append({"event": "air", "device": device, "thermometer": thermometer} | found)
+
+
 def hash_of_drive(drive: Drive) -> str:
     """SHA-256, in hex, of all phases and then all levels, as in memory, row by row."""
     digest = hashlib.sha256()

@@ -7,5 +7,6 @@ from .sources import SensorOptions as SensorOptions
 from .sources import Source as Source
 from .sources import Stream as Stream
 from .streamed_sensor import StreamedSensor as StreamedSensor
+from .thermometer import Thermometer as Thermometer
 from .wrapped_sensors import PacedSensor as PacedSensor
 from .wrapped_sensors import RemappedSensor as RemappedSensor

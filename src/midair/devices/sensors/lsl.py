@@ -68,7 +68,7 @@ class LslSource:
 
     def open(self) -> Stream:
         """Find the stream and connect to its sender."""
-        _quiet_liblsl()
+        quiet_liblsl()
         found = self._find()
         # No recovery: it would silently continue with another run of the sender.
         # Original stamps: smoothed ones hide missing frames.
@@ -218,7 +218,7 @@ class LslSource:
         return DeviceError(f"lsl: lost the sender of {self._name!r}; make sure that it runs, then start again")
 
 
-def _quiet_liblsl() -> None:
+def quiet_liblsl() -> None:
     """Limit liblsl to error messages, unless the user configured it: its notes would disturb the level meters."""
     files = (Path("lsl_api.cfg"), Path.home() / "lsl_api" / "lsl_api.cfg", Path("/etc/lsl_api/lsl_api.cfg"))
     if "LSLAPICFG" not in os.environ and not any(file.exists() for file in files):

@@ -7,4 +7,6 @@ from .sensor_names import SENSORS as SENSORS
 from .sensor_names import sensor_named as sensor_named
 from .sensor_names import source_sensor as source_sensor
 from .stage_names import stage_named as stage_named
+from .thermometer_names import THERMOMETERS as THERMOMETERS
+from .thermometer_names import thermometer_named as thermometer_named
 from .virtual_rig import VirtualRig as VirtualRig
