@@ -26,7 +26,7 @@ class AirOptions:
     Parameters
     ----------
     temperature
-        Air temperature in the room, such as 22C.
+        Air temperature in the room, such as 22C; or a thermometer: lsl:NAME, serial:PORT, file:PATH.
     humidity
         Relative humidity of the room, such as 50%; needs --temperature. [default: 50%]
     """

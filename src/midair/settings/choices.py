@@ -124,7 +124,7 @@ CHOICES: tuple[Choice, ...] = (
         name="temperature",
         path="acoustics.medium.temperature",
         unit="C",
-        help="Air temperature; none: the paper's 14 C (340 m/s).",
+        help="Air temperature, or a thermometer such as file:PATH; none: the paper's 14 C (340 m/s).",
     ),
     Choice(
         name="humidity", path="acoustics.medium.humidity", unit="%", help="Relative humidity of the air, 0 to 100 %."

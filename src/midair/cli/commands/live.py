@@ -16,6 +16,7 @@ from midair.cli.keys import Signals, signals_noted
 from midair.cli.options import Json
 from midair.cli.output import may_write
 from midair.cli.quantities import quantity
+from midair.cli.thermometers import air_watched
 from midair.errors import InputError
 from midair.model import Acoustics, Medium
 from midair.rig import LiveSession, LiveSettings, LiveStatistics, make_key, send_touch
@@ -105,7 +106,8 @@ def live_command(
         make_key(new_key)
         print_rows([("key", f"{new_key}; copy it to the other computer, and keep it secret")])
         return 0
-    room = (air or AirOptions()).medium()
+    air = air or AirOptions()
+    room = air.medium()
     settings = (options or LiveOptions()).settings(room)
     if to is not None:
         _send(settings, to, json=json)
@@ -115,7 +117,13 @@ def live_command(
             raise InputError(f"{keep}: already exists; give another name")
         may_write(keep, True, ".h5")
     cooling = (heat or HeatOptions()).cooling()
-    with signals_noted() as signals, begin(settings=settings, cooling=cooling, keep=keep) as session:
+    watched = air_watched(
+        air.temperature,
+        settings.acoustics.medium,
+        advice="start live again to solve for this air",
+        device="" if settings.device == "virtual" else settings.device,
+    )
+    with signals_noted() as signals, begin(settings=settings, cooling=cooling, keep=keep) as session, watched:
         if not json:
             banner(session.opened.simulated)
             print_rows(_session_rows(session))

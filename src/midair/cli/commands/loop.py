@@ -10,6 +10,7 @@ from midair.cli.console import banner, print_figures, print_json, print_rows, pr
 from midair.cli.exposure_options import ExposureOptions, print_air, print_check_time_ahead
 from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, Placement, SolveOptions, StartAt
 from midair.cli.output import may_write, warn_level
+from midair.cli.thermometers import air_watched
 from midair.cli.time_estimates import workload_of
 from midair.devices import SilencerChoice
 from midair.errors import InputError
@@ -124,7 +125,13 @@ def loop_command(
     # Every pass plays another drive, whose exposure is checked first.
     frames = (corrections + 1 + iterate) * round((original.frames / original.rate + 2 * lead) * settings.target.rate)
     print_check_time_ahead(frames, opened.array.array, room, opened.exposure.profile)
-    with progress_bars(f"loop {workload_of(settings, opened.array.array.count)}", frames) as stage, opened:
+    watched = air_watched(
+        getattr(options, "temperature", None),
+        settings.acoustics.medium,
+        advice="run the loop again for this air",
+        device=chosen.device if opened.array.gated else "",
+    )
+    with progress_bars(f"loop {workload_of(settings, opened.array.array.count)}", frames) as stage, opened, watched:
         loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
         write_report(loop, target, commands=(verbosity().line,), progress=stage("draw"))
     _print(loop, target, json)

@@ -11,7 +11,9 @@ from midair.cli.console import banner, print_json, print_note, print_rows, progr
 from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air, print_check_time
 from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, Placement, SolveOptions, StartAt, Time
 from midair.cli.output import level_of_file, level_rows, may_write, solve_error, warn_level
+from midair.cli.thermometers import air_watched
 from midair.cli.time_estimates import workload_of
+from midair.correct import correct_air as corrected_for
 from midair.devices import ArrayDevice, Cooling, ExposureClearance, PlayReport, SilencerChoice, check_exposure
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
@@ -161,6 +163,7 @@ def play_command(
     array_calibration: Path | None = None,
     seed: int = 0,
     force: Force = False,
+    correct_air: bool = False,
     options: PlayOptions | None = None,
     air: AirOptions | None = None,
     heat: HeatOptions | None = None,
@@ -186,6 +189,8 @@ def play_command(
         Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.
     seed
         Random seed of the virtual rig: transducer strengths and noise.
+    correct_air
+        Correct the phases for the air of the room, exactly at the centre of the control points; needs --temperature.
     air
         Air of the room. A virtual device plays in the drive's own air if it is not stated. The exposure check takes the
         maximum over 2 degrees around it; if not stated, over 14 to 30 degrees.
@@ -195,14 +200,16 @@ def play_command(
     $ midair play take.drive.h5
     $ midair play take.drive.h5 --device autd3
     """
-    options, room = options or PlayOptions(), (air or AirOptions()).medium()
+    options, air = options or PlayOptions(), air or AirOptions()
+    room = air.medium()
     if device != "virtual":
         if array_calibration is not None:
             raise InputError(
                 f"--array-calibration: expected --device virtual, got {device}; "
                 "for a real array use midair solve --array-calibration"
             )
-        return _play_on_array(source, device, options, room, (heat or HeatOptions()).cooling())
+        cooling = (heat or HeatOptions()).cooling()
+        return _play_on_array(source, device, options, air, cooling, correct=correct_air)
     target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
     may_write(target, force)
     drive = load_solution(source, streamed=True).drive
@@ -218,11 +225,13 @@ def play_command(
         rig = replace(rig, transducers=Transducers.measured(measured))
     skin = rig.skin()
     banner(True)
+    drive = _corrected(drive, source, room) if correct_air else drive
     _print_room_air(drive, source, room, simulated=True)
     array = rig.array_device(skin)
     array.silencer = options.silencer
     kind = f"play and re-record {workload_of(known, drive.array.count)}"
-    with progress_bars(kind, drive.frames) as stage, array, rig.sensor(skin) as sensor:
+    watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN)
+    with watched, progress_bars(kind, drive.frames) as stage, array, rig.sensor(skin) as sensor:
         sensor.streamed = True
         admission = options.admit(drive, array, room)
         recording = rerecord(admission, array, sensor, source=source, progress=stage("play and re-record"))
@@ -240,6 +249,21 @@ def play_command(
     return None
 
 
+PLAY_AGAIN = "solve it again for this air, or play it again with --correct-air"
+"""Advice if the air drifts while a drive plays."""
+
+
+def _corrected(drive: Drive, source: Path, room: Medium | None) -> Drive:
+    """The drive of a file with its phases corrected for the air of the room."""
+    if room is None:
+        raise InputError("--correct-air: expected --temperature with it, got none")
+    target = load_target(source, streamed=True)
+    if target is None:
+        raise InputError(f"{source}: expected a drive with its target for --correct-air, got none; solve it again")
+    print_note(f"air: phases corrected from {drive.acoustics.medium} to {room}")
+    return corrected_for(drive, room, target.grid.position.mean(axis=0))
+
+
 def _print_room_air(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:
     """Print on stderr how the air of the room changes the drive of a file."""
     found = check_air(drive, room, lambda: load_target(source, streamed=True), simulated=simulated)
@@ -247,9 +271,10 @@ def _print_room_air(drive: Drive, source: Path, room: Medium | None, *, simulate
 
 
 def _play_on_array(
-    source: Path, device: str, options: PlayOptions, room: Medium | None, cooling: Cooling | None
+    source: Path, device: str, options: PlayOptions, air: AirOptions, cooling: Cooling | None, *, correct: bool
 ) -> None:
     """Play the drive of a file on a real array or an emulator, and print the result."""
+    room = air.medium()
     placement = None if options.placement is None else load_placement(options.placement)
     array = array_named(device, placement, silencer=options.silencer)
     array.cooling = cooling
@@ -262,12 +287,14 @@ def _play_on_array(
                 2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
             )
             drive = load_solution(source).drive
+        drive = _corrected(drive, source, room) if correct else drive
         admission = options.admit(drive, array, room)
         _print_room_air(drive, source, room)
         rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
         rows.append(("heat", admission.exposure.heat))
         print_rows([*level_rows(level_of_file(source, limits=False)), *rows])
-        with progress_bars() as stage, array:
+        watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN, device=device)
+        with progress_bars() as stage, array, watched:
             # Known only after opening the device.
             banner(array.simulated)
             report = play_cleared(

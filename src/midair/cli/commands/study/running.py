@@ -1,10 +1,13 @@
 """The command `study run`."""
 
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 from midair.cli.console import PlainConsole, out, warn_simulated
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_check_time
+from midair.cli.thermometers import air_watched
 from midair.errors import InputError
+from midair.model import Drive, Medium
 from midair.study import (
     InstantClock,
     Plan,
@@ -78,11 +81,18 @@ def run_command(
     if done := _finished_log(folder, plan, participant):
         out().print(f"participant {participant} has already finished; no question was asked. {done}")
         return 0
-    room = (air or AirOptions()).medium()
+    air = air or AirOptions()
+    room = air.medium()
     choices = (exposure or ExposureOptions()).choices(room)
     screen = TerminalScreen(
         PlainConsole(markup=True, soft_wrap=False), keyboard=None if lines else keyboard_of_terminal()
     )
+    solved: list[Medium] = []
+
+    def before(drive: Drive) -> None:
+        solved.append(drive.acoustics.medium)
+        print_check_time(drive, choices.profile, room=room)
+
     with (
         stop_on_signals(),
         open_stimulus_rig(
@@ -91,9 +101,10 @@ def run_command(
             plan,
             exposure=choices,
             room=room,
-            before=lambda drive: print_check_time(drive, choices.profile, room=room),
+            before=before,
             noise=noise,
         ) as rig,
+        _air_watched(air, solved, array),
     ):
         session = Session(
             plan,
@@ -118,6 +129,16 @@ def run_command(
     )
     _print_next_session(session.standing())
     return 0 if step.kind == "done" else 1
+
+
+def _air_watched(air: AirOptions, solved: list[Medium], array: str) -> AbstractContextManager[None]:
+    """Warn about a drift of the room from the drive whose air differs most; nothing without drives."""
+    now = air.temperature
+    if now is None or not solved:
+        return nullcontext()
+    farthest = max(solved, key=lambda medium: abs(medium.degrees - now))
+    device = "" if array == "virtual" else array
+    return air_watched(now, farthest, advice="solve the drives again for this air", device=device)
 
 
 def _finished_log(folder: StudyFolder, plan: Plan, participant: int) -> str:
