@@ -70,6 +70,7 @@ from .statistics import chance_of_published as chance_of_published
 from .statistics import choice_model as choice_model
 from .statistics import cohen_kappa as cohen_kappa
 from .statistics import confusion_matrix as confusion_matrix
+from .statistics import cumulative_mixed as cumulative_mixed
 from .statistics import d_prime_choice as d_prime_choice
 from .statistics import d_prime_same_different as d_prime_same_different
 from .statistics import d_prime_yes_no as d_prime_yes_no
@@ -83,6 +84,7 @@ from .statistics import logistic_posterior as logistic_posterior
 from .statistics import mutual_information as mutual_information
 from .statistics import ordinal_check as ordinal_check
 from .statistics import paired_t as paired_t
+from .statistics import pairwise as pairwise
 from .statistics import participants_for_paired_t as participants_for_paired_t
 from .statistics import power_curve as power_curve
 from .statistics import power_paired_t as power_paired_t

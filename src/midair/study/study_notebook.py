@@ -68,6 +68,15 @@ anova = study.rm_anova(
 anova.assign(p_Holm=study.holm(anova["p_GG"]))
 """
 
+PAIRS = """\
+# Add interactions to compare their cells, such as effects=["surface:object"].
+study.pairwise(ratings, value="rating", participant="participant", within=data.within, between=data.between)
+"""
+
+CUMULATIVE = """\
+study.cumulative_mixed(data.ratings, value="rating", participant="participant", within=data.within)
+"""
+
 RANKS = """\
 study.ordinal_check(
     ratings, value="rating", participant="participant", within=data.within, rng=np.random.default_rng({seed})
@@ -120,6 +129,8 @@ def analysis_notebook(data: StudyData, loading: str, *, title: str, seed: int = 
         steps.append(("Mixed model of correct answers", MIXED))
     if data.ratings is not None:
         steps.append(("Ratings: analysis of variance", RATINGS))
+        steps.append(("Ratings: pairwise comparisons", PAIRS))
+        steps.append(("Ratings: cumulative-link model", CUMULATIVE))
         steps.append(("Ratings: check on ranks", RANKS.format(seed=seed)))
     if data.strengths is not None:
         steps.append(("Psychometric function", STRENGTHS.format(seed=seed)))

@@ -12,11 +12,17 @@ from midair.study import rm_anova
 from midair.study.statistics.anova import contrasts, effects
 
 HERE = Path(__file__).parent / "anova"
-DESIGNS = {
-    "rm3": ["surface", "presented", "rated"],
-    "one_way": ["object"],
-    "two_way": ["surface", "object"],
-    "levels_2_3_5": ["a", "b", "c"],
+DESIGNS = {  # within- and between-subject factors
+    "rm3": (["surface", "presented", "rated"], []),
+    "one_way": (["object"], []),
+    "two_way": (["surface", "object"], []),
+    "levels_2_3_5": (["a", "b", "c"], []),
+    "between": (["surface", "object"], ["hand", "site"]),
+    "three_groups": (["surface"], ["site"]),
+    "six_groups": (["object"], ["hand", "site"]),
+    "random_walk": (["day"], []),
+    "five_points": (["strength", "object"], []),
+    "large_effects": (["surface", "object"], []),
 }
 
 
@@ -26,23 +32,27 @@ def read(name):
     return {column: [row[column] for row in rows] for column in rows[0]}
 
 
-@pytest.mark.parametrize("name", [*DESIGNS, "between"])
+@pytest.mark.parametrize("name", DESIGNS)
 def test_equals_afex(name):
     data = read(name)
     data["score"] = np.array(data["score"], float)
-    # The groups of "between" differ in size: with sums of squares of another type than III the numbers would differ.
-    within, between = (["surface", "object"], ["hand", "site"]) if name == "between" else (DESIGNS[name], [])
+    # The groups differ in size: with sums of squares of another type than III the numbers would differ.
+    within, between = DESIGNS[name]
     table = rm_anova(data, value="score", participant="participant", within=within, between=between)
     reference = read(f"{name}_r")
     table = table.set_index("effect", drop=False).loc[reference["effect"]] if between else table
     assert table["effect"].tolist() == reference["effect"]
-    for column in ("df1", "df2", "F", "p", "np2", "ges", "eps_GG", "p_GG", "eps_HF", "p_HF", "W", "p_W"):
-        for mine, text, df1, p in zip(table[column], reference[column], table["df1"], table["p"], strict=True):
+    names = ("df1", "df2", "F", "p", "np2", "ges", "eps_GG", "p_GG", "eps_HF", "p_HF", "W", "p_W")
+    for column in (*names, "np2_low", "np2_high"):
+        rows = zip(table["effect"], table[column], reference[column], table["df1"], table["p"], strict=True)
+        for effect, mine, text, df1, p in rows:
             if text == "NA":  # R leaves out what is 1 by definition
-                assert df1 == 1
+                assert all(len(set(data[name])) == 2 for name in set(effect.split(":")) & set(within))
                 assert mine == (p if column in ("p_GG", "p_HF") else 1)
             elif column == "p_W" and df1 > 2:  # R's mauchly.test has 3 p for 3 d in Box's second-order term
                 assert mine == pytest.approx(float(text), abs=0.01)
+            elif column in ("np2_low", "np2_high"):
+                assert mine == pytest.approx(float(text), rel=1e-6, abs=1e-9), column
             else:
                 assert mine == pytest.approx(float(text), rel=1e-9), column
 

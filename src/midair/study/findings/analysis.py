@@ -12,7 +12,7 @@ from midair.progress import report_progress
 from midair.study.findings.choice_findings import choice_findings, compared, confusions, mixed
 from midair.study.findings.finding import Choices, Finding, attempt
 from midair.study.findings.question_findings import every_question, question_findings
-from midair.study.findings.rating_findings import anova, ranks, rating_means
+from midair.study.findings.rating_findings import anova, cumulative, pairs, ranks, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.findings.threshold_findings import adaptive, psychometric
 
@@ -56,6 +56,8 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
         jobs.append(lambda: attempt("Mixed model of correct answers", lambda: mixed(data)))
     if data.ratings is not None:
         jobs.append(lambda: attempt("Ratings: analysis of variance", lambda: anova(data)))
+        jobs.append(lambda: attempt("Ratings: pairwise comparisons", lambda: pairs(data)))
+        jobs.append(lambda: attempt("Ratings: cumulative-link model", lambda: cumulative(data)))
         jobs.append(lambda: attempt("Ratings: check on ranks", lambda: ranks(data, rng=rng)))
     jobs.append(lambda: question_findings(data))
     jobs.append(lambda: attempt("Psychometric function", lambda: psychometric(data, rng=rng)))

@@ -7,17 +7,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.findings.finding import Finding, p_words
+from midair.study.findings.finding import Finding, note_last, p_words
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import (
     cell_means,
+    cumulative_mixed,
     holm,
     ordinal_check,
+    pairwise,
     rm_anova,
 )
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+
+SIZES = ("np2", "np2_low", "np2_high", "ges", "ges_low", "ges_high")
 
 
 def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:
@@ -60,7 +65,7 @@ def anova(data: StudyData) -> list[Finding]:
         f" {len(set(ratings['participant']))} people. The test assumes equal steps of the scale; the check on ranks"
         f" does not. A missing effect in this test does not show that there is none.{left_out}"
     )
-    main = DataFrame(table, columns=["effect", "df1", "df2", "F", "p_GG", "p_Holm", "np2", "ges", "note"])
+    main = DataFrame(table, columns=["effect", "df1", "df2", "F", "p_GG", "p_Holm", *SIZES, "note"])
     several = DataFrame(table.loc[table["df1"] > 1], columns=["effect", "eps_GG", "eps_HF", "p", "p_HF", "W", "p_W"])
     findings = [Finding(title="Ratings: analysis of variance", words=words, table=main)]
     if len(several):
@@ -70,6 +75,43 @@ def anova(data: StudyData) -> list[Finding]:
         )
         findings.append(Finding(title="Ratings: sphericity", words=words, table=several))
     return findings
+
+
+def pairs(data: StudyData) -> list[Finding]:
+    """Pairwise comparisons of the levels of each factor, and of the cells of two-way interactions that were found."""
+    ratings, _ = complete_ratings(data)
+    options = {"value": "rating", "participant": "participant", "within": data.within, "between": data.between}
+    effects = rm_anova(ratings, **options)
+    known = effects.loc[effects["p_GG"].notna()]
+    found = known["effect"][holm(known["p_GG"].to_numpy()) < 0.05].tolist()
+    interactions = [effect for effect in found if effect.count(":") == 1]
+    table = pairwise(ratings, **options, effects=[*data.between, *data.within, *interactions])
+    words = (
+        f"{int((table['p_pairs'] < 0.05).sum())} of {len(table)} pairs differ. Each pair is compared by t; p_pairs is"
+        " corrected for the pairs of the same effect, by Holm's method, or Tukey's for a factor between people. It is"
+        " not corrected for the number of effects: the analysis of variance is. Limits are not corrected."
+    )
+    if interactions:
+        words += f" For {', '.join(interactions)}: the pairs of cells that differ in one factor."
+    return [Finding(title="Ratings: pairwise comparisons", words=words, table=table)]
+
+
+def cumulative(data: StudyData) -> list[Finding]:
+    """Cumulative-link mixed model of the ratings."""
+    if data.ratings is None:
+        return []
+    table = cumulative_mixed(data.ratings, value="rating", participant="participant", within=data.within)
+    table["p_Holm"] = holm(table["p"].to_numpy())
+    table = note_last(table)
+    small = table["effect"][table["p_Holm"] < 0.05].tolist()
+    words = (
+        f"In a cumulative-link mixed model, which uses only the order of the ratings, p is below .05 for:"
+        f" {', '.join(small) or 'no effect'}. Proportional odds; people differ in their level and in each effect"
+        f" (Laplace approximation); F from likelihood ratios; Holm's correction for {len(table)} effects."
+    )
+    if data.between:
+        words += " Factors between people are not tested."
+    return [Finding(title="Ratings: cumulative-link model", words=words, table=table)]
 
 
 def ranks(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:

@@ -19,6 +19,7 @@ from .confusion import f_measure as f_measure
 from .confusion import mutual_information as mutual_information
 from .confusion import scores as scores
 from .confusion import wilson as wilson
+from .cumulative import cumulative_mixed as cumulative_mixed
 from .detection import ChoiceModel as ChoiceModel
 from .detection import Sensitivity as Sensitivity
 from .detection import choice_model as choice_model
@@ -35,6 +36,7 @@ from .paired import bayes_factor as bayes_factor
 from .paired import equivalence as equivalence
 from .paired import holm as holm
 from .paired import paired_t as paired_t
+from .pairwise import pairwise as pairwise
 from .power import EquivalenceExperiment as EquivalenceExperiment
 from .power import Experiment as Experiment
 from .power import IdentificationExperiment as IdentificationExperiment

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.study.statistics.cell_averages import CellMeans, cell_means
 from midair.study.statistics.columns import column, frame_of, levels
+from midair.study.statistics.effect_sizes import eta_squared_limits
 from midair.study.statistics.sphericity import sphericity
 
 if TYPE_CHECKING:
@@ -23,12 +24,14 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Groups:
+class Groups:
     """Group of each participant, as an index over the levels of the between-subject factors."""
 
     number: NDArray[np.int64]
     shape: tuple[int, ...]
-    """Levels of each between-subject factor; empty without one."""
+    """Number of levels of each between-subject factor; empty without one."""
+    levels: tuple[tuple[Any, ...], ...]
+    """Levels of each between-subject factor."""
 
     @property
     def sizes(self) -> Array:
@@ -62,7 +65,8 @@ def rm_anova(
       exceed 1; its p-value uses at most 1.
     - Mauchly (1940): W = det S / (tr S / d)^d, with p from the second-order expansion of Box (1949).
     - Partial eta squared np2, and generalised eta squared ges of Olejnik and Algina (2003) with all factors
-      manipulated.
+      manipulated. 90 % limits of np2 from the noncentral F, with degrees of freedom times eps_GG; they exclude 0 if
+      p_GG < 0.05. Those of ges are converted from them with the observed ratio of the error sums of squares.
 
     Several answers in one cell are averaged first.
 
@@ -80,9 +84,9 @@ def rm_anova(
     Returns
     -------
     DataFrame
-        One row per effect; columns effect, df1, df2, F, p, eps_GG, p_GG, eps_HF, p_HF, W, p_W, np2, ges, note. An
-        effect with one contrast is spherical: its epsilons and W are 1. A value that is undefined is NaN, and `note`
-        gives the reason.
+        One row per effect; columns effect, df1, df2, F, p, eps_GG, p_GG, eps_HF, p_HF, W, p_W, np2, ges, np2_low,
+        np2_high, ges_low, ges_high, note. An effect with one contrast is spherical: its epsilons and W are 1. A value
+        that is undefined is NaN, and `note` gives the reason.
 
     Raises
     ------
@@ -97,7 +101,7 @@ def rm_anova(
     if both := set(within) & set(between):
         raise InputError(f"factors: expected within- or between-subject factors, got {sorted(both)} in both")
     cells = cell_means(table, value=value, participant=participant, within=within)
-    groups = _groups(frame_of(table), cells, participant, list(between))
+    groups = between_groups(frame_of(table), cells, participant, list(between))
     people, needed = len(cells.participants), len(groups.sizes) + 1
     if people < needed:
         what = "one participant gives no error term" if needed == 2 else "every group needs an error term"
@@ -126,7 +130,8 @@ def contrasts(shape: Sequence[int], effect: Sequence[int]) -> Array:
     return product
 
 
-def _groups(data: DataFrame, cells: CellMeans, participant: str, between: list[str]) -> _Groups:
+def between_groups(data: DataFrame, cells: CellMeans, participant: str, between: list[str]) -> Groups:
+    """Group of each participant; raises InputError if a group is empty or a participant is in two."""
     person = levels(column(data, participant))[1]
     _, first = np.unique(person, return_index=True)
     numbers: list[NDArray[np.int64]] = []
@@ -142,7 +147,7 @@ def _groups(data: DataFrame, cells: CellMeans, participant: str, between: list[s
         orders.append(order)
     shape = tuple(len(order) for order in orders)
     where = np.ravel_multi_index(tuple(numbers), shape) if between else np.zeros(len(first), np.int64)
-    found = _Groups(number=np.asarray(where, np.int64), shape=shape)
+    found = Groups(number=np.asarray(where, np.int64), shape=shape, levels=tuple(map(tuple, orders)))
     if (found.sizes == 0).any():
         empty = np.unravel_index(int(np.argmin(found.sizes)), shape)
         what = ", ".join(f"{name}={order[i]}" for name, order, i in zip(between, orders, empty, strict=True))
@@ -150,7 +155,7 @@ def _groups(data: DataFrame, cells: CellMeans, participant: str, between: list[s
     return found
 
 
-def _rows(cells: CellMeans, groups: _Groups, within: list[str], between: list[str]) -> list[dict[str, object]]:
+def _rows(cells: CellMeans, groups: Groups, within: list[str], between: list[str]) -> list[dict[str, object]]:
     answers = cells.mean.reshape(len(cells.participants), -1)
     inside = [(), *effects(within)]
     projected = {effect: answers @ contrasts(cells.mean.shape[1:], effect).T for effect in inside}
@@ -166,7 +171,7 @@ def _rows(cells: CellMeans, groups: _Groups, within: list[str], between: list[st
     return rows
 
 
-def _row(z: Array, rest: Array, groups: _Groups, outer: Array, noise: float, scale: float) -> dict[str, object]:
+def _row(z: Array, rest: Array, groups: Groups, outer: Array, noise: float, scale: float) -> dict[str, object]:
     """Statistics of one effect.
 
     `z`: within-subject contrasts (participant, contrast); `rest`: their deviations from the group means; `outer`:
@@ -185,8 +190,9 @@ def _row(z: Array, rest: Array, groups: _Groups, outer: Array, noise: float, sca
         "np2": effect / (effect + error) if effect + error > negligible else np.nan,
         "ges": effect / (effect + noise) if effect + noise > negligible else np.nan,
     }
+    limits = ("np2_low", "np2_high", "ges_low", "ges_high")
     if error <= negligible:
-        void = dict.fromkeys(("F", "p", "eps_GG", "p_GG", "eps_HF", "p_HF", "W", "p_W"), np.nan)
+        void = dict.fromkeys(("F", "p", "eps_GG", "p_GG", "eps_HF", "p_HF", "W", "p_W", *limits), np.nan)
         note = "every participant shows the same effect: no error to compare it with"
         return {"df1": df1, "df2": df2, **void, **shares, "note": note}
     ratio = (effect / df1) / (error / df2)
@@ -195,6 +201,10 @@ def _row(z: Array, rest: Array, groups: _Groups, outer: Array, noise: float, sca
         name: float(f_distribution.sf(ratio, df1 * min(1, epsilon), df2 * min(1, epsilon)))
         for name, epsilon in (("p", 1.0), ("p_GG", round_["eps_GG"]), ("p_HF", round_["eps_HF"]))
     }
+    # Partial eta squared as a ratio effect / error, of which generalised eta squared has another denominator.
+    partial = eta_squared_limits(ratio, df1 * round_["eps_GG"], df2 * round_["eps_GG"])
+    sizes = [np2 / (1 - np2) * error for np2 in partial]
+    shares |= dict(zip(limits, (*partial, *(size / (size + noise) for size in sizes)), strict=True))
     row: dict[str, object] = {"df1": df1, "df2": df2, "F": ratio, "p": p["p"]}
     row |= {"eps_GG": round_["eps_GG"], "p_GG": p["p_GG"], "eps_HF": round_["eps_HF"], "p_HF": p["p_HF"]}
     return row | {"W": round_["W"], "p_W": round_["p_W"], **shares, "note": note}
