@@ -73,6 +73,18 @@ def test_random_answers_are_at_chance():
     assert "no better than chance" in found(report, "Identification: plain").words
 
 
+def test_pairs_and_ordered_ratings_are_reported():
+    report = analyse(data_of_columns(ratings(), **RATED), draws=200)
+    pairs = found(report, "Ratings: pairwise")
+    assert pairs.table["effect"].tolist()[:4] == ["surface", "object", "object", "object"]
+    assert f"of {len(pairs.table)} pairs differ" in pairs.words
+    assert {"d_low", "p_pairs"} <= dict(pairs.legend).keys()
+    assert "object" in found(report, "Ratings: cumulative").words
+    assert found(report, "Ratings: analysis").table["np2_low"].max() > 0
+    many = analyse(data_of_columns(ratings(people=30), **RATED), draws=200)
+    assert "360 random effects" in found(many, "Ratings: cumulative").words
+
+
 def test_one_participant():
     report = analyse(data_of_columns(choices(people=1), **NAMES), draws=200)
     assert "no tests over people" in found(report, "Participants").words

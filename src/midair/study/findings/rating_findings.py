@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 SIZES = ("np2", "np2_low", "np2_high", "ges", "ges_low", "ges_high")
 
 
+MOST_LEVELS = 250
+"""Random effects of the cumulative-link model up to which it takes seconds."""
+
+
 def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:
     """Ratings of participants with an answer in every cell, and a sentence on the others; all if the plan refuses."""
     ratings = data.ratings
@@ -100,6 +104,15 @@ def cumulative(data: StudyData) -> list[Finding]:
     """Cumulative-link mixed model of the ratings."""
     if data.ratings is None:
         return []
+    many = len(set(data.ratings["participant"]))
+    for name in data.within:
+        many *= 1 + len(set(data.ratings[name]))
+    if many > MOST_LEVELS:
+        words = (
+            f"Not computed: the model has up to {many} random effects (the report has it for {MOST_LEVELS} or fewer) and"
+            " takes a minute or more. The notebook of this report contains the call of `cumulative_mixed`."
+        )
+        return [Finding(title="Ratings: cumulative-link model", words=words)]
     table = cumulative_mixed(data.ratings, value="rating", participant="participant", within=data.within)
     table["p_Holm"] = holm(table["p"].to_numpy())
     table = note_last(table)
