@@ -109,8 +109,8 @@ def cumulative(data: StudyData) -> list[Finding]:
         many *= 1 + len(set(data.ratings[name]))
     if many > MOST_LEVELS:
         words = (
-            f"Not computed: the model has up to {many} random effects (the report has it for {MOST_LEVELS} or fewer) and"
-            " takes a minute or more. The notebook of this report contains the call of `cumulative_mixed`."
+            f"Not computed: the model has up to {many} random effects (the report has it for {MOST_LEVELS} or fewer)"
+            " and takes a minute or more. The notebook of this report contains the call of `cumulative_mixed`."
         )
         return [Finding(title="Ratings: cumulative-link model", words=words)]
     table = cumulative_mixed(data.ratings, value="rating", participant="participant", within=data.within)
