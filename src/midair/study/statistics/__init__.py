@@ -30,13 +30,13 @@ from .detection import proportion_correct as proportion_correct
 from .mixed import logistic_mixed as logistic_mixed
 from .mixed import logistic_posterior as logistic_posterior
 from .ordinal import ordinal_check as ordinal_check
+from .pair_comparisons import pairwise as pairwise
 from .paired import Equivalence as Equivalence
 from .paired import PairedT as PairedT
 from .paired import bayes_factor as bayes_factor
 from .paired import equivalence as equivalence
 from .paired import holm as holm
 from .paired import paired_t as paired_t
-from .pairwise import pairwise as pairwise
 from .power import EquivalenceExperiment as EquivalenceExperiment
 from .power import Experiment as Experiment
 from .power import IdentificationExperiment as IdentificationExperiment
