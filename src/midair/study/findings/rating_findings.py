@@ -84,12 +84,13 @@ def anova(data: StudyData) -> list[Finding]:
 def pairs(data: StudyData) -> list[Finding]:
     """Pairwise comparisons of the levels of each factor, and of the cells of two-way interactions that were found."""
     ratings, _ = complete_ratings(data)
-    options = {"value": "rating", "participant": "participant", "within": data.within, "between": data.between}
-    effects = rm_anova(ratings, **options)
+    within, between = data.within, data.between
+    effects = rm_anova(ratings, value="rating", participant="participant", within=within, between=between)
     known = effects.loc[effects["p_GG"].notna()]
     found = known["effect"][holm(known["p_GG"].to_numpy()) < 0.05].tolist()
     interactions = [effect for effect in found if effect.count(":") == 1]
-    table = pairwise(ratings, **options, effects=[*data.between, *data.within, *interactions])
+    names = [*between, *within, *interactions]
+    table = pairwise(ratings, value="rating", participant="participant", within=within, between=between, effects=names)
     words = (
         f"{int((table['p_pairs'] < 0.05).sum())} of {len(table)} pairs differ. Each pair is compared by t; p_pairs is"
         " corrected for the pairs of the same effect, by Holm's method, or Tukey's for a factor between people. It is"

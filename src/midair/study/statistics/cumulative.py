@@ -210,7 +210,7 @@ class _Likelihood:
 
     def _find_mode(self, upper: Array, lower: Array, scaled: csr_array) -> tuple[Array, Array]:
         """Mode of the standardised random effects u, and the inverse of the negative Hessian there."""
-        u = self._mode
+        u, curvature = self._mode, np.eye(len(self._mode))
         for _ in range(60):
             shift = scaled @ u
             _, _, slope, weight = _derivatives(upper - shift, lower - shift)
