@@ -92,7 +92,7 @@ def pairs(data: StudyData) -> list[Finding]:
     names = [*between, *within, *interactions]
     table = pairwise(ratings, value="rating", participant="participant", within=within, between=between, effects=names)
     words = (
-        f"{int((table['p_pairs'] < 0.05).sum())} of {len(table)} pairs differ. Each pair is compared by t; p_pairs is"
+        f"{np.count_nonzero(table['p_pairs'] < 0.05)} of {len(table)} pairs differ. Each pair is compared by t; p_pairs is"
         " corrected for the pairs of the same effect, by Holm's method, or Tukey's for a factor between people. It is"
         " not corrected for the number of effects: the analysis of variance is. Limits are not corrected."
     )
@@ -110,8 +110,8 @@ def cumulative(data: StudyData) -> list[Finding]:
         many *= 1 + len(set(data.ratings[name]))
     if many > MOST_LEVELS:
         words = (
-            f"Not computed: the model has up to {many} random effects (the report has it for {MOST_LEVELS} or fewer)"
-            " and takes a minute or more. The notebook of this report contains the call of `cumulative_mixed`."
+            f"Left to the notebook: the model has up to {many} random effects (the report has it for {MOST_LEVELS} or fewer)"
+            " and takes a minute or more. Run `cumulative_mixed` there."
         )
         return [Finding(title="Ratings: cumulative-link model", words=words)]
     table = cumulative_mixed(data.ratings, value="rating", participant="participant", within=data.within)
