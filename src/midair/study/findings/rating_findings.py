@@ -92,9 +92,9 @@ def pairs(data: StudyData) -> list[Finding]:
     names = [*between, *within, *interactions]
     table = pairwise(ratings, value="rating", participant="participant", within=within, between=between, effects=names)
     words = (
-        f"{np.count_nonzero(table['p_pairs'] < 0.05)} of {len(table)} pairs differ. Each pair is compared by t; p_pairs is"
-        " corrected for the pairs of the same effect, by Holm's method, or Tukey's for a factor between people. It is"
-        " not corrected for the number of effects: the analysis of variance is. Limits are not corrected."
+        f"{np.count_nonzero(table['p_pairs'] < 0.05)} of {len(table)} pairs differ. Each pair is compared by t; p_pairs"
+        " is corrected for the pairs of the same effect, by Holm's method, or Tukey's for a factor between people. It"
+        " is not corrected for the number of effects: the analysis of variance is. Limits are not corrected."
     )
     if interactions:
         words += f" For {', '.join(interactions)}: the pairs of cells that differ in one factor."
@@ -110,7 +110,7 @@ def cumulative(data: StudyData) -> list[Finding]:
         many *= 1 + len(set(data.ratings[name]))
     if many > MOST_LEVELS:
         words = (
-            f"Left to the notebook: the model has up to {many} random effects (the report has it for {MOST_LEVELS} or fewer)"
+            f"Left to the notebook: the model has up to {many} random effects (here {MOST_LEVELS} at most)"
             " and takes a minute or more. Run `cumulative_mixed` there."
         )
         return [Finding(title="Ratings: cumulative-link model", words=words)]
