@@ -4,6 +4,7 @@ from .design import Analysis as Analysis
 from .design import Block as Block
 from .design import Design as Design
 from .design import Incomplete as Incomplete
+from .design import MarkerOutputs as MarkerOutputs
 from .design import Plan as Plan
 from .design import Policy as Policy
 from .design import PowerTest as PowerTest
@@ -20,11 +21,14 @@ from .design import block_order as block_order
 from .design import constrained_shuffle as constrained_shuffle
 from .design import draw_plan as draw_plan
 from .design import excluded_participants as excluded_participants
+from .design import markers_table as markers_table
 from .design import replay as replay
 from .design import thresholds_of as thresholds_of
 from .drives import StudyDrive as StudyDrive
 from .drives import check_digests as check_digests
 from .drives import prepare_drives as prepare_drives
+from .event_markers import EventMarkers as EventMarkers
+from .event_markers import measure_markers as measure_markers
 from .findings import Report as Report
 from .findings import StudyData as StudyData
 from .findings import analyse as analyse
@@ -40,6 +44,7 @@ from .keyboard import keyboard_of_terminal as keyboard_of_terminal
 from .registration import plan_page as plan_page
 from .session import ArrayPresenter as ArrayPresenter
 from .session import InstantClock as InstantClock
+from .session import MarkedPresenter as MarkedPresenter
 from .session import MaskedPresenter as MaskedPresenter
 from .session import Presenter as Presenter
 from .session import Reply as Reply
@@ -96,6 +101,7 @@ from .statistics import sign_flip as sign_flip
 from .statistics import simulated_power as simulated_power
 from .statistics import wilson as wilson
 from .stimulus_rig import StimulusRig as StimulusRig
+from .stimulus_rig import open_markers as open_markers
 from .stimulus_rig import open_stimulus_rig as open_stimulus_rig
 from .study_figures import chance_figure as chance_figure
 from .study_figures import power_figure as power_figure

@@ -16,9 +16,10 @@ from midair.model import Drive, Medium, TransducerArray
 from midair.rig import array_named, check_air, default_exposure
 from midair.study.design import Plan, Stimulus
 from midair.study.drives import check_digests
+from midair.study.event_markers import EventMarkers
 from midair.study.folder import StudyFolder
 from midair.study.headphones import Headphones
-from midair.study.session import ArrayPresenter, ExperimenterPresenter, MaskedPresenter, Presenter
+from midair.study.session import ArrayPresenter, ExperimenterPresenter, MarkedPresenter, MaskedPresenter, Presenter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,6 +29,8 @@ class StimulusRig:
     presenter: Presenter
     simulated: bool = False
     """Whether the array is simulated."""
+    markers: EventMarkers | None = None
+    """Open outputs for the session; None without markers."""
     about: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """Fields for `Session`: the array, and the level of the noise in dB (None without noise)."""
 
@@ -42,12 +45,13 @@ def open_stimulus_rig(
     room: Medium | None = None,
     before: Callable[[Drive], None] | None = None,
     noise: str = "default",
+    serial: str = "",
 ) -> Generator[StimulusRig]:
     """Open the presenter: the experimenter, instructed on the error stream, or an array that plays the plan's drives.
 
     Before the session begins, the digests of all drives are checked, `before` is called with each drive, and each drive
-    must pass the exposure check; every playback is logged. The effect of the room air and the noise level are printed
-    for the experimenter.
+    must pass the exposure check; every playback is logged. The effect of the room air, the noise level and the marker
+    outputs are printed for the experimenter. `serial` replaces the serial port of the plan, see `open_markers`.
     """
     console = Console(stderr=True, emoji=False)
     by_hand = ExperimenterPresenter(
@@ -58,21 +62,61 @@ def open_stimulus_rig(
     if array == "none":
         if drives:
             raise InputError(f"array: expected an array for {len(drives)} drives of the plan, got none; give --array")
-        yield StimulusRig(presenter=by_hand)
+        with open_markers(plan, serial=serial) as markers:
+            yield _marked(by_hand, markers, console)
         return
     check_digests(folder.path, plan.drives, plan.design.stimuli)
     with ExitStack() as stack:
+        markers = stack.enter_context(open_markers(plan, serial=serial))
         presenter = stack.enter_context(_array_presenter(array, folder, plan, by_hand, exposure, room, before, console))
-        about: dict[str, Any] = {"array": presenter.array.name, "noise_dbfs": None}
-        simulated = presenter.array.simulated
+        rig = _marked(presenter, markers, console)
+        about: dict[str, Any] = {"array": presenter.array.name, "noise_dbfs": None, **rig.about}
+        rig = replace(rig, simulated=presenter.array.simulated, about=about)
         if plan.design.noise is None or noise == "none":
-            yield StimulusRig(presenter=presenter, simulated=simulated, about=about)
+            yield rig
             return
         headphones = stack.enter_context(Headphones(plan.design.noise, device=noise))
         console.print(_plain(f"headphones: {plan.design.noise.said}"))
-        masked = MaskedPresenter(inner=presenter, noise=headphones)
+        masked = MaskedPresenter(inner=rig.presenter, noise=headphones)
         about["noise_dbfs"] = plan.design.noise.level_dbfs
-        yield StimulusRig(presenter=masked, simulated=simulated, about=about)
+        yield replace(rig, presenter=masked)
+
+
+@contextmanager
+def open_markers(plan: Plan, *, serial: str = "") -> Generator[EventMarkers | None]:
+    """Open the marker outputs of a plan; None if it has none.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan of the study.
+    serial : str
+        Port in place of that of the plan; "none" for no serial markers.
+
+    Raises
+    ------
+    DeviceError
+        If the port cannot be opened.
+    """
+    outputs = plan.design.markers
+    if outputs is not None and serial == "none":
+        outputs = replace(outputs, serial="") if outputs.lsl else None
+    elif outputs is not None and serial:
+        outputs = replace(outputs, serial=serial)
+    if outputs is None:
+        yield None
+        return
+    with EventMarkers(outputs) as markers:
+        yield markers
+
+
+def _marked(presenter: Presenter, markers: EventMarkers | None, console: Console) -> StimulusRig:
+    """Rig of a presenter whose stimuli are marked."""
+    if markers is None:
+        return StimulusRig(presenter=presenter)
+    console.print(_plain(f"markers: {markers.outputs.said}"))
+    about = {"markers": markers.outputs.said}
+    return StimulusRig(presenter=MarkedPresenter(inner=presenter, markers=markers), markers=markers, about=about)
 
 
 @contextmanager

@@ -43,6 +43,27 @@ MEANING: Mapping[str, str] = {
 }
 """Descriptions of the columns of an answers table."""
 
+EVENT_MEANING: Mapping[str, Any] = {
+    "onset": {"Description": "Time of the marker from the beginning of the session.", "Units": "s"},
+    "duration": {"Description": "Not defined for markers."},
+    "trial_type": {
+        "Description": "Event that the marker states.",
+        "Levels": {
+            "trial": "A trial starts.",
+            "stimulus": "A stimulus starts.",
+            "answer": "A question is answered.",
+            "late": "The time limit of a question has passed.",
+        },
+    },
+    "value": {"Description": "Code of the marker: the byte on the serial line, the first number on the LSL stream."},
+    "trial": {"Description": MEANING["trial"]},
+    "clock": {
+        "Description": "Time of the marker on the clock of LSL; without an LSL stream, on the computer's clock.",
+        "Units": "s",
+    },
+}
+"""Sidecar of a table of markers."""
+
 
 def write_csv(table: DataFrame, path: Path, *, files: str = "") -> None:
     """Write a table as CSV with a header, atomically; raises FileError if the file exists or cannot be written.
@@ -71,7 +92,13 @@ def read_csv(path: Path) -> DataFrame:
 
 
 def write_bids(
-    answers: DataFrame, design: Design, folder: Path, *, files: str = "", unfinished: Collection[str] | None = None
+    answers: DataFrame,
+    design: Design,
+    folder: Path,
+    *,
+    files: str = "",
+    unfinished: Collection[str] | None = None,
+    markers: DataFrame | None = None,
 ) -> list[Path]:
     """Write answers as a BIDS dataset: ``sub-NN/beh/sub-NN_task-NAME_beh.tsv`` with a JSON sidecar per participant.
 
@@ -89,6 +116,8 @@ def write_bids(
         Result of the check of the study's files, for the README and the dataset description.
     unfinished : collection of str
         Participants with unfinished sessions, for a column of the participants; no column if None.
+    markers : DataFrame, optional
+        Result of `markers_table`, written as ``*_events.tsv`` beside the answers.
 
     Returns
     -------
@@ -105,14 +134,19 @@ def write_bids(
     if answers.empty:
         raise InputError("export: expected answers, got none; run a participant first")
     with atomic_folder(folder) as partial:
-        written = _dataset(answers, design, partial, files, unfinished)
+        written = _dataset(answers, design, partial, files, unfinished, markers)
         for inside in (partial, *partial.rglob("*")):  # contains the answers of participants
             inside.chmod(0o700 if inside.is_dir() else 0o600)
         return [folder / path.relative_to(partial) for path in written]
 
 
 def _dataset(
-    answers: DataFrame, design: Design, folder: Path, files: str, unfinished: Collection[str] | None
+    answers: DataFrame,
+    design: Design,
+    folder: Path,
+    files: str,
+    unfinished: Collection[str] | None,
+    markers: DataFrame | None,
 ) -> list[Path]:
     simulated = bool(answers["simulated"].any())
     written = [_text(folder / "README", _readme(design, simulated, files))]
@@ -129,7 +163,21 @@ def _dataset(
         tsv["correct"] = tsv["correct"].astype(str).replace("-1", "n/a")
         _write_separated(tsv, name.with_suffix(".tsv"), "\t")
         written += [name.with_suffix(".tsv"), _json(name.with_suffix(".json"), _sidecar(tsv, design))]
+        if markers is not None and not markers.empty:
+            here = (markers["participant"] == person) & (
+                markers["session"] == rows["session"].iloc[0] if in_folders else True
+            )
+            written += _events(markers.loc[here], name.with_name(name.name.removesuffix("beh") + "events"))
     return written
+
+
+def _events(markers: DataFrame, name: Path) -> list[Path]:
+    """Write the markers of a session as a BIDS table of events with its sidecar."""
+    if markers.empty:
+        return []
+    events = markers.drop(columns=["participant", "session"]).sort_values("onset", kind="stable")
+    _write_separated(events, name.with_suffix(".tsv"), "\t")
+    return [name.with_suffix(".tsv"), _json(name.with_suffix(".json"), EVENT_MEANING)]
 
 
 def read_bids(folder: Path) -> DataFrame:

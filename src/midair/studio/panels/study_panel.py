@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
 from midair.studio.work import StudyRequest, draw_study
 from midair.study import (
+    MarkedPresenter,
     Plan,
     Reply,
     Session,
@@ -22,6 +24,7 @@ from midair.study import (
     Template,
     check_digests,
     check_not_withdrawn,
+    open_markers,
 )
 
 
@@ -67,6 +70,7 @@ class StudyPanel(Panel):
         self._folder, self._playing, self._later = context.takes.folder, context.playing, context.later
         self._session: Session | None = None
         self._presenter: PagePresenter | None = None
+        self._markers = ExitStack()
         # All calls of a session run in this thread, which may wait for a stimulus.
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="session")
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -129,19 +133,26 @@ class StudyPanel(Panel):
             folder=study.path,
         )
         drives = any(stimulus.kind == "drive" for stimulus in plan.design.stimuli)
+        markers = self._markers.enter_context(open_markers(plan))
         session = Session(
             plan,
             order.participant,
             log,
-            self._presenter,
+            self._presenter if markers is None else MarkedPresenter(inner=self._presenter, markers=markers),
+            markers=markers,
             simulated=drives and bool(self._store.state["player"]["simulated"]),
             about={
                 "pilot": order.pilot,
                 "array": self._store.state["player"]["device"] if drives else None,
                 "noise_dbfs": plan.design.noise.level_dbfs if self._masked and plan.design.noise else None,
+                **({} if markers is None else {"markers": markers.outputs.said}),
             },
         )
-        await self._do(session.__enter__)
+        try:
+            await self._do(session.__enter__)
+        except BaseException:
+            self._markers.close()
+            raise
         self._session = session
         self._about = {
             "study": order.study,
@@ -228,6 +239,7 @@ class StudyPanel(Panel):
         if session.step.kind not in ("done", "stopped"):
             await asyncio.to_thread(session.stop, "left by the experimenter")
         await self._do(lambda: session.__exit__(None, None, None))
+        self._markers.close()
         self._session = self._presenter = None
         self._store.put(session=None)
         if self._masked:
@@ -241,6 +253,7 @@ class StudyPanel(Panel):
             session.stop("the studio was ended")
             self._thread.submit(session.__exit__, None, None, None)
         self._thread.shutdown(wait=True)
+        self._markers.close()
 
     def _studies(self) -> Any:
         rows: list[dict[str, Any]] = []

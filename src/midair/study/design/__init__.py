@@ -24,6 +24,8 @@ from .plan import block_order as block_order
 from .plan import digest_of as digest_of
 from .plan import draw_plan as draw_plan
 from .question import Question as Question
+from .sent_markers import SentMarker as SentMarker
+from .sent_markers import markers_table as markers_table
 from .session_state import Policy as Policy
 from .session_state import SessionState as SessionState
 from .session_state import replay as replay
@@ -31,4 +33,5 @@ from .session_state import right_answer_of_trial as right_answer_of_trial
 from .stimulus import Stimulus as Stimulus
 from .stimulus import right_answer as right_answer
 from .study_design import Design as Design
+from .study_design import MarkerOutputs as MarkerOutputs
 from .study_design import MaskingNoise as MaskingNoise

@@ -70,7 +70,7 @@ def _answer_row(plan: Plan, session: SessionState, trial: Trial, name: str, out:
         "reaction_s": given.reaction_s,
         "reaction_by": given.by or "n/a",
         "failed_plays": session.failed.get(trial.code, 0),
-        "time": _seconds_between(session.began.get(trial.session, given.time), given.time),
+        "time": seconds_between(session.began.get(trial.session, given.time), given.time),
         "simulated": session.simulated,
     }
     asked = (plan.design.question(each) for each in plan.design.form)
@@ -78,7 +78,7 @@ def _answer_row(plan: Plan, session: SessionState, trial: Trial, name: str, out:
     return row | form | {factor: levels.get(factor, "n/a") for factor in plan.design.factors}
 
 
-def _seconds_between(begin: str, end: str) -> float:
+def seconds_between(begin: str, end: str) -> float:
     """Time between two ISO 8601 times, in s."""
     try:
         return round((datetime.fromisoformat(end) - datetime.fromisoformat(begin)).total_seconds(), 3)

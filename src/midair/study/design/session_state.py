@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from midair.errors import BrokenFileError, MidairError, MismatchError
 from midair.study.design.plan import Plan, Trial
+from midair.study.design.sent_markers import SentMarker
 from midair.study.design.stimulus import right_answer
 
 if TYPE_CHECKING:
@@ -57,6 +58,8 @@ class SessionState:
     """Number of failed and repeated presentations by trial code."""
     began: Mapping[int, str] = field(default_factory=dict[int, str])
     """Time at which each session was first opened, ISO 8601."""
+    markers: tuple[SentMarker, ...] = ()
+    """Sent event markers, also of discarded trials."""
     broken_off: bool = False
     """Whether the program ended before the session did."""
 
@@ -155,6 +158,7 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
         form=state.form,
         failed=state.failed,
         began=state.began,
+        markers=tuple(state.markers),
         broken_off=state.broken_off,
     )
 
@@ -168,6 +172,7 @@ class _EventState:
     form: dict[str, str] = field(default_factory=dict[str, str])
     failed: dict[str, int] = field(default_factory=dict[str, int])
     began: dict[int, str] = field(default_factory=dict[int, str])
+    markers: list[SentMarker] = field(default_factory=list[SentMarker])
     interruptions: int = 0
     withdrawn: int = 0
     simulated: bool = False
@@ -193,6 +198,16 @@ class _EventState:
                 self.failed[code] = self.failed.get(code, 0) + 1
             case "form":
                 self.form[_field(event, "question", str)] = _field(event, "answer", str)
+            case "marker":
+                self.markers.append(
+                    SentMarker(
+                        kind=_field(event, "kind", str),
+                        trial=_field(event, "trial", str),
+                        code=_field(event, "code", int),
+                        clock_s=_field(event, "clock_s", int, float),
+                        time=_field(event, "time", str),
+                    )
+                )
             case "answer" | "late":
                 self._answer(event)
             case _:

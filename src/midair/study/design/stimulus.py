@@ -32,6 +32,8 @@ class Stimulus:
     equally often (`both_orders`). If empty, the order of `members` is kept."""
     gap_s: float = 0.5
     """Silence between the members of a pair, in s."""
+    code: int = 2
+    """Byte of the event marker at its start, 2 or 5 to 255. Different codes reveal the condition in the log."""
     levels: Mapping[str, str] = field(default_factory=dict[str, str])
     """Level of each factor, such as ``{"object": "towel"}``."""
 
@@ -47,6 +49,11 @@ class Stimulus:
             raise InputError(
                 f"stimulus {self.name!r}: expected share above 0 to 1 and made_from virtual:NAME, got {self.share:g} "
                 f"and {self.made_from!r}"
+            )
+        if self.code != 2 and not 5 <= self.code <= 255:
+            raise InputError(
+                f"stimulus {self.name!r}: expected code 2 or 5 to 255 (1, 3 and 4 mark trials and answers),"
+                f" got {self.code}"
             )
         if self.kind in ("drive", "object") and not self.source:
             raise InputError(f"stimulus {self.name!r}: expected the source of the {self.kind}, got none")

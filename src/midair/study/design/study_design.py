@@ -38,6 +38,31 @@ class MaskingNoise:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MarkerOutputs:
+    """Outputs of the event markers for other recorders, such as EEG."""
+
+    lsl: str = ""
+    """Name of a stream of the Lab Streaming Layer; none if empty."""
+    serial: str = ""
+    """Serial port, which gets one byte per marker; none if empty."""
+    baud: int = 115_200
+    """Speed of the serial port, in bits per second."""
+
+    def __post_init__(self) -> None:
+        if not (self.lsl or self.serial) or not 300 <= self.baud <= 4_000_000:
+            raise InputError(
+                f"markers: expected lsl or serial, and baud from 300 to 4000000, got {self.lsl!r}, {self.serial!r}"
+                f" and {self.baud}"
+            )
+
+    @property
+    def said(self) -> str:
+        """The outputs as text."""
+        stream = [f"LSL stream {self.lsl}"] if self.lsl else []
+        return ", ".join([*stream, *([f"serial port {self.serial}, {self.baud} bit/s"] if self.serial else [])])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
     """A study: stimuli, questions, blocks, planned analyses and texts."""
 
@@ -66,6 +91,8 @@ class Design:
     """Text shown when a stimulus starts; no text if empty."""
     noise: MaskingNoise | None = None
     """Masking noise in the headphones while the array plays."""
+    markers: MarkerOutputs | None = None
+    """Outputs of the event markers; none if None."""
     exclusions: Exclusions = field(default_factory=Exclusions)
     hypotheses: tuple[str, ...] = ()
     """Hypotheses as text, for the page to be registered."""

@@ -6,6 +6,7 @@ from .event_log import read_events as read_events
 from .participant import SimulatedParticipant as SimulatedParticipant
 from .presenters import ArrayPresenter as ArrayPresenter
 from .presenters import ExperimenterPresenter as ExperimenterPresenter
+from .presenters import MarkedPresenter as MarkedPresenter
 from .presenters import MaskedPresenter as MaskedPresenter
 from .presenters import Masking as Masking
 from .presenters import Presenter as Presenter

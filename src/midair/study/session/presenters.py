@@ -10,6 +10,7 @@ from midair.errors import InputError, SilentFramesError
 from midair.model import Medium
 from midair.rig import play_cleared
 from midair.study.design import Stimulus
+from midair.study.event_markers import EventMarkers
 
 
 class Presenter(Protocol):
@@ -134,6 +135,25 @@ class MaskedPresenter:
         """Silence the stimulus, then the noise."""
         self.inner.silence()
         self.noise.off()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkedPresenter:
+    """Presenter with an event marker directly before each stimulus, after the fade-in of masking noise."""
+
+    inner: Presenter
+    """Presents the stimuli."""
+    markers: EventMarkers
+    """Open outputs; the session has sent the marker of the trial."""
+
+    def present(self, stimulus: Stimulus) -> None:
+        """Send the marker, then present the stimulus."""
+        self.markers.send("stimulus", code=stimulus.code)
+        self.inner.present(stimulus)
+
+    def silence(self) -> None:
+        """Silence the stimulus."""
+        self.inner.silence()
 
 
 class SilentPresenter:

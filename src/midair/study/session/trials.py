@@ -9,11 +9,12 @@ from itertools import chain
 from pathlib import Path
 from threading import Event, RLock
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 from midair.errors import DeviceError, DeviceStateError, InputError, SilentFramesError
 from midair.model import Medium
 from midair.study.design import Plan, Policy, SessionState, Stimulus, Trial, next_stimulus, replay
+from midair.study.event_markers import EventMarkers
 from midair.study.session.event_log import EventLog, read_events
 from midair.study.session.presenters import Presenter, SilentPresenter
 from midair.study.session.steps import Clock, Reply, Screen, SystemClock, TrialStep, steps_of
@@ -48,6 +49,8 @@ class Session:
         Source of time; the computer's clock if None.
     about : mapping, optional
         Further fields of the "open" event, such as the masking noise.
+    markers : EventMarkers, optional
+        Open outputs that get a marker at each trial and answer; stimuli are marked by a `MarkedPresenter`.
 
     Raises
     ------
@@ -69,6 +72,7 @@ class Session:
         room: Medium | None = None,
         clock: Clock | None = None,
         about: Mapping[str, Any] | None = None,
+        markers: EventMarkers | None = None,
     ) -> None:
         self.plan = plan
         self.participant = participant
@@ -80,6 +84,7 @@ class Session:
         self._room = None if room is None else {"temperature_c": room.temperature, "humidity": room.humidity}
         self._clock = clock or SystemClock()
         self._about = dict(about or {})
+        self._markers = markers
         self._stopped = Event()
         self._entered = False
         self._ending = RLock()  # a stop from another thread is logged before the log closes
@@ -152,6 +157,8 @@ class Session:
         """
         step = self._expect("present")
         trial = self._trials[step.code]
+        if self._markers is not None:
+            self._markers.send("trial", step.code)
         stimulus = self._due(trial)
         try:
             self._clock.wait(trial.wait_s, self._stopped)
@@ -176,12 +183,12 @@ class Session:
         reaction = self._clock.elapsed() - self._since if reply.reaction_s is None else reply.reaction_s
         how: dict[str, Any] = {"reaction_s": round(reaction, 4), "by": reply.by}
         if question.timeout_s and (reply.late or reaction > question.timeout_s):
-            self._write("late", trial=step.code, question=question.name, said=reply.text, **how)
+            self._write_marked("late", trial=step.code, question=question.name, said=reply.text, **how)
             self._advance()
             return "n/a"
         said = question.read(reply.text)
         if step.code:
-            self._write("answer", trial=step.code, question=question.name, answer=said, **how)
+            self._write_marked("answer", trial=step.code, question=question.name, answer=said, **how)
         else:
             self._write("form", question=question.name, answer=said)
         self._advance()
@@ -246,7 +253,17 @@ class Session:
         if self._step.kind == "done":
             self._write("done")
 
+    def _write_marked(self, event: Literal["answer", "late"], *, trial: str, **fields: Any) -> None:
+        """Send the marker of an answer, then log the answer, even if the marker failed."""
+        try:
+            if self._markers is not None and trial:
+                self._markers.send(event, trial)
+        finally:
+            self._write(event, trial=trial, **fields)
+
     def _write(self, event: str, **fields: Any) -> None:
+        for marker in self._markers.take() if self._markers is not None else ():
+            self._log.append({"event": "marker", **marker})
         self._log.append({"event": event, **fields, "time": self._clock.now()})
 
 

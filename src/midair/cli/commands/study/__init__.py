@@ -6,7 +6,7 @@ from midair.cli.help_text import add_command, epilogue
 
 from .numbers import paper_command, power_command
 from .planning import new_command, plan_command, withdraw_command
-from .running import run_command
+from .running import markers_command, run_command
 from .study import analyse_command, export_command, verify_command
 
 study_app = App(
@@ -16,6 +16,7 @@ study_app = App(
 add_command(study_app, new_command, "new")
 add_command(study_app, plan_command, "plan")
 add_command(study_app, run_command, "run")
+add_command(study_app, markers_command, "markers")
 add_command(study_app, analyse_command, "analyse")
 add_command(study_app, export_command, "export")
 add_command(study_app, verify_command, "verify")

@@ -1,7 +1,9 @@
-"""The command `study run`."""
+"""The commands `study run` and `study markers`."""
 
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+
+import numpy as np
 
 from midair.cli.console import PlainConsole, out, warn_simulated
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_check_time
@@ -22,6 +24,8 @@ from midair.study import (
     chain_hash,
     check_not_withdrawn,
     keyboard_of_terminal,
+    measure_markers,
+    open_markers,
     open_stimulus_rig,
     run,
     stop_on_signals,
@@ -40,6 +44,7 @@ def run_command(
     array: str = "none",
     noise: str = "default",
     lines: bool = False,
+    serial: str = "",
     exposure: ExposureOptions | None = None,
     air: AirOptions | None = None,
 ) -> int:
@@ -64,6 +69,8 @@ def run_command(
         Sound output for the masking noise of the plan; none for no noise.
     lines
         Read whole lines instead of single keys.
+    serial
+        Serial port of the event markers in place of that of the plan; none for no serial markers.
     air
         Air of the room; it is stored with the answers.
 
@@ -103,6 +110,7 @@ def run_command(
             room=room,
             before=before,
             noise=noise,
+            serial=serial,
         ) as rig,
         _air_watched(air, solved, array),
     ):
@@ -115,6 +123,7 @@ def run_command(
             simulated=rig.simulated,
             room=room,
             about=rig.about,
+            markers=rig.markers,
         )
         try:
             with session:
@@ -139,6 +148,44 @@ def _air_watched(air: AirOptions, solved: list[Medium], array: str) -> AbstractC
     farthest = max(solved, key=lambda medium: abs(medium.degrees - now))
     device = "" if array == "virtual" else array
     return air_watched(now, farthest, advice="solve the drives again for this air", device=device)
+
+
+def markers_command(study: Path, /, *, count: int = 500, serial: str = "") -> int:
+    """Measure the delay and jitter of the event markers by a loopback.
+
+    Sends test markers and receives them again: by an LSL inlet of this program, and at the serial port, whose transmit
+    line must be connected to its receive line (pins 2 and 3 of a 9-pin plug).
+    The exit status is 1 if markers were lost.
+
+    Parameters
+    ----------
+    study
+        Folder of the study.
+    count
+        Number of markers.
+    serial
+        Serial port in place of that of the plan; none for no serial markers.
+
+    Examples
+    --------
+    $ midair study markers touch
+    """
+    if count < 10:
+        raise InputError(f"--count: expected 10 or more, got {count}")
+    with open_markers(StudyFolder(study).plan(), serial=serial) as markers:
+        if markers is None:
+            raise InputError(f"{study}: expected a plan with [markers], got none; add lsl or serial to it")
+        delays = measure_markers(markers, count=count, rng=np.random.default_rng())
+    for output, delay in delays.items():
+        if not len(delay):
+            out().print(f"{output}: expected {count} markers back, some were lost; check the connection")
+            continue
+        median, most = 1e3 * np.percentile(delay, [50, 99])
+        out().print(
+            f"{output}: {count} of {count} markers; received after the logged time: median {median:.3f} ms, "
+            f"99 % within {most:.3f} ms, largest {1e3 * delay.max():.3f} ms."
+        )
+    return 0 if all(len(delay) for delay in delays.values()) else 1
 
 
 def _finished_log(folder: StudyFolder, plan: Plan, participant: int) -> str:

@@ -24,6 +24,7 @@ from midair.study import (
     load_study,
     load_table,
     log_derived_file,
+    markers_table,
     noted_seals,
     read_bids,
     read_csv,
@@ -158,7 +159,12 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
         # Logged before the export exists, so that `study withdraw` also finds an interrupted one.
         log_derived_file(folder, output, "bids")
         written = write_bids(
-            answers, plan.design, output, files=verified.summary, unfinished=tuple(verified.unfinished)
+            answers,
+            plan.design,
+            output,
+            files=verified.summary,
+            unfinished=tuple(verified.unfinished),
+            markers=markers_table(folder.sessions()),
         )
         out().print(f"{output}: {len(written)} files, {len(answers)} answers.")
     else:

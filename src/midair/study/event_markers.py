@@ -1,0 +1,164 @@
+"""Event markers for other recorders: a string stream of the Lab Streaming Layer, and bytes on a serial line."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from datetime import UTC, datetime
+from threading import Thread
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import numpy as np
+
+from midair.errors import DeviceError, MissingExtraError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import TracebackType
+
+    from midair.study.design import MarkerOutputs
+
+MarkerKind = Literal["trial", "stimulus", "answer", "late"]
+"""Start of a trial; start of a stimulus; an answer; the time limit of a question."""
+
+CODES: dict[MarkerKind, int] = {"trial": 1, "stimulus": 2, "answer": 3, "late": 4}
+"""Byte of each kind; a stimulus may have its own (`Stimulus.code`)."""
+
+
+class EventMarkers:
+    """Open marker outputs; a context manager.
+
+    Sent markers are collected until `take` returns them for the log, so that writing to disk delays no marker.
+
+    Parameters
+    ----------
+    outputs : MarkerOutputs
+        Name of the stream, port and speed.
+    """
+
+    def __init__(self, outputs: MarkerOutputs) -> None:
+        self.outputs = outputs
+        self.port: Any = None
+        """Open serial port; None without one."""
+        self._outlet: Any = None
+        self._clock: Callable[[], float] = time.monotonic
+        self._hold = ExitStack()
+        self._sent: list[dict[str, Any]] = []
+        self._trial = ""
+
+    def __enter__(self) -> Self:
+        with ExitStack() as hold:
+            if self.outputs.serial:
+                self.port = hold.enter_context(_serial_port(self.outputs.serial, self.outputs.baud))
+            if self.outputs.lsl:
+                pylsl = lsl_library()
+                name = self.outputs.lsl
+                self._outlet = pylsl.StreamOutlet(
+                    pylsl.StreamInfo(name, "Markers", 1, pylsl.IRREGULAR_RATE, pylsl.cf_string, f"midair {name}")
+                )
+                self._clock = pylsl.local_clock
+            self._hold = hold.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._outlet = None
+        self._hold.close()
+
+    def send(self, kind: MarkerKind, trial: str = "", *, code: int = 0) -> None:
+        """Send one marker; raises DeviceError if the serial port does not accept it.
+
+        `trial` is the code of the trial, that of the last marker if empty; `code` replaces the byte of the kind.
+        """
+        self._trial = trial or self._trial
+        byte = code or CODES[kind]
+        at = self._clock()
+        if self._outlet is not None:
+            self._outlet.push_sample([f"{byte} {kind} {self._trial}"], at)
+        if self.port is not None:
+            try:
+                self.port.write(bytes([byte]))
+            except OSError as wrong:
+                raise DeviceError(
+                    f"markers: expected {self.outputs.serial} to accept a byte, got: {wrong}; connect it again"
+                ) from wrong
+        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        self._sent.append({"kind": kind, "trial": self._trial, "code": byte, "clock_s": round(at, 6), "time": now})
+
+    def take(self) -> list[dict[str, Any]]:
+        """Return the markers sent since the last call."""
+        sent, self._sent = self._sent, []
+        return sent
+
+
+def measure_markers(markers: EventMarkers, *, count: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Delay of received markers after their logged times in s, for each output; empty if none came back.
+
+    Markers are sent at random intervals of 5 to 15 ms. They are received by an inlet of this program, and at the serial
+    port itself, whose transmit line must be connected to its receive line.
+    """
+    received: dict[str, list[float]] = {}
+    readers: list[Thread] = []
+    with ExitStack() as hold:
+        if markers.outputs.lsl:
+            pylsl = lsl_library()
+            found = pylsl.resolve_byprop("source_id", f"midair {markers.outputs.lsl}", 1, 5.0)
+            if not found:
+                raise DeviceError(
+                    f"markers: expected the LSL stream {markers.outputs.lsl}, found none; does a firewall block LSL?"
+                )
+            inlet = pylsl.StreamInlet(found[0])
+            inlet.open_stream(5.0)
+            hold.callback(inlet.close_stream)
+            times = received["LSL"] = []
+            readers.append(
+                Thread(target=_collect, args=(lambda: inlet.pull_sample(1.0)[0], pylsl.local_clock, times, count))
+            )
+        if markers.port is not None:
+            markers.port.reset_input_buffer()
+            clock = lsl_library().local_clock if markers.outputs.lsl else time.monotonic
+            times = received["serial"] = []
+            readers.append(Thread(target=_collect, args=(lambda: markers.port.read(1), clock, times, count)))
+        for reader in readers:
+            reader.start()
+        for number in range(count):
+            time.sleep(rng.uniform(0.005, 0.015))
+            markers.send("trial", f"test {number}")
+        for reader in readers:
+            reader.join()
+    sent = np.array([marker["clock_s"] for marker in markers.take()])
+    # A lost marker shifts all later ones: the pairs are only valid if every marker came back.
+    return {name: np.array(got) - sent if len(got) == count else np.empty(0) for name, got in received.items()}
+
+
+def _collect(read: Callable[[], Any], clock: Callable[[], float], times: list[float], count: int) -> None:
+    """Append the time of each received marker, until all have come or none comes within a second."""
+    while len(times) < count and read():
+        times.append(clock())
+
+
+def _serial_port(name: str, baud: int) -> Any:
+    try:
+        import serial
+    except ImportError as wrong:
+        raise MissingExtraError("markers: expected the extra serial; pip install 'midair[serial]'") from wrong
+    try:
+        return serial.Serial(name, baud, timeout=1, write_timeout=1, exclusive=True)
+    except (OSError, ValueError) as wrong:
+        raise DeviceError(
+            f"markers: expected the serial port {name}, got: {wrong}; connect it, or name another with --serial"
+        ) from wrong
+
+
+def lsl_library() -> Any:
+    """The package pylsl; raises MissingExtraError or DeviceError if it cannot be used."""
+    try:
+        import pylsl
+    except ImportError as wrong:
+        raise MissingExtraError("markers: expected the extra lsl; pip install 'midair[lsl]'") from wrong
+    except (OSError, RuntimeError) as wrong:
+        raise DeviceError(
+            f"markers: expected the library liblsl, which comes with the package pylsl, got: {str(wrong)[:120]}"
+        ) from wrong
+    return pylsl

@@ -1,0 +1,203 @@
+"""Event markers: what a real LSL inlet and the other end of a serial line receive."""
+
+import json
+import os
+import re
+import threading
+import tty
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+
+from midair.errors import DeviceError, InputError
+from midair.study.design import MarkerOutputs, Stimulus, answers_table, draw_plan, markers_table
+from midair.study.event_markers import EventMarkers, measure_markers
+from midair.study.folder import StudyFolder, read_design
+from midair.study.session import InstantClock, MarkedPresenter, Reply, Session, SilentPresenter, read_events
+from midair.study.tables import write_bids
+
+PLAN = """
+name = "marked"
+participants = 1
+seed = 1
+[markers]
+{outputs}
+[[questions]]
+name = "felt"
+kind = "yes-no"
+text = "Did you feel it?"
+timeout_s = 5
+[[stimuli]]
+name = "towel"
+kind = "object"
+source = "towel"
+code = 20
+[[stimuli]]
+name = "nothing"
+kind = "silence"
+[[blocks]]
+name = "only"
+stimuli = ["towel", "nothing"]
+questions = ["felt"]
+order = "fixed"
+"""
+
+
+@pytest.fixture
+def line():
+    """A serial line: the other end, and the name of the port."""
+    far, near = os.openpty()
+    tty.setraw(far)
+    yield far, os.ttyname(near)
+    os.close(far)
+    os.close(near)
+
+
+def study(tmp_path, outputs):
+    text = PLAN.format(outputs=outputs)
+    return StudyFolder.create(tmp_path / "s", text, read_design(text))
+
+
+def answer_all(folder):
+    """Answer the first question in time and the second one late; returns the session's plan."""
+    plan = folder.plan()
+    with ExitStack() as hold:
+        markers = hold.enter_context(EventMarkers(plan.design.markers))
+        shown = MarkedPresenter(inner=SilentPresenter(), markers=markers)
+        one = hold.enter_context(Session(plan, 1, folder.log(1), shown, clock=InstantClock(), markers=markers))
+        one.present()
+        with pytest.raises(InputError, match="expected one of"):
+            one.answer(Reply(text="maybe"))
+        one.answer(Reply(text="yes"))
+        one.present()
+        one.answer(Reply(text="", reaction_s=5, late=True))
+        assert one.step.kind == "done"
+    return plan
+
+
+def test_every_event_is_one_byte_on_the_serial_line(line, tmp_path):
+    far, port = line
+    folder = study(tmp_path, f'serial = "{port}"')
+    answer_all(folder)
+    # trial, towel (code 20), answer; trial, nothing (default code), late answer. An invalid answer has no marker.
+    assert list(os.read(far, 100)) == [1, 20, 3, 1, 2, 4]
+
+
+def test_a_real_inlet_receives_the_markers_at_the_logged_times(tmp_path):
+    pylsl = pytest.importorskip("pylsl")
+    name = f"midair test {os.getpid()}"
+    folder = study(tmp_path, f'lsl = "{name}"')
+    plan = folder.plan()
+    got, clocks = [], []
+    ready, ended = threading.Event(), threading.Event()
+
+    def receive():
+        inlet = pylsl.StreamInlet(pylsl.resolve_byprop("name", name, 1, 60.0)[0])
+        inlet.open_stream(60.0)
+        ready.set()
+        while len(got) < 6:
+            sample, at = inlet.pull_sample(60.0)
+            got.append(sample[0])
+            clocks.append(at)
+        ended.set()
+
+    with EventMarkers(plan.design.markers) as markers:
+        threading.Thread(target=receive, daemon=True).start()
+        assert ready.wait(60)
+        shown = MarkedPresenter(inner=SilentPresenter(), markers=markers)
+        with Session(plan, 1, folder.log(1), shown, clock=InstantClock(), markers=markers) as one:
+            while one.step.kind != "done":
+                one.present() if one.step.kind == "present" else one.answer(Reply(text="yes"))
+        assert ended.wait(60)
+    assert got == [f"{code} {kind} p01-t00{n}" for n, own in ((1, 20), (2, 2))
+                   for code, kind in ((1, "trial"), (own, "stimulus"), (3, "answer"))]  # fmt: skip
+    logged = [event["clock_s"] for event in read_events(folder.log(1), chained=True) if event["event"] == "marker"]
+    np.testing.assert_allclose(clocks, logged, atol=2e-6)
+
+
+def test_markers_are_events_of_the_bids_dataset(line, tmp_path):
+    _, port = line
+    folder = study(tmp_path, f'serial = "{port}"')
+    plan = answer_all(folder)
+    sessions = folder.sessions()
+    write_bids(answers_table(plan, sessions), plan.design, tmp_path / "bids", markers=markers_table(sessions))
+    table = tmp_path / "bids" / "sub-01" / "beh" / "sub-01_task-marked_events.tsv"
+    head, *rows = (row.split("\t") for row in table.read_text().splitlines())
+    assert head[:2] == ["onset", "duration"]
+    assert [row[head.index("value")] for row in rows] == ["1", "20", "3", "1", "2", "4"]
+    assert [row[head.index("trial")] for row in rows] == ["1", "1", "1", "2", "2", "2"]
+    assert set(head) == set(json.loads(table.with_suffix(".json").read_text()))
+
+
+def test_a_study_without_markers_has_no_table_of_events(tmp_path):
+    text = re.sub(r"\[markers\]\n.*\n", "", PLAN)
+    folder = StudyFolder.create(tmp_path / "s", text, read_design(text))
+    plan = folder.plan()
+    with Session(plan, 1, folder.log(1), SilentPresenter(), clock=InstantClock()) as one:
+        one.present()
+        one.answer(Reply(text="yes"))
+    sessions = folder.sessions()
+    written = write_bids(answers_table(plan, sessions), plan.design, tmp_path / "bids", markers=markers_table(sessions))
+    assert not [path for path in written if "events" in path.name]
+
+
+def test_an_answer_is_stored_even_if_its_marker_fails(line, tmp_path):
+    _, port = line
+    folder = study(tmp_path, f'serial = "{port}"')
+    plan = folder.plan()
+    with pytest.raises(DeviceError, match="to accept a byte"), EventMarkers(plan.design.markers) as markers:
+        shown = MarkedPresenter(inner=SilentPresenter(), markers=markers)
+        with Session(plan, 1, folder.log(1), shown, clock=InstantClock(), markers=markers) as one:
+            one.present()
+            markers.port.close()
+            one.answer(Reply(text="yes"))
+    assert folder.sessions()[0].answers["p01-t001", "felt"].answer == "yes"
+
+
+def test_the_loopback_measures_every_marker(line):
+    far, port = line
+    name = f"midair loop {os.getpid()}"
+    count = 40
+
+    def plug():
+        """Connect the transmit line to the receive line, with a delay of 20 ms."""
+        for _ in range(count):
+            byte = os.read(far, 1)
+            threading.Timer(0.02, os.write, (far, byte)).start()
+
+    pytest.importorskip("pylsl")
+    thread = threading.Thread(target=plug, daemon=True)
+    thread.start()
+    with EventMarkers(MarkerOutputs(lsl=name, serial=port)) as markers:
+        delays = measure_markers(markers, count=count, rng=np.random.default_rng(1))
+    thread.join(60)
+    assert {output: len(delay) for output, delay in delays.items()} == {"LSL": count, "serial": count}
+    assert delays["LSL"].min() > 0
+    assert delays["serial"].min() >= 0.02
+
+
+def test_the_loopback_reports_lost_markers(line):
+    with EventMarkers(MarkerOutputs(serial=line[1])) as markers:
+        assert not len(measure_markers(markers, count=10, rng=np.random.default_rng(1))["serial"])
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [({}, "expected lsl or serial"), ({"serial": "/dev/ttyS0", "baud": 10}, "baud from 300 to 4000000")],
+)
+def test_invalid_outputs_are_refused(settings, message):
+    with pytest.raises(InputError, match=message):
+        MarkerOutputs(**settings)
+
+
+@pytest.mark.parametrize("code", [0, 1, 3, 4, 256])
+def test_codes_of_other_events_are_refused(code):
+    with pytest.raises(InputError, match="expected code 2 or 5 to 255"):
+        Stimulus(name="a", kind="silence", code=code)
+
+
+def test_a_missing_port_is_an_error_that_names_it(tmp_path):
+    plan = draw_plan(read_design(PLAN.format(outputs='serial = "/dev/none"')))
+    with pytest.raises(DeviceError, match="expected the serial port /dev/none"), EventMarkers(plan.design.markers):
+        pass
