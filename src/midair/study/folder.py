@@ -19,6 +19,7 @@ from midair.study.design import (
     draw_plan,
     replay,
 )
+from midair.study.trial_table import add_trials
 
 Template = Literal["paper", "detection", "intervals", "paired"]
 """Included designs: section 5.3 of the paper; detection threshold of a vibration; two-interval comparison of strength;
@@ -35,7 +36,9 @@ def paper_design_text() -> str:
     return template_text("paper")
 
 
-def read_design(text: str, *, name: str = "", participants: int = 0, seed: int | None = None) -> Design:
+def read_design(
+    text: str, *, name: str = "", participants: int = 0, seed: int | None = None, trials: str = ""
+) -> Design:
     """Parse a design from TOML.
 
     Parameters
@@ -44,6 +47,8 @@ def read_design(text: str, *, name: str = "", participants: int = 0, seed: int |
         TOML text.
     name, participants, seed
         Override the text if given (not empty, not 0, not None).
+    trials : str
+        CSV table of trials, see `add_trials`; none if empty.
 
     Raises
     ------
@@ -55,6 +60,11 @@ def read_design(text: str, *, name: str = "", participants: int = 0, seed: int |
     except ValueError as wrong:
         raise InputError(f"study: expected TOML, got: {wrong}") from wrong
     given = {"name": name, "participants": participants, "seed": seed}
+    if trials:
+        try:
+            raw = add_trials(raw, trials)
+        except (AttributeError, KeyError, TypeError) as wrong:
+            raise InputError("study: expected stimuli, questions and blocks with names; correct the TOML") from wrong
     raw |= {key: value for key, value in given.items() if value or (key == "seed" and value is not None)}
     # pydantic accepts no config for a dataclass, but applies that of a tuple to the dataclasses inside.
     design = TypeAdapter(tuple[Design], config=ConfigDict(extra="forbid"))
@@ -72,9 +82,17 @@ class StudyFolder:
 
     @classmethod
     def create(
-        cls, path: Path, text: str, design: Design, *, drives: Callable[[Path], Mapping[str, str]] | None = None
+        cls,
+        path: Path,
+        text: str,
+        design: Design,
+        *,
+        drives: Callable[[Path], Mapping[str, str]] | None = None,
+        trials: str = "",
     ) -> "StudyFolder":
         """Draw the plan of a new study and store it atomically with its TOML `text`, readable by this user only.
+
+        `trials` is the CSV table from which `read_design` took stimuli and blocks; it is stored beside the plan.
 
         `drives` writes the drives into a folder and returns their digests by name; without it the plan has no drives.
         Raises FileError if the folder is not empty: a plan is never overwritten.
@@ -84,7 +102,8 @@ class StudyFolder:
             partial.chmod(0o700)
             plan = draw_plan(design, drives=drives(partial) if drives else None)
             content = json.dumps(asdict(plan), indent=1, ensure_ascii=False)
-            for name, written in (("plan.toml", text), ("plan.json", content)):
+            table = [("trials.csv", trials)] if trials else []
+            for name, written in (("plan.toml", text), ("plan.json", content), *table):
                 (partial / name).touch(mode=0o600)
                 (partial / name).write_text(written, encoding="utf-8")
         return cls(path)

@@ -31,6 +31,7 @@ from .session_state import SessionState as SessionState
 from .session_state import replay as replay
 from .session_state import right_answer_of_trial as right_answer_of_trial
 from .stimulus import Stimulus as Stimulus
+from .stimulus import StimulusKind as StimulusKind
 from .stimulus import right_answer as right_answer
 from .study_design import Design as Design
 from .study_design import MarkerOutputs as MarkerOutputs

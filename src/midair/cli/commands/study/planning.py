@@ -30,6 +30,7 @@ def new_command(
     *,
     template: Template = "paper",
     source: Path | None = None,
+    trials: Path | None = None,
     participants: int | None = None,
     seed: int | None = None,
     drives: str = "",
@@ -48,6 +49,9 @@ def new_command(
         paired: which of two stimuli is rougher, all pairs.
     source
         TOML file that describes another study, instead of --template; its drives are searched in the same folder.
+    trials
+        CSV table of the trials, with --source: the column stimulus, and block, kind, source, made_from, share, code;
+        all further columns are factors.
     participants
         Number of participants to draw trials for. [default: from the TOML]
     seed
@@ -65,12 +69,15 @@ def new_command(
     """
     if participants is not None and participants < 1:
         raise InputError(f"--participants: expected 1 or more, got {participants}")
+    if trials is not None and source is None:
+        raise InputError("--trials: expected --source with the TOML of the study, got none; it states the questions")
+    table = "" if trials is None else read_text(trials, "the table of trials")
     text = template_text(template) if source is None else read_text(source, "the TOML of a study")
     path = Path(name)
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum())
     if not kept:
         raise InputError(f"NAME: expected letters or digits in the last part, got {name!r}")
-    design = read_design(text, name=kept, participants=participants or 0, seed=seed)
+    design = read_design(text, name=kept, participants=participants or 0, seed=seed, trials=table)
     gathered: list[StudyDrive] = []
 
     def fill(into: Path) -> dict[str, str]:
@@ -79,7 +86,7 @@ def new_command(
             gathered.extend(prepare_drives(design, into, found_in=folder, mode=mode, seed=design.seed, stage=stage))
         return {one.source: one.digest for one in gathered}
 
-    plan = StudyFolder.create(path, text, design, drives=None if drives == "none" else fill).plan()
+    plan = StudyFolder.create(path, text, design, drives=None if drives == "none" else fill, trials=table).plan()
     out().print(f"{path}: {len(plan.of(1))} trials for each of {design.participants} participants, plan {plan.digest}.")
     for number in range(1, design.participants + 1):
         order = dict.fromkeys(block.group for block in block_order(plan.design, number))
