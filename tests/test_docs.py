@@ -152,8 +152,9 @@ def parts_of_a_plan(page):
 
 
 def test_the_plans_of_the_page_on_studies_can_be_drawn(folder):
-    first, fragment = blocks("docs/study.md", "toml")
-    plan = draw_plan(read_design(first))
+    first, fragment, markers = blocks("docs/study.md", "toml")
+    plan = draw_plan(read_design(f"{first}\n{markers}"))
+    assert plan.design.markers is not None
     assert len(plan.of(1)) == 40
     names = ["weak", "middle", "strong"]
     sides = "\n".join(

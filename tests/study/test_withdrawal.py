@@ -29,6 +29,7 @@ def made(tmp_path_factory):
     for line in (f"analyse {root}/s --draws 20", f"export {root}/s {root}/bids"):
         assert midair(["study", *line.split()]) == 0
     assert midair(["study", "export", f"{root}/s", f"{root}/table.csv", "--format", "csv"]) == 0
+    assert midair(["study", "export", f"{root}/s", f"{root}/psych", "--format", "psych-ds"]) == 0
     return root
 
 
@@ -60,6 +61,7 @@ def test_withdrawal_keeps_the_bytes_of_other_people(study, tmp_path, capsys):
         "s/report.ipynb",
         "bids/sub-02/beh/sub-02_task-s_beh.tsv",
         "bids/sub-02/beh/sub-02_task-s_beh.json",
+        "psych/data/sub-02/study-s_subject-02_data.csv",
     }
     assert all(name.split("/")[0] in said or name in said for name in gone)
     assert "report.html: deleted" in " ".join(said.split())

@@ -41,6 +41,7 @@ from .folder import read_design as read_design
 from .folder import template_text as template_text
 from .headphones import Headphones as Headphones
 from .keyboard import keyboard_of_terminal as keyboard_of_terminal
+from .psych_ds import write_psych_ds as write_psych_ds
 from .registration import plan_page as plan_page
 from .session import ArrayPresenter as ArrayPresenter
 from .session import InstantClock as InstantClock

@@ -77,10 +77,10 @@ def write_csv(table: DataFrame, path: Path, *, files: str = "") -> None:
     for note, content in notes:
         with atomic_file(note) as partial:
             partial.chmod(0o600)
-            _json(partial, content)
+            write_json(partial, content)
     with atomic_file(path) as partial:
         partial.chmod(0o600)  # it contains the answers of participants
-        _write_separated(table, partial, ",")
+        write_separated(table, partial, ",")
 
 
 def read_csv(path: Path) -> DataFrame:
@@ -149,8 +149,8 @@ def _dataset(
     markers: DataFrame | None,
 ) -> list[Path]:
     simulated = bool(answers["simulated"].any())
-    written = [_text(folder / "README", _readme(design, simulated, files))]
-    written.append(_json(folder / "dataset_description.json", _description(design, simulated, files)))
+    written = [write_text(folder / "README", readme_of(design, simulated, files))]
+    written.append(write_json(folder / "dataset_description.json", _description(design, simulated, files)))
     written += _participants(answers, design, folder, unfinished)
     in_folders = design.sessions > 1
     of_session = answers["session"].map("ses-{:02d}".format) if in_folders else answers["participant"]
@@ -161,8 +161,8 @@ def _dataset(
         name.parent.mkdir(parents=True)
         tsv = rows.drop(columns="participant").rename(columns={"reaction_s": "response_time"})
         tsv["correct"] = tsv["correct"].astype(str).replace("-1", "n/a")
-        _write_separated(tsv, name.with_suffix(".tsv"), "\t")
-        written += [name.with_suffix(".tsv"), _json(name.with_suffix(".json"), _sidecar(tsv, design))]
+        write_separated(tsv, name.with_suffix(".tsv"), "\t")
+        written += [name.with_suffix(".tsv"), write_json(name.with_suffix(".json"), _sidecar(tsv, design))]
         if markers is not None and not markers.empty:
             here = (markers["participant"] == person) & (
                 markers["session"] == rows["session"].iloc[0] if in_folders else True
@@ -176,8 +176,8 @@ def _events(markers: DataFrame, name: Path) -> list[Path]:
     if markers.empty:
         return []
     events = markers.drop(columns=["participant", "session"]).sort_values("onset", kind="stable")
-    _write_separated(events, name.with_suffix(".tsv"), "\t")
-    return [name.with_suffix(".tsv"), _json(name.with_suffix(".json"), EVENT_MEANING)]
+    write_separated(events, name.with_suffix(".tsv"), "\t")
+    return [name.with_suffix(".tsv"), write_json(name.with_suffix(".json"), EVENT_MEANING)]
 
 
 def read_bids(folder: Path) -> DataFrame:
@@ -240,7 +240,8 @@ def _typed_column(column: Series) -> Series:
         return column
 
 
-def _write_separated(table: DataFrame, path: Path, delimiter: str) -> None:
+def write_separated(table: DataFrame, path: Path, delimiter: str) -> None:
+    """Write a table with a header; fields that a spreadsheet would run as formulas get an apostrophe."""
     words = table.copy()
     for name in table.select_dtypes(bool):
         words[name] = np.where(table[name], "true", "false")
@@ -265,7 +266,8 @@ def _description(design: Design, simulated: bool, files: str) -> dict[str, Any]:
     } | {name: value for name, value in stated.items() if value}
 
 
-def _readme(design: Design, simulated: bool, files: str) -> str:
+def readme_of(design: Design, simulated: bool, files: str) -> str:
+    """Text of the README of a dataset."""
     first = "SIMULATED: no person took part. These answers come from a model.\n\n" if simulated else ""
     return (
         f"{first}{design.title or design.name}\n\nAnswers of a study of touch in midair, one row per answer. The plan"
@@ -283,7 +285,7 @@ def _participants(answers: DataFrame, design: Design, folder: Path, unfinished: 
     for question in form:
         rows[question.name] = people[question.name].first().tolist()
     path = folder / "participants.tsv"
-    _write_separated(rows, path, "\t")
+    write_separated(rows, path, "\t")
     meaning = {
         "participant_id": {"Description": "Name of the participant in this dataset."},
         "simulated": {"Description": MEANING["simulated"]},
@@ -294,7 +296,7 @@ def _participants(answers: DataFrame, design: Design, folder: Path, unfinished: 
         meaning["finished"] = {
             "Description": "Whether the log contains an answer to every question and the end of the session."
         }
-    return [path, _json(folder / "participants.json", meaning)]
+    return [path, write_json(folder / "participants.json", meaning)]
 
 
 def _sidecar(table: DataFrame, design: Design) -> dict[str, Any]:
@@ -310,10 +312,12 @@ def _sidecar(table: DataFrame, design: Design) -> dict[str, Any]:
     return {**task, "Instructions": " ".join(instructions), **columns} if instructions else {**task, **columns}
 
 
-def _json(path: Path, content: Mapping[str, Any]) -> Path:
-    return _text(path, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
+def write_json(path: Path, content: Mapping[str, Any]) -> Path:
+    """Write JSON and return the path."""
+    return write_text(path, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
 
 
-def _text(path: Path, content: str) -> Path:
+def write_text(path: Path, content: str) -> Path:
+    """Write text and return the path."""
     path.write_text(content, encoding="utf-8")
     return path

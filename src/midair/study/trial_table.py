@@ -66,12 +66,10 @@ def _rows(text: str, name: str) -> list[tuple[int, dict[str, str]]]:
     head = lines[0] if lines else ""
     try:
         reader = csv.reader(lines, delimiter=max(",;\t", key=head.count), strict=True)
-        columns, *rows = [(reader.line_num, [field.strip() for field in row]) for row in reader if any(row)] or [
-            (1, [])
-        ]
+        filled = [(reader.line_num, [field.strip() for field in row]) for row in reader if any(row)]
     except csv.Error as wrong:
         raise InputError(f"{name}: expected a table, got: {wrong}") from wrong
-    header = columns[1]
+    header, rows = filled[0][1] if filled else [], filled[1:]
     if "stimulus" not in header or len(set(header)) < len(header) or not all(header) or not rows:
         raise InputError(
             f"{name}: expected a header of different names with the column stimulus, and rows, got {header} and"

@@ -97,10 +97,11 @@ def _delete_from_derived(folder: StudyFolder, person: str) -> list[str]:
 
 def _delete_from_dataset(path: Path, person: str) -> list[str]:
     report = [_delete_rows(path / "participants.tsv", "\t", person)] if (path / "participants.tsv").exists() else []
-    if (path / person).is_dir():
-        files = sum(one.is_file() for one in (path / person).rglob("*"))
-        shutil.rmtree(path / person)
-        report.append(f"{path / person}: deleted, {files} files")
+    for data in (path / person, path / "data" / person):  # of BIDS, of Psych-DS
+        if data.is_dir():
+            files = sum(one.is_file() for one in data.rglob("*"))
+            shutil.rmtree(data)
+            report.append(f"{data}: deleted, {files} files")
     return report
 
 

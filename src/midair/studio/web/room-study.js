@@ -100,7 +100,7 @@ export default class Study {
     this.studio.footer.hidden = false;
     this.studio.footer.replaceChildren(foot);
     this.studio.main.replaceChildren(main);
-    (main.querySelector("button") ?? this.studio.main).focus();
+    (main.querySelector("input[type=range]") ?? main.querySelector("button") ?? this.studio.main).focus();
     this.asked = performance.now();
   }
   _question({ question, turn }) {
@@ -108,7 +108,7 @@ export default class Study {
     const ends = question.low_label ? make("span.quiet", {}, ` ${question.answers[0]} ${question.low_label}, ${question.answers.at(-1)} ${question.high_label}`) : "";
     const title = make("h2", { id: "question" }, question.text);
     if (question.kind === "slider") {
-      const given = make("input", { type: "range", min: question.low, max: question.high, step: (question.high - question.low) / 100, value: String((question.low + question.high) / 2), "aria-labelledby": "question", oninput: () => { next.disabled = false; } });
+      const given = make("input", { type: "range", min: question.low, max: question.high, step: (question.high - question.low) / 100, value: String((question.low + question.high) / 2), "aria-labelledby": "question", oninput: () => { next.disabled = false; }, onkeydown: (event) => { if (event.key === "Enter") next.click(); } });
       const next = make("button.main", { type: "button", id: "next", disabled: true, onclick: () => answer(given.value) }, "Next");
       return [title, make("div.row", {}, make("span", {}, question.low_label || String(question.low)), given, make("span", {}, question.high_label || String(question.high))), next];
     }
@@ -121,8 +121,9 @@ export default class Study {
   }
   /** The participant's keys: the number selects an answer, Escape stops. */
   _key(event) {
-    if (!this.participant || event.ctrlKey || event.altKey || event.metaKey || event.repeat || event.target.closest?.("input")) return;
+    if (!this.participant || event.ctrlKey || event.altKey || event.metaKey || event.repeat) return;
     if (event.key === "Escape") { this._stop(); return; }
+    if (event.target.closest?.("input")) return;
     const numbers = this.answers?.every((each) => /^\d+$/.test(each.textContent)), wanted = this.answers?.find((each, i) => (numbers ? each.textContent === event.key : String(i + 1) === event.key)) ;
     if (wanted) { event.preventDefault(); wanted.click(); }
   }

@@ -34,6 +34,7 @@ from midair.study import (
     verify_study,
     write_bids,
     write_csv,
+    write_psych_ds,
 )
 
 if TYPE_CHECKING:
@@ -135,15 +136,15 @@ def analyse_command(
     _print_report(report, data, target, json=json)
 
 
-def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv"] = "bids") -> None:
-    """Export the answers of a study as a BIDS dataset or as one CSV table.
+def export_command(study: Path, output: Path, /, *, format: Literal["bids", "psych-ds", "csv"] = "bids") -> None:
+    """Export the answers of a study as a BIDS or Psych-DS dataset, or as one CSV table.
 
     Parameters
     ----------
     study
         Folder of the study.
     output
-        New folder (bids) or new file (csv).
+        New folder (bids, psych-ds) or new file (csv).
     format
         Output format.
 
@@ -166,6 +167,10 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
             unfinished=tuple(verified.unfinished),
             markers=markers_table(folder.sessions()),
         )
+        out().print(f"{output}: {len(written)} files, {len(answers)} answers.")
+    elif format == "psych-ds":
+        log_derived_file(folder, output, "psych-ds")
+        written = write_psych_ds(answers, plan.design, output, files=verified.summary)
         out().print(f"{output}: {len(written)} files, {len(answers)} answers.")
     else:
         if answers.empty:

@@ -1,0 +1,96 @@
+"""Answers as a dataset of Psych-DS, the standard for tables of behavioural data (https://psych-ds.github.io)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from midair.errors import InputError
+from midair.files import atomic_folder
+from midair.study.tables import MEANING, readme_of, write_json, write_separated, write_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pandas import DataFrame
+
+    from midair.study.design import Design
+
+SCHEMA = "Psych-DS 1.5.0"
+"""Version of the specification that the datasets follow."""
+
+
+def write_psych_ds(answers: DataFrame, design: Design, folder: Path, *, files: str = "") -> list[Path]:
+    """Write answers as a Psych-DS dataset: ``data/sub-NN/study-NAME_subject-NN_data.csv`` for each participant.
+
+    Parameters
+    ----------
+    answers : DataFrame
+        Result of `answers_table`.
+    design : Design
+        Texts and factors for the description of the columns.
+    folder : Path
+        New or empty folder.
+    files : str
+        Result of the check of the study's files, for the README.
+
+    Returns
+    -------
+    list of Path
+        Written files.
+
+    Raises
+    ------
+    FileError
+        If the folder is not empty.
+    InputError
+        If there are no answers.
+    """
+    if answers.empty:
+        raise InputError("export: expected answers, got none; run a participant first")
+    table = answers.rename(columns={"participant": "participant_id", "reaction_s": "response_time"})
+    table["correct"] = table["correct"].astype(str).replace("-1", "n/a")
+    simulated = bool(answers["simulated"].any())
+    with atomic_folder(folder) as partial:
+        written = [
+            write_json(partial / "dataset_description.json", _description(table, design, simulated)),
+            write_text(partial / "README.md", readme_of(design, simulated, files)),
+        ]
+        for person, rows in table.groupby("participant_id", sort=False):
+            number = str(person).removeprefix("sub-")
+            path = partial / "data" / str(person) / f"study-{design.name}_subject-{number}_data.csv"
+            path.parent.mkdir(parents=True)
+            write_separated(rows, path, ",")
+            written.append(path)
+        for inside in (partial, *partial.rglob("*")):  # contains the answers of participants
+            inside.chmod(0o700 if inside.is_dir() else 0o600)
+        return [folder / path.relative_to(partial) for path in written]
+
+
+def _description(table: DataFrame, design: Design, simulated: bool) -> dict[str, Any]:
+    mark = "SIMULATED: " if simulated else ""
+    title = design.title or design.name
+    stated = {
+        "author": [{"@type": "Person", "name": name} for name in design.authors],
+        "license": design.license,
+        "sourceOrganization": {"@type": "Organization", "name": design.institution} if design.institution else None,
+    }
+    return {
+        "@context": "https://schema.org/",
+        "@type": "Dataset",
+        "name": mark + title,
+        "description": f"{mark}Answers of the study of touch {title!r}, one row per answer.",
+        "schemaVersion": SCHEMA,
+        "variableMeasured": [_variable(str(name), design) for name in table.columns],
+    } | {name: value for name, value in stated.items() if value}
+
+
+def _variable(name: str, design: Design) -> dict[str, str]:
+    """Description of a column."""
+    meaning = {
+        "participant_id": "Name of the participant in this dataset.",
+        **MEANING,
+        **{name: design.question(name).text for name in design.form},
+    }
+    text = meaning.get(name, f"Level of the factor {name}; n/a if it has none.")
+    unit = {"unitText": "s"} if name in ("response_time", "time") else {}
+    return {"@type": "PropertyValue", "name": name, "description": text, **unit}

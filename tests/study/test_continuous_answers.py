@@ -1,0 +1,66 @@
+"""Continuous answers: a slider from 0 to 100 is analysed as a rating."""
+
+import pytest
+
+from midair.study.design import answers_table
+from midair.study.findings import analyse
+from midair.study.folder import StudyFolder, read_design
+from midair.study.session import InstantClock, Session, SimulatedParticipant, SimulatedScreen, run
+from midair.study.verification import data_of_study
+
+PLAN = """
+name = "visual"
+participants = 5
+seed = 3
+[[questions]]
+name = "rough"
+kind = "slider"
+text = "How rough was it?"
+low = 0
+high = 100
+low_label = "smooth"
+high_label = "rough"
+levels = { rated = "towel" }
+[[stimuli]]
+name = "towel"
+kind = "object"
+source = "towel"
+levels = { object = "towel" }
+[[stimuli]]
+name = "glass"
+kind = "object"
+source = "glass"
+levels = { object = "glass" }
+[[blocks]]
+name = "only"
+stimuli = ["towel", "glass"]
+questions = ["rough"]
+repetitions = 4
+[analysis]
+rated = ["rough"]
+within = ["object"]
+"""
+
+
+@pytest.mark.long
+def test_sliders_have_the_analysis_of_variance_of_their_unrounded_answers(tmp_path):
+    from scipy.stats import ttest_rel
+
+    folder = StudyFolder.create(tmp_path / "s", PLAN, read_design(PLAN))
+    plan = folder.plan()
+    model = SimulatedParticipant(rating_effect=10, rating_noise=5)
+    for number in range(1, 6):
+        screen = SimulatedScreen(plan=plan, participant=model, number=number)
+        with Session(plan, number, folder.log(number), screen.presenter, simulated=True, clock=InstantClock()) as one:
+            run(one, screen)
+    answers = answers_table(plan, folder.sessions())
+    given = answers["answer"].astype(float)
+    assert (given % 1).any()
+    assert given.between(0, 100).all()
+    report = analyse(data_of_study(folder), seed=1, draws=100)
+    table = next(one.table for one in report.findings if one.table is not None and "p_GG" in one.table)
+    means = given.groupby([answers["participant"], answers["object"]]).mean().unstack()
+    # With two levels, F is the square of the paired t.
+    assert table.set_index("effect").loc["object", "F"] == pytest.approx(
+        ttest_rel(means["towel"], means["glass"]).statistic ** 2
+    )
