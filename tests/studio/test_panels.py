@@ -3,12 +3,15 @@
 import hashlib
 import json
 
+import numpy as np
 import pytest
+import soundfile
 from axe_playwright_python.sync_playwright import Axe
+from PIL import Image
 
 from midair.rig import record
 from midair.studio.work import SolveRequest, solve_take
-from midair.study import StudyFolder, read_design, read_events
+from midair.study import StudyFolder, prepare_media, read_design, read_events
 
 pytestmark = pytest.mark.browser
 
@@ -255,6 +258,86 @@ def test_trial_plays_its_drive_with_the_player_of_the_studio(studio_at, look, tm
     lines = (tmp_path / "state" / "played.jsonl").read_text(encoding="utf-8").splitlines()
     [order] = [line for line in map(json.loads, lines) if line["event"] == "play"]
     assert order["exposure"] == "kept"
+    assert page.wrong == []
+
+
+MEDIA = """
+name = "media"
+title = "Texts, pictures and sounds"
+participants = 1
+seed = 1
+
+[markers]
+lsl = "midair browser test"
+
+[[questions]]
+name = "rough"
+kind = "slider"
+text = "How rough is it?"
+low = 0
+high = 100
+low_label = "smooth"
+high_label = "rough"
+
+[[stimuli]]
+name = "word"
+kind = "text"
+source = "sandpaper"
+
+[[stimuli]]
+name = "photo"
+kind = "picture"
+source = "pictures/sand paper.png"
+duration_s = 2
+
+[[stimuli]]
+name = "noise"
+kind = "sound"
+source = "noise.wav"
+
+[[blocks]]
+name = "one"
+stimuli = ["word", "photo", "noise"]
+questions = ["rough"]
+order = "fixed"
+"""
+
+
+def test_texts_pictures_and_sounds_are_presented_and_rated_on_a_slider(studio_at, look, tmp_path):
+    pytest.importorskip("pylsl")
+    (tmp_path / "pictures").mkdir()
+    Image.new("RGB", (40, 30), "red").save(tmp_path / "pictures" / "sand paper.png")
+    soundfile.write(tmp_path / "noise.wav", np.random.default_rng(1).uniform(-0.01, 0.01, 16000), 8000)
+    studio = studio_at()
+    design = read_design(MEDIA)
+    study = StudyFolder.create(
+        studio.folder / "media", MEDIA, design, drives=lambda into: prepare_media(design, into, found_in=tmp_path)
+    )
+    page = look(studio)
+    begin(page)
+    ready = {
+        "h2": "document.querySelector('#stimulus').innerText === 'sandpaper'",
+        "img": "document.querySelector('#stimulus').naturalWidth === 40",
+        "audio": "document.querySelector('#stimulus').currentTime > 0",
+    }
+    for number, (tag, shown) in enumerate(ready.items(), start=1):
+        page.until("studio.link.state.session.step.kind === 'present' && !studio.link.state.session.busy")
+        page.page.keyboard.press("Enter")
+        page.until(f"document.querySelector('#stimulus')?.tagName === '{tag.upper()}' && {shown}")
+        page.until("studio.link.state.session.step.kind === 'ask' && document.activeElement.type === 'range'")
+        assert page.page.locator("#stimulus").count() == 0
+        if number == 2:  # with the mouse, at the right end
+            box = page.page.locator("input[type=range]").bounding_box()
+            page.page.mouse.click(box["x"] + box["width"] - 2, box["y"] + box["height"] / 2)
+        page.page.keyboard.press("ArrowLeft")
+        page.page.keyboard.press("Enter")
+        page.until(
+            f"studio.link.state.session.step.number !== {number} || studio.link.state.session.step.kind === 'done'"
+        )
+    page.until("studio.link.state.session.step.kind === 'done'")
+    assert [event["answer"] for event in answers(study)] == ["49", "99", "49"]
+    events = read_events(study.path / "sessions" / "sub-01.jsonl")
+    assert [event["code"] for event in events if event["event"] == "marker"] == [1, 2, 3] * 3
     assert page.wrong == []
 
 

@@ -66,7 +66,11 @@ def test_the_table_is_stored_and_gives_the_same_plan_again(tmp_path):
     ("old", "new", "message"),
     [
         (",stimulus,", ",name,", "with the column stimulus"),
-        ("low,nothing,silence", "low,nothing,smell", "row 3, column kind: expected one of drive, object, silence, got"),
+        (
+            "low,nothing,silence",
+            "low,nothing,smell",
+            "row 3, column kind: expected one of drive, object, silence, text",
+        ),
         ("a soft brush", "", "row 2, column source: expected the source of the object, got"),
         (",,,7", ",,,seven", "row 3, column code: expected a whole number, got 'seven'"),
         (

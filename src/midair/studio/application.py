@@ -28,6 +28,7 @@ from midair.studio.take_data import frames_of
 from midair.studio.takes_list import TakesList
 from midair.studio.web_files import WebFiles
 from midair.studio.work import methods_of_modes, warm_up
+from midair.study import media_type
 from midair.version import __version__
 from midair.view import TABLES, WEB, colour_table
 
@@ -217,7 +218,8 @@ class Studio:
             policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox; frame-ancestors 'none'"
             return FileResponse(path, media_type="text/html", headers={"content-security-policy": policy})
         disposition = {"content-disposition": "attachment", "content-security-policy": "sandbox; default-src 'none'"}
-        return FileResponse(path, media_type="application/octet-stream", headers=disposition)
+        # Pictures and sounds of studies need their type to be shown in a page; a link still downloads them.
+        return FileResponse(path, media_type=media_type(path) or "application/octet-stream", headers=disposition)
 
     async def _upload(self, request: Request) -> Response:
         """Store a recording that was dropped on the page."""

@@ -72,7 +72,7 @@ class RequestGuard:
         self._app, self._keys = app, keys
         stop = f" http://127.0.0.1:{stop_port}" if stop_port else ""
         self._headers = {
-            "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+            "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; media-src 'self'; "
             f"connect-src 'self'{stop}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
             "x-content-type-options": "nosniff",
             "referrer-policy": "no-referrer",

@@ -41,6 +41,9 @@ from .folder import read_design as read_design
 from .folder import template_text as template_text
 from .headphones import Headphones as Headphones
 from .keyboard import keyboard_of_terminal as keyboard_of_terminal
+from .media import media_type as media_type
+from .media import prepare_media as prepare_media
+from .media import sound_duration as sound_duration
 from .psych_ds import write_psych_ds as write_psych_ds
 from .registration import plan_page as plan_page
 from .session import ArrayPresenter as ArrayPresenter

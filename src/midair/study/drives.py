@@ -120,7 +120,7 @@ def check_digests(folder: Path, drives: Mapping[str, str], stimuli: tuple[Stimul
     MismatchError
         If a drive was changed after the plan was drawn.
     """
-    for source in dict.fromkeys(one.source for one in stimuli if one.kind == "drive"):
+    for source, kind in {one.source: one.kind for one in stimuli if one.kind in ("drive", "picture", "sound")}.items():
         if source not in drives:
             raise MissingFileError(
                 f"{source}: expected a plan with drives, got one drawn without; run it with --simulate only, or"
@@ -128,7 +128,7 @@ def check_digests(folder: Path, drives: Mapping[str, str], stimuli: tuple[Stimul
             )
         if (found := digest_of_file(folder / source)) != drives[source]:
             raise MismatchError(
-                f"{source}: expected the drive of the plan (SHA-256 {drives[source][:12]}), got {found[:12]}; the file"
+                f"{source}: expected the {kind} of the plan (SHA-256 {drives[source][:12]}), got {found[:12]}; the file"
                 " was changed after the plan was drawn: copy it back"
             )
 

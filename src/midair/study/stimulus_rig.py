@@ -19,7 +19,14 @@ from midair.study.drives import check_digests
 from midair.study.event_markers import EventMarkers
 from midair.study.folder import StudyFolder
 from midair.study.headphones import Headphones
-from midair.study.session import ArrayPresenter, ExperimenterPresenter, MarkedPresenter, MaskedPresenter, Presenter
+from midair.study.session import (
+    ArrayPresenter,
+    ExperimenterPresenter,
+    MarkedPresenter,
+    MaskedPresenter,
+    Presenter,
+    TextPresenter,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,18 +53,26 @@ def open_stimulus_rig(
     before: Callable[[Drive], None] | None = None,
     noise: str = "default",
     serial: str = "",
+    show: Callable[[str], None] = lambda _: None,
 ) -> Generator[StimulusRig]:
     """Open the presenter: the experimenter, instructed on the error stream, or an array that plays the plan's drives.
 
     Before the session begins, the digests of all drives are checked, `before` is called with each drive, and each drive
     must pass the exposure check; every playback is logged. The effect of the room air, the noise level and the marker
     outputs are printed for the experimenter. `serial` replaces the serial port of the plan, see `open_markers`.
+    `show` shows a text to the participant. Raises InputError if the plan has pictures or sounds.
     """
     console = Console(stderr=True, emoji=False)
-    by_hand = ExperimenterPresenter(
+    if unable := next((one for one in plan.design.stimuli if one.kind in ("picture", "sound")), None):
+        raise InputError(
+            f"stimulus {unable.name!r}: expected drives, objects, texts or silence, got a {unable.kind}, which a"
+            " terminal cannot present; run this study in the studio: midair studio"
+        )
+    experimenter = ExperimenterPresenter(
         tell=lambda line: console.print(f"experimenter: {_plain(line)}"),
         done=lambda: _wait(console),
     )
+    by_hand = TextPresenter(inner=experimenter, show=show)
     drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
     if array == "none":
         if drives:

@@ -52,6 +52,12 @@ class TerminalScreen:
         if text:
             self._console.print(f"\n[bold]{_plain(text)}[/]")
 
+    def present_text(self, text: str) -> None:
+        """Show a text as the stimulus; an empty one clears the screen."""
+        self._console.clear()
+        if text:
+            self._console.print(f"\n{_plain(text)}")
+
     def ask(self, step: TrialStep) -> Reply:
         """Ask a question, and read a key or a line."""
         question = step.question

@@ -7,7 +7,7 @@ from typing import Any, get_args
 from midair.errors import InputError
 from midair.study.design import StimulusKind
 
-SETTINGS = ("kind", "source", "made_from", "share", "code")
+SETTINGS = ("kind", "source", "made_from", "share", "code", "duration_s")
 """Columns that are settings of the stimulus; all further ones but `stimulus` and `block` are factors."""
 
 
@@ -92,7 +92,11 @@ def _stimulus(stimulus: str, row: Mapping[str, str], name: str, number: int) -> 
         raise _wrong(name, number, "kind", f"one of {', '.join(kinds)}", kind)
     if kind != "silence" and "source" not in settings:
         raise _wrong(name, number, "source", f"the source of the {kind}", "")
-    for column, read, expected in (("share", float, "a number"), ("code", int, "a whole number")):
+    for column, read, expected in (
+        ("share", float, "a number"),
+        ("duration_s", float, "a number"),
+        ("code", int, "a whole number"),
+    ):
         if column in settings:
             try:
                 settings[column] = read(settings[column])

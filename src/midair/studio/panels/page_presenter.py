@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from midair.study import Stimulus
+from midair.study import Stimulus, sound_duration
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -27,6 +27,8 @@ class PagePresenter:
     """Shows an instruction to the experimenter."""
     folder: Path
     """Folder of the study, which has its drives."""
+    show: Callable[[dict[str, str] | None], None] = lambda _: None
+    """Shows or plays a text, picture or sound (kind and source) on the participant's page; None ends it."""
     done: threading.Event = field(default_factory=threading.Event)
     ended: threading.Event = field(default_factory=threading.Event)
 
@@ -37,6 +39,12 @@ class PagePresenter:
             return
         if stimulus.kind == "silence" and self.quiet_s:
             self.wait(self.quiet_s)
+            return
+        if stimulus.kind in ("text", "picture", "sound"):
+            sound = stimulus.kind == "sound"
+            self.show({"kind": stimulus.kind, "source": stimulus.source})
+            self.ended.wait(sound_duration(self.folder / stimulus.source) if sound else stimulus.duration_s)
+            self.show(None)
             return
         self.done.clear()
         self.tell("present nothing, and wait" if stimulus.kind == "silence" else f"present: {stimulus.source}")

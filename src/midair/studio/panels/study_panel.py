@@ -130,6 +130,7 @@ class StudyPanel(Panel):
             quiet_s=quiet,
             stop=self._playing.permit.stop,
             tell=self._show_due,
+            show=self._show_media,
             folder=study.path,
         )
         drives = any(stimulus.kind == "drive" for stimulus in plan.design.stimuli)
@@ -161,6 +162,7 @@ class StudyPanel(Panel):
             "pilot": order.pilot,
             "due": "",
             "cue": "",
+            "media": None,
             "consent": plan.design.consent,
             "busy": False,
             "log": [],
@@ -173,9 +175,9 @@ class StudyPanel(Panel):
         """Check digests and exposure of all drives and open the headphones; returns the longest drive in s."""
         drives = dict.fromkeys((one.source, one.share) for one in plan.design.stimuli if one.kind == "drive")
         self._masked = False
+        await asyncio.to_thread(check_digests, study.path, plan.drives, plan.design.stimuli)
         if not drives:
             return 0.0
-        await asyncio.to_thread(check_digests, study.path, plan.drives, plan.design.stimuli)
         noise = plan.design.noise if order.noise != "none" else None
         await self._playing.mask(noise, order.noise)
         by = order.override.strip()
@@ -204,7 +206,7 @@ class StudyPanel(Panel):
             raise
         finally:
             if self._session is session:
-                self._show(busy=False, due="", cue="")
+                self._show(busy=False, due="", cue="", media=None)
         return True
 
     async def answer(self, _: Page, order: AnswerGiven) -> bool:
@@ -305,6 +307,9 @@ class StudyPanel(Panel):
 
     def _show_due(self, said: str) -> None:
         self._later(lambda: self._show(due=said) if self._session is not None else None)
+
+    def _show_media(self, media: dict[str, str] | None) -> None:
+        self._later(lambda: self._show(media=media) if self._session is not None else None)
 
     def _note(self, said: str) -> None:
         self._about["log"] = [*self._about["log"], said][-30:]

@@ -79,7 +79,7 @@ export default class Study {
   }
 
   _forParticipant() {
-    const { session } = this, step = session?.step, key = JSON.stringify([step, session?.busy, session?.cue]);
+    const { session } = this, step = session?.step, key = JSON.stringify([step, session?.busy, session?.cue, session?.media]);
     if (key === this.shown) return;
     this.shown = key;
     this.answers = [];
@@ -87,7 +87,7 @@ export default class Study {
     const stop = make("button.stop", { type: "button", id: "want-stop", onclick: () => this._stop() }, "I want to stop ", make("kbd", {}, "Esc"));
     if (!session) main.append(make("p", {}, "Please wait."), make("a", { href: "#study" }, "experimenter's page"));
     else if (step.kind === "show") main.append(...step.text.split("\n").map((line) => make("p", {}, line)), next(step.consent ? "I have read this, and take part" : "Next", () => tried(this.link.order("study", "acknowledge"))));
-    else if (step.kind === "present") main.append(make("p", {}, session.busy ? session.cue || "Feel it now." : step.text || "Please put your hand in place."), ...(session.busy ? [] : [next("I am ready", () => tried(this.link.order("study", "present")))]));
+    else if (step.kind === "present") main.append(...(session.media ? [this._medium(session)] : []), make("p", {}, session.busy ? session.cue || "Feel it now." : step.text || "Please put your hand in place."), ...(session.busy ? [] : [next("I am ready", () => tried(this.link.order("study", "present")))]));
     else if (step.kind === "rest") {
       const go = next(`A break of ${Math.ceil(step.rest_s)} s`, () => tried(this.link.order("study", "acknowledge")));
       go.disabled = true;
@@ -102,6 +102,12 @@ export default class Study {
     this.studio.main.replaceChildren(main);
     (main.querySelector("input[type=range]") ?? main.querySelector("button") ?? this.studio.main).focus();
     this.asked = performance.now();
+  }
+  /** The text, picture or sound that is presented now. */
+  _medium({ study, media: { kind, source } }) {
+    if (kind === "text") return make("h2", { id: "stimulus" }, source);
+    const src = `/file/${[study, ...source.split("/")].map(encodeURIComponent).join("/")}`;
+    return kind === "picture" ? make("img", { id: "stimulus", src, alt: "" }) : make("audio", { id: "stimulus", src, autoplay: true });
   }
   _question({ question, turn }) {
     const answer = (text) => tried(this.link.order("study", "answer", { turn, text, reaction_s: (performance.now() - this.asked) / 1000 }));

@@ -7,9 +7,12 @@ from typing import Literal
 from midair.errors import InputError
 from midair.study.design.question import Question, one_of
 
-StimulusKind = Literal["drive", "object", "silence", "pair"]
+StimulusKind = Literal["drive", "object", "silence", "pair", "text", "picture", "sound"]
 """A drive that an array plays; a real object that the experimenter presents; nothing (catch trial); two stimuli in a
-row."""
+row; a text; a picture or a sound, which only the participant's page in the studio presents."""
+
+ENDINGS = {"picture": (".png", ".jpg", ".jpeg", ".webp"), "sound": (".wav", ".flac", ".mp3", ".ogg")}
+"""File names of pictures and sounds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,7 +23,9 @@ class Stimulus:
     """Identifier in the plan; participants never see it."""
     kind: StimulusKind = "drive"
     source: str = ""
-    """File of the drive, or the object that the experimenter presents."""
+    """File of the drive, picture or sound; the object that the experimenter presents; or the text."""
+    duration_s: float = 1.0
+    """How long a text or picture is shown, in s."""
     made_from: str = ""
     """Source of a missing drive, as in `midair record`: ``virtual:towel+groove``. Such drives are SIMULATED."""
     share: float = 1.0
@@ -55,10 +60,21 @@ class Stimulus:
                 f"stimulus {self.name!r}: expected code 2 or 5 to 255 (1, 3 and 4 mark trials and answers),"
                 f" got {self.code}"
             )
-        if self.kind in ("drive", "object") and not self.source:
+        if self.kind not in ("silence", "pair") and not self.source:
             raise InputError(f"stimulus {self.name!r}: expected the source of the {self.kind}, got none")
-        if self.kind == "drive" and (self.source.startswith("/") or ".." in self.source.split("/")):
-            raise InputError(f"stimulus {self.name!r}: expected a drive below the plan's folder, got {self.source!r}")
+        filed = self.kind in ("drive", "picture", "sound")
+        if filed and (self.source.startswith("/") or ".." in self.source.split("/")):
+            raise InputError(
+                f"stimulus {self.name!r}: expected a {self.kind} below the plan's folder, got {self.source!r}"
+            )
+        if self.kind in ENDINGS and not self.source.lower().endswith(ENDINGS[self.kind]):
+            raise InputError(
+                f"stimulus {self.name!r}: expected a {self.kind} ({', '.join(ENDINGS[self.kind])}), got {self.source!r}"
+            )
+        if not 0 < self.duration_s <= 3600:
+            raise InputError(
+                f"stimulus {self.name!r}: expected duration_s above 0 to 3600 s, got {self.duration_s:g} s"
+            )
 
 
 def both_orders(stimulus: Stimulus) -> tuple[Stimulus, ...]:

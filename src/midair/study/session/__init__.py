@@ -11,6 +11,7 @@ from .presenters import MaskedPresenter as MaskedPresenter
 from .presenters import Masking as Masking
 from .presenters import Presenter as Presenter
 from .presenters import SilentPresenter as SilentPresenter
+from .presenters import TextPresenter as TextPresenter
 from .simulated_screen import SimulatedScreen as SimulatedScreen
 from .steps import Clock as Clock
 from .steps import InstantClock as InstantClock

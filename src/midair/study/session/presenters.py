@@ -52,7 +52,7 @@ class ArrayPresenter:
     admitted: Callable[[Stimulus], ExposureClearance]
     """Returns the drive of a stimulus with its exposure clearance for this array."""
     by_hand: Presenter
-    """Presenter of real objects."""
+    """Presenter of real objects and texts."""
     room: Medium | None = None
     """Air for the log of played drives; None if unknown."""
     silence_s: float = 0.0
@@ -86,7 +86,7 @@ class ArrayPresenter:
                     f"array: expected every frame in time, got {report.late} late frames and {report.gap:.3f} s of "
                     "silence; close other programs"
                 )
-        elif stimulus.kind == "object":
+        else:
             self.by_hand.present(stimulus)
 
     def silence(self) -> None:
@@ -112,7 +112,7 @@ class Masking(Protocol):
 class MaskedPresenter:
     """Presenter with masking noise in the headphones during drives and silent stimuli (paper, 5.3).
 
-    Silent stimuli have the same noise, so that participants cannot hear the difference. Real objects have none.
+    Silent stimuli have the same noise, so that participants cannot hear the difference. Other stimuli have none.
     """
 
     inner: Presenter
@@ -122,7 +122,7 @@ class MaskedPresenter:
 
     def present(self, stimulus: Stimulus) -> None:
         """Present a stimulus during the noise."""
-        if stimulus.kind == "object":
+        if stimulus.kind not in ("drive", "silence"):
             self.inner.present(stimulus)
             return
         self.noise.on()
@@ -153,6 +153,33 @@ class MarkedPresenter:
 
     def silence(self) -> None:
         """Silence the stimulus."""
+        self.inner.silence()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TextPresenter:
+    """Presenter that shows texts itself."""
+
+    inner: Presenter
+    """Presents all other stimuli."""
+    show: Callable[[str], None]
+    """Shows a text to the participant; an empty one removes it."""
+    ended: Event = field(default_factory=Event)
+    """Set when silence is requested."""
+
+    def present(self, stimulus: Stimulus) -> None:
+        """Show a text for its duration, or present another stimulus."""
+        if stimulus.kind != "text":
+            self.inner.present(stimulus)
+            return
+        self.ended.clear()
+        self.show(stimulus.source)
+        self.ended.wait(stimulus.duration_s)
+        self.show("")
+
+    def silence(self) -> None:
+        """Remove the text, and silence the stimulus."""
+        self.ended.set()
         self.inner.silence()
 
 

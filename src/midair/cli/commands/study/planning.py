@@ -18,6 +18,7 @@ from midair.study import (
     block_order,
     plan_page,
     prepare_drives,
+    prepare_media,
     read_design,
     template_text,
     withdraw,
@@ -50,7 +51,8 @@ def new_command(
     source
         TOML file that describes another study, instead of --template; its drives are searched in the same folder.
     trials
-        CSV table of the trials, with --source: the column stimulus, and block, kind, source, made_from, share, code;
+        CSV table of the trials, with --source: the column stimulus, and block, kind, source, made_from, share, code,
+        duration_s;
         all further columns are factors.
     participants
         Number of participants to draw trials for. [default: from the TOML]
@@ -84,7 +86,7 @@ def new_command(
         folder = Path(drives) if drives else None if source is None else source.parent
         with progress_bars() as stage:
             gathered.extend(prepare_drives(design, into, found_in=folder, mode=mode, seed=design.seed, stage=stage))
-        return {one.source: one.digest for one in gathered}
+        return {one.source: one.digest for one in gathered} | prepare_media(design, into, found_in=folder)
 
     plan = StudyFolder.create(path, text, design, drives=None if drives == "none" else fill, trials=table).plan()
     out().print(f"{path}: {len(plan.of(1))} trials for each of {design.participants} participants, plan {plan.digest}.")
@@ -172,6 +174,9 @@ def _print_next(path: Path, design: Design, gathered: list[StudyDrive]) -> None:
     drives = any(one.kind == "drive" for one in design.stimuli)
     if drives and not gathered:
         out().print(f"Next: midair study run {there} --simulate")
+        return
+    if any(one.kind in ("picture", "sound") for one in design.stimuli):
+        out().print(f"Next: midair studio {shlex.quote(str(path.parent))}")
         return
     noise = " --noise none" if design.noise else ""
     array = f" --array virtual{noise}" if drives else ""

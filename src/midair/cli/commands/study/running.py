@@ -111,6 +111,7 @@ def run_command(
             before=before,
             noise=noise,
             serial=serial,
+            show=screen.present_text,
         ) as rig,
         _air_watched(air, solved, array),
     ):
