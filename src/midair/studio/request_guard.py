@@ -72,8 +72,8 @@ class RequestGuard:
         self._app, self._keys = app, keys
         stop = f" http://127.0.0.1:{stop_port}" if stop_port else ""
         self._headers = {
-            "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; media-src 'self'; "
-            f"connect-src 'self'{stop}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+            "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+            f"media-src 'self'; connect-src 'self'{stop}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
             "x-content-type-options": "nosniff",
             "referrer-policy": "no-referrer",
             "cross-origin-opener-policy": "same-origin",
