@@ -53,6 +53,7 @@ def test_reads_rows_without_names(tmp_path):
         ("a,b\n1,2,3\n", BrokenFileError, "expected 2 fields in line 2, got 3"),
         ("a,b\n1,2,,\n", BrokenFileError, "expected 2 fields in line 2, got 4"),
         ("a,b\n1,x\n", BrokenFileError, "got 'x' in line 2, column 'b'"),
+        ("a,b\n1,1_000\n", BrokenFileError, "got '1_000' in line 2, column 'b'"),
         ('a;b\n1;"2,5"\n', BrokenFileError, "write decimals with a point"),
         ("a,b\n1,\n", NonFiniteError, "empty field in line 2, column 'b'"),
         ("a,b\n,1\n", NonFiniteError, "empty field in line 2, column 'a'"),

@@ -97,6 +97,8 @@ def _numbers(rows: list[_Row], names: tuple[str, ...], path: Path, *, gaps: bool
             np.array([row.fields for row in part], np.float64) for part in report_progress(some, len(rows), weight=len)
         ]
         values = np.concatenate(parts)
+        if any("_" in "".join(row.fields) for row in rows):  # NumPy accepts them
+            raise ValueError("expected numbers, got underscores")
     except ValueError:
         # One by one, to locate the field that is not a number.
         values = np.array([[_number(row, i, names, path) for i in range(len(row.fields))] for row in rows])
@@ -127,6 +129,9 @@ def _column(column: int, names: tuple[str, ...]) -> str:
 
 
 def _is_number(field: str) -> bool:
+    # Python reads 1_000 as 1000; other programs write no underscores in numbers.
+    if "_" in field:
+        return False
     try:
         float(field)
     except ValueError:
