@@ -106,3 +106,9 @@ def test_refuses_a_chunk_whose_checksum_is_wrong(mcap, samples, file):
 def test_refuses_messages_that_are_not_frames(messages, found, mcap, file):
     with pytest.raises(BrokenFileError, match=found):
         load(file(mcap({"/skin": messages})), unit="V")
+
+
+def test_refuses_a_block_of_zeros_at_its_first_byte(mcap, samples, file):
+    data = mcap({"/skin": [frame.tolist() for frame in samples]}, compress=False)
+    with pytest.raises(BrokenFileError, match=r"zeros in place of a record at byte 8$"):
+        load(file(data[:8] + bytes(900_000) + data[-8:]), unit="V")

@@ -121,6 +121,8 @@ def _check_chunks(path: Path) -> None:
         while place + 9 <= size:
             file.seek(place)
             opcode, length = struct.unpack("<BQ", file.read(9))
+            if opcode == 0:  # not valid in MCAP; millions of such records in a block of zeros would take long
+                raise BrokenFileError(f"{path}: expected an MCAP file, got zeros in place of a record at byte {place}")
             head = file.read(min(length, 128)) if opcode == _CHUNK else b""
             place += 9 + length
             if len(head) < 40:
