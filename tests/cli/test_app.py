@@ -3,11 +3,13 @@
 import os
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pytest
 
-from midair.cli import app, run
+from midair.cli import app, main, run
+from midair.errors import InputError
 from midair.files import save
 from midair.model import Recording
 
@@ -41,6 +43,35 @@ def test_an_unexpected_error_is_one_line(failure, capsys):
     assert said.err.count("\n") == 1
     assert failure in said.err
     assert "\x1b" not in said.err
+
+
+def test_a_long_message_is_cut_between_its_file_and_its_advice(capsys):
+    def fails() -> None:
+        raise InputError(f"a.h5: expected a unit, got {'x' * 60_000!r}; give one with --unit")
+
+    app.command(fails, name="fails")
+    try:
+        assert run(["fails"]) == 1
+    finally:
+        del app["fails"]
+    said = capsys.readouterr().err
+    assert len(said) < 2100
+    assert said.startswith("midair: a.h5: expected a unit, got 'xxx")
+    assert said.endswith("xxx'; give one with --unit\n")
+
+
+def test_control_characters_in_warnings_of_libraries_are_escaped(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["midair", "--version"])
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    with warnings.catch_warnings():
+        with pytest.raises(SystemExit):
+            main()
+        warnings.simplefilter("always")
+        warnings.warn("Glyph 27 (\x1b[31m) is missing", UserWarning, stacklevel=1)
+    said = capsys.readouterr().err
+    assert "UserWarning: Glyph 27 (\\x1b[31m) is missing\n" in said
+    assert "\x1b" not in said
+    assert "stacklevel" not in said  # no line of the source
 
 
 def test_the_traceback_can_be_had(failure, monkeypatch):

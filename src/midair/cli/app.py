@@ -26,6 +26,9 @@ TRACEBACK = "MIDAIR_TRACEBACK"
 OPEN_FILES = 64
 """Smallest limit of open files with which a command starts."""
 
+_LONGEST_LINE = 2000
+"""Largest number of characters of a message on the terminal."""
+
 _EPILOGUE = """Examples:
   midair demo
   midair record virtual:towel take.h5
@@ -194,10 +197,14 @@ def _print_warning(message: Warning | str, category: type[Warning], *where: Any)
     if issubclass(category, no_locks):
         _print_line(str(message), 0)
     else:
-        sys.stderr.write(warnings.formatwarning(message, category, *where[:2]))
+        # Without the source line; the console escapes control characters, which texts of files may contain.
+        err().print(warnings.formatwarning(message, category, *where[:2], line=""), end="")
 
 
 def _print_line(message: str, status: int) -> int:
     line = " ".join(message.split())
+    if len(line) > _LONGEST_LINE:  # a text of a file is quoted; keep the name before it and the advice after it
+        half = _LONGEST_LINE // 2
+        line = f"{line[:half]} [...] {line[-half:]}"
     err().print(f"midair: {line}")
     return status
