@@ -51,10 +51,10 @@ def programs(tmp_path):
     """The programs `dask scheduler` and `dask worker`: (address, processes of the workers)."""
 
     @contextmanager
-    def started(workers, protocol="tcp", options=()):
+    def started(workers, protocol="tcp", options=(), environment=None):
         told = tmp_path / "scheduler.json"
         scheduler = [f"--protocol={protocol}", "--host=127.0.0.1", "--port=0", f"--scheduler-file={told}"]
-        running = [_dask("scheduler", *scheduler, "--no-dashboard", *options)]
+        running = [_dask("scheduler", *scheduler, "--no-dashboard", *options, environment=environment)]
         try:
             until = time.monotonic() + 120
             while not told.exists() or not told.read_text():
@@ -63,7 +63,7 @@ def programs(tmp_path):
                 time.sleep(0.1)
             address = json.loads(told.read_text())["address"]
             worker = ["--nthreads=1", "--no-nanny", "--no-dashboard", f"--local-directory={tmp_path}"]
-            running += [_dask("worker", address, *worker, *options) for _ in range(workers)]
+            running += [_dask("worker", address, *worker, *options, environment=environment) for _ in range(workers)]
             yield address, running[1:]
         finally:
             for one in running:
@@ -73,7 +73,7 @@ def programs(tmp_path):
     return started
 
 
-def _dask(*words):
+def _dask(*words, environment=None):
     return subprocess.Popen(
-        [sys.executable, "-m", "dask", *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        [sys.executable, "-m", "dask", *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment
     )

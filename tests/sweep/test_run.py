@@ -1,12 +1,17 @@
 """Sweeps on real Dask workers, also with a real kill."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
+import urllib.request
+from contextlib import suppress
 from dataclasses import replace
+from http.client import HTTPException
+from pathlib import Path
 
 import distributed
 import numpy as np
@@ -14,7 +19,8 @@ import psutil
 import pytest
 import zarr
 
-from midair.errors import MidairError
+import midair
+from midair.errors import ClusterError, MidairError
 from midair.sweep import run as module
 from midair.sweep.pattern_sweep import PatternSweep, solve_patterns
 from midair.sweep.run import cluster, run_sweep
@@ -87,6 +93,36 @@ def test_a_failed_task_is_one_line_and_loses_nothing_else(tmp_path, scheduler, m
     monkeypatch.undo()
     run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler)
     np.testing.assert_allclose(load_sweep(tmp_path / "s.zarr").error, expected(SWEEP), rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("file", "before", "after", "found"),
+    [
+        ("version.py", f'"{midair.__version__}"', '"0.0.9"', "got 0.0.9, code "),
+        (
+            "sweep/pattern_sweep.py",
+            "error=solved.error",
+            "error=1.1 * solved.error",
+            f"got {midair.__version__}, code ",
+        ),
+    ],
+)
+def test_workers_with_other_code_are_refused(tmp_path, programs, file, before, after, found):
+    copy = tmp_path / "other" / "midair"
+    shutil.copytree(Path(midair.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    source = (copy / file).read_text()
+    (copy / file).write_text(source.replace(before, after))
+    assert (copy / file).read_text() != source
+    environment = {"PYTHONPATH": str(copy.parent), "DASK_DISTRIBUTED__WORKER__PRELOAD": '["midair.sweep"]'}
+    with (
+        programs(1, environment=os.environ | environment) as (address, _),
+        pytest.raises(ClusterError, match=found),
+    ):
+        with cluster(address, patience=120):
+            pass
+        run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=address)
+    assert load_sweep(tmp_path / "s.zarr").known == 0
 
 
 @pytest.mark.long
@@ -181,7 +217,9 @@ def test_a_tls_scheduler_requires_a_certificate(tmp_path, programs):
     subprocess.run([*make, "-keyout", "key.pem", "-out", "cert.pem"], cwd=tmp_path, check=True, capture_output=True)
     key, cert = str(tmp_path / "key.pem"), str(tmp_path / "cert.pem")
     options = [f"--tls-ca-file={cert}", f"--tls-cert={cert}", f"--tls-key={key}"]
-    with programs(1, protocol="tls", options=options) as (address, _):
+    page = (Path(__file__).parents[2] / "docs" / "sweep.md").read_text()
+    pages = dict(re.findall(r"(DASK_DISTRIBUTED__\w+__HTTP__ROUTES)='(.+?)'", page))
+    with programs(1, protocol="tls", options=options, environment=os.environ | pages) as (address, _):
         assert address.startswith("tls://")
         ask = ["sweep", "patterns", "s.zarr", "--count", "8", "--curves", "0", "--chunk", "4", "--method", "naive"]
         command = [sys.executable, "-m", "midair", *ask, "--scheduler"]
@@ -200,5 +238,22 @@ def test_a_tls_scheduler_requires_a_certificate(tmp_path, programs):
             assert "certificate" in lines[0]
         tls = "DASK_DISTRIBUTED__COMM__TLS__"
         allowed = run(address, **{f"{tls}CA_FILE": cert, f"{tls}CLIENT__CERT": cert, f"{tls}CLIENT__KEY": key})
+        assert _plain_answers(psutil.Process().children(recursive=True)) == []
     assert allowed.returncode == 0, allowed.stderr
     assert load_sweep(tmp_path / "s.zarr").known == 16
+
+
+def _plain_answers(processes):
+    """Pages that processes give to a client without a certificate, on any port on which they listen."""
+    found, ports = [], 0
+    for process in processes:
+        for socket in process.net_connections(kind="inet"):
+            if socket.status != psutil.CONN_LISTEN:
+                continue
+            ports += 1
+            for name in ("info/main/workers.html", "json/counts.json", "health", "metrics", "status"):
+                url = f"http://127.0.0.1:{socket.laddr.port}/{name}"
+                with suppress(OSError, HTTPException), urllib.request.urlopen(url, timeout=30) as page:
+                    found.append((url, page.status))
+    assert ports >= 2  # of the scheduler and the worker
+    return found

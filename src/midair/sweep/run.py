@@ -1,10 +1,13 @@
 """Run a sweep with Dask, on a local cluster or on an existing one."""
 
+import hashlib
 import signal
+import socket
 import time
 import warnings
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -16,6 +19,7 @@ from midair.sweep.region import SweepAddress
 from midair.sweep.store import open_sweep
 from midair.sweep.task import Job, Result, Sweep, Task
 from midair.sweep.worker_monitor import WorkerMonitor
+from midair.version import __version__
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -57,7 +61,8 @@ def run_sweep(
     MismatchError
         If the store contains another sweep.
     ClusterError
-        If the cluster cannot be reached, a task fails, or no worker responds for 20 s; all results so far are stored.
+        If the cluster cannot be reached, a worker has another midair, a task fails, or no worker responds for 20 s; all
+        results so far are stored.
     """
     whole = sum(task.count for task in sweep.tasks())
     with open_sweep(where, sweep) as store:
@@ -112,8 +117,26 @@ def do(job: Job, task: Task) -> Result:
     return Result(task=task, found=found, seconds=time.process_time() - start)
 
 
-def done_and_stored(job: Job, task: Task, address: SweepAddress | None) -> Result:
-    """Run one task on a worker, which stores the result if it can access the store."""
+@cache
+def installed_code() -> str:
+    """Version of midair in this process, and the first digits of the SHA-256 of its source files."""
+    folder, digest = Path(__file__).parents[1], hashlib.sha256()
+    for file in sorted(folder.rglob("*.py"), key=Path.as_posix):
+        digest.update(file.relative_to(folder).as_posix().encode() + b"\0" + file.read_bytes())
+    return f"{__version__}, code {digest.hexdigest()[:12]}"
+
+
+def done_and_stored(job: Job, task: Task, address: SweepAddress | None, code: str) -> Result:
+    """Run one task on a worker, which stores the result if it can access the store.
+
+    Raises a ClusterError if the worker has other code than the command. Each task is checked, because workers may join
+    at any time.
+    """
+    if installed_code() != code:
+        raise ClusterError(
+            f"sweep: expected workers with midair {code}, got {installed_code()} on {socket.gethostname()}; install "
+            "the same version there and restart the workers; all results so far are stored"
+        )
     result = do(job, task)
     return result if address is None else address.take(result)
 
@@ -180,7 +203,7 @@ def _submitted(client: "Client", job: Job, task: Task, address: SweepAddress | N
     with warnings.catch_warnings():
         # The amount of queued data is limited in `_results`; Dask warns above 10 MB.
         warnings.filterwarnings("ignore", message="Sending large graph", category=UserWarning)
-        return client.submit(done_and_stored, job, task, address, pure=False, priority=priority)
+        return client.submit(done_and_stored, job, task, address, installed_code(), pure=False, priority=priority)
 
 
 def _next(finished: "SimpleQueue[Any]", *, patience: float = 1.0, most: int = 256) -> list[Any]:
@@ -209,6 +232,8 @@ def _check(ended: list[Any]) -> None:
     """Raise a ClusterError if a task failed or the scheduler was lost."""
     wrong = next((future for future in ended if future.status not in ("finished", "pending")), None)
     if wrong is not None:
+        if isinstance(refused := wrong.exception() if wrong.status == "error" else None, ClusterError):
+            raise refused
         cause = repr(wrong.exception()) if wrong.status == "error" else "a lost connection to the scheduler"
         raise ClusterError(
             f"sweep: expected an answer of every worker, got {cause}; all results so far are stored, repeat the "
