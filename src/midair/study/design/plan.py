@@ -15,6 +15,9 @@ from midair.study.design.order import balanced_latin_square, constrained_shuffle
 from midair.study.design.stimulus import both_orders
 from midair.study.design.study_design import Design
 
+MOST_TRIALS = 100_000
+"""Largest number of trials of all participants in a plan."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
@@ -104,14 +107,27 @@ def draw_plan(design: Design, *, drives: Mapping[str, str] | None = None) -> Pla
     Raises
     ------
     InputError
-        If a participant who always gives the same answer would always be correct in an adaptive block.
+        If a participant who always gives the same answer would always be correct in an adaptive block, or the plan has
+        more than `MOST_TRIALS` trials.
     """
     whole = _expand_pairs(design)
+    trials_each = sum(_trial_count(block) for block in whole.blocks)
+    if trials_each * whole.participants > MOST_TRIALS:
+        raise InputError(
+            f"study: expected a plan of at most {MOST_TRIALS} trials, got {whole.participants} participants with "
+            f"{trials_each} trials each; reduce participants or repetitions"
+        )
     for block in whole.blocks:
         if block.adaptive:
             check_sides(whole, block)
     trials = tuple(trial for number in range(1, whole.participants + 1) for trial in _draw_session(whole, number))
     return Plan(design=whole, trials=trials, drives=dict(drives or {}), chain=True)
+
+
+def _trial_count(block: Block) -> int:
+    """Number of trials of one participant in a block."""
+    tests = block.repetitions * (1 if block.adaptive else len(block.stimuli))
+    return tests + sum(len(extra.stimuli) * extra.repetitions for extra in block.extras)
 
 
 def block_order(design: Design, participant: int) -> list[Block]:
