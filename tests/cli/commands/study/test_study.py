@@ -127,6 +127,14 @@ def only_choices(source):
     return target
 
 
+def test_uneven_counterbalancing_is_reported_before_the_first_session(tmp_path, capsys):
+    note = "expected a multiple of 2 participants, because 2 orders of plain, grooved take turns, got 3"
+    study("new", tmp_path / "odd", "--participants", 3, "--drives", "none")
+    assert note in capsys.readouterr().err
+    study("new", tmp_path / "even", "--participants", 2, "--drives", "none")
+    assert "uneven" not in capsys.readouterr().err
+
+
 def test_refusals_are_one_clear_line(tmp_path):
     with pytest.raises(MissingFileError, match="midair study new"):
         study("run", tmp_path, "--simulate")

@@ -5,7 +5,7 @@ import sys
 from hashlib import sha256
 from pathlib import Path
 
-from midair.cli.console import banner, err, out, progress_bars
+from midair.cli.console import banner, err, out, print_note, progress_bars
 from midair.cli.options import Force
 from midair.errors import InputError
 from midair.files import atomic_file, read_text
@@ -15,6 +15,7 @@ from midair.study import (
     StudyDrive,
     StudyFolder,
     Template,
+    balanced_latin_square,
     block_order,
     plan_page,
     prepare_drives,
@@ -93,6 +94,13 @@ def new_command(
     for number in range(1, design.participants + 1):
         order = dict.fromkeys(block.group for block in block_order(plan.design, number))
         out().print(f"  participant {number}: {', '.join(order)}")
+    orders = len(balanced_latin_square(max(1, len(set(design.counterbalanced)))))
+    if design.participants % orders:
+        print_note(
+            f"uneven counterbalancing: expected a multiple of {orders} participants, because {orders} orders of "
+            f"{', '.join(design.counterbalanced)} take turns, got {design.participants}",
+            warn=True,
+        )
     _print_drives(gathered)
     _print_next(path, design, gathered)
 
