@@ -109,6 +109,18 @@ def test_a_second_call_completes_an_interrupted_withdrawal(study, tmp_path):
     assert withdraw(study, 2)[0].endswith("if it was moved, delete the participant from it by hand")
 
 
+def test_the_folder_of_a_study_may_be_moved(study, tmp_path):
+    report = study.path / "later.html"
+    report.write_text("sub-02")
+    log_derived_file(study, report, "report")
+    log_derived_file(study, report, "report")
+    assert (study.path / MADE).read_text().splitlines()[-1] == '{"path": "later.html", "kind": "report"}'
+    assert (study.path / MADE).read_text().count("later.html") == 1
+    moved = StudyFolder(study.path.rename(tmp_path / "moved"))
+    assert f"{moved.path / 'later.html'}: deleted" in "\n".join(withdraw(moved, 2))
+    assert not (moved.path / "later.html").exists()
+
+
 def test_an_export_that_was_moved_is_named(study, tmp_path):
     (tmp_path / "table.csv").rename(tmp_path / "elsewhere.csv")
     said = withdraw(study, 2)

@@ -20,9 +20,11 @@ WITHDRAWN = "withdrawn.jsonl"
 
 def log_derived_file(folder: StudyFolder, path: Path, kind: str) -> None:
     """Record a report, BIDS dataset or table that was derived from the answers of a study."""
-    known = [(entry["path"], entry["kind"]) for entry in _entries(folder.path / MADE)]
-    if (entry := (str(path.resolve()), kind)) not in known:
-        _append(folder.path / MADE, {"path": entry[0], "kind": kind})
+    home, path = folder.path.resolve(), path.resolve()
+    if (path, kind) not in [(home / entry["path"], entry["kind"]) for entry in _entries(folder.path / MADE)]:
+        # Relative inside the study, whose folder may be moved.
+        inside = path.relative_to(home).as_posix() if path.is_relative_to(home) else str(path)
+        _append(folder.path / MADE, {"path": inside, "kind": kind})
 
 
 def withdrawn(folder: StudyFolder) -> frozenset[int]:
@@ -82,7 +84,7 @@ def withdraw(folder: StudyFolder, participant: int) -> list[str]:
 def _delete_from_derived(folder: StudyFolder, person: str) -> list[str]:
     report: list[str] = []
     for entry in _entries(folder.path / MADE):
-        path, kind = Path(entry["path"]), entry["kind"]
+        path, kind = folder.path.resolve() / entry["path"], entry["kind"]
         if not path.exists():
             report.append(f"{path}: not found; if it was moved, delete the participant from it by hand")
         elif kind == "report":
