@@ -1,10 +1,11 @@
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import zarr
 
-from midair.errors import BrokenFileError, DeviceStateError, MismatchError, MissingFileError
+from midair.errors import BrokenFileError, DeviceStateError, InputError, MismatchError, MissingFileError
 from midair.files.native.provenance_json import from_json
 from midair.sweep.pattern_report import PatternResults
 from midair.sweep.pattern_sweep import PatternSweep
@@ -122,6 +123,21 @@ def test_other_programs_can_read_it(tmp_path):
 def test_no_incomplete_store_remains(tmp_path):
     with open_sweep(tmp_path / "s.zarr", SWEEP):
         assert [path.name for path in tmp_path.iterdir()] == ["s.zarr"]
+
+
+@pytest.mark.parametrize("name", ["error", "done", "pattern"])
+def test_a_shape_that_does_not_fit_into_memory_is_refused_before_reading(tmp_path, name):
+    path = tmp_path / "s.zarr"
+    with open_sweep(path, SWEEP):
+        pass
+    stated = path / name / "zarr.json"
+    layout = json.loads(stated.read_text())
+    layout["shape"][-1] = 10**12
+    stated.write_text(json.dumps(layout))
+    with pytest.raises(InputError, match=r"s\.zarr: expected .* GB of free memory"):
+        load_sweep(path)
+    with pytest.raises(InputError, match=r"s\.zarr: expected .* GB of free memory"), open_sweep(path, SWEEP):
+        pass
 
 
 def test_other_files_are_rejected(tmp_path):

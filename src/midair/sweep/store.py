@@ -1,5 +1,6 @@
 """Results of a sweep in Zarr: every task has its own chunks, so that the process that solved it can store it."""
 
+import math
 import secrets
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, MissingFileError
-from midair.files import parse_errors, to_json
+from midair.files import check_memory_for, parse_errors, to_json
 from midair.sweep.region import SweepAddress, write_region
 from midair.sweep.settings_check import check_settings
 from midair.sweep.storage import SweepStorage, storage_of, zarr
@@ -85,6 +86,7 @@ def open_sweep(where: Path | str, sweep: Sweep) -> Generator[SweepStore]:
         place.create(lambda inside: _fill(inside, sweep))
     with place.alone():
         group = place.group("r+")
+        _check_sizes(place, group)
         check_settings(place, group.attrs, sweep)
         for one in sweep.coordinates():
             if not np.array_equal(group[one.name][:], one.values):
@@ -106,6 +108,7 @@ def load_sweep(where: Path | str) -> SweepResults:
     if not place.exists():
         raise MissingFileError(f"{place}: expected a sweep, found none; create one with midair sweep patterns {place}")
     group = place.group("r")
+    _check_sizes(place, group)
     with parse_errors(str(place), "a sweep of midair"):
         done = _done(place, group)
         coordinates = {str(name): group[name][:] for name in group.attrs["coordinates"]}
@@ -119,6 +122,14 @@ def load_sweep(where: Path | str) -> SweepResults:
             strength=_known(group["target_strength"], done, width=1),
             seconds=float(np.nansum(_known(group["seconds"], done, width=1))),
         )
+
+
+def _check_sizes(place: SweepStorage, group: Any) -> None:
+    """Raise an InputError before anything is read if the arrays, which may claim any shape, do not fit into memory."""
+    with parse_errors(str(place), "a sweep of midair"):
+        numbers = sum(max(math.prod(array.shape), math.prod(array.chunks)) for _, array in group.arrays())
+        # Of 8 bytes each; results, mask and sorted copies exist at the same time.
+        check_memory_for(5 * 8 * numbers, str(place), "check that the sweep is not damaged, or use more memory")
 
 
 _RESULTS = ("error", "rounded_error", "target_strength", "seconds")
