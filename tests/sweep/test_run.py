@@ -28,6 +28,9 @@ from midair.sweep.store import SweepStore, load_sweep, open_sweep
 
 SWEEP = PatternSweep(count=10, curve_count=3, chunk=4, strengths=(0.1,), curve_heights=(0.3,), method="naive")
 
+PRELOADED = {"DASK_DISTRIBUTED__WORKER__PRELOAD": '["midair.sweep"]'}
+"""On a busy machine a worker that imports midair for its first task sends no heartbeat for too long."""
+
 
 @pytest.fixture(scope="module")
 def scheduler(threads):
@@ -114,9 +117,8 @@ def test_workers_with_other_code_are_refused(tmp_path, programs, file, before, a
     source = (copy / file).read_text()
     (copy / file).write_text(source.replace(before, after))
     assert (copy / file).read_text() != source
-    environment = {"PYTHONPATH": str(copy.parent), "DASK_DISTRIBUTED__WORKER__PRELOAD": '["midair.sweep"]'}
     with (
-        programs(1, environment=os.environ | environment) as (address, _),
+        programs(1, environment=os.environ | PRELOADED | {"PYTHONPATH": str(copy.parent)}) as (address, _),
         pytest.raises(ClusterError, match=found),
     ):
         with cluster(address, patience=120):
@@ -219,7 +221,7 @@ def test_a_tls_scheduler_requires_a_certificate(tmp_path, programs):
     options = [f"--tls-ca-file={cert}", f"--tls-cert={cert}", f"--tls-key={key}"]
     page = (Path(__file__).parents[2] / "docs" / "sweep.md").read_text()
     pages = dict(re.findall(r"(DASK_DISTRIBUTED__\w+__HTTP__ROUTES)='(.+?)'", page))
-    with programs(1, protocol="tls", options=options, environment=os.environ | pages) as (address, _):
+    with programs(1, protocol="tls", options=options, environment=os.environ | PRELOADED | pages) as (address, _):
         assert address.startswith("tls://")
         ask = ["sweep", "patterns", "s.zarr", "--count", "8", "--curves", "0", "--chunk", "4", "--method", "naive"]
         command = [sys.executable, "-m", "midair", *ask, "--scheduler"]
