@@ -38,6 +38,7 @@ from .safety import make_state_folder as make_state_folder
 from .safety import ordered_at as ordered_at
 from .safety import playing_now as playing_now
 from .safety import process_start_time as process_start_time
+from .safety import read_log as read_log
 from .safety import state_folder as state_folder
 from .safety import stop_playing as stop_playing
 from .safety import uptime as uptime

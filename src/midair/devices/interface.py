@@ -180,6 +180,8 @@ class ArrayDevice(ABC):
     """Number of steps per turn to which it rounds phases."""
     cooling: Cooling | None = None
     """How to wait for units that are too hot; None ends playback with TooHotError."""
+    participant: str = ""
+    """Person or code that the log states for every order; empty if unknown."""
     _order: StopGuard
     _entered: contextlib.ExitStack
     _plays: bool
@@ -287,7 +289,9 @@ class ArrayDevice(ABC):
             return emitted()
         with self._order.held(self.name, self.exclusive, self.silence):
             self._order.check(self.name)
-            number = log_order(source, self.name, admission, simulated=self.simulated, room=room)
+            number = log_order(
+                source, self.name, admission, simulated=self.simulated, room=room, participant=self.participant
+            )
             self._log = partial(log_pause, number, source, self.name)
             try:
                 report = emitted()

@@ -42,6 +42,8 @@ from .correction import summarise_outcomes as summarise_outcomes
 from .correction import view_of_loop as view_of_loop
 from .correction import write_report as write_report
 from .doctor import run_checks as run_checks
+from .dose import DoseReport as DoseReport
+from .dose import dose_report as dose_report
 from .live_touch import FRAME_EMITTED as FRAME_EMITTED
 from .live_touch import FRAME_LATE as FRAME_LATE
 from .live_touch import FRAME_REPEATED as FRAME_REPEATED

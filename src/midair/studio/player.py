@@ -207,13 +207,14 @@ class _Player:
     def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path) -> dict[str, Any]:
         leave, output = order["leave"], order["output"]
         if self.device != "virtual":
+            self.array.participant = order.get("participant", "")
             with under_lease(self.array, self.permit, leave):
                 report = play_cleared(admission, self.array, source=path, progress=self._progress(leave))
             return {"output": "", **asdict(report)}
         rig = self._virtual(admission.drive)
         skin = rig.skin()
         with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-            self.array = array
+            self.array, array.participant = array, order.get("participant", "")
             try:
                 with under_lease(array, self.permit, leave):
                     paced = self._progress(leave, paced=admission.drive.rate)

@@ -107,6 +107,7 @@ from .statistics import wilson as wilson
 from .stimulus_rig import StimulusRig as StimulusRig
 from .stimulus_rig import open_markers as open_markers
 from .stimulus_rig import open_stimulus_rig as open_stimulus_rig
+from .stimulus_rig import study_code as study_code
 from .study_figures import chance_figure as chance_figure
 from .study_figures import power_figure as power_figure
 from .study_notebook import analysis_notebook as analysis_notebook

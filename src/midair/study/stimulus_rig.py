@@ -54,13 +54,15 @@ def open_stimulus_rig(
     noise: str = "default",
     serial: str = "",
     show: Callable[[str], None] = lambda _: None,
+    participant: int = 0,
 ) -> Generator[StimulusRig]:
     """Open the presenter: the experimenter, instructed on the error stream, or an array that plays the plan's drives.
 
     Before the session begins, the digests of all drives are checked, `before` is called with each drive, and each drive
     must pass the exposure check; every playback is logged. The effect of the room air, the noise level and the marker
     outputs are printed for the experimenter. `serial` replaces the serial port of the plan, see `open_markers`.
-    `show` shows a text to the participant. Raises InputError if the plan has pictures or sounds.
+    `show` shows a text to the participant; `participant` (0 if unknown) is logged by its code. Raises InputError if the
+    plan has pictures or sounds.
     """
     console = Console(stderr=True, emoji=False)
     if unable := next((one for one in plan.design.stimuli if one.kind in ("picture", "sound")), None):
@@ -84,6 +86,7 @@ def open_stimulus_rig(
     with ExitStack() as stack:
         markers = stack.enter_context(open_markers(plan, serial=serial))
         presenter = stack.enter_context(_array_presenter(array, folder, plan, by_hand, exposure, room, before, console))
+        presenter.array.participant = study_code(folder, participant) if participant else ""
         rig = _marked(presenter, markers, console)
         about: dict[str, Any] = {"array": presenter.array.name, "noise_dbfs": None, **rig.about}
         rig = replace(rig, simulated=presenter.array.simulated, about=about)
@@ -132,6 +135,11 @@ def _marked(presenter: Presenter, markers: EventMarkers | None, console: Console
     console.print(_plain(f"markers: {markers.outputs.said}"))
     about = {"markers": markers.outputs.said}
     return StimulusRig(presenter=MarkedPresenter(inner=presenter, markers=markers), markers=markers, about=about)
+
+
+def study_code(folder: StudyFolder, participant: int) -> str:
+    """Participant of a study in the log of playback, such as touch/3: numbers alone repeat in other studies."""
+    return f"{folder.path.resolve().name}/{participant}"
 
 
 @contextmanager

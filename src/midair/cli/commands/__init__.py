@@ -46,6 +46,7 @@ FOLDERS: Mapping[str, tuple[str, str]] = {
     ),
     "sweep": ("Research", "Solve many targets in parallel processes and report the error E."),
     "study": ("Research", "Plan, run and analyse a user study."),
+    "log": ("Reproduce", "Export the log of all drives that were played, with the dose of sound."),
 }
 """Commands with subcommands: group and help."""
 

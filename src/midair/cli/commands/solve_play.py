@@ -140,12 +140,15 @@ class PlayOptions(ExposureOptions):
         Time before the first frame.
     silencer
         How the array smooths phase steps; auto: least simulated pressure error; default: the firmware's 1 ms.
+    participant
+        Code of the person at the array for midair log export, not a name. The virtual device logs nothing.
     """
 
     repeats: int = 1
     delay: Time = 0.0
     silencer: SilencerChoice = "auto"
     placement: Placement = None
+    participant: str = ""
 
     def admit(self, drive: Drive, device: ArrayDevice, room: Medium | None) -> ExposureClearance:
         """Check the exposure of a drive on this device in the air of the room."""
@@ -277,7 +280,7 @@ def _play_on_array(
     room = air.medium()
     placement = None if options.placement is None else load_placement(options.placement)
     array = array_named(device, placement, silencer=options.silencer)
-    array.cooling = cooling
+    array.cooling, array.participant = cooling, options.participant
     # Reserved before a long drive is read and checked: `midair stop` works, and no other program gets the units.
     with array.reserved():
         drive = load_solution(source, streamed=True).drive

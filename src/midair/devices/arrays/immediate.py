@@ -133,7 +133,9 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
 
         with self._order.held(self.name, self.exclusive, self.silence):
             self._order.check(self.name)
-            number = log_order(source, self.name, admission, simulated=self.simulated, room=room)
+            number = log_order(
+                source, self.name, admission, simulated=self.simulated, room=room, participant=self.participant
+            )
             self._log = partial(log_pause, number, source, self.name)
             before = units.told()
             try:

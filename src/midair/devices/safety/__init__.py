@@ -7,6 +7,7 @@ from .play_log import log_drift as log_drift
 from .play_log import log_end as log_end
 from .play_log import log_order as log_order
 from .play_log import log_pause as log_pause
+from .play_log import read_log as read_log
 from .state_folders import make_state_folder as make_state_folder
 from .state_folders import state_folder as state_folder
 from .stop_channel import Stopped as Stopped

@@ -6,7 +6,6 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -38,6 +37,7 @@ def log_order(
     *,
     simulated: bool = False,
     room: Medium | None = None,
+    participant: str = "",
 ) -> str:
     """Log a drive before it is played; return the number of the order, for `log_end`.
 
@@ -46,6 +46,7 @@ def log_order(
     """
     close_orders()
     found, drive, order = admission.exposure, admission.drive, token()
+    medium = found.airs[-1].medium
     _append(
         {
             "event": "play",
@@ -54,12 +55,14 @@ def log_order(
             "user": user(),
             "process": os.getpid(),
             "command": command(),
+            "participant": participant,
             "device": device,
             "simulated": simulated,
             "drive": str(source),
             "file_sha256": _hash_of_file(source) if isinstance(source, Path) else None,
             "sha256": None if drive is None else hash_of_drive(drive),
             "frames": None if drive is None else drive.frames,
+            "level": admission.level if drive is None else max(float(part.max()) for part in blocks(drive.level)),
             "rate_hz": found.rate,
             "repeats": admission.repeats,
             "room": None if room is None else {"temperature_c": room.temperature, "humidity": room.humidity},
@@ -68,6 +71,10 @@ def log_order(
             "exposure": admission.outcome,
             "override_by": admission.by,
             "excess_db": _number(found.excess),
+            "palm_pa": found.pressure,
+            # Radiation pressure of a plane wave is alpha times its intensity over the speed of sound.
+            "palm_w_m2": found.pressure * medium.speed / medium.alpha,
+            "palm_warming_k": found.warming,
             "places": {
                 place.name: {
                     "peak_db": _number(peak),
@@ -128,21 +135,13 @@ def close_orders() -> None:
 
 
 def _open_orders() -> list[dict[str, Any]]:
-    """Orders in the log that have no end; lines that cannot be parsed are skipped."""
+    """Orders in the log that have no end."""
     orders: dict[str, dict[str, Any]] = {}
-    try:
-        with (state_folder() / LOG).open(encoding="utf-8", errors="replace") as file:
-            for line in file:
-                with suppress(ValueError, TypeError, KeyError):
-                    entry = json.loads(line)
-                    if entry["event"] == "play":
-                        orders[entry["order"]] = entry
-                    elif entry["event"] == "end":
-                        orders.pop(entry["order"], None)
-    except FileNotFoundError:
-        return []
-    except OSError as wrong:
-        raise _unusable(state_folder() / LOG, wrong) from wrong
+    for entry in read_log()[0]:
+        if entry["event"] == "play":
+            orders[entry["order"]] = entry
+        elif entry["event"] == "end":
+            orders.pop(entry["order"], None)
     return list(orders.values())
 
 
@@ -150,6 +149,31 @@ def log_drift(device: str, thermometer: str, *, measured: float, solved: float) 
     """Log that the room differs from the air that the drive on a device was solved for, both in degrees Celsius."""
     found = {"measured_c": round(measured, 2), "solved_c": round(solved, 2)}
     _append({"event": "air", "device": device, "thermometer": thermometer} | found)
+
+
+def read_log() -> tuple[list[dict[str, Any]], int]:
+    """All events of the log, and the number of lines that cannot be read, such as one cut off by a power failure.
+
+    Raises FileError if there is a log that cannot be opened.
+    """
+    path = state_folder() / LOG
+    try:
+        lines = path.read_bytes().splitlines()
+    except FileNotFoundError:
+        return [], 0
+    except OSError as wrong:
+        raise FileError(f"{path}: expected the log of playback, got {wrong.strerror}") from wrong
+    events = [entry for line in lines if (entry := _event(line)) is not None]
+    return events, len(lines) - len(events)
+
+
+def _event(line: bytes) -> dict[str, Any] | None:
+    try:
+        entry = json.loads(line)
+        datetime.fromisoformat(entry["time"])
+        return entry if isinstance(entry.get("order", ""), str) and isinstance(entry["event"], str) else None
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return None
 
 
 def hash_of_drive(drive: Drive) -> str:

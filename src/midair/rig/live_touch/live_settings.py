@@ -97,6 +97,7 @@ class LiveSettings:
     priority: int = setting(
         20, "Real-time priority of the process to request, 1 to 99; 0 requests none.", limits=(0, 99)
     )
+    participant: str = setting("", "Code of the person at the array, for midair log export.")
     seed: int = setting(0, "Random seed of a virtual sensor.")
     listen: str | None = setting(
         None,

@@ -151,6 +151,7 @@ def _play(
         with array_for(order, sensor.rate) as array:
             if order.cooling_limit is not None:
                 array.cooling = Cooling(limit=order.cooling_limit, report=lambda text: told.send(LoopPaused(text=text)))
+            array.participant = order.participant
             admission = check_exposure_level(order.level, array, order.exposure, rate=sensor.rate)
             touch = Touch(order, calibration, sensor.grid, sensor.rate, array.array, admission.level)
             if source is not None:

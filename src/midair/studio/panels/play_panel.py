@@ -168,11 +168,12 @@ class PlayPanel:
         """Open a sound output for the noise of a study, or close it if there is none; returns a description."""
         return await self._player.ask("mask", noise=noise, device=device)
 
-    async def present(self, path: Path, share: float, *, masked: bool = False) -> dict[str, Any]:
+    async def present(self, path: Path, share: float, *, masked: bool = False, participant: str = "") -> dict[str, Any]:
         """Play a drive of a study while the controlling page is visible; SilentFramesError if frames were late."""
         page = self._experimenter()
         found = await self.admit_trial(path, share)
-        report = await self._sound(page, path.name, "play", admission=found["number"], output="", masked=masked)
+        order = {"admission": found["number"], "output": "", "masked": masked, "participant": participant}
+        report = await self._sound(page, path.name, "play", **order)
         if report.get("gap"):
             raise SilentFramesError(
                 f"array: expected every frame in time, {report['late']} were late after {report['gap']:.3f} s of "

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from midair.study import (
     check_digests,
     check_not_withdrawn,
     open_markers,
+    study_code,
 )
 
 
@@ -125,7 +127,7 @@ class StudyPanel(Panel):
             # A folder that no analysis reads, so that pilot data cannot be mistaken for data of the study.
             log = study.path / "pilot" / log.name
         self._presenter = PagePresenter(
-            play=self._play,
+            play=partial(self._play, participant=study_code(study, order.participant)),
             wait=self._wait,
             quiet_s=quiet,
             stop=self._playing.permit.stop,
@@ -288,9 +290,9 @@ class StudyPanel(Panel):
             raise DeviceStateError("study: expected a running session, there is none; begin one")
         return self._session
 
-    def _play(self, path: Path, share: float) -> None:
+    def _play(self, path: Path, share: float, participant: str) -> None:
         """Play a drive and wait; runs in the session's thread."""
-        self._present(lambda: self._playing.present(path, share, masked=self._masked))
+        self._present(lambda: self._playing.present(path, share, masked=self._masked, participant=participant))
 
     def _wait(self, seconds: float) -> None:
         """Present silence and wait; runs in the session's thread."""

@@ -14,6 +14,7 @@ from midair.errors import BrokenFileError, InputError, MissingFileError, Unknown
 from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
 from midair.physics import focus_phase
+from midair.rig import dose_report
 from midair.study.folder import StudyFolder, paper_design_text
 from midair.study.session.event_log import chain_hash, read_events
 from midair.study.session.presenters import SilentPresenter
@@ -261,6 +262,9 @@ def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
     assert told == [10], "how long its exposure takes is said of the drive beforehand, and once"
     events = [(entry["event"], entry["drive"], entry["device"]) for entry in played(tmp_path)]
     assert events == [("play", "focus.drive.h5", array), ("end", "focus.drive.h5", array)] * 2
+    (day,) = dose_report("s/1").days
+    assert (day["orders"], day["without_end"], day["simulated"]) == (2, 0, True)
+    assert day["duration_s"] == pytest.approx(0.02)
     (progress,) = StudyFolder(folder).sessions()
     assert [one.answer for one in progress.answers.values()] == ["brush", "towel"]
     assert progress.simulated

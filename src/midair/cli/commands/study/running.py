@@ -112,6 +112,7 @@ def run_command(
             noise=noise,
             serial=serial,
             show=screen.present_text,
+            participant=participant,
         ) as rig,
         _air_watched(air, solved, array),
     ):
