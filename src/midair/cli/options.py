@@ -35,6 +35,11 @@ _ARRAY_CALIBRATION = "Measured transducers to solve for, NAME.array.h5 of midair
 ArrayCalibration = Annotated[Path | None, Parameter(help=_ARRAY_CALIBRATION)]
 _PLACEMENT = "TOML file with position and rotation of the units. [default: two by two, side by side]"
 Placement = Annotated[Path | None, Parameter(help=_PLACEMENT)]
+_STOP_INPUT = (
+    "Hardware stop: any byte or the loss of serial:PORT, evdev:PATH or keyboard silences like midair stop. "
+    "If it cannot be opened, nothing plays."
+)
+StopInput = Annotated[str | None, Parameter(help=_STOP_INPUT)]
 
 
 class _SettingsOptions:

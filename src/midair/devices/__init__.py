@@ -35,11 +35,13 @@ from .safety import close_orders as close_orders
 from .safety import device_lock as device_lock
 from .safety import log_drift as log_drift
 from .safety import make_state_folder as make_state_folder
+from .safety import open_stop_input as open_stop_input
 from .safety import ordered_at as ordered_at
 from .safety import playing_now as playing_now
 from .safety import process_start_time as process_start_time
 from .safety import read_log as read_log
 from .safety import state_folder as state_folder
+from .safety import stop_on_input as stop_on_input
 from .safety import stop_playing as stop_playing
 from .safety import uptime as uptime
 from .sensors import Chunk as Chunk

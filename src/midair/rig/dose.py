@@ -68,7 +68,7 @@ def dose_report(participant: str | None = None) -> DoseReport:
         If the log has no order, or none of this participant.
     """
     events, unreadable = read_log()
-    ends = {each["order"]: each for each in events if each.get("event") == "end"}
+    ends = {each["order"]: each for each in events if each["event"] == "end"}
     active = {entry["process"] for entry in playing_now()}
     orders = [each for each in events if each.get("event") == "play"]
     known = sorted({str(each.get("participant", "")) for each in orders})

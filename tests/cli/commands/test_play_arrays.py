@@ -1,12 +1,14 @@
 """`midair play` on arrays, `midair exposure` and `midair stop`, as a person types them."""
 
 import json
+import os
 import re
 import signal
 import subprocess
 import sys
 import threading
 import time
+from datetime import UTC, datetime
 from pathlib import Path
 
 import h5py
@@ -188,6 +190,59 @@ def test_stop_from_another_terminal(capsys):
     assert "Traceback" not in error
     assert (log()[-1]["event"], log()[-1]["outcome"], log()[-1]["reason"]) == ("end", "stopped", "midair stop")
     assert log()[-1]["order"] == log()[0]["order"]
+
+
+def wait_for(path):
+    limit = time.monotonic() + 60
+    while not path.exists() and time.monotonic() < limit:
+        time.sleep(0.05)
+    time.sleep(0.3)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("cause", ["byte", "hang-up"])
+@pytest.mark.parametrize("by", ["play", "stop --watch"])
+def test_a_hardware_stop_silences_what_plays(cause, by):
+    """A pseudo terminal in place of a serial port; the other end sends a byte or hangs up."""
+    master, slave = os.openpty()
+    line = f"serial:{os.ttyname(slave)}"
+    midair = [sys.executable, "-c", "from midair.cli import main; main()"]
+    play = [*midair, "play", make("a.drive.h5"), *EMULATOR, "--repeats", "500"]
+    watch = None if by == "play" else subprocess.Popen([*midair, "stop", "--watch", line], stderr=-1, text=True)
+    if watch is not None:
+        assert "watching" in watch.stderr.readline()
+    with subprocess.Popen([*play, *(["--stop-input", line] if by == "play" else [])], stdout=-1, stderr=-1) as player:
+        wait_for(Path("state/played.jsonl"))
+        os.close(slave)
+        began = datetime.now(UTC)
+        os.write(master, b"s") if cause == "byte" else os.close(master)
+        player.communicate(timeout=60)
+    assert player.returncode in (1, 130)
+    end = log()[-1]
+    assert (end["event"], end["outcome"], end["reason"]) == ("end", "stopped", "midair stop")
+    took = (datetime.fromisoformat(end["time"]) - began).total_seconds()
+    print(f"{by}, {cause}: end of the order logged after {1e3 * took:.0f} ms")
+    assert took < 10
+    if cause == "byte":
+        os.close(master)
+    if watch is not None:
+        assert watch.wait(60) == 1
+        assert "it was lost, and all arrays were stopped" in watch.stderr.read()
+        watch.stderr.close()
+
+
+@pytest.mark.parametrize("command", ["play", "live", "studio"])
+def test_nothing_plays_without_its_hardware_stop(command, capsys):
+    words = {"play": ["play", make("a.drive.h5"), *EMULATOR], "live": ["live", "--device", "autd3:emulator"]}
+    words["studio"] = ["studio", "--no-browser"]
+    assert run([*words[command], "--stop-input", "serial:/dev/none"]) == 1
+    assert "nothing plays without it" in said(capsys)[0]
+    assert not Path("state/played.jsonl").exists()
+
+
+def test_the_virtual_array_takes_no_hardware_stop(capsys):
+    assert run(["play", make("a.drive.h5"), "--stop-input", "keyboard"]) == 1
+    assert "got --device virtual, which is silent" in said(capsys)[0]
 
 
 def test_stop_reports_what_it_could_not_stop(capsys):

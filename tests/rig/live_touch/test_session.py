@@ -14,9 +14,10 @@ import pytest
 from tests.simulators.udp_proxy import UdpProxy
 
 import midair
-from midair.devices import Cooling, ExposureChoices, stop_playing
+from midair.devices import Cooling, ExposureChoices, stop_on_input, stop_playing
 from midair.errors import DeviceError, ExposureError, InputError, MissingFileError, StoppedError, UnknownDeviceError
 from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
+from midair.rig import dose_report
 
 ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a test")
 
@@ -99,6 +100,25 @@ def test_midair_stop_silences_it():
         (stopped,) = stop_playing()
         assert stopped.outcome == "silent"
         session.wait(5.0)
+
+
+def test_a_hardware_stop_silences_it():
+    master, slave = os.openpty()
+    try:
+        with (
+            stop_on_input(f"serial:{os.ttyname(slave)}"),
+            pytest.raises(StoppedError),
+            midair.live("virtual:brush", "autd3:emulator", exposure=ANSWERED, participant="P1") as session,
+        ):
+            session.wait(1.0)
+            os.write(master, b"s")
+            session.wait(10.0)
+    finally:
+        os.close(slave)
+        os.close(master)
+    (row,) = dose_report("P1").orders
+    assert (row["end"], row["reason"], row["duration_is"]) == ("stopped", "midair stop", "at most")
+    assert 0.9 < row["duration_s"] < 11
 
 
 @pytest.mark.slow

@@ -13,10 +13,11 @@ from rich.text import Text
 from midair.cli.console import banner, err, print_json, print_rows, verbosity
 from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air
 from midair.cli.keys import Signals, signals_noted
-from midair.cli.options import Json
+from midair.cli.options import Json, StopInput
 from midair.cli.output import may_write
 from midair.cli.quantities import quantity
 from midair.cli.thermometers import air_watched
+from midair.devices import stop_on_input
 from midair.errors import InputError
 from midair.model import Acoustics, Medium
 from midair.rig import LiveSession, LiveSettings, LiveStatistics, make_key, send_touch
@@ -71,6 +72,7 @@ def live_command(
     to: str | None = None,
     new_key: Path | None = None,
     keep: Path | None = None,
+    stop_input: StopInput = None,
     json: Json = False,
 ) -> int:
     """Play the pressure on a sensor in real time, 13 ms later.
@@ -123,7 +125,12 @@ def live_command(
         advice="start live again to solve for this air",
         device="" if settings.device == "virtual" else settings.device,
     )
-    with signals_noted() as signals, begin(settings=settings, cooling=cooling, keep=keep) as session, watched:
+    with (
+        signals_noted() as signals,
+        stop_on_input(stop_input),
+        begin(settings=settings, cooling=cooling, keep=keep) as session,
+        watched,
+    ):
         if not json:
             banner(session.opened.simulated)
             print_rows(_session_rows(session))

@@ -9,12 +9,31 @@ from cyclopts import Parameter
 from midair.cli.comparisons import calibrated_part, with_array_calibration
 from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air, print_check_time
-from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, Placement, SolveOptions, StartAt, Time
+from midair.cli.options import (
+    ArrayCalibration,
+    Force,
+    Json,
+    Lead,
+    PartLength,
+    Placement,
+    SolveOptions,
+    StartAt,
+    StopInput,
+    Time,
+)
 from midair.cli.output import level_of_file, level_rows, may_write, solve_error, warn_level
 from midair.cli.thermometers import air_watched
 from midair.cli.time_estimates import workload_of
 from midair.correct import correct_air as corrected_for
-from midair.devices import ArrayDevice, Cooling, ExposureClearance, PlayReport, SilencerChoice, check_exposure
+from midair.devices import (
+    ArrayDevice,
+    Cooling,
+    ExposureClearance,
+    PlayReport,
+    SilencerChoice,
+    check_exposure,
+    stop_on_input,
+)
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
 from midair.files import (
@@ -170,6 +189,7 @@ def play_command(
     options: PlayOptions | None = None,
     air: AirOptions | None = None,
     heat: HeatOptions | None = None,
+    stop_input: StopInput = None,
 ) -> None:
     """Play a drive on an array; on the virtual array, re-record the pressure.
 
@@ -212,7 +232,10 @@ def play_command(
                 "for a real array use midair solve --array-calibration"
             )
         cooling = (heat or HeatOptions()).cooling()
-        return _play_on_array(source, device, options, air, cooling, correct=correct_air)
+        with stop_on_input(stop_input):
+            return _play_on_array(source, device, options, air, cooling, correct=correct_air)
+    if stop_input is not None:
+        raise InputError("--stop-input: expected an array, got --device virtual, which is silent; leave it out")
     target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
     may_write(target, force)
     drive = load_solution(source, streamed=True).drive

@@ -3,14 +3,17 @@
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
+from typing import NoReturn
 
-from midair.cli.console import print_json, print_rows
+from midair.cli.console import err, print_json, print_rows
 from midair.cli.options import Json
-from midair.devices import Stopped, close_orders, state_folder, stop_playing
-from midair.errors import FileError
+from midair.devices import Stopped, close_orders, open_stop_input, state_folder, stop_playing
+from midair.errors import DeviceError, FileError, MidairError
 
 
-def stop_command(*, device: str | None = None, placement: Path | None = None, json: Json = False) -> int:
+def stop_command(
+    *, device: str | None = None, placement: Path | None = None, watch: str | None = None, json: Json = False
+) -> int:
     """Silence all arrays that midair plays on.
 
     Stops every midair process of this user on this computer that plays or is about to play.
@@ -24,11 +27,17 @@ def stop_command(*, device: str | None = None, placement: Path | None = None, js
         Also open and silence this array: autd3, autd3:INTERFACE, pyautd3, pyautd3:INTERFACE, openmpd:PORT.
     placement
         TOML file with the units of that array. [default: two by two]
+    watch
+        Wait, and stop whenever a byte arrives from this input: serial:PORT, keyboard or evdev:PATH. Its loss stops too
+        and ends the command with status 1. With Ctrl-C the watch ends.
 
     Examples
     --------
     $ midair stop
+    $ midair stop --watch serial:/dev/ttyUSB0
     """
+    if watch is not None:
+        _watch(watch, device, placement, json=json)
     try:
         stopped = stop_playing()
         with suppress(FileError):  # silence does not depend on the log
@@ -45,6 +54,20 @@ def stop_command(*, device: str | None = None, placement: Path | None = None, js
     if device is not None and not json:
         print_rows([(device, "opened and silenced")])
     return int(any(one.outcome == "no answer" for one in stopped))
+
+
+def _watch(name: str, device: str | None, placement: Path | None, *, json: bool) -> NoReturn:
+    """Stop after each byte of an input; DeviceError after its loss."""
+    with open_stop_input(name) as opened:
+        err().print(f"watching {name}")
+        cause = "byte"
+        while cause == "byte":
+            cause = opened.wait()
+            try:
+                stop_command(device=device, placement=placement, json=json)
+            except MidairError as wrong:
+                err().print(f"midair: {wrong}")
+    raise DeviceError(f"{name}: expected an input that stays connected, it was lost, and all arrays were stopped")
 
 
 def _outcome_text(one: Stopped) -> str:

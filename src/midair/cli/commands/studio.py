@@ -3,6 +3,8 @@
 import sys
 from pathlib import Path
 
+from midair.cli.options import StopInput
+from midair.devices import stop_on_input
 from midair.errors import MissingExtraError
 
 
@@ -15,6 +17,7 @@ def studio_command(
     device: str = "virtual",
     sensor: str = "virtual:towel",
     seed: int = 0,
+    stop_input: StopInput = None,
 ) -> None:
     """Open the studio in the browser: record, solve, play and compare.
 
@@ -50,4 +53,5 @@ def studio_command(
             f'studio: expected the package {wrong.name}, it is not installed; pip install "midair[studio]"'
         ) from wrong
     plan = StudioPlan(folder=folder or Path(), device=device, sensor=sensor, seed=seed)
-    open_studio(plan, port=port, browser=not no_browser and sys.stdout is not None)
+    with stop_on_input(stop_input):
+        open_studio(plan, port=port, browser=not no_browser and sys.stdout is not None)

@@ -17,3 +17,5 @@ from .stop_channel import process_start_time as process_start_time
 from .stop_channel import stop_playing as stop_playing
 from .stop_channel import uptime as uptime
 from .stop_guard import StopGuard as StopGuard
+from .stop_input import open_stop_input as open_stop_input
+from .stop_input import stop_on_input as stop_on_input

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from midair.cli.commands.study import study_app as app
-from midair.errors import BrokenFileError, InputError, MissingFileError, UnknownDeviceError
+from midair.errors import BrokenFileError, InputError, MidairError, MissingFileError, UnknownDeviceError
 from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
 from midair.physics import focus_phase
@@ -281,6 +281,16 @@ def test_too_loud_a_drive_stops_the_session_before_it_begins(tmp_path, monkeypat
     answered_for = ("--override-exposure", "A. Person")
     assert study("run", folder, "--participant", 1, "--array", "pyautd3:audit", *answered_for) == 0
     assert {entry.get("override_by") for entry in played(tmp_path) if entry["event"] == "play"} == {"A. Person"}
+
+
+@pytest.mark.parametrize(("line", "word"), [("serial:/dev/none", "nothing plays"), ("keyboard", "the answers need")])
+def test_no_session_begins_without_its_hardware_stop(line, word, tmp_path, monkeypatch):
+    folder = study_of_drives(tmp_path, level=0.001)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+    with pytest.raises(MidairError, match=word):
+        study("run", folder, "--participant", 1, "--array", "virtual", "--stop-input", line)
+    assert not (tmp_path / "played.jsonl").exists()
+    assert not (folder / "sessions").exists()
 
 
 def test_a_drive_that_was_changed_since_the_plan_is_refused(tmp_path, monkeypatch):

@@ -7,7 +7,9 @@ import numpy as np
 
 from midair.cli.console import PlainConsole, out, warn_simulated
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_check_time
+from midair.cli.options import StopInput
 from midair.cli.thermometers import air_watched
+from midair.devices import stop_on_input
 from midair.errors import InputError
 from midair.model import Drive, Medium
 from midair.study import (
@@ -47,6 +49,7 @@ def run_command(
     serial: str = "",
     exposure: ExposureOptions | None = None,
     air: AirOptions | None = None,
+    stop_input: StopInput = None,
 ) -> int:
     """Run or resume the session of one participant in this terminal. Ctrl-C stops at once.
 
@@ -78,6 +81,8 @@ def run_command(
     --------
     $ midair study run touch --participant 1 --simulate
     """
+    if stop_input == "keyboard":
+        raise InputError("--stop-input: expected serial:PORT or evdev:PATH, got keyboard, which the answers need")
     folder = StudyFolder(study)
     plan = folder.plan()
     if simulate:
@@ -102,6 +107,7 @@ def run_command(
 
     with (
         stop_on_signals(),
+        stop_on_input(stop_input),
         open_stimulus_rig(
             array,
             folder,

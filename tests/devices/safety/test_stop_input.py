@@ -1,0 +1,88 @@
+"""A byte, a hang-up or a lost device of the hardware stop silences what plays."""
+
+import os
+import threading
+import time
+
+import pytest
+
+from midair.devices.safety.stop_channel import open_stop_channel
+from midair.devices.safety.stop_input import open_stop_input, stop_on_input
+from midair.errors import DeviceError, InputError, StoppedError
+
+
+@pytest.fixture
+def line():
+    master, slave = os.openpty()
+    yield master, f"serial:{os.ttyname(slave)}", slave
+    for handle in (master, slave):
+        try:
+            os.close(handle)
+        except OSError:
+            continue
+
+
+def silenced_after(action, name):
+    """Time from an action to the silence of something that plays, in s."""
+    silent = threading.Event()
+    with stop_on_input(name), open_stop_channel("a device", silent.set):
+        assert not silent.wait(0.1)
+        began = time.monotonic()
+        action()
+        assert silent.wait(5)
+        return time.monotonic() - began
+
+
+def test_any_byte_silences(line):
+    master, name, _ = line
+    assert silenced_after(lambda: os.write(master, b"\0"), name) < 2
+
+
+def test_a_hang_up_silences(line):
+    master, name, slave = line
+    os.close(slave)
+    assert silenced_after(lambda: os.close(master), name) < 2
+
+
+def test_an_input_without_a_terminal_silences_by_a_byte_and_by_its_end(tmp_path):
+    """A named pipe in place of a foot switch, which is unplugged."""
+    path = tmp_path / "event"
+    os.mkfifo(path)
+    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    writer = os.open(path, os.O_WRONLY)
+    os.close(reader)
+    keeper = []
+
+    def press():
+        os.write(writer, b"pressed")
+
+    held = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    os.close(held)
+    keeper.append(silenced_after(press, f"evdev:{path}"))
+    assert silenced_after(lambda: os.close(writer), f"evdev:{path}") < 2
+    assert keeper[0] < 2
+
+
+def test_what_starts_after_the_loss_is_silenced_too(line):
+    master, name, slave = line
+    os.close(slave)
+    silent = threading.Event()
+    with stop_on_input(name):
+        os.close(master)
+        try:
+            with open_stop_channel("a device", silent.set):
+                assert silent.wait(5)
+        except StoppedError:
+            silent.set()
+    assert silent.is_set()
+
+
+@pytest.mark.parametrize("name", ["serial:", "gpio:7", ""])
+def test_other_names_are_refused(name):
+    with pytest.raises(InputError, match="expected serial:PORT, keyboard or evdev:PATH"), open_stop_input(name):
+        pass
+
+
+def test_without_its_input_nothing_plays(tmp_path):
+    with pytest.raises(DeviceError, match="nothing plays without it"), stop_on_input(f"serial:{tmp_path}/none"):
+        raise AssertionError("played without the input")
