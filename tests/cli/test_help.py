@@ -33,11 +33,12 @@ EXAMPLES = [line for below in ALL.values() if below.default_command for line in 
 HARDWARE = [
     'midair record "lsl:Skin?unit=V" --object towel --repeats 5',
     "midair play take.drive.h5 --device autd3",
+    "midair stop --watch serial:/dev/ttyUSB0",
     "midair live --listen 0.0.0.0:5005 --key touch.key --device autd3",
     'midair live --to lab.example:5005 --key touch.key --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5',
     'midair live --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5 --device autd3 --level 0.3',
 ]
-"""These need a sensor or an array."""
+"""These need a sensor, an array or a switch."""
 SHELL = [line for line in EXAMPLES if line.startswith("eval") or " > " in line]
 """These are for a shell; `test_completion` runs what is in them."""
 SERVED = [line for line in EXAMPLES if line.startswith("midair studio")]
@@ -63,6 +64,7 @@ SLOW = (
 PLAN = "study new touch --participants 2 --drives none"
 BEFORE = {
     "calibrate measure": ["calibrate bench bench --duration 12s"],
+    "log export": ["play take.drive.h5 --device autd3:emulator --attenuate --participant P07"],
     "study run": [PLAN],
     "study plan": [PLAN],
     "study withdraw": [PLAN, "study run touch --simulate"],
