@@ -214,7 +214,7 @@ class _Player:
         rig = self._virtual(admission.drive)
         skin = rig.skin()
         with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-            self.array, array.participant = array, order.get("participant", "")
+            self.array = array
             try:
                 with under_lease(array, self.permit, leave):
                     paced = self._progress(leave, paced=admission.drive.rate)
