@@ -50,7 +50,7 @@ class DoseReport:
             "rig/dose.html.j2",
             title=f"Exposure of {whose} to ultrasound",
             simulated=all(row["simulated"] for row in self.orders),
-            tables=[("Sums for each day (UTC)", self.days), ("Orders", self.orders)],
+            tables=[("Sums for each day (UTC)", _shown(self.days)), ("Orders", _shown(self.orders))],
             unreadable=self.unreadable,
             notes=f"midair {__version__}, {datetime.now(UTC).isoformat(timespec='minutes')}",
         )
@@ -85,6 +85,12 @@ def dose_report(participant: str | None = None) -> DoseReport:
         groups.setdefault((row["day"], row["participant"], row["simulated"]), []).append(row)
     days = [_day_row(groups[key], places) for key in sorted(groups)]
     return DoseReport(participant=participant, orders=tuple(rows), days=tuple(days), unreadable=unreadable)
+
+
+def _shown(rows: Sequence[Row]) -> list[Row]:
+    """Rows of a table on the page: without columns that are empty in all rows, and with one of the two hashes."""
+    names = [name for name in rows[0] if name not in ("row", "sha256") and any(row[name] != "" for row in rows)]
+    return [{name: row[name] for name in names} for row in rows]
 
 
 def _order_row(order: Mapping[str, Any], end: Mapping[str, Any] | None, places: Sequence[str], active: set[int]) -> Row:

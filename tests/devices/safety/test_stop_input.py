@@ -1,6 +1,8 @@
 """A byte, a hang-up or a lost device of the hardware stop silences what plays."""
 
 import os
+import subprocess
+import sys
 import threading
 import time
 
@@ -51,16 +53,8 @@ def test_an_input_without_a_terminal_silences_by_a_byte_and_by_its_end(tmp_path)
     reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     writer = os.open(path, os.O_WRONLY)
     os.close(reader)
-    keeper = []
-
-    def press():
-        os.write(writer, b"pressed")
-
-    held = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
-    os.close(held)
-    keeper.append(silenced_after(press, f"evdev:{path}"))
+    assert silenced_after(lambda: os.write(writer, b"pressed"), f"evdev:{path}") < 2
     assert silenced_after(lambda: os.close(writer), f"evdev:{path}") < 2
-    assert keeper[0] < 2
 
 
 def test_what_starts_after_the_loss_is_silenced_too(line):
@@ -75,6 +69,30 @@ def test_what_starts_after_the_loss_is_silenced_too(line):
         except StoppedError:
             silent.set()
     assert silent.is_set()
+
+
+KEYBOARD = """
+import os, sys, threading
+os.close(os.open(sys.argv[1], os.O_RDWR))
+from midair.devices.safety.stop_channel import open_stop_channel
+from midair.devices.safety.stop_input import stop_on_input
+silent = threading.Event()
+with stop_on_input("keyboard"), open_stop_channel("a device", silent.set):
+    print("plays", flush=True)
+    sys.exit(0 if silent.wait(20) else 7)
+"""
+
+
+def test_a_key_of_the_terminal_silences_without_return():
+    """A session leader that opens a terminal gets it as its own, as after a login."""
+    master, slave = os.openpty()
+    command = [sys.executable, "-c", KEYBOARD, os.ttyname(slave)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, start_new_session=True) as player:
+        assert player.stdout.readline() == b"plays\n"
+        os.write(master, b"x")
+        assert player.wait(30) == 0
+    os.close(slave)
+    os.close(master)
 
 
 @pytest.mark.parametrize("name", ["serial:", "gpio:7", ""])
