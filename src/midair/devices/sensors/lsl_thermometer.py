@@ -26,7 +26,7 @@ class LslThermometer(Thermometer):
         inlet = self._inlet = self._inlet or self._opened()
         try:
             sample, stamp = inlet.pull_sample(timeout=self.stale if self._value is None else 0.0)
-            while stamp is not None:
+            while sample and stamp is not None:
                 self._value, self._stamp = float(sample[0]), stamp
                 sample, stamp = inlet.pull_sample(timeout=0.0)
         except LostError as wrong:

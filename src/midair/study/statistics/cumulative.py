@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pandas import DataFrame
-    from scipy.sparse import csr_array
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -125,8 +124,8 @@ def cumulative_mixed(
         if slopes and number + 1 < len(factors) - bool(item):
             row["spread"] = float(full.spread[number + 1])
         if slopes and not item:
-            row |= {"df2": df * (many - 1), "F": (many - 1) * float(np.expm1(ratio / (many * df)))}
-            row["p"] = float(f_distribution.sf(row["F"], df, row["df2"]))
+            f, df2 = (many - 1) * float(np.expm1(ratio / (many * df))), df * (many - 1)
+            row |= {"df2": df2, "F": f, "p": float(f_distribution.sf(f, df, df2))}
         done = full.converged and less.converged
         rows.append({**row, "note": "" if done else "the optimiser did not converge: unreliable"})
     return DataFrame(rows)
@@ -183,7 +182,8 @@ class _Likelihood:
         cut = np.r_[-np.inf, np.cumsum(np.r_[parameters[0], steps]), np.inf]
         level = self._fixed @ parameters[cuts : cuts + terms]
         spread = np.sqrt(parameters[cuts + terms :])
-        scaled = self._levels * spread[self._factor]
+        # Without a type: the stubs of sparse arrays lose it in products.
+        scaled: Any = self._levels * spread[self._factor]
         upper, lower = cut[self._category + 1] - level, cut[self._category] - level
         u, inverse = self._find_mode(upper, lower, scaled)
 
@@ -208,7 +208,7 @@ class _Likelihood:
         gradient = np.r_[tail[0], tail[1:] * steps, by_level @ self._fixed, by_spread / (2 * spread)]
         return -float(value), -gradient
 
-    def _find_mode(self, upper: Array, lower: Array, scaled: csr_array) -> tuple[Array, Array]:
+    def _find_mode(self, upper: Array, lower: Array, scaled: Any) -> tuple[Array, Array]:
         """Mode of the standardised random effects u, and the inverse of the negative Hessian there."""
         u, curvature = self._mode, np.eye(len(self._mode))
         for _ in range(60):

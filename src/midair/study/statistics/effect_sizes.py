@@ -15,10 +15,11 @@ def noncentral_t_limits(t: float, df: float, *, level: float = 0.95) -> tuple[fl
         reach = t * np.sqrt(chdtri(df, np.array([1 - tail, tail])) / df)
         return float(reach.min()), float(reach.max())
     begin, end = float(reach.min() + ndtri(tail / 2)), float(reach.max() - ndtri(tail / 2))
-    low, high = (
-        float(brentq(lambda ncp, share=share: float(nctdtr(df, ncp, t)) - share, begin, end, xtol=1e-10))
-        for share in (1 - tail, tail)
-    )
+
+    def excess(ncp: float, share: float) -> float:
+        return float(nctdtr(df, ncp, t)) - share
+
+    low, high = (float(brentq(excess, begin, end, args=(share,), xtol=1e-10)) for share in (1 - tail, tail))
     return low, high
 
 
@@ -30,6 +31,9 @@ def eta_squared_limits(f: float, df1: float, df2: float, *, level: float = 0.9) 
     from scipy.optimize import brentq
     from scipy.special import chdtri, fdtr, ncfdtr
 
+    def excess(ncp: float, tail: float) -> float:
+        return float(ncfdtr(df1, df2, ncp, f)) - tail
+
     if not np.isfinite(f):
         return np.nan, np.nan
     limits: list[float] = []
@@ -40,6 +44,6 @@ def eta_squared_limits(f: float, df1: float, df2: float, *, level: float = 0.9) 
         elif fdtr(df1, df2, f) > tail:
             while ncfdtr(df1, df2, most, f) > tail:
                 most *= 2
-            ncp = float(brentq(lambda one, tail=tail: float(ncfdtr(df1, df2, one, f)) - tail, 0, most, xtol=1e-10))
+            ncp = float(brentq(excess, 0, most, args=(tail,), xtol=1e-10))
         limits.append(ncp / (ncp + df2))
     return limits[0], limits[1]
