@@ -130,7 +130,7 @@ TOMLS = {
     "docs/palm.md": [palm],
     "docs/play-on-your-array.md": [placement],
     "docs/settings.md": [settings],
-    "docs/study.md": [None, None],
+    "docs/study.md": [None, None, None],
 }
 """Who reads each block of TOML; those of studies are drawn in tests/test_docs.py."""
 

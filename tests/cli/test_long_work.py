@@ -87,6 +87,8 @@ NO_BAR = {
     "live": "has a line of its own until Ctrl-C",
     "identify": "asks for each tap, with its number of how many",
     "stop": "has the array's answer at once",
+    "log export": "reads one file",
+    "study markers": "sends each marker within milliseconds",
     "completion": "prints a text",
     "calibrate show": "draws one page",
     "calibrate tone": "looks at one tone",

@@ -162,7 +162,7 @@ def read_log() -> tuple[list[dict[str, Any]], int]:
     except FileNotFoundError:
         return [], 0
     except OSError as wrong:
-        raise FileError(f"{path}: expected the log of playback, got {wrong.strerror}") from wrong
+        raise _unusable(path, wrong) from wrong
     events = [entry for line in lines if (entry := _event(line)) is not None]
     return events, len(lines) - len(events)
 
