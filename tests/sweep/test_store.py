@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import zarr
 
-from midair.errors import BrokenFileError, DeviceStateError, InputError, MismatchError, MissingFileError
+from midair.errors import BrokenFileError, DeviceStateError, InputError, MidairError, MismatchError, MissingFileError
 from midair.files.native.provenance_json import from_json
 from midair.sweep.pattern_report import PatternResults
 from midair.sweep.pattern_sweep import PatternSweep
@@ -89,7 +89,7 @@ def test_an_older_store_is_continued_by_the_command(tmp_path):
             layout = {"dtype": array.dtype, "fill_value": array.fill_value, "chunks": (1, array.shape[1])}
             zarr.open_group(path).create_array(name, shape=array.shape, overwrite=True, **layout)
         attributes = zarr.open_group(path).attrs
-        del attributes["token"]
+        del attributes["token"], attributes["sha256"]
     with open_sweep(path, SWEEP) as store:
         assert store.address is None
         store.write(found(SWEEP.tasks()[1]))
@@ -154,6 +154,33 @@ def test_other_files_are_rejected(tmp_path):
         load_sweep(tmp_path / "other.zarr")
     with pytest.raises(MissingFileError), open_sweep(tmp_path / "no" / "s.zarr", SWEEP):
         pass
+
+
+@pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
+def test_flipped_bits_in_any_file_are_reported_or_harmless(tmp_path):
+    path = tmp_path / "s.zarr"
+    with open_sweep(path, SWEEP) as store:
+        for task in store.missing():
+            store.write(found(task))
+    right, rng, reported = PatternResults.of(load_sweep(path)), np.random.default_rng(6), 0
+    files = sorted(file for file in path.rglob("*") if file.is_file())
+    layouts, chunks = ([file for file in files if (file.name == "zarr.json") == each] for each in (True, False))
+    for file in [*rng.choice(layouts, 20), *rng.choice(chunks, 20), *[path / "zarr.json"] * 20]:
+        whole, place = file.read_bytes(), int(rng.integers(8 * file.stat().st_size))
+        spoilt = bytearray(whole)
+        spoilt[place // 8] ^= 1 << place % 8
+        file.write_bytes(spoilt)
+        try:
+            results = PatternResults.of(load_sweep(path))
+        except MidairError:
+            reported += 1
+        else:
+            assert results.sweep == right.sweep
+            assert results.seconds == right.seconds
+            for name in ("patterns", "error", "rounded_error"):
+                np.testing.assert_array_equal(getattr(results, name), getattr(right, name), err_msg=f"{file} {place}")
+        file.write_bytes(whole)
+    assert reported >= 50
 
 
 def test_a_flipped_bit_in_a_chunk_is_reported_and_a_lost_chunk_is_missing(tmp_path):

@@ -38,6 +38,10 @@ class SweepStorage(Protocol):
         """Row and column of every written chunk of an array, from a single listing."""
         ...
 
+    def layout(self, array: str) -> bytes:
+        """Stored layout of an array, the content of its zarr.json."""
+        ...
+
     def alone(self) -> Any:
         """Exclude other writers, if the storage supports locks."""
         ...
@@ -87,6 +91,10 @@ class SweepFolder:
     def chunks(self, array: str) -> set[tuple[int, int]]:
         """Row and column of every written chunk, from the file names."""
         return _numbers(file.relative_to(self.path).parts for file in (self.path / array / "c").glob("*/*"))
+
+    def layout(self, array: str) -> bytes:
+        """Content of the zarr.json of an array."""
+        return (self.path / array / "zarr.json").read_bytes()
 
     @contextmanager
     def alone(self) -> Generator[None]:
@@ -139,6 +147,11 @@ class SweepBucket:
         """Row and column of every written chunk, from the object names."""
         with self._reached() as (files, root):
             return _numbers(name.removeprefix(root).strip("/").split("/") for name in files.find(f"{root}/{array}/c"))
+
+    def layout(self, array: str) -> bytes:
+        """Content of the zarr.json of an array."""
+        with self._reached() as (files, root):
+            return bytes(files.cat_file(f"{root}/{array}/zarr.json"))
 
     @contextmanager
     def alone(self) -> Generator[None]:

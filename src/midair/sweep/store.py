@@ -1,5 +1,7 @@
 """Results of a sweep in Zarr: every task has its own chunks, so that the process that solved it can store it."""
 
+import hashlib
+import json
 import math
 import secrets
 from collections.abc import Generator, Mapping
@@ -86,7 +88,7 @@ def open_sweep(where: Path | str, sweep: Sweep) -> Generator[SweepStore]:
         place.create(lambda inside: _fill(inside, sweep))
     with place.alone():
         group = place.group("r+")
-        _check_sizes(place, group)
+        _check_layout(place, group)
         check_settings(place, group.attrs, sweep)
         for one in sweep.coordinates():
             if not np.array_equal(group[one.name][:], one.values):
@@ -108,7 +110,7 @@ def load_sweep(where: Path | str) -> SweepResults:
     if not place.exists():
         raise MissingFileError(f"{place}: expected a sweep, found none; create one with midair sweep patterns {place}")
     group = place.group("r")
-    _check_sizes(place, group)
+    _check_layout(place, group)
     with parse_errors(str(place), "a sweep of midair"):
         done = _done(place, group)
         coordinates = {str(name): group[name][:] for name in group.attrs["coordinates"]}
@@ -124,12 +126,31 @@ def load_sweep(where: Path | str) -> SweepResults:
         )
 
 
-def _check_sizes(place: SweepStorage, group: Any) -> None:
-    """Raise an InputError before anything is read if the arrays, which may claim any shape, do not fit into memory."""
+def _check_layout(place: SweepStorage, group: Any) -> None:
+    """Check everything outside of the chunks, which have checksums of their own, before anything is read.
+
+    Raises an InputError if the arrays, which may claim any shape, do not fit into memory, and a BrokenFileError if
+    settings or layouts differ from those that were written.
+    """
     with parse_errors(str(place), "a sweep of midair"):
         numbers = sum(max(math.prod(array.shape), math.prod(array.chunks)) for _, array in group.arrays())
         # Of 8 bytes each; results, mask and sorted copies exist at the same time.
         check_memory_for(5 * 8 * numbers, str(place), "check that the sweep is not damaged, or use more memory")
+        # An older store has no digest.
+        if group.attrs.get("sha256") not in (None, _digest(place, group, group.attrs)):
+            raise BrokenFileError(
+                f"{place}: expected the settings and layouts that were written, got others, their checksum differs; "
+                "restore the files zarr.json from a copy"
+            )
+
+
+def _digest(place: SweepStorage, group: Any, attributes: Mapping[str, Any]) -> str:
+    """SHA-256 of the attributes of the group, without the digest itself, and of the layout of each array."""
+    kept = {name: value for name, value in attributes.items() if name != "sha256"}
+    digest = hashlib.sha256(json.dumps(kept, sort_keys=True).encode())
+    for name in sorted(group.array_keys()):
+        digest.update(name.encode() + place.layout(name))
+    return digest.hexdigest()
 
 
 _RESULTS = ("error", "rounded_error", "target_strength", "seconds")
@@ -205,16 +226,14 @@ def _fill(inside: str, sweep: Sweep) -> None:
     for name in ("target_strength", "seconds"):
         _array(group, name, shape=shape, chunks=(1, 1), dtype="float64", fill_value=np.nan, dimension_names=axes)
     _array(group, "done", shape=shape, chunks=(1, 1), dtype="bool", fill_value=False, dimension_names=axes)
-    group.attrs.put(
-        _BEGUN
-        | {
-            "kind": sweep.kind,
-            "coordinates": [one.name for one in sweep.coordinates()],
-            "settings": sweep.settings(),
-            "provenance": to_json(sweep.provenance()),
-            "token": secrets.token_hex(8),
-        }
-    )
+    attributes = _BEGUN | {
+        "kind": sweep.kind,
+        "coordinates": [one.name for one in sweep.coordinates()],
+        "settings": sweep.settings(),
+        "provenance": to_json(sweep.provenance()),
+        "token": secrets.token_hex(8),
+    }
+    group.attrs.put(attributes | {"sha256": _digest(storage_of(inside), group, attributes)})
 
 
 def _array(group: Any, name: str, **layout: Any) -> None:
