@@ -56,10 +56,9 @@ def test_training_ends_and_thresholds_are_those_of_the_observer(done):
     assert found == pytest.approx(middle * {"detection": 1.5, "intervals": 1.0}[template], rel=0.4)
 
 
-def test_all_orders_of_a_pair_come_equally_often(done):
-    template, plan, _ = done
-    if template not in ("intervals", "paired"):
-        pytest.skip("has no pairs")
+@pytest.mark.parametrize("template", ["detection", "intervals", "paired"])
+def test_all_orders_of_a_pair_come_equally_often(template):
+    plan = draw_plan(read_design(template_text(template), participants=PEOPLE))
     for number in range(1, PEOPLE + 1):
         tests = [trial for trial in plan.of(number) if trial.role == "test" and trial.scored]
         if template == "paired":

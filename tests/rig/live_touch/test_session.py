@@ -102,6 +102,7 @@ def test_midair_stop_silences_it():
         session.wait(5.0)
 
 
+@pytest.mark.long
 def test_a_hardware_stop_silences_it():
     master, slave = os.openpty()
     try:

@@ -156,6 +156,7 @@ def test_catch_trials_do_not_change_the_threshold(tmp_path):
     assert table["scored"].all(), "of d' they are the half in which nothing is felt"
 
 
+@pytest.mark.long
 def test_thresholds_reach_the_report(tmp_path):
     analysed = replace(design("quest+", trials=120), analysis=Analysis(strength="strength"))
     plan = draw_plan(analysed)

@@ -111,6 +111,7 @@ def test_constant_answers():
     )
 
 
+@pytest.mark.long
 def test_missing_cells_follow_the_plan():
     table = {name: values[1:] for name, values in ratings().items()}
     report = analyse(data_of_columns(table, **RATED), draws=200)
