@@ -8,6 +8,7 @@ band-limited, so the weights are exact with the control points as samples; the t
 the linearly interpolated pressure.
 """
 
+from abc import abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -70,12 +71,12 @@ class PressureMeans(Term):
         target = self.target(setup.target.amplitude / setup.focus, setup.target.grid, unit)
         return replace(problem, cells=target.repeated(len(setup.airs)))
 
+    @abstractmethod
     def target(self, amplitude: Array, grid: ControlGrid, unit: float) -> "CellTarget":
         """The weights and target pressures for an amplitude (frame, point) in units of the focus.
 
         `unit` is the radiation pressure in Pa of an amplitude of 1.
         """
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -5,6 +5,7 @@ A term is one class in one file and one entry of `TERMS`. Its keyword in `midair
 """
 
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from functools import cache
@@ -27,7 +28,7 @@ Places = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-class Term:
+class Term(ABC):
     """A term of the objective: the class describes its setting, an instance is a term that is switched on.
 
     A subclass is a frozen dataclass; the setting is a number, which becomes its first field, or an instance.
@@ -135,7 +136,7 @@ class QuietTerm(Term):
     weight: float
 
     def points(self, grid: ControlGrid) -> Places:
-        """The places, shape (point, 3), in m."""
+        """The places, shape (point, 3), in m; a term that defines `rows` and `quiet_rows` has none."""
         raise NotImplementedError
 
     def rows(self, grid: ControlGrid, array: TransducerArray, acoustics: Acoustics) -> Complex:
@@ -161,13 +162,13 @@ class PhaseTerm(Term):
     __slots__ = ()
     methods = frozenset({"fast"})
 
+    @abstractmethod
     def cost(self, xp: Any, q: Rows, before: Rows) -> tuple[Numbers, Rows]:
         """The cost of each row (row,), beside E^2 / 2, and the gradient of their sum by the phases (row, transducer).
 
         q (row, transducer) are drives of magnitude 1 in order of time; `before` (1, transducer) is the fixed drive
         before the first, 0 if there is none. `xp` has the functions of the array API standard.
         """
-        raise NotImplementedError
 
     def added(self, problem: "Problem", setup: "NormalisedSetup") -> "Problem":  # noqa: ARG002
         """The problem with this cost."""
