@@ -423,6 +423,7 @@ def test_last_of_two_requested_takes_is_shown(with_takes, look):
     page.until("studio.room.take?.name === 'solved.h5'")
     # An address is typed while a take is drawn: its event comes after that of the picture.
     page.page.evaluate("location.hash = '#reproduce/bare.h5'; studio.here('solved.h5', 0.1)")
+    page.until("studio.release !== undefined")
     page.page.evaluate("studio.release()")
     page.until("studio.late > 0 && studio.room.take?.name === 'bare.h5'")
     assert "#reproduce/bare.h5" in page.page.url
