@@ -267,19 +267,23 @@ def test_frames_are_dropped_while_a_unit_is_too_hot_and_sound_again_a_second_aft
     assert told[1].startswith("units have cooled; playback continues after a pause of ")
 
 
-def test_one_lost_datagram_is_one_frame_and_a_cut_wire_is_the_end(tap):
-    device = autd3_immediate(tap.address, ONE)
-    with pytest.raises(LinkLostError), device:  # noqa: SIM117
-        with device.frames_to_come(answered(device)) as put:
-            put_some(put, device.units, 5)
-            tap.lose(PATTERN)
-            before = device.units.told()["sent"]
-            put_some(put, device.units, 20, first=5)
-            assert tap.lost == 1
-            # The wire is still there; a busy computer leaves some out.
-            assert device.units.told()["sent"] > before + 3
-            tap.passes = False
-            began = time.monotonic()
-            while time.monotonic() - began < 2:
+def test_one_lost_datagram_is_one_frame_and_a_cut_wire_is_the_end(tap, attempts):
+    for _ in attempts:
+        device, lost, cut = autd3_immediate(tap.address, ONE), tap.lost, 0.0
+        with pytest.raises(LinkLostError), device:  # noqa: SIM117
+            with device.frames_to_come(answered(device)) as put:
                 put_some(put, device.units, 5)
-    assert time.monotonic() - began < 1.5
+                tap.lose(PATTERN)
+                before = device.units.told()["sent"]
+                put_some(put, device.units, 20, first=5)
+                assert tap.lost == lost + 1
+                # The wire is still there; a busy computer leaves some out.
+                assert device.units.told()["sent"] > before + 3
+                tap.passes = False
+                cut = time.monotonic()
+                while time.monotonic() - cut < 2:
+                    put_some(put, device.units, 5)
+        # The answers of a busy computer may be so late that the link ends before it is cut.
+        if cut:
+            break
+    assert 0 < time.monotonic() - cut < 1.5
