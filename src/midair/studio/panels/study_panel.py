@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Coroutine
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -252,7 +252,7 @@ class StudyPanel(Panel):
 
     def close(self) -> None:
         """Stop the session as an interrupted one, when the studio ends."""
-        session, self._session = self._session, None
+        session, self._session, self._loop = self._session, None, None
         if session is not None:
             session.stop("the studio was ended")
             self._thread.submit(session.__exit__, None, None, None)
@@ -301,7 +301,12 @@ class StudyPanel(Panel):
     def _present(self, begin: Callable[[], Coroutine[Any, Any, Any]]) -> None:
         if self._loop is None:
             raise StoppedError("study: the studio is closing")
-        asyncio.run_coroutine_threadsafe(begin(), self._loop).result()
+        done = asyncio.run_coroutine_threadsafe(begin(), self._loop)
+        # While the studio ends, the event loop waits for this thread and never finishes the presentation.
+        while not wait((done,), 0.1).done:
+            if self._loop is None:
+                raise StoppedError("study: the studio is closing")
+        done.result()
 
     def _cue(self, text: str) -> None:
         """Show a text to the participant as a stimulus begins."""

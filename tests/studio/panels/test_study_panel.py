@@ -1,0 +1,89 @@
+"""The panel Study with its processes: the studio ends while a drive is presented."""
+
+import hashlib
+import json
+import threading
+import time
+import warnings
+
+import numpy as np
+import pytest
+
+from midair.files import save_solution
+from midair.model import Drive, Solution, TransducerArray
+from midair.studio import Studio, StudioPlan
+from midair.study import StudyFolder, read_design, read_events
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    from starlette.testclient import TestClient
+
+PORT = 8347
+ROOT = f"http://127.0.0.1:{PORT}"
+PLAN = """
+name = "long"
+participants = 1
+seed = 1
+stimuli = [{ name = "f", kind = "drive", source = "f.drive.h5", levels = { object = "one" } }]
+blocks = [{ name = "all", stimuli = ["f"], questions = ["which"] }]
+questions = [{ name = "which", kind = "choice", text = "Which?", options = ["one", "two"], truth = "object" }]
+"""
+
+
+def long_drive(folder):
+    """A quiet drive of a minute and its digest, for a study plan."""
+    array, frames = TransducerArray.autd3(), 3000
+    drive = Drive(phase=np.zeros((frames, array.count)), level=np.full(frames, 0.001), rate=50.0, array=array)
+    solved = {"error": np.zeros(frames), "iterations": np.ones(frames), "status": ("converged",) * frames}
+    save_solution(Solution(drive=drive, **solved), folder / "f.drive.h5")
+    return {"f.drive.h5": hashlib.sha256((folder / "f.drive.h5").read_bytes()).hexdigest()}
+
+
+@pytest.mark.slow
+def test_the_studio_ends_in_time_while_a_drive_is_presented(tmp_path, monkeypatch):
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+    folder, samples = tmp_path / "folder", tmp_path / "samples"
+    folder.mkdir()
+    samples.mkdir()
+    study = StudyFolder.create(folder / "s", PLAN, read_design(PLAN), drives=long_drive)
+    studio = Studio(StudioPlan(folder=folder), samples, PORT)
+    presents = threading.Event()
+
+    def present():
+        """A page that presents the first stimulus, until the studio has gone."""
+        client = TestClient(studio.application(), base_url=ROOT)
+        client.cookies.set(studio.keys.cookie, studio.keys.session)
+        headers = {"origin": ROOT}
+        with client, client.websocket_connect(f"ws://127.0.0.1:{PORT}/socket", headers=headers) as page:
+            state = json.loads(page.receive_text())["whole"]
+
+            def until(true):
+                limit = time.monotonic() + 120
+                while not true(state) and time.monotonic() < limit:
+                    page.send_text('{"alive": true}')
+                    said = json.loads(page.receive_text())
+                    state.update(said.get("set", {}))
+                    assert not said.get("error"), said
+                assert true(state)
+
+            def order(number, name, **given):
+                page.send_text(json.dumps({"id": number, "room": "study", "order": name, "with": given}))
+
+            until(lambda now: now["player"]["state"] == "ready")
+            order(1, "begin", study="s", participant=1, noise="none")
+            until(lambda now: now.get("session"))
+            while state["session"]["step"]["kind"] == "show":
+                turn = state["session"]["step"]["turn"]
+                order(2, "acknowledge")
+                until(lambda now, turn=turn: now["session"]["step"]["turn"] != turn)
+            order(3, "present")
+            until(lambda now: now["player"]["done"] > 0)
+            presents.set()
+
+    page = threading.Thread(target=present, daemon=True)
+    page.start()
+    assert presents.wait(200)
+    page.join(30)
+    assert not page.is_alive(), "the studio has not ended"
+    events = [(each["event"], each.get("reason")) for each in read_events(study.path / "sessions" / "sub-01.jsonl")]
+    assert ("stop", "the studio was ended") in events
