@@ -3,8 +3,8 @@
 A part of a virtual towel stroke, at one strength, in both modes and at three heights, is solved for a laboratory at 22
 degrees Celsius, for the same with a temperature range of two degrees (`--robust 2C`), and for the paper's 340 m/s. E is
 the mean over the frames, in %, when it is played in air of other temperatures (`midair.evaluate.error_at_temperature`).
-With `--corrected`: the drive for 22 degrees as it is, with its phases corrected (`midair play --correct-air`), and
-solved again for each temperature.
+The table `corrected`: the drive for 22 degrees as it is, with its phases corrected (`midair play --correct-air`), and
+solved again for each temperature. Both tables are printed as the Markdown of docs/air.md.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ SOLVED: Mapping[str, tuple[Medium, float]] = {
     "340 m/s": (Medium(), 0.0),
 }
 COLUMNS = (14, 18, 20, 21, 22, 23, 24, 26, 30)
+CORRECTED = (14, 18, 20, 22, 24, 26, 30)
 SMOOTH = np.arange(14.0, 30.1, 0.5)
 
 
@@ -46,26 +47,46 @@ def main() -> None:
     )
     parser.add_argument("--duration", type=float, default=0.02, help="duration of the part in s (default .02)")
     parser.add_argument("--strength", type=float, default=0.1, help="target peak over a single focus (default .1)")
-    parser.add_argument("--corrected", action="store_true", help="table of corrected phases instead")
+    parser.add_argument("--modes", nargs="+", choices=("paper", "best"), default=["paper", "best"])
+    parser.add_argument("--tables", nargs="+", choices=("effect", "corrected"), default=["effect", "corrected"])
     options = parser.parse_args()
     stroke = midair.record("virtual:towel", 1.0)
-    if options.corrected:
-        print_corrected(stroke, options.heights, options.duration, options.strength)
-        return
-    print(f"towel, {options.duration:g} s, strength {options.strength:g}; mean E in % at temperatures in °C")
-    print(f"{'mode':6} {'height':7} {'solved for':17}" + "".join(f"{each:6}" for each in COLUMNS) + "  CPU ms a frame")
+    print(f"towel, {options.duration:g} s, strength {options.strength:g}; mean E in %")
+    if "effect" in options.tables:
+        curves = print_effect(stroke, options)
+        if options.figure:
+            options.figure.write_bytes(drawn(curves, options.heights))
+    if "corrected" in options.tables:
+        print_corrected(stroke, options)
+
+
+def print_effect(
+    stroke: midair.files.OpenedTake, options: argparse.Namespace
+) -> dict[tuple[str, float, str], np.ndarray]:
+    """E of drives at other temperatures than they were solved for; returns the curves of the figure."""
+    print_head(("mode, height", "solved for"), COLUMNS, "CPU ms a frame")
     curves: dict[tuple[str, float, str], np.ndarray] = {}
-    for mode in ("paper", "best"):
+    for mode in options.modes:
         for height in options.heights:
             for name, (medium, robust) in SOLVED.items():
-                settings = MODES[mode]().but(robust=robust, acoustics=Acoustics(medium=medium))
-                settings = settings.but(grid=type(settings.target.grid)(height=height))
+                settings = settings_at(mode, height).but(robust=robust, acoustics=Acoustics(medium=medium))
                 made, cost = solved(stroke, settings, options.duration, options.strength)
-                row = "".join(f"{100 * error(made, each):6.1f}" for each in COLUMNS)
-                print(f"{mode:6} {1e3 * height:4.0f} mm {name:17}{row}{cost:8.0f}", flush=True)
+                row = " | ".join(f"{100 * error(made, each):.1f}" for each in COLUMNS)
+                print(f"| {mode}, {1e3 * height:.0f} mm | {name} | {row} | {cost:.0f} |", flush=True)
                 curves[mode, height, name] = np.array([error(made, each) for each in SMOOTH])
-    if options.figure:
-        options.figure.write_bytes(drawn(curves, options.heights))
+    return curves
+
+
+def print_head(names: tuple[str, ...], temperatures: tuple[int, ...], *more: str) -> None:
+    """Head of a Markdown table."""
+    print("| " + " | ".join((*names, *(f"{each} °C" for each in temperatures), *more)) + " |")
+    print("|" + "---|" * len(names) + "--:|" * (len(temperatures) + len(more)), flush=True)
+
+
+def settings_at(mode: str, height: float) -> Settings:
+    """Settings of a mode at a height in m."""
+    settings = MODES[mode]()
+    return settings.but(grid=type(settings.target.grid)(height=height))
 
 
 def solved(
@@ -80,28 +101,26 @@ def solved(
     return made, 1e3 * (time.process_time() - start) / pressure.frames
 
 
-def print_corrected(take: midair.files.OpenedTake, heights: list[float], duration: float, strength: float) -> None:
+def print_corrected(take: midair.files.OpenedTake, options: argparse.Namespace) -> None:
     """E of the drive for 22 degrees Celsius as it is, corrected, and solved again."""
-    print(
-        f"towel, {duration:g} s, strength {strength:g}; mean E in % of a drive for 22 °C: as is / corrected / re-solved"
-    )
-    for mode in ("paper", "best"):
-        for height in heights:
-            settings = MODES[mode]()
-            settings = settings.but(grid=type(settings.target.grid)(height=height))
-            own, _ = solved(take, settings.but(acoustics=Acoustics(medium=ROOM)), duration, strength)
+    print_head(("mode, height",), CORRECTED)
+    for mode in options.modes:
+        for height in options.heights:
+            settings = settings_at(mode, height)
+            own, _ = solved(take, settings.but(acoustics=Acoustics(medium=ROOM)), options.duration, options.strength)
             centre = own.target.grid.position.mean(axis=0)
-            for temperature in (14, 18, 20, 22, 24, 26, 30):
+            cells: list[str] = []
+            for temperature in CORRECTED:
                 room = Medium.at(temperature=temperature, humidity=0.5)
-                again, _ = solved(take, settings.but(acoustics=Acoustics(medium=room)), duration, strength)
+                again, _ = solved(
+                    take, settings.but(acoustics=Acoustics(medium=room)), options.duration, options.strength
+                )
                 # With the air it was solved for, to which its target belongs.
                 drive = replace(correct_air(own.solution.drive, room, centre), acoustics=own.solution.drive.acoustics)
                 after = float(error_at_temperature(drive, own.target, room).mean())
                 row = (error(own, temperature), after, error(again, temperature))
-                print(
-                    f"{mode:6} {1e3 * height:4.0f} mm {temperature:3} °C"
-                    + "".join(f"{100 * each:7.1f}" for each in row)
-                )
+                cells.append(" / ".join(f"{100 * each:.1f}" for each in row))
+            print(f"| {mode}, {1e3 * height:.0f} mm | " + " | ".join(cells) + " |", flush=True)
 
 
 def error(made: Reproduction, temperature: float) -> float:
@@ -113,11 +132,12 @@ def error(made: Reproduction, temperature: float) -> float:
 def drawn(curves: Mapping[tuple[str, float, str], np.ndarray], heights: list[float]) -> bytes:
     """Curves as a PNG, with a column per mode and a row per height."""
     style = Style()
+    modes = list(dict.fromkeys(mode for mode, _, _ in curves))
     figure = new_figure(7.0, 6.4, simulated=True)
-    grid = figure.subplots(len(heights), 2, sharex=True, sharey=True, squeeze=False)
+    grid = figure.subplots(len(heights), len(modes), sharex=True, sharey=True, squeeze=False)
     colours = dict(zip(SOLVED, (style.before, style.reproduced, style.original), strict=True))
     for (mode, height, name), curve in curves.items():
-        axes = plain_axes(grid[heights.index(height), ("paper", "best").index(mode)], style)
+        axes = plain_axes(grid[heights.index(height), modes.index(mode)], style)
         axes.plot(SMOOTH, 100 * curve, color=colours[name], linewidth=1.2, label=f"solved for {name}")
         axes.set_title(f"{mode} mode, {1e3 * height:.0f} mm", fontsize=9, loc="left")
         axes.set_ylim(0, 60)
@@ -127,7 +147,7 @@ def drawn(curves: Mapping[tuple[str, float, str], np.ndarray], heights: list[flo
         axes.set_ylabel("mean E (%)", fontsize=8)
     for axes in grid[-1]:
         axes.set_xlabel("temperature of the room (°C)", fontsize=8)
-    grid[0, 1].legend(fontsize=8, frameon=False, loc="upper left")
+    grid[0, -1].legend(fontsize=8, frameon=False, loc="upper left")
     return png_bytes(figure)
 
 
