@@ -1,0 +1,112 @@
+"""Commands that play warn while the room becomes warmer, end to end: a program rewrites a file thermometer."""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midair.cli import run
+from midair.files import save_solution
+from midair.model import Acoustics, Drive, Medium, Solution, TransducerArray
+
+ARRAY = TransducerArray.autd3()
+ROOM = ["--temperature", "file:room.txt"]
+DRIFTED = "air: file:room.txt measures 23.5 °C, the drive was solved for 22.0 °C; "
+PLAN = """
+name = "quiet"
+participants = 1
+seed = 1
+consent = "You may stop at any time."
+questions = [{ name = "which", kind = "choice", text = "Which?", options = ["one", "two"], truth = "object" }]
+stimuli = [{ name = "f", kind = "drive", source = "quiet.drive.h5", levels = { object = "one" } }]
+blocks = [{ name = "all", stimuli = ["f"], questions = ["which"] }]
+"""
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+    Path("room.txt").write_text("22.0\n", encoding="utf-8")
+
+
+def run_in_a_room_that_warms(words, until=""):
+    """Exit status and lines on stderr; the room warms after the command has read it.
+
+    If `until` is given, its input ends after a line with these words.
+    """
+    command = [sys.executable, "-m", "midair", *words, *ROOM]
+    lines = []
+    with subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "COLUMNS": "300"},
+        encoding="utf-8",
+    ) as running:
+        limit = threading.Timer(300, running.kill)
+        limit.start()
+        for line in running.stderr:
+            lines.append(line.strip())
+            if "air: file:room.txt measures 22 °C" in line:
+                Path("room.txt").write_text("23.5\n", encoding="utf-8")
+            if until and until in line:
+                running.stdin.close()
+        status = running.wait()
+        limit.cancel()
+    return status, lines
+
+
+def logged_drifts():
+    """Events "air" of the log of playback: device, measured and solved temperature."""
+    entries = map(json.loads, Path("state/played.jsonl").read_text(encoding="utf-8").splitlines())
+    return [(each["device"], each["measured_c"], each["solved_c"]) for each in entries if each["event"] == "air"]
+
+
+@pytest.mark.long
+def test_live_on_emulated_units_warns_once_and_logs_it():
+    pytest.importorskip("autd3")
+    words = ["live", "--sensor", "virtual:brush", "--device", "autd3:emulator", "--level", "0.1", "--duration", "3s"]
+    status, lines = run_in_a_room_that_warms([*words, "--override-exposure", "a test"])
+    assert status == 0, lines
+    assert [line.removeprefix("midair: ") for line in lines if DRIFTED in line] == [
+        f"{DRIFTED}start live again to solve for this air"
+    ]
+    assert logged_drifts() == [("autd3:emulator", 23.5, 22.0)]
+
+
+@pytest.mark.long
+def test_a_loop_on_the_virtual_rig_warns_once_and_logs_nothing():
+    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.3s"]) == 0
+    part = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--method", "fast", "--duration", "0.08s"]
+    status, lines = run_in_a_room_that_warms(["loop", "take.h5", "report.html", *part])
+    assert status == 0, lines
+    assert [line.removeprefix("midair: ") for line in lines if DRIFTED in line] == [
+        f"{DRIFTED}run the loop again for this air"
+    ]
+    assert not Path("state/played.jsonl").exists()
+
+
+@pytest.mark.long
+def test_a_study_on_emulated_units_warns_once_and_logs_it():
+    pytest.importorskip("autd3")
+    room = Acoustics(medium=Medium.at(temperature=22.0))
+    drive = Drive(phase=np.zeros((10, ARRAY.count)), level=np.full(10, 0.001), rate=1000.0, array=ARRAY, acoustics=room)
+    solved = {"error": np.zeros(10), "iterations": np.ones(10, int), "status": ("converged",) * 10}
+    save_solution(Solution(drive=drive, **solved), "quiet.drive.h5")
+    Path("plan.toml").write_text(PLAN, encoding="utf-8")
+    assert run(["study", "new", "s", "--source", "plan.toml"]) == 0
+    words = ["study", "run", "s", "--participant", "1", "--array", "autd3:emulator", "--noise", "none", "--lines"]
+    status, lines = run_in_a_room_that_warms(words, until=DRIFTED)
+    assert status == 1, "its input ended"
+    assert "the answers so far are stored" in lines[-1]
+    assert [line.removeprefix("midair: ") for line in lines if DRIFTED in line] == [
+        f"{DRIFTED}solve the drives again for this air"
+    ]
+    assert logged_drifts() == [("autd3:emulator", 23.5, 22.0)]
