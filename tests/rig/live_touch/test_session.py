@@ -146,6 +146,36 @@ def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_w
 
 
 @pytest.mark.slow
+def test_a_command_that_waits_for_hot_units_is_silent_and_ends_with_status_0(tmp_path, request):
+    tap = UdpProxy(4)
+    request.addfinalizer(tap.close)
+    line = [sys.executable, "-m", "midair", "live", "--sensor", "virtual:brush", "--device", f"autd3:{tap.address}"]
+    line += ["--override-exposure", "a test", "--duration", "12s", "--when-hot", "wait"]
+    environment = {**os.environ, "MIDAIR_STATE": str(tmp_path / "state"), "COLUMNS": "300"}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    running = subprocess.Popen(line, cwd=tmp_path, env=environment, text=True, **pipes)
+    request.addfinalizer(running.kill)
+    until = time.monotonic() + 60
+    while len(tap.frames()) < 2000 and running.poll() is None and time.monotonic() < until:
+        time.sleep(0.05)
+    tap.hot = range(65536)
+    told = iter(running.stderr.readline, "")
+    assert any("units 0, 1, 2, 3 too hot" in each for each in told)
+    paused = time.monotonic()
+    while time.monotonic() < paused + 1.5:
+        time.sleep(0.05)
+    assert not any(any(datagram[-249:]) for at, _, code, datagram in tap.frames() if code == 0x16 and at > paused + 0.1)
+    tap.hot, cooled = (), time.monotonic()
+    assert any("units have cooled; playback continues after a pause of" in each for each in told)
+    printed, rest = running.communicate(timeout=60)
+    assert running.returncode == 0, rest
+    assert "frames dropped while a unit was too hot" in printed
+    assert any(any(datagram[-249:]) for at, _, code, datagram in tap.frames() if code == 0x16 and at > cooled)
+    entries = map(json.loads, (tmp_path / "state" / "played.jsonl").read_text(encoding="utf-8").splitlines())
+    assert [each["event"] for each in entries] == ["play", "pause", "continue", "end"]
+
+
+@pytest.mark.slow
 def test_live_drops_frames_while_units_are_too_hot_and_continues(request):
     tap, told = UdpProxy(4), []
     request.addfinalizer(tap.close)
