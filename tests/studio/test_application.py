@@ -303,3 +303,13 @@ def test_closed_page_revokes_its_lease(studio, client):
         leave = studio.playing.permit.arm(lasts=5)
     assert studio.playing.permit.refusal(leave) == "stopped"
     assert np.isfinite(page)
+
+
+def test_the_stated_air_of_the_room_is_a_setting_of_new_drives(talk, studio):
+    assert talk.state["whole"]["air"]["degrees"] is None
+    code = {"take": "towel.h5", "mode": "paper"}
+    assert "--temperature" not in talk.order("reproduce", "code", **code)["ok"]["options"]
+    assert talk.order("air", "state", temperature="25C", humidity=40)["ok"]
+    assert "--temperature 25C --humidity 40%" in talk.order("reproduce", "code", **code)["ok"]["options"]
+    assert "expected degrees Celsius" in talk.order("air", "state", temperature="hot")["error"]
+    assert studio.air.stated == {"temperature": 25.0, "humidity": 0.4}

@@ -1,15 +1,29 @@
-from multiprocessing import Pipe
+import threading
+import time
+from multiprocessing import Event, Pipe
 
 import numpy as np
 import pytest
+from tests.simulators.udp_proxy import UdpProxy
 
 from midair.errors import DeviceError, MidairError
 from midair.files import DEFAULT_PROFILE, save_solution
-from midair.model import Drive, Solution, TransducerArray
+from midair.model import AmplitudeFrames, ControlGrid, Drive, Medium, Solution, TransducerArray
 from midair.rig import PlayLease, dose_report
 from midair.studio.player import NoiseOutput, _Player
 from midair.studio.worker_process import StudioPipe
 from midair.study.design import MaskingNoise
+
+ARRAY = TransducerArray.autd3()
+CHECKED = {"profile": DEFAULT_PROFILE, "attenuate": False, "override": "", "repeats": 1}
+
+
+def quiet_drive(path, frames=50, **more):
+    """A drive file for the paper's 340 m/s that is far below every limit."""
+    drive = Drive(phase=np.zeros((frames, ARRAY.count)), level=np.full(frames, 0.001), rate=1000.0, array=ARRAY)
+    solved = {"error": np.zeros(frames), "iterations": np.ones(frames), "status": ("converged",) * frames}
+    save_solution(Solution(drive=drive, **solved), path, **more)
+    return path
 
 
 def test_stimulus_with_noise_needs_a_sound_output():
@@ -31,20 +45,95 @@ def test_missing_sound_output_is_reported_before_the_session():
 
 def test_the_participant_of_a_trial_is_logged_and_not_kept_for_the_next_drive(tmp_path):
     pytest.importorskip("autd3")
-    array, path = TransducerArray.autd3(), tmp_path / "a.drive.h5"
-    drive = Drive(phase=np.zeros((50, array.count)), level=np.full(50, 0.001), rate=1000.0, array=array)
-    solved = {"error": np.zeros(50), "iterations": np.ones(50), "status": ("converged",) * 50}
-    save_solution(Solution(drive=drive, **solved), path)
+    path = quiet_drive(tmp_path / "a.drive.h5")
     _, studio = Pipe()
     permit = PlayLease()
     player = _Player(StudioPipe(studio), permit, "autd3:emulator", 0)
     with player.held:
         for about in ({"participant": "touch/3"}, {}):
-            checked = {"profile": DEFAULT_PROFILE, "attenuate": False, "override": "", "repeats": 1}
-            found = player.act({"do": "admit", "path": str(path), **checked})
+            found = player.act({"do": "admit", "path": str(path), **CHECKED})
             leave = permit.arm(lasts=10.0)
             player.act(
                 {"do": "play", "admission": found["number"], "masked": False, "output": "", "leave": leave} | about
             )
             permit.disarm()
     assert [(row["participant"], row["end"]) for row in dose_report().orders] == [("touch/3", "played"), ("", "played")]
+
+
+def test_the_exposure_is_checked_in_the_stated_air_and_phases_are_corrected_for_it(tmp_path):
+    grid = ControlGrid()
+    target = AmplitudeFrames(amplitude=np.ones((50, grid.count)), rate=1000.0, grid=grid)
+    path = quiet_drive(tmp_path / "a.drive.h5", target=target)
+    room = Medium.at(temperature=25.0, humidity=0.4)
+    player = _Player(StudioPipe(Pipe()[1]), PlayLease(), "virtual", 0)
+    order = {"do": "admit", "path": str(path), **CHECKED}
+    assert "14 to 30 °C" in player.act(order)["measured_in"]
+    found = player.act(order | {"room": room})
+    assert "23 to 27 °C" in found["measured_in"]
+    assert found["solved_c"] == pytest.approx(Medium().degrees, abs=0.01), "340 m/s"
+    assert "palm warms by" in found["heat"]
+    corrected = player.act(order | {"room": room, "correct": True})
+    assert corrected["solved_c"] == 25.0
+    assert player.admitted[corrected["number"]][0].drive.acoustics.medium == room
+    assert player._virtual(player.admitted[corrected["number"]][0].drive, room).acoustics.medium == room
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("waits", [True, False])
+def test_hot_units_pause_the_play_until_they_are_cool_and_the_page_has_chosen(tmp_path, request, monkeypatch, waits):
+    """Four emulated units behind a proxy that sets their thermal bit."""
+    pytest.importorskip("autd3")
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+    path = quiet_drive(tmp_path / "a.drive.h5", frames=800)
+    tap = UdpProxy(4)
+    request.addfinalizer(tap.close)
+    here, there = Pipe()
+    permit, agreed, ended = PlayLease(), Event(), []
+    player = _Player(StudioPipe(there), permit, f"autd3:{tap.address}", 0, agreed)
+
+    def play():
+        try:
+            ended.append(player.act({"do": "play", "output": "", "masked": False, "waits": True, **order}))
+        except MidairError as wrong:
+            ended.append(wrong)
+
+    def until(true):
+        limit = time.monotonic() + 60
+        while not true() and time.monotonic() < limit:
+            permit.renew(lasts=2.0)
+            time.sleep(0.02)
+        assert true()
+
+    def heat():
+        """The next message about heat."""
+        while here.poll(10):
+            if (said := here.recv())["kind"] == "heat":
+                return said["text"]
+        raise AssertionError("no message about heat")
+
+    with player.held:
+        found = player.act({"do": "admit", "path": str(path), **CHECKED})
+        order = {"admission": found["number"], "leave": permit.arm(lasts=2.0)}
+        playing = threading.Thread(target=play)
+        playing.start()
+        until(lambda: player.array.emitting)
+        tap.hot = range(65536)
+        until(lambda: not player.array.emitting)
+        assert "units 0, 1, 2, 3 too hot" in heat()
+        tap.hot = ()
+        cool = time.monotonic() + 2.0
+        until(lambda: time.monotonic() > cool)
+        assert not ended, "cool for two seconds, and it still waits for the choice"
+        if waits:
+            agreed.set()
+        else:
+            permit.stop()
+        until(lambda: ended)
+        playing.join(10)
+    if waits:
+        assert heat().startswith("units have cooled")
+        assert ended[0]["paused"] > 2.0
+        assert ended[0]["frames"] == 800
+    else:
+        assert "stopped on request" in str(ended[0])
+        assert dose_report().orders[-1]["reason"].startswith("StoppedError: ")

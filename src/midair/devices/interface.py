@@ -149,6 +149,8 @@ class Cooling:
     """Longest pause, in s; playback then ends with TooHotError."""
     report: Callable[[str], None] = _ignore
     """Called with one line as soon as a pause begins, and when playback continues."""
+    agreed: Callable[[], bool] = lambda: True
+    """Asked while units are cool; the pause lasts until it returns True."""
 
     def __post_init__(self) -> None:
         if not 0 < self.limit < 86400:

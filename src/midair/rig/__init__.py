@@ -68,7 +68,9 @@ from .play_lease import LeaseGuard as LeaseGuard
 from .play_lease import LeaseToken as LeaseToken
 from .play_lease import PlayLease as PlayLease
 from .play_lease import under_lease as under_lease
+from .playing import DRIFT as DRIFT
 from .playing import check_air as check_air
+from .playing import correct_air_of_file as correct_air_of_file
 from .playing import default_exposure as default_exposure
 from .playing import play_cleared as play_cleared
 from .playing import rerecord as rerecord

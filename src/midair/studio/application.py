@@ -23,6 +23,7 @@ from midair.studio.folders import StudioFolder
 from midair.studio.jobs import Jobs, StudioJob
 from midair.studio.panels import PANELS, Panel, PanelContext, PlayPanel
 from midair.studio.request_guard import NAMES, LoginTokens, RequestGuard
+from midair.studio.room_air import RoomAir
 from midair.studio.studio_state import LARGEST_ORDER, Page, StudioState
 from midair.studio.take_data import frames_of
 from midair.studio.takes_list import TakesList
@@ -75,8 +76,9 @@ class Studio:
         self._kept: dict[tuple[str, str, int], bytes] = {}
         self._began = False
         origins = tuple(f"http://{name}:{port}" for name in NAMES)
+        self.air = RoomAir(self.store, self.later)
         self.playing = PlayPanel(
-            self.store, self.takes, self.later, device=plan.device, seed=plan.seed, origins=origins
+            self.store, self.takes, self.air, self.later, device=plan.device, seed=plan.seed, origins=origins
         )
         context = PanelContext(
             store=self.store,
@@ -84,6 +86,7 @@ class Studio:
             jobs=self.jobs,
             reading=self.reading,
             playing=self.playing,
+            air=self.air,
             later=self.later,
             sensor=plan.sensor,
             seed=plan.seed,
@@ -120,7 +123,7 @@ class Studio:
         # Loading takes a moment; meanwhile the browser opens.
         tables = asyncio.gather(*(asyncio.to_thread(colour_table, name) for name in TABLES))
         with contextlib.ExitStack() as ending:
-            for end in (self.reading.close, self.jobs.close, self.playing.close):
+            for end in (self.reading.close, self.jobs.close, self.playing.close, self.air.close):
                 ending.callback(end)
             for panel in self.panels.values():
                 ending.callback(panel.close)

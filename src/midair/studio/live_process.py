@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import amplitude_of
+from midair.devices import Cooling, amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MidairError
 from midair.model import RATE, ControlGrid, Placement, TransducerArray
 from midair.physics import airs_of_room, greatest_exposure, transfer_matrix
@@ -219,7 +219,8 @@ class _LiveSupervisor:
         if settings is None:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         self._past = None
-        session = live(settings=settings, permit=self._permit, leave=order["leave"])
+        cooling = Cooling(report=lambda text: self._pipe.send("heat", text=text))
+        session = live(settings=settings, permit=self._permit, leave=order["leave"], cooling=cooling)
         # Created before the first frame: otherwise frames of that time would arrive all at once.
         sight = LiveView(session.order)
         about = sight.about()
@@ -302,6 +303,7 @@ def _session_info(session: LiveSession) -> dict[str, Any]:
         "exposure": opened.exposure,
         "computer": opened.granted.words(),
         "height_mm": 1e3 * order.height,
+        "air_c": order.acoustics.medium.degrees,
         "hold_ms": 1e3 * order.hold,
         "errors": [
             [f"{low:g} to {high:g} Hz", round(100 * error, 1)]

@@ -12,10 +12,11 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from midair.devices import ExposureChoices, check_exposure, measure_exposure
+from midair.devices import Cooling, ExposureChoices, check_exposure, measure_exposure
 from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError
 from midair.files import load_solution, profile_named, save
-from midair.rig import VirtualRig, array_named, play_cleared, rerecord, under_lease
+from midair.model import Acoustics, Medium
+from midair.rig import VirtualRig, array_named, correct_air_of_file, play_cleared, rerecord, under_lease
 from midair.settings import Settings
 from midair.studio.stop_port import StopPort
 from midair.studio.worker_process import StudioPipe, end_with_studio
@@ -60,14 +61,18 @@ class NoiseOutput:
 def run_player(
     pipe: StudioPipe,
     permit: Any,
+    waits: Any,
     listening: socket.socket,
     origins: tuple[str, ...],
     token: str,
     device: str,
     seed: int,
 ) -> None:
-    """Main function of the player process, which ends with its studio; `token` is the secret of the stop port."""
-    player = _Player(pipe, permit, device, seed)
+    """Main function of the player process, which ends with its studio.
+
+    `waits` is an event: playback may continue once hot units have cooled. `token` is the secret of the stop port.
+    """
+    player = _Player(pipe, permit, device, seed, waits)
     StopPort(listening, token, origins, player.stop).start()
     end_with_studio(permit.stop, player.silence, patience=2.0)
     pipe.send("ready")
@@ -81,10 +86,13 @@ class _Player:
     permit: Any
     device: str
     seed: int
+    waits: Any = None
     array: Any = None
     held: ExitStack = field(default_factory=ExitStack)
-    admitted: dict[int, tuple[Any, Path]] = field(default_factory=dict[int, tuple[Any, Path]])
-    trials: dict[tuple[str, float], dict[str, Any]] = field(default_factory=dict[tuple[str, float], dict[str, Any]])
+    admitted: dict[int, tuple[Any, Path, Medium | None]] = field(
+        default_factory=dict[int, tuple[Any, Path, Medium | None]]
+    )
+    trials: dict[Any, dict[str, Any]] = field(default_factory=dict[Any, dict[str, Any]])
     noise: NoiseOutput = field(default_factory=NoiseOutput)
     number: int = 0
 
@@ -142,27 +150,34 @@ class _Player:
 
     def _admit(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Check the exposure of a drive file on this array, and keep the clearance."""
-        path, trial = Path(order["path"]), (order["path"], order.get("share", 1.0))
+        path, room = Path(order["path"]), order.get("room")
+        trial = order["path"], order.get("share", 1.0), room
         if order.get("keep") and trial in self.trials:
             return self.trials[trial]
         drive = load_solution(path).drive
+        if order.get("correct") and room is not None:
+            drive = correct_air_of_file(drive, path, room)
         if (share := order.get("share", 1.0)) != 1.0:
             # Radiation pressure is proportional to the square of the sound pressure, hence of the level.
             drive = replace(drive, level=drive.level * share**0.5)
         if self.device != "virtual" and self.array is None:
             self._open()
-        array: Any = self.array if self.device != "virtual" else self._virtual(drive).array_device()
+        array: Any = self.array if self.device != "virtual" else self._virtual(drive, room).array_device()
         profile = profile_named(order["profile"])
-        choices = ExposureChoices(profile=profile, attenuate=order["attenuate"], override=order["override"] or None)
+        choices = ExposureChoices(
+            profile=profile, attenuate=order["attenuate"], override=order["override"] or None, room=room
+        )
+        solved = {"solved_c": round(drive.acoustics.medium.degrees, 2)}
         try:
             admission = check_exposure(drive, array, choices, repeats=order["repeats"])
         except ExposureError as wrong:
             # The page shows the excess and the possible remedies, so the exposure is measured again.
-            return {"number": 0, "refused": str(wrong), **exposed(measure_exposure(drive, array.array, profile))}
+            found = measure_exposure(drive, array.array, profile, room=room)
+            return {"number": 0, "refused": str(wrong), **solved, **exposed(found)}
         self.number += 1
         kept = {found["number"] for found in self.trials.values()} if order.get("keep") else set[int]()
         self.admitted = {number: one for number, one in self.admitted.items() if number in kept}
-        self.admitted[self.number] = (admission, path)
+        self.admitted[self.number] = (admission, path, room)
         found = {
             "number": self.number,
             "outcome": admission.outcome,
@@ -170,18 +185,20 @@ class _Player:
             "by": admission.by,
             "duration_s": admission.repeats * drive.frames / drive.rate,
             "refused": "",
+            **solved,
             **exposed(admission.exposure),
         }
         self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
         return found
 
-    def _virtual(self, drive: Any) -> Any:
-        """Create a virtual rig with the array, cells, height and band of a drive."""
+    def _virtual(self, drive: Any, room: Medium | None) -> Any:
+        """Create a virtual rig with the array, cells, height and band of a drive, in its air or that of the room."""
         known = Settings.of(drive.provenance) or Settings()
         rig = VirtualRig(
             array=drive.array.nominal,
             cells=sensor_from_provenance(drive.provenance),
             height=known.target.grid.height,
+            acoustics=None if room is None else Acoustics(medium=room),
             seed=self.seed,
         )
         return rig.hearing(known.calibration.band)
@@ -204,14 +221,17 @@ class _Player:
                 time.sleep(0.02)
         return True
 
-    def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path) -> dict[str, Any]:
+    def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path, room: Medium | None) -> dict[str, Any]:
         leave, output = order["leave"], order["output"]
         if self.device != "virtual":
             self.array.participant = order.get("participant", "")
+            # A pause within the stimulus of a study would change it, so there hot units end the play.
+            cooling = Cooling(report=lambda text: self.pipe.send("heat", text=text), agreed=self.waits.is_set)
+            self.array.cooling = cooling if order.get("waits") else None
             with under_lease(self.array, self.permit, leave):
-                report = play_cleared(admission, self.array, source=path, progress=self._progress(leave))
+                report = play_cleared(admission, self.array, source=path, progress=self._progress(leave), room=room)
             return {"output": "", **asdict(report)}
-        rig = self._virtual(admission.drive)
+        rig = self._virtual(admission.drive, room)
         skin = rig.skin()
         with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
             self.array = array
@@ -249,6 +269,8 @@ def exposed(found: Any) -> dict[str, Any]:
         "excess_db": round(float(found.excess), 2),
         "pressure_pa": round(float(found.pressure), 2),
         "profile": found.profile.name,
+        "heat": found.heat,
+        "measured_in": found.measured_in,
         "places": [
             {
                 "name": place.name,

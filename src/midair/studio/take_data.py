@@ -83,6 +83,7 @@ def _drive_facts(data: TakeData, shown: int) -> dict[str, Any]:
         "columns": grid.columns,
         "pitch_mm": 1e3 * grid.pitch,
         "height_mm": 1e3 * grid.height,
+        "air_c": drive.acoustics.medium.degrees,
         "x_mm": 1e3 * grid.centre[0],
         "y_mm": 1e3 * grid.centre[1],
         "frames": len(frames),

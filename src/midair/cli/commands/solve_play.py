@@ -24,7 +24,6 @@ from midair.cli.options import (
 from midair.cli.output import level_of_file, level_rows, may_write, solve_error, warn_level
 from midair.cli.thermometers import air_watched
 from midair.cli.time_estimates import workload_of
-from midair.correct import correct_air as corrected_for
 from midair.devices import (
     ArrayDevice,
     Cooling,
@@ -49,7 +48,16 @@ from midair.headroom import level_of
 from midair.model import Acoustics, Drive, Medium
 from midair.physics import Transducers
 from midair.pipeline import Reproduction, reproduce_stream, required_lead
-from midair.rig import ArrayKind, VirtualRig, array_named, array_of_kind, check_air, play_cleared, rerecord
+from midair.rig import (
+    ArrayKind,
+    VirtualRig,
+    array_named,
+    array_of_kind,
+    check_air,
+    correct_air_of_file,
+    play_cleared,
+    rerecord,
+)
 from midair.settings import Settings
 from midair.targets import add_lead, frames_without_lead, sensor_from_provenance
 
@@ -283,11 +291,9 @@ def _corrected(drive: Drive, source: Path, room: Medium | None) -> Drive:
     """The drive of a file with its phases corrected for the air of the room."""
     if room is None:
         raise InputError("--correct-air: expected --temperature with it, got none")
-    target = load_target(source, streamed=True)
-    if target is None:
-        raise InputError(f"{source}: expected a drive with its target for --correct-air, got none; solve it again")
+    corrected = correct_air_of_file(drive, source, room)
     print_note(f"air: phases corrected from {drive.acoustics.medium} to {room}")
-    return corrected_for(drive, room, target.grid.position.mean(axis=0))
+    return corrected
 
 
 def _print_room_air(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:

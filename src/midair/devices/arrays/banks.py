@@ -166,7 +166,7 @@ class CoolingPause:
         state = self._units.state()
         if state is not None and state.hot:
             self._hot = now
-        if now - self._hot >= COOL:
+        if now - self._hot >= COOL and self._cooling.agreed():
             # Without a heartbeat their failsafe has acted; they are silent.
             self._units.release()
             text = f"units have cooled; playback continues after a pause of {self.seconds:.1f} s"
@@ -174,8 +174,9 @@ class CoolingPause:
             self._cooling.report(text)
             return True
         if self.seconds > self._cooling.limit:
+            lacked = "order to continue" if now - self._hot >= COOL else "second without heat"
             raise TooHotError(
-                f"{self._found}, and no second without heat in a pause of {self._cooling.limit:g} s; let them cool, "
+                f"{self._found}, and no {lacked} in a pause of {self._cooling.limit:g} s; let them cool, "
                 "then use a lower --level or pauses"
             )
         return False

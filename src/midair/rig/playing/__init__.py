@@ -4,6 +4,8 @@ from midair.devices import stop_playing as stop_playing
 
 from .air_check import AirCheck as AirCheck
 from .air_check import check_air as check_air
+from .air_check import correct_air_of_file as correct_air_of_file
+from .air_watch import DRIFT as DRIFT
 from .air_watch import watch_air as watch_air
 from .cleared_play import play_cleared as play_cleared
 from .rerecording import default_exposure as default_exposure

@@ -2,8 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
+from midair.correct import correct_air
+from midair.errors import InputError
 from midair.evaluate import error_at_temperature
+from midair.files import load_target
 from midair.model import AmplitudeFrames, Drive, Medium
 
 FAR = 2.0
@@ -53,6 +57,20 @@ def check_air(
     return AirCheck(
         said=f"air: {both}: {_error_text(drive, room, target(), frames)}; solve it again for this air", warns=True
     )
+
+
+def correct_air_of_file(drive: Drive, source: Path, room: Medium) -> Drive:
+    """Correct the phases of the drive of a file for the air of the room, around the centre of its control points.
+
+    Raises
+    ------
+    InputError
+        If the file has no target.
+    """
+    target = load_target(source, streamed=True)
+    if target is None:
+        raise InputError(f"{source}: expected a drive with its target for --correct-air, got none; solve it again")
+    return correct_air(drive, room, target.grid.position.mean(axis=0))
 
 
 def _error_text(drive: Drive, room: Medium, target: AmplitudeFrames | None, frames: int) -> str:

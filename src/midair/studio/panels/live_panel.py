@@ -10,6 +10,7 @@ from pydantic import Field
 from midair.devices import ExposureChoices
 from midair.errors import DeviceStateError, InputError, MidairError
 from midair.files import DEFAULT_PROFILE, profile_named
+from midair.model import Acoustics
 from midair.rig import LiveMapping, LiveSettings, Subject, take_path
 from midair.studio.feed import Feed
 from midair.studio.live_process import REMEMBERED, run_live
@@ -111,6 +112,7 @@ class LivePanel(Panel):
     async def check(self, _: Page, order: CheckLive) -> Any:
         """Return the worst-case exposure of a level."""
         self._idle()
+        room = self._context.air.medium
         given = order.model_dump(include={"sensor", "mapping", "gain", "level"})
         request: dict[str, Any] = {
             **given,
@@ -123,7 +125,9 @@ class LivePanel(Panel):
                 profile=profile_named(order.profile or DEFAULT_PROFILE),
                 attenuate=order.attenuate,
                 override=order.override.strip() or None,
+                room=room,
             ),
+            "acoustics": None if room is None else Acoustics(medium=room),
             "seed": self._context.seed,
         }
         if not self._live.process:
@@ -140,7 +144,8 @@ class LivePanel(Panel):
         if request is None:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         await self._context.panels["record"].release()
-        leave = await self._playing.lend(page, f"live {request['sensor']}")
+        solved = LiveSettings().but(acoustics=request["acoustics"]).acoustics.medium.degrees
+        leave = await self._playing.lend(page, f"live {request['sensor']}", solved=solved)
         self._show(state="opens", said="", share=1.0, take=None)
         self._store.put(live_goes=None)
         try:
@@ -204,6 +209,8 @@ class LivePanel(Panel):
             case "goes":
                 self._store.put(live_goes={**said["goes"], "remembered": said["remembered"]})
                 self._playing.emits(said["emitting"])
+            case "heat":
+                self._playing.paused(said["text"], waits=True)
             case "ended":
                 if said["goes"]:
                     self._store.put(live_goes={**(self._store.state.get("live_goes") or {}), **said["goes"]})

@@ -9,6 +9,7 @@ from midair.registry import Registry
 from midair.studio.demo_stroke import DemoStroke
 from midair.studio.jobs import Jobs
 from midair.studio.panels.play_panel import PlayPanel
+from midair.studio.room_air import RoomAir
 from midair.studio.studio_state import Page, StudioState
 from midair.studio.takes_list import TakesList
 
@@ -29,6 +30,8 @@ class PanelContext:
     """Quick jobs, which read files."""
     playing: PlayPanel
     """The array."""
+    air: RoomAir
+    """The stated air of the room."""
     later: Callable[..., None]
     """Runs a function on the event loop, from any thread."""
     sensor: str

@@ -4,6 +4,7 @@ import asyncio
 import secrets
 import socket
 import time
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,10 @@ from pydantic import Field
 
 from midair.errors import DeviceStateError, ExposureError, InputError, LinkLostError, MidairError, SilentFramesError
 from midair.files import DEFAULT_PROFILE
+from midair.model import Medium
 from midair.rig import LeaseToken, PlayLease
 from midair.studio.player import run_player
+from midair.studio.room_air import RoomAir
 from midair.studio.studio_state import Arguments, Page, StudioState
 from midair.studio.takes_list import TakesList
 from midair.studio.worker_process import WorkerProcess
@@ -32,6 +35,7 @@ class CheckExposure(Arguments):
     attenuate: bool = False
     override: str = Field(default="", max_length=200)
     repeats: int = Field(default=1, ge=1, le=1000)
+    correct_air: bool = False
 
 
 class PlayNow(Arguments):
@@ -44,13 +48,22 @@ class PlayPanel:
     """The player process and the lease that it needs to play."""
 
     def __init__(
-        self, store: StudioState, takes: TakesList, later: Any, *, device: str, seed: int, origins: tuple[str, ...]
+        self,
+        store: StudioState,
+        takes: TakesList,
+        air: RoomAir,
+        later: Any,
+        *,
+        device: str,
+        seed: int,
+        origins: tuple[str, ...],
     ) -> None:
-        self._store, self._takes, self._later = store, takes, later
+        self._store, self._takes, self._air, self._later = store, takes, air, later
         self.token = secrets.token_urlsafe(24)
         self.permit = PlayLease()
         self._listening = socket.create_server(("127.0.0.1", 0))
-        self._arguments = self.permit, self._listening, origins, self.token, device, seed
+        self._waits = get_context("spawn").Event()
+        self._arguments = self.permit, self._waits, self._listening, origins, self.token, device, seed
         self._player = WorkerProcess(
             run_player,
             self._on_message,
@@ -64,7 +77,7 @@ class PlayPanel:
         self._closed = False
         self._controls = 0
         self._opening: asyncio.Future[None] | None = None
-        self._checked: dict[int, str] = {}
+        self._checked: dict[int, tuple[str, float]] = {}
         self.played: list[Any] = []
         self._state: dict[str, Any] = {
             "state": "starts",
@@ -77,10 +90,13 @@ class PlayPanel:
             "emitting": False,
             "take": "",
             "said": "",
+            "hot": "",
+            "waits": False,
         }
         store.offer("play", "check", self.check, CheckExposure)
         store.offer("play", "play", self.play, PlayNow)
         store.offer("play", "stop", self.stop, watchers=True)
+        store.offer("play", "wait", self.wait)
         store.offer("control", "take", self.take_control, watchers=True)
         store.offer("control", "give", self.give_control)
         store.offer("control", "refuse", self.refuse_control)
@@ -134,8 +150,10 @@ class PlayPanel:
             attenuate=order.attenuate,
             override=order.override.strip(),
             repeats=order.repeats,
+            room=self._air.medium,
+            correct=order.correct_air,
         )
-        self._checked = {found["number"]: order.take} if found["number"] else {}
+        self._checked = {found["number"]: (order.take, found["solved_c"])} if found["number"] else {}
         self._store.put(exposure={"take": order.take, **found})
         return found
 
@@ -143,12 +161,14 @@ class PlayPanel:
         """Arm and play; answers when it is over."""
         self._busy()
         self._seen(page)
-        take = self._checked.pop(order.admission, None)
-        if take is None:
+        if order.admission not in self._checked:
             raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
+        take, solved = self._checked.pop(order.admission)
         output = self._takes.beside(take, ".rerecorded.h5")
         partial = output.with_name(f".{output.name.removesuffix('.h5')}.partial.h5")
-        report = await self._sound(page, take, "play", admission=order.admission, output=str(partial), masked=False)
+        report = await self._sound(
+            page, take, "play", solved=solved, admission=order.admission, output=str(partial), masked=False, waits=True
+        )
         if report.get("output") and partial.exists():
             partial.replace(output)
             report["output"] = output.name
@@ -156,10 +176,12 @@ class PlayPanel:
             callback(take)
         return report
 
-    async def admit_trial(self, path: Path, share: float, *, override: str = "") -> dict[str, Any]:
+    async def admit_trial(
+        self, path: Path, share: float, *, override: str = "", room: Medium | None = None
+    ) -> dict[str, Any]:
         """Check a drive of a study and keep it for its trials; ExposureError above the profile without an override."""
         how = {"profile": DEFAULT_PROFILE, "attenuate": False, "override": override, "repeats": 1, "share": share}
-        found = await self._player.ask("admit", path=str(path), keep=True, **how)
+        found = await self._player.ask("admit", path=str(path), keep=True, room=room, **how)
         if not found["number"]:
             raise ExposureError(f"{path.name}: {found['refused']}")
         return found
@@ -168,12 +190,14 @@ class PlayPanel:
         """Open a sound output for the noise of a study, or close it if there is none; returns a description."""
         return await self._player.ask("mask", noise=noise, device=device)
 
-    async def present(self, path: Path, share: float, *, masked: bool = False, participant: str = "") -> dict[str, Any]:
+    async def present(
+        self, path: Path, share: float, *, masked: bool = False, participant: str = "", room: Medium | None = None
+    ) -> dict[str, Any]:
         """Play a drive of a study while the controlling page is visible; SilentFramesError if frames were late."""
         page = self._experimenter()
-        found = await self.admit_trial(path, share)
+        found = await self.admit_trial(path, share, room=room)
         order = {"admission": found["number"], "output": "", "masked": masked, "participant": participant}
-        report = await self._sound(page, path.name, "play", **order)
+        report = await self._sound(page, path.name, "play", solved=found["solved_c"], **order)
         if report.get("gap"):
             raise SilentFramesError(
                 f"array: expected every frame in time, {report['late']} were late after {report['gap']:.3f} s of "
@@ -194,23 +218,33 @@ class PlayPanel:
             )
         return page
 
-    async def _sound(self, page: Page, what: str, do: str, **order: Any) -> Any:
-        """Arm for a page, run a request of the player, and disarm in any case."""
+    async def _sound(self, page: Page, what: str, do: str, *, solved: float | None = None, **order: Any) -> Any:
+        """Arm for a page, run a request of the player, and disarm in any case.
+
+        `solved` is the temperature of the air in degrees Celsius that the drive was solved for.
+        """
         self._controls = page.number
+        self._waits.clear()
+        if solved is not None and self.device != "virtual":
+            self._air.plays(self.device, solved)
         leave = self.permit.arm(lasts=ALIVE)
         self._show(state="plays", take=what, done=0, total=0, said="")
         try:
             report = await self._player.ask(do, leave=leave, **order)
         except MidairError as wrong:
-            self._show(state="ready", emitting=False, said=str(wrong))
+            self._show(state="ready", emitting=False, said=str(wrong), hot="", waits=False)
             raise
         finally:
             self.permit.disarm()
-        self._show(state="ready", emitting=False, said="played to its end")
+            self._air.ended()
+        self._show(state="ready", emitting=False, said="played to its end", hot="", waits=False)
         return report
 
-    async def lend(self, page: Page, what: str) -> LeaseToken:
-        """Lend the array to another process and arm it, until `take_back`; DeviceStateError if something plays."""
+    async def lend(self, page: Page, what: str, *, solved: float) -> LeaseToken:
+        """Lend the array to another process and arm it, until `take_back`; DeviceStateError if something plays.
+
+        `solved` is the temperature of the air in degrees Celsius that the process solves for.
+        """
         self._busy()
         self._seen(page)
         self._show(state="plays", take=what, done=0, total=0, said="")
@@ -221,18 +255,35 @@ class PlayPanel:
             await self._open()
             raise
         self._controls = page.number
+        if self.device != "virtual":
+            self._air.plays(self.device, solved)
         return self.permit.arm(lasts=ALIVE)
 
     async def take_back(self, said: str) -> None:
         """Open the array again after the process that borrowed it has ended."""
         self.permit.disarm()
-        self._show(state="opens", emitting=False)
+        self._air.ended()
+        self._show(state="opens", emitting=False, hot="", waits=False)
         await self._open()
         self._show(said=said)
 
     def emits(self, emitting: bool) -> None:
         """Show whether a borrowed array emits sound."""
         self._show(emitting=emitting)
+
+    def wait(self, _: Page, __: Arguments) -> bool:
+        """Let playback continue once the units have cooled."""
+        self._waits.set()
+        self._show(waits=True)
+        return True
+
+    def paused(self, text: str, *, waits: bool = False) -> None:
+        """Show that a play pauses in silence since units are too hot; the second call shows that it continues.
+
+        Unless `waits`, it continues only after the order to wait, which holds for one pause.
+        """
+        self._waits.clear()
+        self._show(hot="" if self._state["hot"] else text, waits=waits, emitting=False)
 
     def _seen(self, page: Page) -> None:
         if not page.visible or time.monotonic() - page.last_alive > ALIVE:
@@ -289,6 +340,8 @@ class PlayPanel:
                 self._opening = asyncio.ensure_future(self._open())
             case "sounds":
                 self._show(done=said["done"], total=said["total"], emitting=said["emitting"])
+            case "heat":
+                self.paused(said["text"])
             case "stopped":
                 self._show(emitting=False, said="silenced")
             case _:

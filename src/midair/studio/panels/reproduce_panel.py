@@ -110,10 +110,14 @@ class ReproducePanel(Panel):
             take=str(self._takes.path(order.take)),
             drive=str(drive),
             mode=order.mode,
-            choices=order.choices(),
+            choices=self._choices(order),
             replaces=stamp_of(drive),
             outdated=((str(again), stamp_of(again)),),
         )
+
+    def _choices(self, order: SolveForm) -> tuple[tuple[str, Any], ...]:
+        """Return the settings that differ from the mode; a stated air of the room is one of them."""
+        return (*order.choices(), *self._context.air.stated.items())
 
     def _solve(self, order: SolveForm, whole: SolveRequest) -> StudioJob:
         title, sight = f"solve {order.take}", f"solve the visible second of {order.take}"
@@ -140,7 +144,7 @@ class ReproducePanel(Panel):
         """Run the whole loop on the virtual rig and write its report, as a job."""
         target = self._takes.beside(order.take, ".report.html")
         take = str(self._takes.path(order.take))
-        solve = SolveRequest(take=take, drive="", mode=order.mode, choices=order.choices())
+        solve = SolveRequest(take=take, drive="", mode=order.mode, choices=self._choices(order))
         settings_of(solve)
         title = f"report of {order.take}"
         job = self._jobs.add(title, report_loop, (solve, str(target)), room="compare", ended=self._solved)

@@ -1,7 +1,7 @@
 """Panel Study: a participant's session, with a page for the experimenter and one for the participant."""
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
 from functools import partial
@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import Field
 
 from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
+from midair.model import Medium
 from midair.studio.jobs import StudioJob
 from midair.studio.panels.page_presenter import PagePresenter
 from midair.studio.panels.panel import WEB, Panel, PanelContext
@@ -77,6 +78,7 @@ class StudyPanel(Panel):
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="session")
         self._loop: asyncio.AbstractEventLoop | None = None
         self._about: dict[str, Any] = {}
+        self._room: Medium | None = None
         self._turn, self._shown_step, self._masked = 0, object(), False
         store = context.store
         store.offer("study", "list", self.list, watchers=True)
@@ -121,7 +123,8 @@ class StudyPanel(Panel):
             raise InputError(f"participant: expected 1 to {plan.design.participants}, got {order.participant}")
         await asyncio.to_thread(check_not_withdrawn, study, order.participant)
         self._loop = asyncio.get_running_loop()
-        quiet = await self._get_ready(study, plan, order)
+        self._room = self._context.air.medium
+        quiet, solved = await self._get_ready(study, plan, order)
         log = study.log(order.participant)
         if order.pilot:
             # A folder that no analysis reads, so that pilot data cannot be mistaken for data of the study.
@@ -143,6 +146,7 @@ class StudyPanel(Panel):
             log,
             self._presenter if markers is None else MarkedPresenter(inner=self._presenter, markers=markers),
             markers=markers,
+            room=self._room,
             simulated=drives and bool(self._store.state["player"]["simulated"]),
             about={
                 "pilot": order.pilot,
@@ -165,6 +169,7 @@ class StudyPanel(Panel):
             "due": "",
             "cue": "",
             "media": None,
+            "solved_c": solved,
             "consent": plan.design.consent,
             "busy": False,
             "log": [],
@@ -173,19 +178,25 @@ class StudyPanel(Panel):
         self._show()
         return True
 
-    async def _get_ready(self, study: StudyFolder, plan: Plan, order: BeginSession) -> float:
-        """Check digests and exposure of all drives and open the headphones; returns the longest drive in s."""
+    async def _get_ready(self, study: StudyFolder, plan: Plan, order: BeginSession) -> tuple[float, Sequence[float]]:
+        """Check digests and exposure of all drives and open the headphones.
+
+        Returns the longest drive in s, and the temperatures of the airs that the drives were solved for.
+        """
         drives = dict.fromkeys((one.source, one.share) for one in plan.design.stimuli if one.kind == "drive")
         self._masked = False
         await asyncio.to_thread(check_digests, study.path, plan.drives, plan.design.stimuli)
         if not drives:
-            return 0.0
+            return 0.0, []
         noise = plan.design.noise if order.noise != "none" else None
         await self._playing.mask(noise, order.noise)
         by = order.override.strip()
-        found = [await self._playing.admit_trial(study.path / source, share, override=by) for source, share in drives]
+        found = [
+            await self._playing.admit_trial(study.path / source, share, override=by, room=self._room)
+            for source, share in drives
+        ]
         self._masked = noise is not None
-        return max(each["duration_s"] for each in found)
+        return max(each["duration_s"] for each in found), sorted({each["solved_c"] for each in found})
 
     async def acknowledge(self, _: Page, __: Arguments) -> bool:
         """Continue after a text or a break."""
@@ -292,7 +303,8 @@ class StudyPanel(Panel):
 
     def _play(self, path: Path, share: float, participant: str) -> None:
         """Play a drive and wait; runs in the session's thread."""
-        self._present(lambda: self._playing.present(path, share, masked=self._masked, participant=participant))
+        how = {"masked": self._masked, "participant": participant, "room": self._room}
+        self._present(lambda: self._playing.present(path, share, **how))
 
     def _wait(self, seconds: float) -> None:
         """Present silence and wait; runs in the session's thread."""

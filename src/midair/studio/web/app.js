@@ -5,6 +5,7 @@ import { TABLE, listen } from "/web/keys.js";
 import { make, toast, tried } from "/web/dom.js";
 import { jobsShown } from "/web/jobs.js";
 import { colours } from "/web/take.js";
+import { airShown, heatWarning } from "/web/warnings.js";
 
 const by = (id) => document.getElementById(id);
 const link = new Link();
@@ -100,6 +101,8 @@ link.on("control", (control) => {
   studio.room?.control?.();
 });
 jobsShown(link);
+airShown(link);
+by("banner").after(heatWarning(link, "hot"));
 
 function dialogOf(id, title, ...children) {
   const dialog = by(id);

@@ -1,25 +1,34 @@
 /* The dialog before playing: exposure, remedies if it is too high, and a button that must be held. */
 
-import { choice, field, make, tried } from "/web/dom.js";
+import { field, make, tried } from "/web/dom.js";
+import { drift, heatWarning, warningBox } from "/web/warnings.js";
 
 const HOLD = 600; // ms
 
-export function askToPlay(studio, take) {
-  const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", repeats: 1 };
+/** `again` solves the take again; `correct`: with phases corrected for the air of the room. */
+export function askToPlay(studio, take, again, correct = false) {
+  const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", repeats: 1, correct_air: correct };
   const verdict = make("p", { role: "status" }, "checking …"), table = make("table"), refused = make("div.column");
   const hold = make("button.main.hold", { type: "button", disabled: true, id: "hold" }, "Hold to play");
   const done = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "played" });
   const repeats = make("input", { type: "number", min: 1, max: 100, value: "1", onchange: () => { given.repeats = Math.max(1, Math.min(100, Number(repeats.value) || 1)); check(); } });
-  let admission = 0, timer = 0;
-  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^sample:/, "").replace(/\.h5$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, table, field("Times", repeats), refused,
+  const measured = make("p.quiet"), hot = heatWarning(link, "hot-play");
+  const drifted = warningBox("drift", make("button", { type: "button", id: "correct-air", onclick: () => { given.correct_air = true; check(); } }, "Correct phases"),
+    make("button", { type: "button", id: "solve-again", onclick: () => { dialog.close(); again(); } }, "Solve again"));
+  let admission = 0, timer = 0, solved = NaN;
+  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^sample:/, "").replace(/\.h5$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, field("Times", repeats), refused,
     make("div.buttons", {}, hold, make("button", { type: "button", onclick: () => dialog.close() }, "Close")), done,
     make("p.quiet", {}, "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it."));
 
+  function warn() { drifted.tell(drift(link, solved)); }
   async function check() {
     hold.disabled = true;
     const found = await tried(link.order("play", "check", given));
     if (!found) { verdict.textContent = "the exposure could not be checked"; return; }
     admission = found.number;
+    solved = found.solved_c;
+    warn();
+    measured.textContent = `Heat: ${found.heat}. Measured in ${found.measured_in}.${given.correct_air ? " The phases are corrected for the air of the room." : ""}`;
     verdict.textContent = found.outcome === "exceeded" ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. It may be played here: the array is simulated and emits no sound.` : found.refused || found.verdict;
     verdict.className = found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good";
     table.replaceChildren(make("thead", {}, make("tr", {}, ...["place", "loudest frame", "limit"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
@@ -41,10 +50,12 @@ export function askToPlay(studio, take) {
   async function play() {
     hold.disabled = true;
     done.hidden = false;
+    for (const one of drifted.querySelectorAll("button")) one.disabled = true;
     const off = link.on("player", (player) => { done.value = player.total ? player.done / player.total : 0; });
     const report = await tried(link.order("play", "play", { admission }));
     off();
     done.hidden = true;
+    for (const one of drifted.querySelectorAll("button")) one.disabled = false;
     verdict.textContent = report ? (report.output ? `played, and re-recorded as ${report.output}` : `played ${report.frames} frames, ${report.late ?? 0} late`) : link.state.player.said;
     verdict.className = report ? "good" : "bad";
     if (report?.output) hold.parentElement.append(make("button", { type: "button", id: "to-compare", onclick: () => { dialog.close(); studio.go("compare", take); } }, "Compare"));
@@ -56,6 +67,8 @@ export function askToPlay(studio, take) {
   hold.addEventListener("keyup", release);
   // Pictures pause behind the dialog: the page must send "alive" messages from the same thread.
   studio.room?.transport?.pause();
+  const off = link.on("air", warn);
+  dialog.addEventListener("close", () => { off(); hot.off(); }, { once: true });
   dialog.showModal();
   check();
 }

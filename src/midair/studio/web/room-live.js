@@ -7,6 +7,7 @@ import { Track, SparseTrack, FieldPicture, CellsPicture, TracesPicture, PhasesPi
 import { Transport, controls } from "/web/transport.js";
 import { choice, field, make, panel, rows, toast, tried } from "/web/dom.js";
 import { colours } from "/web/take.js";
+import { drift, warningBox } from "/web/warnings.js";
 
 const KEPT = 60, HOLD = 600; // s, ms
 const MAPPINGS = [["half-wave", "half-wave"], ["slow-bias", "slow bias, 90 ms more"]];
@@ -50,7 +51,7 @@ export default class Live {
     this.given = { sensor: "", mapping: "half-wave", delay_ms: 6, hold_ms: 6, gain: 1, height_mm: 200, level: 1, attenuate: false, override: "" };
     for (const name of ["inferno", "twilight"]) colours(name); // loaded before anything is armed
     this._build();
-    this._offs = [this.link.on("live", (live) => this._live(live)), this.link.on("live_goes", (goes) => this._goes(goes)), this.link.on("live_about", (about) => this._about(about)), this.link.on("player", () => this.control())];
+    this._offs = [this.link.on("live", (live) => this._live(live)), this.link.on("live_goes", (goes) => this._goes(goes)), this.link.on("live_about", (about) => this._about(about)), this.link.on("player", () => this.control()), this.link.on("air", (air) => this._air(air))];
     this.link.frames = (bytes) => this._frames(bytes);
     this.reopened();
     const tick = () => { if (this.left) return; this.ticks++; if (this.fresh && !this.frozen) this._draw(); requestAnimationFrame(tick); };
@@ -91,6 +92,8 @@ export default class Live {
     this.hold = make("button.main.hold", { type: "button", id: "hold", disabled: true }, "Hold to begin");
     this.verdict = make("p.quiet", { role: "status" }, "Check the exposure first. The check assumes the worst case of the level.");
     this.refused = make("div.column");
+    this.heat = make("p.quiet");
+    this.drifted = warningBox("drift", make("button", { type: "button", id: "solve-again", title: "ends, and checks the exposure in the air of now", onclick: () => { this.again = true; tried(this.link.order("live", "end")); } }, "Solve again"));
     this.share = make("input", { type: "range", min: 5, max: 100, step: 5, value: "100", "aria-label": "Loudness, per cent of the level", onchange: () => tried(this.link.order("live", "turn", { share: this.share.value / 100 })) });
     this.end = make("button", { type: "button", id: "live-end", onclick: () => tried(this.link.order("live", "end")) }, "End");
     this.running = make("div.column", { hidden: true }, field("Loudness", this.share), make("div.buttons", {}, this.end));
@@ -106,7 +109,7 @@ export default class Live {
     this.delay = panel("From touch to sound", "constant delay", make("div.latency", {}, this.sum, this.parts), this.counted,
       make("p.quiet", {}, "Suitable for stroking, not for tapping: people notice a delay of 5.5 ms after a tap, and of 60 ms in a texture."));
     this.studio.main.append(make("div.live", {},
-      make("div.column.left", {}, panel("Settings", null, this.form, make("div.buttons", {}, this.check, this.hold), this.verdict, this.refused, this.running), panel("Safety", null, this.safety)),
+      make("div.column.left", {}, panel("Settings", null, this.form, make("div.buttons", {}, this.check, this.hold), this.verdict, this.drifted, this.heat, this.refused, this.running), panel("Safety", null, this.safety)),
       make("div.middle", {}, make("div.trio", {}, panels.touch, panels.sound, panels.phase, panel("Pa", null, boxes.bar)), this.delay, panels.traces),
       make("div.side", {}, panels.array, panels.spectrogram)));
     this._arm();
@@ -147,6 +150,7 @@ export default class Live {
     this.hold.disabled = this.check.disabled || !this.admission;
     this.running.hidden = idle;
     for (const part of [this.form, this.check, this.hold]) part.hidden = !idle;
+    this.drifted.tell(plays ? drift(this.link, this.link.state.live_about?.air_c) : "");
     this.share.disabled = !controls || !plays;
     this.end.disabled = !controls || idle;
     this.keeps.disabled = !controls || !this.link.state.live_about;
@@ -165,6 +169,13 @@ export default class Live {
     else if (live.said) this._say(live.said, /ended normally/.test(live.said) ? "" : "bad");
     if (live.take) this.kept.replaceChildren(`${live.take.name}: ${live.take.duration_s.toFixed(1)} s `, make("a", { href: `#reproduce/${encodeURI(live.take.name)}`, id: "to-reproduce" }, "open in Reproduce"));
     this.control();
+    if (live.state === "idle" && this.again) { this.again = false; this._check(); }
+  }
+  /** The checked level holds for the air that was stated. */
+  _air({ temperature, humidity }) {
+    const before = this.aired;
+    this.aired = `${temperature} ${humidity}`;
+    if (before !== undefined && before !== this.aired && this.admission) this._unchecked(); else if (this.keeps) this.control();
   }
   _say(words, className = "quiet") { this.verdict.textContent = words; this.verdict.className = className; }
   _unchecked() { this.admission = 0; this.refused.replaceChildren(); this._say("settings changed: check the exposure again"); this.control(); }
@@ -175,6 +186,7 @@ export default class Live {
     if (!found) { this._say("the exposure could not be checked", "bad"); return; }
     this.admission = found.number;
     this._say(found.refused || spoken(found.verdict), found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good");
+    this.heat.textContent = `Heat: ${found.heat}. Measured in ${found.measured_in}.`;
     this.refused.replaceChildren();
     if (found.refused) {
       const name = make("input", { type: "text", autocomplete: "off", placeholder: "your name" });

@@ -6,6 +6,7 @@ import { choice, field, make, panel, rows, tried } from "/web/dom.js";
 import { solveTake } from "/web/jobs.js";
 import { TakeView, chosen, colours } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
+import { drift, warningBox } from "/web/warnings.js";
 
 const MAPPINGS = [["", "default of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"]];
 const METHODS = [["", "default of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
@@ -21,7 +22,7 @@ export default class Reproduce {
     this.take = null;
     this.wish = studio.address.take;
     this._build();
-    this._offs = [this.link.on("takes", (takes) => this._takes(takes)), this.link.on("player", () => this.control()), this.link.on("jobs", () => this.control())];
+    this._offs = [this.link.on("takes", (takes) => this._takes(takes)), this.link.on("player", () => this.control()), this.link.on("jobs", () => this.control()), this.link.on("air", () => this.control())];
     this._clock = setInterval(() => this._address(), 500);
   }
   leave() {
@@ -40,7 +41,8 @@ export default class Reproduce {
     const file = make("input", { type: "file", accept: ".h5,.csv,.wav,.mat,.npz,.npy", hidden: true, "aria-label": "a recording from this computer", onchange: () => this._upload(file.files[0]) });
     this.add = make("button", { type: "button", onclick: () => file.click() }, "Add a file");
     this.solve = make("button.main", { type: "button", onclick: () => this._solve() }, "Solve");
-    this.play = make("button", { type: "button", onclick: () => askToPlay(this.studio, this.take.name) }, "Play on array");
+    this.play = make("button", { type: "button", onclick: () => this._play() }, "Play on array");
+    this.drifted = warningBox("room-drift", make("button", { type: "button", onclick: () => this._play(true) }, "Correct phases"), make("button", { type: "button", onclick: () => this._solve() }, "Solve again"));
     this.form = make("div.column");
     this.frame = make("div");
     this.about = make("div.quiet");
@@ -55,7 +57,7 @@ export default class Reproduce {
     this.form.append(...Object.values(this.inputs).map((input, i) => field(["Mode", "Mapping", "Solver", "Level", "Gain", "Height"][i], input)), this.view);
     const left = make("div.column.left", {},
       Object.assign(panel("Takes", this.add, this.list, file), { className: "panel grow" }),
-      panel("Settings", null, this.form, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about));
+      panel("Settings", null, this.form, this.drifted, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about));
     const box = (name) => make("div.box", { id: `box-${name}` });
     this.boxes = Object.fromEntries(["wanted", "played", "bar", "traces", "phase", "array", "spectrogram", "overview"].map((name) => [name, box(name)]));
     const { boxes } = this;
@@ -86,6 +88,10 @@ export default class Reproduce {
     this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "its settings are not stored in the file"}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes a new drive with the settings above." : ""}`;
     this.play.disabled = !controls || !row?.solved || facts.part || player?.state !== "ready";
     this.play.title = !row?.solved ? "solve it first" : facts.part ? "the drive is being solved" : player?.state !== "ready" ? "the array is not ready" : "";
+    const [correct, again] = this.drifted.querySelectorAll("button");
+    correct.disabled = this.play.disabled;
+    again.disabled = this.solve.disabled;
+    this.drifted.tell(drift(this.link, facts?.drive?.air_c));
     this.add.disabled = !controls;
     const solving = (this.link.state.jobs ?? []).find((job) => job.room === "reproduce" && ["runs", "waits"].includes(job.state) && this.take && job.title.endsWith(this.take.name));
     if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : comes ? "available in a moment" : "not solved yet: press Solve";
@@ -242,6 +248,7 @@ export default class Reproduce {
     this.take = null;
   }
   _solve() { return solveTake(this.link, { take: this.take.name, ...chosen(this.made), ...(this.take.seconds > 1.5 && this.take.facts.drive ? { visible_s: Math.max(0, Math.min(this.take.seconds - 1, this.transport.time - 0.5)) } : {}) }); }
+  _play(correct = false) { askToPlay(this.studio, this.take.name, () => this._solve(), correct); }
   async _upload(file) {
     if (!file) return;
     const answer = await fetch("/upload", { method: "POST", body: file, headers: { "x-name": encodeURIComponent(file.name), "x-page": String(this.link.page) } });

@@ -1,6 +1,7 @@
 /* Panel Study: the experimenter's page, and the participant's with one question at a time. */
 
 import { choice, field, make, panel, rows, tried } from "/web/dom.js";
+import { drift } from "/web/warnings.js";
 
 const TEMPLATES = [["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
 
@@ -10,7 +11,7 @@ export default class Study {
     this.link = studio.link;
     this.shown = "";
     this.participant = studio.address.take === "participant";
-    this._offs = [this.link.on("session", () => this._show()), this.link.on("studies", () => this._show())];
+    this._offs = [this.link.on("session", () => this._show()), this.link.on("studies", () => this._show()), this.link.on("air", () => this._show())];
     this._keys = (event) => this._key(event);
     addEventListener("keydown", this._keys);
     this.reopened();
@@ -35,7 +36,8 @@ export default class Study {
 
   _forExperimenter() {
     const { session } = this, controls = this.link.controls, studies = this.link.state.studies ?? [];
-    const key = JSON.stringify([session, studies, controls]);
+    const drifted = (session?.solved_c ?? []).map((solved) => drift(this.link, solved)).filter(Boolean).join("; ");
+    const key = JSON.stringify([session, studies, controls, drifted]);
     if (key === this.shown) return;
     this.shown = key;
     const chosen = this.chosen ?? studies[0]?.name ?? "", study = studies.find((each) => each.name === chosen) ?? studies[0];
@@ -51,6 +53,7 @@ export default class Study {
         make("progress", { max: step.total || 1, value: over ? step.total || 1 : Math.max(0, step.number - 1), "aria-label": "progress" }),
         rows([["Trial", step.total ? `${step.number} of ${step.total}` : "–"], ["Now", { show: "reads a text", present: "a stimulus is due", ask: "answers", rest: "rests", done: "done", stopped: "stopped" }[step.kind]]]),
         ...(session.due ? [make("p", {}, make("strong", { id: "due" }, session.due)), make("button.main", { type: "button", id: "presented", disabled: !controls, onclick: () => tried(this.link.order("study", "presented")) }, "Stimulus presented")] : []),
+        ...(drifted ? [make("div.warning", { id: "drift", role: "alert" }, `${drifted}; solve the drives again for this air`)] : []),
         ...(session.error ? [make("p.bad", {}, session.error)] : []),
         make("div.buttons", {}, make("button", { type: "button", onclick: () => this.studio.go("study", "participant") }, "Participant's page here"),
           make("button", { type: "button", onclick: () => open("/#study/participant", "participant", "popup,width=1100,height=760") }, "Participant's page in a new window")),

@@ -1,0 +1,87 @@
+"""The air of the room and hot units in a real browser."""
+
+import time
+
+import pytest
+from tests.simulators.udp_proxy import UdpProxy
+
+pytestmark = pytest.mark.browser
+
+SOLVED = "studio.link.state.takes?.some((row) => row.sample && row.solved) && studio.room?.take?.facts?.drive?.settings"
+
+
+def state_air(page, temperature):
+    page.page.locator("#state-air").click()
+    page.page.get_by_label("Temperature, or a thermometer").fill(temperature)
+    page.page.get_by_role("button", name="Use this air").click()
+
+
+def test_a_drift_of_the_room_is_shown_and_corrected_or_solved_again(studio_at, look):
+    studio = studio_at()
+    room = studio.folder / "room.txt"
+    room.write_text("22.0", encoding="utf-8")
+    page = look(studio)
+    assert page.page.locator("#state-air").inner_text() == "air 22 °C, assumed"
+    page.until(SOLVED, timeout=120)
+    assert page.page.locator("#room-drift").is_hidden()
+    state_air(page, "file:nothing.txt")
+    page.until("document.querySelector('#air .bad').textContent.includes('expected a readable file')")
+    page.page.locator("#air").get_by_role("button", name="Close").click()
+    state_air(page, f"file:{room}")
+    page.until("document.querySelector('#state-air').textContent === 'air 22.0 °C'")
+    # The first sample is solved for the paper's 340 m/s.
+    page.until("document.querySelector('#room-drift').textContent.includes('the drive was solved for 13.6 °C')")
+    page.page.locator("#room-drift").get_by_role("button", name="Correct phases").click()
+    page.until("!document.querySelector('#hold').disabled")
+    dialog = page.page.locator("#exposure")
+    assert "corrected for the air of the room" in dialog.inner_text()
+    assert "20 to 24 °C" in dialog.inner_text()
+    assert "palm warms by" in dialog.inner_text()
+    assert page.page.locator("#drift").is_hidden()
+    room.write_text("23.5", encoding="utf-8")
+    page.until("document.querySelector('#drift').textContent.includes('23.5 °C, the drive was solved for 22.0 °C')")
+    page.page.locator("#correct-air").click()
+    page.until("document.querySelector('#drift').hidden")
+    page.until("!document.querySelector('#hold').disabled")
+    dialog.get_by_role("button", name="Close").click()
+    page.page.locator("#room-drift").get_by_role("button", name="Solve again").click()
+    page.page.get_by_role("button", name="Replace").click()
+    page.until("Math.abs(studio.room.take?.facts.drive?.air_c - 23.5) < 1e-6", timeout=180)
+    page.until("document.querySelector('#room-drift').hidden")
+    assert "temperature 23.5C" in page.page.locator("#in-view").inner_text()
+    assert page.wrong == []
+
+
+def test_hot_units_are_shown_at_once_and_the_play_waits_for_the_choice(studio_at, look, request):
+    pytest.importorskip("autd3")
+    tap = UdpProxy(4)
+    request.addfinalizer(tap.close)
+    studio = studio_at("--device", f"autd3:{tap.address}")
+    page = look(studio)
+    page.until(SOLVED, timeout=120)
+    page.until("studio.link.state.player.state === 'ready'", timeout=120)
+    page.page.get_by_role("button", name="Play on array").click()
+    page.page.get_by_label("Times").fill("10")
+    page.page.keyboard.press("Tab")
+    page.until("!document.querySelector('#hold').disabled || !!document.querySelector('#exposure .bad')")
+    if page.page.locator("#hold").is_disabled():
+        page.page.get_by_role("button", name="Attenuate").click()
+    page.hold_to_play()
+    page.until("studio.link.state.player.emitting")
+    tap.hot, began = range(65536), time.monotonic()
+    page.until("!document.querySelector('#hot-play').hidden")
+    assert time.monotonic() - began < 5
+    assert not page.page.evaluate("studio.link.state.player.emitting")
+    assert "too hot" in page.page.locator("#hot-play").inner_text()
+    assert "It stays silent until you choose." in page.page.locator("#hot-play").inner_text()
+    tap.hot = ()
+    page.page.locator("#hot-play").get_by_role("button", name="Wait until they have cooled").click()
+    page.until("document.querySelector('#hot-play').hidden")
+    page.until("studio.link.state.player.emitting")
+    tap.hot = range(65536)
+    page.until("!document.querySelector('#hot-play').hidden")
+    page.page.locator("#hot-play").get_by_role("button", name="Stop").click()
+    page.until("studio.link.state.player.state === 'ready'")
+    assert "stopped on request" in page.page.evaluate("studio.link.state.player.said")
+    assert page.page.locator("#hot-play").is_hidden()
+    assert page.wrong == []
