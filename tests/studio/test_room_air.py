@@ -91,7 +91,7 @@ def test_a_drift_from_the_drive_that_plays_is_logged_once(air, tmp_path):
     until(lambda: air.stated["temperature"] == 23.0)
     room.write_text("24.0", encoding="utf-8")
     until(lambda: air.stated["temperature"] == 24.0)
-    air.ended()
+    air.plays()
     air.plays("autd3", 24.5)
     (entry,) = log()
     assert (entry["event"], entry["device"], entry["measured_c"], entry["solved_c"]) == ("air", "autd3", 23.0, 22.0)

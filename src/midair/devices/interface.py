@@ -147,7 +147,7 @@ class Cooling:
 
     limit: float = 600.0
     """Longest pause, in s; playback then ends with TooHotError."""
-    report: Callable[[str], None] = _ignore
+    report: Callable[[str], object] = _ignore
     """Called with one line as soon as a pause begins, and when playback continues."""
     agreed: Callable[[], bool] = lambda: True
     """Asked while units are cool; the pause lasts until it returns True."""

@@ -68,10 +68,7 @@ def run_player(
     device: str,
     seed: int,
 ) -> None:
-    """Main function of the player process, which ends with its studio.
-
-    `waits` is an event: playback may continue once hot units have cooled. `token` is the secret of the stop port.
-    """
+    """Main function of the player process; `waits` is set for a pause to end, `token` is that of the stop port."""
     player = _Player(pipe, permit, device, seed, waits)
     StopPort(listening, token, origins, player.stop).start()
     end_with_studio(permit.stop, player.silence, patience=2.0)
@@ -150,12 +147,13 @@ class _Player:
 
     def _admit(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Check the exposure of a drive file on this array, and keep the clearance."""
-        path, room = Path(order["path"]), order.get("room")
+        path = Path(order["path"])
+        room: Any = order.get("room")
         trial = order["path"], order.get("share", 1.0), room
         if order.get("keep") and trial in self.trials:
             return self.trials[trial]
         drive = load_solution(path).drive
-        if order.get("correct") and room is not None:
+        if order.get("correct"):
             drive = correct_air_of_file(drive, path, room)
         if (share := order.get("share", 1.0)) != 1.0:
             # Radiation pressure is proportional to the square of the sound pressure, hence of the level.

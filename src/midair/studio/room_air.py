@@ -26,10 +26,7 @@ class AirForm(Arguments):
 
 
 class RoomAir:
-    """The stated air of the room; a thermometer is read every `every` seconds in a thread of its own.
-
-    `later` runs a function on the event loop.
-    """
+    """The stated air of the room; a thread reads a thermometer, and `later` runs a function on the event loop."""
 
     def __init__(self, store: StudioState, later: Callable[..., None], *, every: float = 1.0) -> None:
         self._store, self._later, self._every = store, later, every
@@ -77,14 +74,10 @@ class RoomAir:
             threading.Thread(target=self._poll, args=(thermometer, over), name="studio air", daemon=True).start()
         return True
 
-    def plays(self, device: str, solved: float) -> None:
-        """A drive that was solved for air of this temperature plays on a device: a drift is logged once."""
-        self._plays = device, solved
+    def plays(self, device: str = "", solved: float = 0.0) -> None:
+        """Log one drift from the temperature of the drive that plays on a device; without a device nothing plays."""
+        self._plays = (device, solved) if device not in ("", "virtual") else None
         self._log_drift()
-
-    def ended(self) -> None:
-        """Nothing plays any more."""
-        self._plays = None
 
     def close(self) -> None:
         """Stop reading the thermometer."""

@@ -60,13 +60,7 @@ def check_air(
 
 
 def correct_air_of_file(drive: Drive, source: Path, room: Medium) -> Drive:
-    """Correct the phases of the drive of a file for the air of the room, around the centre of its control points.
-
-    Raises
-    ------
-    InputError
-        If the file has no target.
-    """
+    """Correct the phases of the drive of a file around the centre of its control points; InputError without target."""
     target = load_target(source, streamed=True)
     if target is None:
         raise InputError(f"{source}: expected a drive with its target for --correct-air, got none; solve it again")

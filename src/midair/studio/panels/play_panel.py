@@ -142,6 +142,8 @@ class PlayPanel:
         drive = self._takes.beside(order.take, ".drive.h5")
         if not drive.exists():
             raise InputError(f"{order.take}: expected a take that was solved; solve it first")
+        if order.correct_air and self._air.medium is None:
+            raise InputError("phases: expected the air of the room to correct them for, got none; state it first")
         self._busy()
         found = await self._player.ask(
             "admit",
@@ -219,13 +221,10 @@ class PlayPanel:
         return page
 
     async def _sound(self, page: Page, what: str, do: str, *, solved: float | None = None, **order: Any) -> Any:
-        """Arm for a page, run a request of the player, and disarm in any case.
-
-        `solved` is the temperature of the air in degrees Celsius that the drive was solved for.
-        """
+        """Arm for a page, run a request of the player, and disarm in any case; `solved`: temperature of the drive."""
         self._controls = page.number
         self._waits.clear()
-        if solved is not None and self.device != "virtual":
+        if solved is not None:
             self._air.plays(self.device, solved)
         leave = self.permit.arm(lasts=ALIVE)
         self._show(state="plays", take=what, done=0, total=0, said="")
@@ -236,15 +235,12 @@ class PlayPanel:
             raise
         finally:
             self.permit.disarm()
-            self._air.ended()
+            self._air.plays()
         self._show(state="ready", emitting=False, said="played to its end", hot="", waits=False)
         return report
 
     async def lend(self, page: Page, what: str, *, solved: float) -> LeaseToken:
-        """Lend the array to another process and arm it, until `take_back`; DeviceStateError if something plays.
-
-        `solved` is the temperature of the air in degrees Celsius that the process solves for.
-        """
+        """Lend the array to a process that solves for a temperature, until `take_back`; DeviceStateError if busy."""
         self._busy()
         self._seen(page)
         self._show(state="plays", take=what, done=0, total=0, said="")
@@ -255,14 +251,13 @@ class PlayPanel:
             await self._open()
             raise
         self._controls = page.number
-        if self.device != "virtual":
-            self._air.plays(self.device, solved)
+        self._air.plays(self.device, solved)
         return self.permit.arm(lasts=ALIVE)
 
     async def take_back(self, said: str) -> None:
         """Open the array again after the process that borrowed it has ended."""
         self.permit.disarm()
-        self._air.ended()
+        self._air.plays()
         self._show(state="opens", emitting=False, hot="", waits=False)
         await self._open()
         self._show(said=said)
@@ -278,10 +273,7 @@ class PlayPanel:
         return True
 
     def paused(self, text: str, *, waits: bool = False) -> None:
-        """Show that a play pauses in silence since units are too hot; the second call shows that it continues.
-
-        Unless `waits`, it continues only after the order to wait, which holds for one pause.
-        """
+        """Show that a play pauses since units are too hot; the second call ends that. It asks unless `waits`."""
         self._waits.clear()
         self._show(hot="" if self._state["hot"] else text, waits=waits, emitting=False)
 

@@ -179,10 +179,7 @@ class StudyPanel(Panel):
         return True
 
     async def _get_ready(self, study: StudyFolder, plan: Plan, order: BeginSession) -> tuple[float, Sequence[float]]:
-        """Check digests and exposure of all drives and open the headphones.
-
-        Returns the longest drive in s, and the temperatures of the airs that the drives were solved for.
-        """
+        """Check drives and open the headphones; returns the longest drive in s, and the temperatures solved for."""
         drives = dict.fromkeys((one.source, one.share) for one in plan.design.stimuli if one.kind == "drive")
         self._masked = False
         await asyncio.to_thread(check_digests, study.path, plan.drives, plan.design.stimuli)
@@ -303,7 +300,7 @@ class StudyPanel(Panel):
 
     def _play(self, path: Path, share: float, participant: str) -> None:
         """Play a drive and wait; runs in the session's thread."""
-        how = {"masked": self._masked, "participant": participant, "room": self._room}
+        how: dict[str, Any] = {"masked": self._masked, "participant": participant, "room": self._room}
         self._present(lambda: self._playing.present(path, share, **how))
 
     def _wait(self, seconds: float) -> None:
@@ -311,14 +308,16 @@ class StudyPanel(Panel):
         self._present(lambda: self._playing.quiet(seconds, masked=self._masked))
 
     def _present(self, begin: Callable[[], Coroutine[Any, Any, Any]]) -> None:
-        if self._loop is None:
-            raise StoppedError("study: the studio is closing")
-        done = asyncio.run_coroutine_threadsafe(begin(), self._loop)
+        done = asyncio.run_coroutine_threadsafe(begin(), self._running_loop())
         # While the studio ends, the event loop waits for this thread and never finishes the presentation.
         while not wait((done,), 0.1).done:
-            if self._loop is None:
-                raise StoppedError("study: the studio is closing")
+            self._running_loop()
         done.result()
+
+    def _running_loop(self) -> asyncio.AbstractEventLoop:
+        if self._loop is None:
+            raise StoppedError("study: the studio is closing")
+        return self._loop
 
     def _cue(self, text: str) -> None:
         """Show a text to the participant as a stimulus begins."""
