@@ -141,7 +141,7 @@ class LiveSession:
         permit: PlayLease | None = None,
         leave: LeaseToken | None = None,
         slots: int = 8192,
-        report: Callable[[str], None] | None = None,
+        report: Callable[[str], object] | None = None,
     ) -> None:
         self._report = report
         self.order, self._keep, self._notes = order, keep, notes or {}

@@ -82,7 +82,7 @@ export default class Live {
     const known = [["virtual:towel", "virtual: towel"], ["virtual:brush", "virtual: brush"], ["virtual:sponge", "virtual: sponge"]];
     this.named = make("input", { type: "text", value: sensor, "aria-label": "Name of the sensor", placeholder: "lsl:Skin?unit=V", hidden: known.some(([value]) => value === sensor), onchange: set("sensor", false) });
     this.source = choice([...known, ["", "other (enter its name)"]], known.some(([value]) => value === sensor) ? sensor : "", () => { this.named.hidden = this.source.value !== ""; given.sensor = this.source.value || this.named.value; this._unchecked(); });
-    this.calibration = choice([["", "the sensor's own"]], "", set("calibration", false));
+    this.calibration = choice([["", "of the sensor"]], "", set("calibration", false));
     this.form = make("div.column", {}, field("Sensor", this.source), this.named, field("Calibration", this.calibration), field("Mapping", choice(MAPPINGS, "half-wave", set("mapping", false))),
       field("Filter delay", choice(ms([2, 4, 6, 8, 10]), "6", set("delay_ms"))), field("Hold", choice(ms([4, 6, 8, 10, 15]), "6", set("hold_ms"))),
       field("Gain", make("input", { type: "number", min: 0.05, max: 100, step: 0.05, value: "1", onchange: set("gain") })),
@@ -161,7 +161,7 @@ export default class Live {
   _live(live) {
     if (!live || !this.keeps) return;
     const had = this.calibration.value;
-    this.calibration.replaceChildren(make("option", { value: "" }, "the sensor's own"), ...live.calibrations.map((name) => make("option", { value: name }, name)));
+    this.calibration.replaceChildren(make("option", { value: "" }, "of the sensor"), ...live.calibrations.map((name) => make("option", { value: name }, name)));
     this.calibration.value = had;
     this.share.value = String(Math.round(100 * live.share));
     if (live.state === "opens") this._say("opening sensor and array …");

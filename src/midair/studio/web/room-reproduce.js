@@ -8,11 +8,11 @@ import { TakeView, chosen, colours } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
 import { drift, warningBox } from "/web/warnings.js";
 
-const MAPPINGS = [["", "default of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"]];
-const METHODS = [["", "default of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
+const MAPPINGS = [["", "of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"]];
+const METHODS = [["", "of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
 const MODES = [["best", "best"], ["finest", "finest, slow"], ["quick", "quick"], ["paper", "paper"]];
-const HEIGHTS = [["", "default of the mode"], ["150", "150 mm"], ["180", "180 mm"], ["200", "200 mm"], ["230", "230 mm"]];
-const LEVELS = [["", "default of the mode"], ["auto", "auto"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]];
+const HEIGHTS = [["", "of the mode"], ["150", "150 mm"], ["180", "180 mm"], ["200", "200 mm"], ["230", "230 mm"]];
+const LEVELS = [["", "of the mode"], ["auto", "auto"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]];
 const USUAL = { mode: "best", mapping: "", method: "", level: "", gain: 1, height_mm: "" };
 
 export default class Reproduce {

@@ -30,8 +30,8 @@ export function heatWarning(link, id) {
 export function airShown(link) {
   const pill = document.getElementById("state-air"), dialog = document.getElementById("air");
   link.on("air", (air) => {
-    pill.textContent = air.degrees === null ? `air ${air.default} °C, assumed` : `air ${shown(air.degrees)}`;
-    pill.title = air.problem || (air.degrees === null ? "The air of the room is not stated." : `${air.temperature}, humidity ${air.humidity === null ? "not stated" : `${air.humidity} %`}`);
+    pill.textContent = air.degrees === null ? "air not stated" : `air ${shown(air.degrees)}`;
+    pill.title = air.problem || (air.degrees === null ? `best mode: ${air.default} °C` : `${air.temperature}, humidity ${air.humidity === null ? "not stated" : `${air.humidity} %`}`);
     pill.classList.toggle("bad", Boolean(air.problem));
   });
   pill.addEventListener("click", () => {
