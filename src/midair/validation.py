@@ -1,8 +1,9 @@
 """Checks of input values, and read-only copies of arrays."""
 
 from collections.abc import Sequence
-from dataclasses import field, fields
-from typing import Any, TypeVar, cast
+from dataclasses import MISSING, field, fields, replace
+from pathlib import Path
+from typing import Any, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -99,6 +100,22 @@ def setting(
     return field(**made, metadata=known)
 
 
+class Declared:
+    """Base of a dataclass whose fields are declared by `setting`."""
+
+    __slots__ = ()
+
+    def but(self, **changes: Any) -> Self:
+        """Return the settings with other values; None stands for the default, and a path for the file's content."""
+        for one in fields(cast("Any", self)):
+            value = changes.get(one.name, one)
+            if value is None:
+                changes[one.name] = one.default if one.default_factory is MISSING else one.default_factory()
+            elif isinstance(value, str | Path) and "load" in one.metadata:
+                changes[one.name] = one.metadata["load"](Path(value))
+        return cast("Self", replace(cast("Any", self), **changes))
+
+
 def check_settings(settings: Any) -> None:
     """Raise InputError for the first setting that is outside its limits; None is within all limits."""
     for one in fields(settings):
@@ -116,7 +133,7 @@ def check_settings(settings: Any) -> None:
             asked = f"above {least}{shown}" if np.isinf(high) else f"above {least} and at most {most}"
         else:
             asked = f"{least}{shown} or more" if np.isinf(high) else f"{least} to {most}"
-        raise InputError(f"{one.name}: expected {asked}, got {factor * value:g}{shown}")
+        raise InputError(f"{one.name}: expected {asked}, got {factor * value:g}{shown}", setting=one.name)
 
 
 def documented(kind: type[T]) -> type[T]:

@@ -12,7 +12,7 @@ from midair.figures import png_bytes, stimuli_figure
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
 from midair.pipeline import calibrated_pressure, required_lead
-from midair.rig import Loop, Stage, VirtualRig, capture_recording, no_progress, run_loop
+from midair.rig import Loop, Stage, VirtualRig, no_progress, record, run_loop
 from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 
 STIMULI: Mapping[str, str] = MappingProxyType(
@@ -73,7 +73,7 @@ def recorded(rig: VirtualRig, thing: str, settings: Settings, duration: float) -
     """Recording of an object by the virtual sensor, without the first 80 ms in which the sensor settles."""
     settle = 0.08
     with rig.touched_by(thing, duration=duration + settle) as sensor:
-        pressure = calibrated_pressure(capture_recording(sensor, duration + settle), sensor.calibration, settings)
+        pressure = calibrated_pressure(record(sensor, duration + settle).recording, sensor.calibration, settings)
     return pressure.cut(settle, duration)
 
 

@@ -20,9 +20,9 @@ from midair.rig import (
     Loop,
     Stage,
     VirtualRig,
-    capture_recording,
     error_budget,
     no_progress,
+    record,
     run_loop,
 )
 from midair.settings import Mode, Settings, paper_mode, with_fewer_points, with_paper_mode
@@ -120,11 +120,11 @@ def original_of(thing: str, plan: FidelityPlan, settings: Settings) -> PressureF
         return strongest_part(calibrated_pressure(take.recording, take.calibration, settings), plan.duration)
     if thing in OBJECTS:
         with rig.touched_by(thing) as sensor:
-            pressure = calibrated_pressure(capture_recording(sensor, 1.26), sensor.calibration, settings)
+            pressure = calibrated_pressure(record(sensor, 1.26).recording, sensor.calibration, settings)
         return pressure.cut(0.55, plan.duration)
     touch = probe_signal(thing, duration=plan.duration, rate=skin.rate, sensor=skin.model.grid, seed=rig.seed)
     with rig.sensor(skin, touch=touch, name=f"virtual:{thing}") as sensor:
-        pressure = calibrated_pressure(capture_recording(sensor, plan.duration + 0.2), sensor.calibration, settings)
+        pressure = calibrated_pressure(record(sensor, plan.duration + 0.2).recording, sensor.calibration, settings)
     return pressure.cut(0.1, plan.duration)
 
 

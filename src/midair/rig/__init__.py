@@ -68,6 +68,7 @@ from .play_lease import LeaseGuard as LeaseGuard
 from .play_lease import LeaseToken as LeaseToken
 from .play_lease import PlayLease as PlayLease
 from .play_lease import under_lease as under_lease
+from .playing import PlaySettings as PlaySettings
 from .playing import check_air as check_air
 from .playing import default_exposure as default_exposure
 from .playing import play_cleared as play_cleared
@@ -85,13 +86,12 @@ from .signals import handle_signals as handle_signals
 from .takes import Companion as Companion
 from .takes import Drift as Drift
 from .takes import Levels as Levels
+from .takes import RecordSettings as RecordSettings
 from .takes import StageStroke as StageStroke
 from .takes import Subject as Subject
 from .takes import Take as Take
 from .takes import TakeOrder as TakeOrder
-from .takes import TakePlan as TakePlan
 from .takes import View as View
-from .takes import capture_recording as capture_recording
 from .takes import event_message as event_message
 from .takes import last_subject as last_subject
 from .takes import move_to_start as move_to_start

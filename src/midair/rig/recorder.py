@@ -1,39 +1,36 @@
 """Record, play and loop from Python, each in one call, with devices given by name."""
 
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
-from midair.devices import ArrayDevice, ExposureChoices, PlayReport, SensorDevice, SilencerChoice, check_exposure
-from midair.errors import InputError
-from midair.files import OpenedTake, load_calibration, open_take
+from midair.devices import ArrayDevice, ExposureChoices, PacedSensor, PlayReport, SensorDevice, check_exposure
+from midair.errors import DeviceError, InputError
+from midair.files import OpenedTake, open_take
 from midair.model import (
-    BAND,
-    HEIGHT,
-    Acoustics,
-    Calibration,
     Drive,
-    Placement,
+    Event,
     PressureFrames,
     Progress,
-    SensorGrid,
     SensorWiring,
     Solution,
     TransducerArray,
 )
+from midair.physics import Transducers
 from midair.pipeline import calibrated_pressure, required_lead
 from midair.rig.correction import Loop, Stage, no_progress, run_loop
 from midair.rig.names import VirtualRig, array_named, sensor_named
-from midair.rig.playing import default_exposure, play_cleared, rerecord
-from midair.rig.takes import capture_recording
+from midair.rig.playing import PlaySettings, play_cleared, rerecord
+from midair.rig.takes import Drift, RecordSettings, TakeOrder, View, record_take
 from midair.settings import MODES, Mode, Settings
+from midair.targets import sensor_from_provenance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OpenRig:
-    """An array, the sensor that records it, and the exposure limits; made by `open_rig`.
+    """An array, the sensor that records it, and their settings; made by `open_rig`.
 
     A context manager: entering opens both devices; leaving silences the array and closes both, also after an error.
     """
@@ -41,13 +38,19 @@ class OpenRig:
     array: ArrayDevice
     sensor: SensorDevice | None
     """Sensor that records the array, with its calibration; None for an array alone."""
-    exposure: ExposureChoices
-    """Exposure limits of every drive."""
+    settings: PlaySettings = field(default_factory=PlaySettings)
+    """Settings with which it was made, and of each playback unless `play` changes them."""
     measured: TransducerArray | None = None
     """Measured transducers of the array, for which `loop` solves; the model's if None."""
     _open: ExitStack = field(default_factory=ExitStack, repr=False)
 
+    @property
+    def exposure(self) -> ExposureChoices:
+        """Exposure limits of every drive."""
+        return self.settings.exposure
+
     def __enter__(self) -> Self:
+        self.array.cooling, self.array.participant = self.settings.cooling, self.settings.participant
         self._open.enter_context(self.array)
         if self.sensor is not None:
             self._open.enter_context(self.sensor)
@@ -83,100 +86,127 @@ class Played:
 
 
 def open_rig(
-    array: str = "virtual",
+    array: str | None = None,
     sensor: str | None = None,
     *,
-    calibration: Calibration | str | Path | None = None,
-    placement: Placement | None = None,
-    silencer: SilencerChoice | None = None,
-    exposure: ExposureChoices | None = None,
-    height: float = HEIGHT,
-    cells: SensorGrid | None = None,
-    band: tuple[float, float] = BAND,
-    acoustics: Acoustics | None = None,
-    seed: int = 0,
+    drive: Drive | None = None,
+    settings: PlaySettings | None = None,
+    **changes: Any,
 ) -> OpenRig:
     """Make a rig from the names of an array and a sensor; enter it with ``with``.
 
     Parameters
     ----------
-    array : str
-        ``virtual``: a simulated array and sensor, both slightly different from the solver's model. Others as in
-        ``midair play --device``: ``autd3``, ``autd3:emulator``, ``pyautd3`` and so on.
-    sensor : str, optional
-        Sensor that records a real array: ``lsl:NAME``, ``audio:DEVICE``, ``serial:PORT``, ``ni:CHANNELS``.
-    calibration : Calibration or path, optional
-        Calibration of that sensor.
-    placement : Placement, optional
-        Placement of the array's units; two by two if None.
-    silencer : {"auto", "off", "quarter", "half", "default"}, optional
-        How phase steps are spread, also on the virtual array; auto if None.
-    exposure : ExposureChoices, optional
-        Exposure limits of every drive; the default profile without override if None.
-    height : float
-        Height of a virtual sensor above the array in m.
-    cells : SensorGrid, optional
-        Cells of a virtual sensor; the paper's 4 x 4 if None.
-    band : tuple of float
-        (low, high) in Hz that a virtual sensor must record.
-    acoustics : Acoustics, optional
-        Air and directivity of the virtual rig; the air of each drive if None.
-    seed : int
-        Seed of the virtual rig's transducer strengths and noise.
+    array, sensor : str, optional
+        ``virtual``, the default: a simulated array and sensor, both slightly different from the solver's model. Others
+        as in ``midair play --device`` and, for the sensor that records a real array, ``midair record``.
+    drive : Drive, optional
+        A drive to play: the virtual rig gets its array, cells, height and band.
+    settings : PlaySettings, optional
+        All settings; the defaults if None.
+    **changes
+        Fields of `PlaySettings` that differ from `settings`, such as ``silencer="off"``. Calibration and placement may
+        be the path of a file.
 
     Raises
     ------
     UnknownDeviceError, MissingExtraError, DeviceError
         If a device is unknown or not found, or its package is not installed.
     InputError
-        If a sensor, calibration or placement is given for the virtual array, which has its own.
+        If a value is out of range, or a sensor, calibration or placement is given for the virtual array, which has its
+        own.
     """
-    virtual = VirtualRig(seed=seed, height=height, cells=cells or SensorGrid(), acoustics=acoustics).hearing(band)
-    choices = exposure or default_exposure()
-    if array == "virtual":
-        if sensor or calibration or placement:
+    named = {name: value for name, value in (("device", array), ("sensor", sensor)) if value is not None}
+    chosen = (settings or PlaySettings()).but(**named, **changes)
+    if chosen.device == "virtual":
+        if chosen.sensor or chosen.calibration or chosen.placement:
             raise InputError("virtual array: expected no sensor, calibration or placement, since it has its own")
+        virtual = _virtual_rig(chosen, drive)
         skin = virtual.skin()
         device = virtual.array_device(skin)
-        device.silencer = silencer or "auto"
-        return OpenRig(array=device, sensor=virtual.sensor(skin), exposure=choices)
-    real = array_named(array, placement, silencer=silencer or "auto")
-    if sensor is None:
-        return OpenRig(array=real, sensor=None, exposure=choices)
-    listens = sensor_named(sensor, virtual)
-    if calibration is not None:
-        known = calibration if isinstance(calibration, Calibration) else load_calibration(calibration)
-        listens.calibration = known
-    return OpenRig(array=real, sensor=listens, exposure=choices)
+        device.silencer = chosen.silencer
+        return OpenRig(array=device, sensor=virtual.sensor(skin), settings=chosen)
+    if chosen.array_calibration is not None:
+        raise InputError(
+            f"array calibration: expected the virtual array, got {chosen.device}; for a real array solve with it"
+        )
+    real = array_named(chosen.device, chosen.placement, silencer=chosen.silencer)
+    listens = None if chosen.sensor is None else sensor_named(chosen.sensor, _virtual_rig(chosen, drive))
+    if listens is not None and chosen.calibration is not None:
+        listens.calibration = chosen.calibration
+    return OpenRig(array=real, sensor=listens, settings=chosen)
+
+
+def _virtual_rig(chosen: PlaySettings, drive: Drive | None) -> VirtualRig:
+    """The virtual rig of the settings, with array, cells, height and band of the drive if there is one."""
+    rig = VirtualRig(seed=chosen.seed, height=chosen.height, cells=chosen.cells, acoustics=chosen.acoustics)
+    band = chosen.band
+    if drive is not None:
+        known = Settings.of(drive.provenance) or Settings()
+        cells, band = sensor_from_provenance(drive.provenance), known.calibration.band
+        rig = replace(rig, array=drive.array.nominal, cells=cells, height=known.target.grid.height)
+    rig = rig.hearing(band)
+    if (measured := chosen.array_calibration) is None:
+        return rig
+    measured.applied(rig.array)  # raises if it was measured on another array
+    return replace(rig, transducers=Transducers.measured(measured))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ProgramWatcher:
+    """Reports the progress of a recording to a program; lost frames are an error there."""
+
+    sensor: SensorDevice
+    progress: Progress | None
+
+    def order(self) -> TakeOrder | None:
+        """Give no commands."""
+
+    def show(self, view: View) -> None:
+        """Report the progress."""
+        if self.progress is not None:
+            self.progress(view.frames, view.wanted or view.frames)
+
+    def tell(self, event: Event, _: Drift | None = None) -> None:
+        """Raise DeviceError for lost frames."""
+        if event.kind == "lost":
+            seconds = event.frame / self.sensor.rate
+            raise DeviceError(
+                f"{self.sensor.name}: lost frames before {seconds:.3f} s; close other programs and try again"
+            )
 
 
 def record(
-    sensor: str | SensorDevice = "virtual:towel",
-    duration: float = 1.0,
+    sensor: str | SensorDevice | None = None,
+    duration: float | None = None,
     *,
     path: str | Path | None = None,
     notes: dict[str, str] | None = None,
     wiring: SensorWiring | None = None,
-    seed: int = 0,
     progress: Progress | None = None,
+    settings: RecordSettings | None = None,
+    **changes: Any,
 ) -> OpenedTake:
-    """Record a sensor for `duration` seconds, or until the sensor ends.
+    """Record a sensor for some time, or until it ends.
 
     Parameters
     ----------
-    sensor : str or SensorDevice
-        A name as in ``midair record``: ``virtual:towel``, ``replay:take.h5``, ``lsl:NAME``, ``audio:DEVICE``,
-        ``serial:PORT``, ``ni:CHANNELS``; or an open device.
+    sensor : str or SensorDevice, optional
+        A name as in ``midair record``: ``virtual:towel``, the default, ``replay:take.h5``, ``lsl:NAME``,
+        ``audio:DEVICE``, ``serial:PORT``, ``ni:CHANNELS``; or an open device.
+    duration : float, optional
+        Time in s; that of `settings` if None, and 1 s without settings.
     path : str or Path, optional
         File that is written during the recording, so that the frames survive a crash.
     notes : dict of str to str, optional
         Notes such as object, surface, speed and operator.
-    wiring : SensorWiring, optional
-        Assignment of channels to cells.
-    seed : int
-        Seed of a virtual sensor.
     progress : callable, optional
         Called with (frames done, total frames).
+    settings : RecordSettings, optional
+        All settings; the defaults if None.
+    wiring, **changes
+        Fields of `RecordSettings` that differ from `settings`, such as ``seed=1`` or ``level=0.05``, with which the
+        recording begins at a touch. Wiring may be the path of a sensor file.
 
     Returns
     -------
@@ -188,25 +218,36 @@ def record(
     UnknownDeviceError, MissingExtraError, DeviceError
         If the device is unknown or not found, or the sensor gives no frames or loses frames.
     InputError
-        If the duration is shorter than one frame.
+        If a value is out of range, or the duration is shorter than one frame.
+    FileError
+        If the file cannot be written.
     """
-    if isinstance(sensor, str):
-        named = sensor_named(sensor, VirtualRig(seed=seed), wiring=wiring)
-        with named as opened:
-            return record(opened, duration, path=path, notes=notes, progress=progress)
+    named = {"duration": duration, "wiring": wiring, "sensor": sensor if isinstance(sensor, str) else None} | changes
+    given = {name: value for name, value in named.items() if value is not None}
+    chosen = (settings or RecordSettings(duration=1.0)).but(**given)
+    if chosen.repeats > 1:
+        raise InputError(f"repeats: expected 1 in one call, got {chosen.repeats}; call record once for each take")
+    if not isinstance(sensor, SensorDevice):
+        device = sensor_named(chosen.sensor, VirtualRig(seed=chosen.seed), wiring=chosen.wiring)
+        with PacedSensor(device) if chosen.real_time and device.on_demand else device as opened:
+            return record(opened, path=path, notes=notes, progress=progress, settings=chosen)
     target = None if path is None else Path(path)
-    recording = capture_recording(sensor, duration, path=target, notes=notes, progress=progress)
-    return OpenedTake(recording=recording, calibration=sensor.calibration) if target is None else open_take(target)
+    take = record_take(sensor, chosen, _ProgramWatcher(sensor, progress), path=target, notes=notes)
+    if take.error is not None:
+        raise take.error
+    if take.path is None and take.memory is None:
+        raise DeviceError(f"{sensor.name}: expected a touch, got none; the sensor ended before")
+    return take.memory or open_take(take.path)
 
 
 def play(
     what: Solution | Drive,
     rig: OpenRig | str = "virtual",
     *,
-    repeats: int = 1,
-    exposure: ExposureChoices | None = None,
     source: str | Path = "python",
     progress: Progress | None = None,
+    settings: PlaySettings | None = None,
+    **changes: Any,
 ) -> Played:
     """Play a drive after an exposure check, and re-record it if the rig has a sensor.
 
@@ -215,15 +256,17 @@ def play(
     what : Solution or Drive
         Solved for the rig's array.
     rig : OpenRig or str
-        An entered rig, or the name of an array that is opened for this call.
-    repeats : int
-        Number of repetitions, without a gap.
-    exposure : ExposureChoices, optional
-        Exposure limits, if not the rig's.
+        An entered rig, or the name of an array that is opened for this call; a virtual one gets the cells, the height
+        and the band of the drive.
     source : str or Path
         Name of the drive in the play log; a file is hashed there.
     progress : callable, optional
         Called with (frames played, total frames).
+    settings : PlaySettings, optional
+        All settings; those of the rig if None.
+    **changes
+        Fields of `PlaySettings` that differ from them: ``repeats``, ``delay``, ``participant``, ``exposure`` and
+        ``cooling``, and for a rig that is opened here also the others.
 
     Raises
     ------
@@ -231,17 +274,32 @@ def play(
         If the drive exceeds the profile without an override.
     MismatchError
         If the drive was solved for another array.
+    InputError
+        If a value is out of range, or concerns the devices of an entered rig.
     DeviceStateError
         If the rig was not entered.
     """
-    if isinstance(rig, str):
-        with open_rig(rig, exposure=exposure) as opened:
-            return play(what, opened, repeats=repeats, source=source, progress=progress)
     drive = what.drive if isinstance(what, Solution) else what
-    admission = check_exposure(drive, rig.array, exposure or rig.exposure, repeats=repeats)
+    changes = {name: value for name, value in changes.items() if value is not None}
+    if isinstance(rig, str):
+        with open_rig(rig, drive=drive, settings=settings, **changes) as opened:
+            return play(drive, opened, source=source, progress=progress)
+    of_devices = [one.name for one in fields(PlaySettings) if one.name in changes and "playback" not in one.metadata]
+    if of_devices:
+        raise InputError(f"play on an open rig: expected settings of a playback, got {of_devices[0]}; see open_rig")
+    chosen = (settings or rig.settings).but(**changes)
+    rig.array.cooling, rig.array.participant = chosen.cooling, chosen.participant
+    admission = check_exposure(drive, rig.array, chosen.exposure, repeats=chosen.repeats)
     played = admission.check_for(rig.array)
     if rig.sensor is None:
-        report = play_cleared(admission, rig.array, source=source, progress=progress)
+        report = play_cleared(
+            admission,
+            rig.array,
+            source=source,
+            delay=chosen.delay,
+            progress=progress,
+            room=chosen.exposure.room,
+        )
         return Played(drive=played, outcome=admission.outcome, report=report)
     heard = rerecord(admission, rig.array, rig.sensor, source=source, progress=progress)
     take = OpenedTake(recording=heard, calibration=rig.sensor.calibration)

@@ -15,12 +15,10 @@ from typing import Any
 from midair.devices import ExposureChoices, check_exposure, measure_exposure
 from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError
 from midair.files import load_solution, profile_named, save
-from midair.rig import VirtualRig, array_named, play_cleared, rerecord, under_lease
-from midair.settings import Settings
+from midair.rig import VirtualRig, array_named, open_rig, play_cleared, rerecord, under_lease
 from midair.studio.stop_port import StopPort
 from midair.studio.worker_process import StudioPipe, end_with_studio
 from midair.study import Headphones
-from midair.targets import sensor_from_provenance
 
 TRIALS = 32
 """Checked drives of a session that are kept, so that later trials start as quickly as the first."""
@@ -151,7 +149,7 @@ class _Player:
             drive = replace(drive, level=drive.level * share**0.5)
         if self.device != "virtual" and self.array is None:
             self._open()
-        array: Any = self.array if self.device != "virtual" else self._virtual(drive).array_device()
+        array: Any = self.array if self.device != "virtual" else open_rig(drive=drive, seed=self.seed).array
         profile = profile_named(order["profile"])
         choices = ExposureChoices(profile=profile, attenuate=order["attenuate"], override=order["override"] or None)
         try:
@@ -174,17 +172,6 @@ class _Player:
         }
         self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
         return found
-
-    def _virtual(self, drive: Any) -> Any:
-        """Create a virtual rig with the array, cells, height and band of a drive."""
-        known = Settings.of(drive.provenance) or Settings()
-        rig = VirtualRig(
-            array=drive.array.nominal,
-            cells=sensor_from_provenance(drive.provenance),
-            height=known.target.grid.height,
-            seed=self.seed,
-        )
-        return rig.hearing(known.calibration.band)
 
     def _play(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Play a checked drive with a lease token; a virtual rig re-records it."""
@@ -211,14 +198,13 @@ class _Player:
             with under_lease(self.array, self.permit, leave):
                 report = play_cleared(admission, self.array, source=path, progress=self._progress(leave))
             return {"output": "", **asdict(report)}
-        rig = self._virtual(admission.drive)
-        skin = rig.skin()
-        with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-            self.array = array
+        with open_rig(drive=admission.drive, seed=self.seed) as rig:
+            sensor: Any = rig.sensor
+            self.array = rig.array
             try:
-                with under_lease(array, self.permit, leave):
+                with under_lease(rig.array, self.permit, leave):
                     paced = self._progress(leave, paced=admission.drive.rate)
-                    heard = rerecord(admission, array, sensor, source=path, progress=paced)
+                    heard = rerecord(admission, rig.array, sensor, source=path, progress=paced)
             finally:
                 self.array = None
         if output:

@@ -10,10 +10,9 @@ from midair.errors import MismatchError
 from midair.evaluate import compare
 from midair.model import ControlGrid, PressureFrames, Recording, SensorGrid, TransducerArray
 from midair.pipeline import calibrated_pressure, required_lead
-from midair.rig import default_exposure, rerecord
+from midair.rig import default_exposure, record, rerecord
 from midair.rig.correction.correction_loop import beam_test, expected_gain, focus_on_cell, run_loop
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
 from midair.targets import add_lead
 
@@ -26,7 +25,7 @@ FREQUENCY = {"am-i": 100, "am-ii": 100, "am-iii": 25}
 
 def original(stimulus, settings, duration):
     with RIG.touched_by(stimulus, duration=duration) as sensor:
-        return calibrated_pressure(capture_recording(sensor, duration), sensor.calibration, settings)
+        return calibrated_pressure(record(sensor, duration).recording, sensor.calibration, settings)
 
 
 @cache
@@ -91,7 +90,7 @@ def test_a_perfect_chain_scores_above_60_db(mapping):
     grid = ControlGrid(rows=4, columns=4, pitch=11e-3)
     settings = Settings().but(grid=grid, method="fast", iterations=1, mapping=mapping)
     with RIG.touched_by("towel", duration=0.7) as sensor:
-        piece = calibrated_pressure(capture_recording(sensor, 0.7), sensor.calibration, settings).cut(0.55, 0.1)
+        piece = calibrated_pressure(record(sensor, 0.7).recording, sensor.calibration, settings).cut(0.55, 0.1)
     lead = required_lead(settings)
     skin = RIG.skin()
     perfect = Perfect(skin, rate=RIG.rate)

@@ -10,11 +10,11 @@ from midair.datasets import probe_signal
 from midair.errors import InputError
 from midair.model import ControlGrid
 from midair.pipeline import calibrated_pressure, required_lead
+from midair.rig import record
 from midair.rig.correction.correction_loop import run_loop
 from midair.rig.correction.iteration import playable, run_iterations
 from midair.rig.correction.passes import Rig
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
 
 RIG = VirtualRig()
@@ -25,7 +25,7 @@ def original(settings, duration=0.08):
     skin = RIG.skin()
     touch = probe_signal("25+250 Hz", duration=duration, rate=skin.rate, sensor=skin.model.grid)
     with RIG.sensor(skin, touch=touch) as sensor:
-        return calibrated_pressure(capture_recording(sensor, duration + 0.2), sensor.calibration, settings).cut(
+        return calibrated_pressure(record(sensor, duration + 0.2).recording, sensor.calibration, settings).cut(
             0.1, duration
         )
 

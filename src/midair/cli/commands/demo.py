@@ -13,18 +13,18 @@ from midair.cli.options import Force, SolveOptions, Time, mode_name, paper_optio
 from midair.cli.output import level_rows
 from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
-from midair.files import atomic_file, check_not_recording, save, save_solution
+from midair.files import OpenedTake, atomic_file, check_not_recording, save, save_solution
 from midair.headroom import level_of
-from midair.model import Calibration, Palm, Progress, Recording
+from midair.model import Palm, Progress
 from midair.pipeline import calibrated_pressure, required_lead
 from midair.rig import (
     FIELD_TITLE,
     PALM_TITLE,
     Outcome,
     VirtualRig,
-    capture_recording,
     open_rig,
     palm_of_loop,
+    record,
     summarise_outcomes,
     write_report,
 )
@@ -112,24 +112,22 @@ def demo_command(
     kind = " and ".join(["demo", *(workload_of(each.settings(), rig.array.count) for each in ways)])
     with progress_bars(kind, frames) as stage:
         with touched_by as touched:
-            recording = capture_recording(
-                touched, _STROKE, path=output / "stroke.h5", notes={"object": object_name}, progress=stage("record")
-            )
-        outcomes = [_outcome(recording, touched.calibration, each, piece, stage) for each in ways]
+            notes = {"object": object_name}
+            take = record(touched, _STROKE, path=output / "stroke.h5", notes=notes, progress=stage("record"))
+        outcomes = [_outcome(take, each, piece, stage) for each in ways]
         _write_files(outcomes, output, piece, _manual_commands(piece, options, paper), stage("draw"))
     _print(outcomes, output)
 
 
 def _outcome(
-    recording: Recording,
-    calibration: Calibration | None,
+    take: OpenedTake,
     options: SolveOptions,
     piece: _StrokePart,
     stage: Callable[[str], Progress],
 ) -> Outcome:
     """Run the loop once with these options."""
     settings = options.settings()
-    original = calibrated_pressure(recording, calibration, settings).cut(piece.start_at, piece.duration)
+    original = calibrated_pressure(take.recording, take.calibration, settings).cut(piece.start_at, piece.duration)
     with open_rig("virtual", height=settings.target.grid.height, seed=piece.rig.seed) as opened:
         loop = go_round(original, settings, opened, stage=stage)
     return Outcome.of(

@@ -3,16 +3,10 @@
 import time
 from pathlib import Path
 
-from midair.devices import ArrayDevice, ExposureChoices, ExposureClearance, SensorDevice, read_frames
+from midair.devices import ArrayDevice, ExposureClearance, SensorDevice, read_frames
 from midair.errors import MismatchError
-from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Progress, Provenance, Recording
 from midair.rig.playing.cleared_play import play_cleared
-
-
-def default_exposure() -> ExposureChoices:
-    """Default exposure limits: the default profile without override."""
-    return ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
 
 
 def rerecord(

@@ -1,15 +1,14 @@
-"""Plan, display state and result of a take, and the interfaces of its observers."""
+"""State and result of a take, and the interfaces of its observers."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
-from midair.errors import InputError
-from midair.model import Event, Setting, StageStamp
+from midair.errors import MidairError
+from midair.files import OpenedTake
+from midair.model import Event, StageStamp
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.meters import Levels
-from midair.validation import positive
 
 TakeOrder = Literal["toggle", "quit", "kill"]
 """User command: start or stop this take; stop, and make no more takes; stop because of a signal."""
@@ -18,52 +17,13 @@ EndReason = Literal["duration", "source", "toggle", "quiet", "quit", "kill", "co
 or failure."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TakePlan:
-    """Start and end conditions of a take."""
-
-    path: Path
-    """Path of the recording; an existing file is not overwritten."""
-    start: Literal["at once", "key", "touch"] = "at once"
-    """Start condition."""
-    duration: float | None = None
-    """Duration from the start in s; None for no limit."""
-    level: float | None = None
-    """Threshold of a touch: deviation of any channel from rest, in the sensor's unit."""
-    pre_roll: float = 0.0
-    """Time before the start that is kept, in s."""
-    post_roll: float | None = None
-    """Time without a touch after which the take ends, in s."""
-    notes: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Object, surface, speed, operator."""
-    settings: Mapping[str, Setting] = field(default_factory=dict[str, Setting])
-    """Settings of the step "record" in the provenance, such as the number of the take."""
-    block: float = 0.05
-    """Duration of one read in s; with `interval` and the time of a write it stays below a quarter of a second, the most
-    that is lost when the program is killed."""
-    interval: float = 0.1
-    """Longest time before a frame is flushed, in s."""
-
-    def __post_init__(self) -> None:
-        if self.duration is not None:
-            positive(self.duration, "duration", "s")
-        if self.level is not None:
-            positive(self.level, "level of the trigger")
-        if not 0 <= self.pre_roll <= 60:
-            raise InputError(f"pre-roll: expected 0 to 60 s, got {self.pre_roll:g} s")
-        if self.post_roll is not None:
-            positive(self.post_roll, "post-roll", "s")
-        if self.level is None and (self.start == "touch" or self.post_roll is not None):
-            raise InputError("trigger: expected a level for a take that waits for a touch or for silence, got none")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class View:
     """State of a running take, for display."""
 
     state: Literal["waiting", "recording"]
     frames: int
-    """Number of frames in the file so far."""
+    """Number of recorded frames so far."""
     wanted: int | None
     """Planned number of frames, if known."""
     lost: int
@@ -80,22 +40,29 @@ class Take:
     """Result of a take."""
 
     path: Path | None
-    """Path of the recording; None if the take ended before it began."""
+    """Path of the recording; None without a file, or if the take ended before it began."""
+    memory: OpenedTake | None
+    """The recording, if it was made without a file."""
     frames: int
-    """Number of frames in the file."""
+    """Number of recorded frames."""
     lost: int
     """Number of replaced frames among them."""
     end: EndReason
     """Reason for the end."""
-    problem: str
-    """Error message, if an error ended the take."""
+    error: MidairError | None
+    """Error that ended the take, if any."""
     levels: Levels
     lowest: float
-    """Lowest sample in the file, in the sensor's unit."""
+    """Lowest recorded sample, in the sensor's unit."""
     highest: float
-    """Highest sample in the file, in the sensor's unit."""
+    """Highest recorded sample, in the sensor's unit."""
     rate: Drift | None
     clock: Drift | None
+
+    @property
+    def problem(self) -> str:
+        """Message of the error that ended the take, or ""."""
+        return "" if self.error is None else str(self.error)
 
 
 class Watcher(Protocol):
@@ -110,7 +77,7 @@ class Watcher(Protocol):
         ...
 
     def tell(self, event: Event, drift: Drift | None = None) -> None:
-        """Report an event; its frame is counted from the sensor's start."""
+        """Report an event; its frame is counted from the sensor's start. A DeviceError that it raises ends the take."""
         ...
 
 
