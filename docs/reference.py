@@ -76,7 +76,7 @@ def module_page(name, names):
 
 
 def declared_table(kind, typed=None):
-    """Table of a settings class: keyword, option, default and meaning; `typed` is the class of options, if not of all."""
+    """Table of a settings class: keyword, option, default, meaning; `typed` is the class of options, if not of all."""
     names = {one.name for one in dataclasses.fields(typed or kind)}
     rows = ["| keyword | option | default | meaning |", "|---|---|---|---|"]
     for one in dataclasses.fields(kind):

@@ -11,8 +11,8 @@ from midair.evaluate import perceptual_metrics
 from midair.figures import png_bytes, stimuli_figure
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
-from midair.pipeline import calibrated_pressure, required_lead
-from midair.rig import Loop, Stage, VirtualRig, no_progress, record, run_loop
+from midair.pipeline import calibrated_pressure
+from midair.rig import Loop, OpenRig, Stage, VirtualRig, loop, no_progress, record
 from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 
 STIMULI: Mapping[str, str] = MappingProxyType(
@@ -80,15 +80,13 @@ def recorded(rig: VirtualRig, thing: str, settings: Settings, duration: float) -
 def reproduced(original: PressureFrames, plan: StimuliPlan, settings: Settings, iterate: int, stage: Stage) -> Loop:
     """Run the loop for one stimulus in one mode."""
     skin = plan.rig.skin()
-    with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:
-        return run_loop(
+    with OpenRig(array=plan.rig.array_device(skin), sensor=plan.rig.sensor(skin)) as rig:
+        return loop(
             original,
-            array,
-            sensor,
             settings,
+            rig,
             corrections=plan.corrections,
             iterate=iterate,
-            lead=required_lead(settings),
             stage=stage,
         )
 

@@ -18,12 +18,13 @@ from midair.pipeline import calibrated_pressure, required_lead, target_amplitude
 from midair.rig import (
     BudgetPlan,
     Loop,
+    OpenRig,
     Stage,
     VirtualRig,
     error_budget,
+    loop,
     no_progress,
     record,
-    run_loop,
 )
 from midair.settings import Mode, Settings, paper_mode, with_fewer_points, with_paper_mode
 from midair.targets import add_lead
@@ -164,15 +165,13 @@ def iterated_loop(plan: FidelityPlan, settings: Settings, stage: Stage = no_prog
     settings = with_fewer_points(settings.but(guard=None), plan.points)
     original = original_of("noise", plan, settings)
     skin = plan.rig.skin()
-    with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:
-        return run_loop(
+    with OpenRig(array=plan.rig.array_device(skin), sensor=plan.rig.sensor(skin)) as rig:
+        return loop(
             original,
-            array,
-            sensor,
             settings,
+            rig,
             corrections=1,
             iterate=plan.passes,
-            lead=required_lead(settings),
             stage=stage,
         )
 

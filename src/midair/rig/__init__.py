@@ -28,6 +28,7 @@ from .correction import aligned_pair as aligned_pair
 from .correction import band_power_share as band_power_share
 from .correction import comparison_rows as comparison_rows
 from .correction import error_budget as error_budget
+from .correction import loop as loop
 from .correction import loop_figures as loop_figures
 from .correction import metrics_of_loop as metrics_of_loop
 from .correction import no_progress as no_progress
@@ -37,7 +38,6 @@ from .correction import palm_of_drive as palm_of_drive
 from .correction import palm_of_loop as palm_of_loop
 from .correction import played_chain as played_chain
 from .correction import rerecord_drive as rerecord_drive
-from .correction import run_loop as run_loop
 from .correction import summarise_outcomes as summarise_outcomes
 from .correction import view_of_loop as view_of_loop
 from .correction import write_report as write_report
@@ -64,6 +64,8 @@ from .names import array_of_kind as array_of_kind
 from .names import sensor_named as sensor_named
 from .names import stage_named as stage_named
 from .names import thermometer_named as thermometer_named
+from .opening import OpenRig as OpenRig
+from .opening import open_rig as open_rig
 from .play_lease import LeaseGuard as LeaseGuard
 from .play_lease import LeaseToken as LeaseToken
 from .play_lease import PlayLease as PlayLease
@@ -75,10 +77,7 @@ from .playing import play_cleared as play_cleared
 from .playing import rerecord as rerecord
 from .playing import stop_playing as stop_playing
 from .playing import watch_air as watch_air
-from .recorder import OpenRig as OpenRig
 from .recorder import Played as Played
-from .recorder import loop as loop
-from .recorder import open_rig as open_rig
 from .recorder import play as play
 from .recorder import record as record
 from .signals import END_SIGNALS as END_SIGNALS

@@ -1,69 +1,17 @@
-"""Record, play and loop from Python, each in one call, with devices given by name."""
+"""Record and play from Python, each in one call, with devices given by name."""
 
-from contextlib import ExitStack
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
-from midair.devices import ArrayDevice, ExposureChoices, PacedSensor, PlayReport, SensorDevice, check_exposure
+from midair.devices import PacedSensor, PlayReport, SensorDevice, check_exposure
 from midair.errors import DeviceError, InputError
 from midair.files import OpenedTake, open_take
-from midair.model import (
-    Drive,
-    Event,
-    PressureFrames,
-    Progress,
-    SensorWiring,
-    Solution,
-    TransducerArray,
-)
-from midair.physics import Transducers
-from midair.pipeline import calibrated_pressure, required_lead
-from midair.rig.correction import Loop, Stage, no_progress, run_loop
-from midair.rig.names import VirtualRig, array_named, sensor_named
+from midair.model import Drive, Event, Progress, SensorWiring, Solution
+from midair.rig.names import VirtualRig, sensor_named
+from midair.rig.opening import OpenRig, open_rig
 from midair.rig.playing import PlaySettings, play_cleared, rerecord
 from midair.rig.takes import Drift, RecordSettings, TakeOrder, View, record_take
-from midair.settings import MODES, Mode, Settings
-from midair.targets import sensor_from_provenance
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OpenRig:
-    """An array, the sensor that records it, and their settings; made by `open_rig`.
-
-    A context manager: entering opens both devices; leaving silences the array and closes both, also after an error.
-    """
-
-    array: ArrayDevice
-    sensor: SensorDevice | None
-    """Sensor that records the array, with its calibration; None for an array alone."""
-    settings: PlaySettings = field(default_factory=PlaySettings)
-    """Settings with which it was made, and of each playback unless `play` changes them."""
-    measured: TransducerArray | None = None
-    """Measured transducers of the array, for which `loop` solves; the model's if None."""
-    _open: ExitStack = field(default_factory=ExitStack, repr=False)
-
-    @property
-    def exposure(self) -> ExposureChoices:
-        """Exposure limits of every drive."""
-        return self.settings.exposure
-
-    def __enter__(self) -> Self:
-        self.array.cooling, self.array.participant = self.settings.cooling, self.settings.participant
-        self._open.enter_context(self.array)
-        if self.sensor is not None:
-            self._open.enter_context(self.sensor)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._open.__exit__(kind, error, trace)
-
-    def __repr__(self) -> str:
-        heard = "nothing listens" if self.sensor is None else f"heard by {self.sensor.name}"
-        return f"<OpenRig {self.array.name}, {self.array.array.count} transducers, {heard}>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,73 +31,6 @@ class Played:
     def __repr__(self) -> str:
         heard = "nothing listened" if self.take is None else f"heard: {self.take.recording!r}"
         return f"<Played {self.drive.frames} frames at {self.drive.rate:g} Hz, exposure {self.outcome}, {heard}>"
-
-
-def open_rig(
-    array: str | None = None,
-    sensor: str | None = None,
-    *,
-    drive: Drive | None = None,
-    settings: PlaySettings | None = None,
-    **changes: Any,
-) -> OpenRig:
-    """Make a rig from the names of an array and a sensor; enter it with ``with``.
-
-    Parameters
-    ----------
-    array, sensor : str, optional
-        ``virtual``, the default: a simulated array and sensor, both slightly different from the solver's model. Others
-        as in ``midair play --device`` and, for the sensor that records a real array, ``midair record``.
-    drive : Drive, optional
-        A drive to play: the virtual rig gets its array, cells, height and band.
-    settings : PlaySettings, optional
-        All settings; the defaults if None.
-    **changes
-        Fields of `PlaySettings` that differ from `settings`, such as ``silencer="off"``. Calibration and placement may
-        be the path of a file.
-
-    Raises
-    ------
-    UnknownDeviceError, MissingExtraError, DeviceError
-        If a device is unknown or not found, or its package is not installed.
-    InputError
-        If a value is out of range, or a sensor, calibration or placement is given for the virtual array, which has its
-        own.
-    """
-    named = {name: value for name, value in (("device", array), ("sensor", sensor)) if value is not None}
-    chosen = (settings or PlaySettings()).but(**named, **changes)
-    if chosen.device == "virtual":
-        if chosen.sensor or chosen.calibration or chosen.placement:
-            raise InputError("virtual array: expected no sensor, calibration or placement, since it has its own")
-        virtual = _virtual_rig(chosen, drive)
-        skin = virtual.skin()
-        device = virtual.array_device(skin)
-        device.silencer = chosen.silencer
-        return OpenRig(array=device, sensor=virtual.sensor(skin), settings=chosen)
-    if chosen.array_calibration is not None:
-        raise InputError(
-            f"array calibration: expected the virtual array, got {chosen.device}; for a real array solve with it"
-        )
-    real = array_named(chosen.device, chosen.placement, silencer=chosen.silencer)
-    listens = None if chosen.sensor is None else sensor_named(chosen.sensor, _virtual_rig(chosen, drive))
-    if listens is not None and chosen.calibration is not None:
-        listens.calibration = chosen.calibration
-    return OpenRig(array=real, sensor=listens, settings=chosen)
-
-
-def _virtual_rig(chosen: PlaySettings, drive: Drive | None) -> VirtualRig:
-    """The virtual rig of the settings, with array, cells, height and band of the drive if there is one."""
-    rig = VirtualRig(seed=chosen.seed, height=chosen.height, cells=chosen.cells, acoustics=chosen.acoustics)
-    band = chosen.band
-    if drive is not None:
-        known = Settings.of(drive.provenance) or Settings()
-        cells, band = sensor_from_provenance(drive.provenance), known.calibration.band
-        rig = replace(rig, array=drive.array.nominal, cells=cells, height=known.target.grid.height)
-    rig = rig.hearing(band)
-    if (measured := chosen.array_calibration) is None:
-        return rig
-    measured.applied(rig.array)  # raises if it was measured on another array
-    return replace(rig, transducers=Transducers.measured(measured))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -304,64 +185,3 @@ def play(
     heard = rerecord(admission, rig.array, rig.sensor, source=source, progress=progress)
     take = OpenedTake(recording=heard, calibration=rig.sensor.calibration)
     return Played(drive=played, outcome=admission.outcome, take=take)
-
-
-def loop(
-    original: OpenedTake | PressureFrames | str | Path,
-    settings: Settings | Mode = "paper",
-    rig: OpenRig | str = "virtual",
-    *,
-    corrections: int = 1,
-    iterate: int = 0,
-    lead: float | None = None,
-    stage: Stage = no_progress,
-) -> Loop:
-    """Run the paper's loop (5.2): solve, play, re-record, correct, play again, compare; optionally iterate.
-
-    Parameters
-    ----------
-    original : OpenedTake, PressureFrames or path
-        A recording with its calibration; or its pressure, in the settings' band and at their rate.
-    settings : Settings or {"paper", "best", "quick", "finest"}
-        Settings of every stage, or the name of a mode.
-    rig : OpenRig or str
-        An entered rig with a sensor, or the name of an array that is opened for this call.
-    corrections : int
-        Passes after the first that correct the amplitude; the paper has one.
-    iterate : int
-        Maximum number of passes after those that correct the waveform.
-    lead : float, optional
-        Silence in s around the original, in which a bias can rise; the mapping's own value if None.
-    stage : callable
-        Called with the name of each stage at its start; returns its progress callback.
-
-    Raises
-    ------
-    InputError
-        If the rig has no sensor, or the sensor has no calibration.
-    ExposureError
-        If a drive exceeds the profile without an override.
-    """
-    chosen = MODES[settings]() if isinstance(settings, str) else settings
-    if isinstance(original, str | Path):
-        original = open_take(original)
-    if isinstance(original, OpenedTake):
-        original = calibrated_pressure(original.recording, original.calibration, chosen)
-    if isinstance(rig, str):
-        height, band = chosen.target.grid.height, chosen.calibration.band
-        with open_rig(rig, height=height, cells=original.sensor, band=band) as opened:
-            return loop(original, chosen, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
-    if rig.sensor is None:
-        raise InputError(f"loop on {rig.array.name}: expected a rig with a sensor, got none; name one in open_rig")
-    return run_loop(
-        original,
-        rig.array,
-        rig.sensor,
-        chosen,
-        corrections=corrections,
-        iterate=iterate,
-        exposure=rig.exposure,
-        lead=required_lead(chosen) if lead is None else lead,
-        measured=rig.measured,
-        stage=stage,
-    )

@@ -4,8 +4,8 @@ import pytest
 
 from midair.model import ControlGrid
 from midair.pipeline import calibrated_pressure
-from midair.rig import record
-from midair.rig.correction.correction_loop import run_loop
+from midair.rig import OpenRig, record
+from midair.rig import loop as run_loop
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.settings import Settings
 
@@ -18,5 +18,5 @@ def loop():
     skin = rig.skin()
     with rig.touched_by("towel", duration=0.6) as sensor:
         original = calibrated_pressure(record(sensor, 0.6).recording, sensor.calibration, SETTINGS).cut(0.4, 0.06)
-    with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        return run_loop(original, array, sensor, SETTINGS)
+    with OpenRig(array=rig.array_device(skin), sensor=rig.sensor(skin)) as opened:
+        return run_loop(original, SETTINGS, opened, lead=0.0)
