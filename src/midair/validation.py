@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import MISSING, field, fields, replace
-from pathlib import Path
 from typing import Any, Self, TypeVar, cast
 
 import numpy as np
@@ -111,8 +110,8 @@ class Declared:
             value = changes.get(one.name, one)
             if value is None:
                 changes[one.name] = one.default if one.default_factory is MISSING else one.default_factory()
-            elif isinstance(value, str | Path) and "load" in one.metadata:
-                changes[one.name] = one.metadata["load"](Path(value))
+            elif "load" in one.metadata and (isinstance(value, str) or hasattr(value, "__fspath__")):
+                changes[one.name] = one.metadata["load"](value)
         return cast("Self", replace(cast("Any", self), **changes))
 
 

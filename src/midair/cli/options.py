@@ -74,7 +74,8 @@ def options_from(kind: type[Declared], *names: str, **helps: str) -> Callable[[t
             if known["unit"]:
                 said.append(quantity(known["unit"], many=2 if get_origin(hints[one.name]) is tuple else None))
             plain = Path | None if "load" in known else known.get("typed", hints[one.name])
-            made.append((one.name, Annotated[plain, *said], field(default=one.default)))
+            default = None if "typed" in known else one.default
+            made.append((one.name, Annotated[plain, *said], field(default=default)))
         about = {"__doc__": base.__doc__, "__module__": base.__module__}
         whole = make_dataclass(base.__name__, made, bases=(base,), frozen=True, kw_only=True, namespace=about)
         return Parameter(name="*")(whole)

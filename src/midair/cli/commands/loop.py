@@ -86,12 +86,12 @@ def loop_command(
         cells=original.sensor,
         band=settings.calibration.band,
     )
+    opened = open_rig(settings=playing)
     if playing.device != "virtual" and (playing.sensor is None or playing.calibration is None):
         raise InputError(
             f"loop on {playing.device}: expected --sensor and its --calibration to re-record the array, got "
             f"{playing.sensor or 'no sensor'} and {'a' if playing.calibration else 'no'} calibration"
         )
-    opened = open_rig(settings=playing)
     if array_calibration is not None:
         measured, settings, original = with_array_calibration(array_calibration, opened.array.array, settings, original)
         opened = replace(opened, measured=measured)

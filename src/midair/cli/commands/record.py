@@ -4,17 +4,15 @@ import sys
 import time
 from collections.abc import Generator
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
+from typing import Any
 
 from midair.cli.console import PlainConsole, banner, err, print_json, print_rows, verbosity
 from midair.cli.keys import Keys, Signals, signals_noted
 from midair.cli.meter_screen import MeterScreen
 from midair.cli.options import Json, Quiet, options_from, settings_from
-from midair.cli.quantities import format_quantity, parse_quantity, quantity
+from midair.cli.quantities import format_quantity, parse_quantity
 from midair.cli.stage_options import Drawing, StageOptions, recorded_strokes, stroke_rows
 from midair.devices import PacedSensor, SensorDevice
 from midair.errors import DeviceError, InputError
@@ -34,35 +32,9 @@ from midair.rig import (
 )
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@options_from(Subject)
 class SubjectOptions:
-    """Object and stroke, stored with the recording.
-
-    Parameters
-    ----------
-    object_name
-        Name of the object, such as towel; asked for on a terminal if missing.
-    surface
-        Sensor surface, such as flat or grooved.
-    speed
-        Speed of the stroke, such as 50mm/s.
-    operator
-        Name of the person who records.
-    """
-
-    object_name: Annotated[str | None, Parameter(name="--object")] = None
-    surface: str | None = None
-    speed: Annotated[float | None, quantity("m/s")] = None
-    operator: str | None = None
-
-    @property
-    def subject(self) -> Subject:
-        """The given notes."""
-        speed = "" if self.speed is None else f"{self.speed * 1e3:.6g}mm/s"
-        return Subject(
-            object=self.object_name or "", surface=self.surface or "", speed=speed, operator=self.operator or ""
-        )
+    """Object and stroke, stored with the recording."""
 
 
 @options_from(RecordSettings)
@@ -106,15 +78,17 @@ def record_command(
     options, quiet = options or RecordOptions(), quiet or verbosity().quiet
     trigger: str | None = getattr(options, "level", None)
     settings = settings_from(RecordSettings, options, sensor=sensor, level=None)
-    subject = subject or SubjectOptions()
-    drawing = (staging or StageOptions()).drawing(subject.speed)
+    stated: dict[str, Any] = {one.name: getattr(subject or SubjectOptions(), one.name) or "" for one in fields(Subject)}
+    speed: float | None = stated["speed"] or None
+    drawing = (staging or StageOptions()).drawing(speed)
+    stated["speed"] = "" if speed is None else f"{speed * 1e3:.6g}mm/s"
     if drawing is not None and (settings.duration is not None or trigger is not None):
         raise InputError("--stage: expected neither --duration nor --trigger; a take begins and ends with the stroke")
     touches = settings.duration if drawing is None else drawing.seconds
     device = sensor_named(sensor, VirtualRig(seed=settings.seed), duration=touches, wiring=settings.wiring)
     real_time = settings.real_time or drawing is not None
     ask = not (quiet or json) and (real_time or not device.on_demand)
-    about = _subject(sensor, subject.subject, ask=ask)
+    about = _subject(sensor, Subject(**stated), ask=ask)
     take_path(output, about, repeats=settings.repeats)
     if drawing is None and sensor.startswith("virtual:") and settings.duration is None:
         settings = settings.but(duration=0.5 if "am-" in sensor else 1.28)
