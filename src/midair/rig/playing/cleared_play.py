@@ -24,16 +24,7 @@ def play_cleared(
     """Play a cleared drive on an open array.
 
     SIGTERM and SIGHUP end the program as Ctrl-C does, which silences the array. Playing is logged, and `midair stop`
-    reaches it on every array: see `ArrayDevice.play`.
-
-    Parameters
-    ----------
-    admission : ExposureClearance
-        Result of `check_exposure` for this array.
-    source : str or Path
-        Name of the drive in the log; a file is hashed there.
-    delay, progress, room
-        As in `ArrayDevice.play`.
+    reaches it on every array. The arguments are those of `ArrayDevice.play`.
     """
     with signals_end_the_program():
         return array.play(admission, source=source, delay=delay, progress=progress, watched=True, room=room)

@@ -23,18 +23,8 @@ def rerecord(
     A simulated sensor records the first frame at time 0. A real array starts with a delay, so the recording holds
     everything since the start of playing: `evaluate.find_delay` finds where the drive begins.
 
-    Parameters
-    ----------
-    admission : ExposureClearance
-        Result of `check_exposure` for this array.
-    array, sensor : ArrayDevice, SensorDevice
-        Open. The sensor must buffer its samples until they are read.
-    source : str or Path
-        Name of the drive in the log; a file is hashed there.
-    tail : float
-        Additional recording time in s, so that a delay cuts nothing off.
-    progress : callable, optional
-        Called with (frames played, total frames).
+    The sensor must buffer its samples until they are read; `tail` is the recording time in s after the last frame, so
+    that a delay cuts nothing off. `source` is the name of the drive in the log; a file is hashed there.
 
     Raises
     ------

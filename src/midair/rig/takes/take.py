@@ -49,24 +49,20 @@ def record_take(
 ) -> Take:
     """Record one take with an open sensor, which is started and stopped here.
 
-    It begins with a touch if the settings have a level, at a command of the watcher if `key`, and else at once.
+    It begins with a touch if the settings have a level, at a command if `key`, and else at once.
 
     Parameters
     ----------
     settings : RecordSettings
         Duration, trigger level, pre-roll and post-roll; the others concern the sensor, or several takes.
-    watcher : Watcher
-        Gives commands, and receives the state and the events.
     companion : Companion, optional
         Begins with the first frame. The take ends with it; if the take ends earlier, the companion is stopped.
     path : Path, optional
         New file, written during the recording, so that the frames survive a crash; in memory if None.
-    notes : mapping of str to str, optional
-        Object, surface, speed, operator.
     about : mapping, optional
         Further settings of the step "record" in the provenance, such as the number of the take.
     key : bool
-        Whether to wait for the command "toggle".
+        Whether to wait for the command "toggle" of the watcher.
     block : float
         Duration of one read in s.
 
