@@ -118,13 +118,17 @@ def open_rig(
 
 def _virtual_rig(chosen: PlaySettings, drive: Drive | None) -> VirtualRig:
     """The virtual rig of the settings, with array, cells, height and band of the drive if there is one."""
-    rig = VirtualRig(seed=chosen.seed, height=chosen.height, cells=chosen.cells, acoustics=chosen.acoustics)
-    band = chosen.band
+    cells, height, band = chosen.cells, chosen.height, chosen.band
     if drive is not None:
         known = Settings.of(drive.provenance) or Settings()
-        cells, band = sensor_from_provenance(drive.provenance), known.calibration.band
-        rig = replace(rig, array=drive.array.nominal, cells=cells, height=known.target.grid.height)
-    rig = rig.hearing(band)
+        cells, height, band = sensor_from_provenance(drive.provenance), known.target.grid.height, known.calibration.band
+    rig = VirtualRig(
+        array=TransducerArray.autd3() if drive is None else drive.array.nominal,
+        cells=cells,
+        height=height,
+        acoustics=chosen.acoustics,
+        seed=chosen.seed,
+    ).hearing(band)
     if (measured := chosen.array_calibration) is None:
         return rig
     measured.applied(rig.array)  # raises if it was measured on another array

@@ -140,7 +140,14 @@ class _TakeRun:
                 end, error = "failure", wrong
         if end == "source" and self._frames == 0 and self._gap_filler.frames == 0:
             raise DeviceError(f"{self._sensor.name}: expected frames, got none; is it connected and switched on?")
-        return self._close(end, error or self._stop_companion())
+        if self._companion is not None and error is None:
+            # Its positions until now belong to the take.
+            self._companion.end()
+            try:
+                self._accompany(self._companion)
+            except (DeviceError, FileError) as wrong:
+                error = wrong
+        return self._close(end, error)
 
     @property
     def _frames(self) -> int:
@@ -166,13 +173,13 @@ class _TakeRun:
         self._zero = min(self._zero, block.host_time - block.first / self._sensor.rate)
         end = self._keep(samples, order) if self._writer is not None else self._wait(samples, order)
         self._show()
-        return end or self._accompany()
+        return end or (None if self._companion is None else self._accompany(self._companion))
 
-    def _accompany(self) -> EndReason | None:
+    def _accompany(self, companion: Companion) -> EndReason | None:
         """Store the companion's report; return the reason if it ended the take."""
-        if self._companion is None or self._writer is None:
+        if self._writer is None:
             return None
-        news = self._companion.news()
+        news = companion.news()
         begin = self._zero + self._origin / self._sensor.rate
         self._writer.stamp([replace(stamp, time=stamp.time - begin) for stamp in news.stamps])
         for first, last in news.strokes:
@@ -184,16 +191,6 @@ class _TakeRun:
         self._latest = max([self._latest, *(stamp.time - begin for stamp in news.stamps)])
         # Frames arrive with a delay: those of its last moment still belong to the take.
         return "companion" if news.over and self._frames >= self._latest * self._sensor.rate else None
-
-    def _stop_companion(self) -> MidairError | None:
-        """Stop the companion after any other end and store its report; return the error, if any."""
-        if self._companion is not None:
-            self._companion.end()
-            try:
-                self._accompany()
-            except (DeviceError, FileError) as wrong:
-                return wrong
-        return None
 
     def _receive(self, block: FrameBlock) -> Array:
         """Fill the gaps of a block, and report its events."""
@@ -256,20 +253,16 @@ class _TakeRun:
         self._origin = origin
         if self._companion is not None:
             self._companion.begin()
-        self._store_early()
-        if self._start == "touch":
-            self._report([Event(kind="trigger", frame=origin + kept)])
-
-    def _store_early(self) -> None:
-        """Store earlier events that concern the file's frames."""
-        levels, origin = self._meters.levels, self._origin
-        still = levels.dead | levels.stuck
+        # Earlier events that concern the recorded frames.
+        still = self._meters.levels.dead | self._meters.levels.stuck
         for event in self._early:
             if event.kind in ("dead", "stuck"):
                 self._store([replace(event, frame=max(event.frame, origin))] if still[event.channel] else [])
             elif (after := event.frame + event.frames - origin) > 0:
                 self._store([replace(event, frame=max(event.frame, origin), frames=min(event.frames, after))])
         self._early.clear()
+        if self._start == "touch":
+            self._report([Event(kind="trigger", frame=origin + kept)])
 
     def _keep(self, samples: Array, order: TakeOrder | None, past: NDArray[np.bool_] | None = None) -> EndReason | None:
         """Write frames; return the reason if the take has ended."""
