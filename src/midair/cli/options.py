@@ -77,7 +77,7 @@ def options_from(kind: type[Declared], *names: str, **helps: str) -> Callable[[t
             default = None if "typed" in known else one.default
             made.append((one.name, Annotated[plain, *said], field(default=default)))
         about = {"__doc__": base.__doc__, "__module__": base.__module__}
-        whole = make_dataclass(base.__name__, made, bases=(base,), frozen=True, kw_only=True, namespace=about)
+        whole: Any = make_dataclass(base.__name__, made, bases=(base,), frozen=True, kw_only=True, namespace=about)
         return Parameter(name="*")(whole)
 
     return decorate

@@ -48,7 +48,7 @@ class _ProgramWatcher:
         if self.progress is not None:
             self.progress(view.frames, view.wanted or view.frames)
 
-    def tell(self, event: Event, _: Drift | None = None) -> None:
+    def tell(self, event: Event, _: Drift | None = None, /) -> None:
         """Raise DeviceError for lost frames."""
         if event.kind == "lost":
             seconds = event.frame / self.sensor.rate
@@ -116,9 +116,11 @@ def record(
     take = record_take(sensor, chosen, _ProgramWatcher(sensor, progress), path=target, notes=notes)
     if take.error is not None:
         raise take.error
-    if take.path is None and take.memory is None:
+    if take.memory is not None:
+        return take.memory
+    if take.path is None:
         raise DeviceError(f"{sensor.name}: expected a touch, got none; the sensor ended before")
-    return take.memory or open_take(take.path)
+    return open_take(take.path)
 
 
 def play(

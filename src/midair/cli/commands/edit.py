@@ -47,7 +47,7 @@ def cut_command(
     --------
     $ midair cut take.h5 part.h5 --start 0.4s --end 0.9s
     """
-    _edit([source], output, lambda recording: recordings.cut(recording, start, end), force=force, json=json)
+    _edit([source], output, lambda takes: recordings.cut(takes[0], start, end), force=force, json=json)
 
 
 def join_command(*files: Path, force: Force = False, json: Json = False) -> None:
@@ -64,7 +64,7 @@ def join_command(*files: Path, force: Force = False, json: Json = False) -> None
     """
     if len(files) < 3:
         raise InputError(f"join: expected two or more recordings and a file to write, got {len(files)} names")
-    _edit(files[:-1], files[-1], lambda *parts: recordings.join(parts), force=force, json=json)
+    _edit(files[:-1], files[-1], recordings.join, force=force, json=json)
 
 
 def resample_command(
@@ -83,7 +83,7 @@ def resample_command(
     """
     if rate > HIGHEST:
         raise InputError(f"--rate: expected at most {HIGHEST / 1e6:g} MHz, got {rate / 1e6:g} MHz; is the unit right?")
-    _edit([source], output, lambda recording: recordings.resample(recording, rate), force=force, json=json)
+    _edit([source], output, lambda takes: recordings.resample(takes[0], rate), force=force, json=json)
 
 
 def trim_command(
@@ -112,7 +112,7 @@ def trim_command(
     _edit(
         [source],
         output,
-        lambda recording: recordings.trim(recording, share=share, margin=margin),
+        lambda takes: recordings.trim(takes[0], share=share, margin=margin),
         force=force,
         json=json,
     )
@@ -142,8 +142,8 @@ def gain_command(
     $ midair gain take.h5 louder.h5 --by 6dB
     """
 
-    def louder(recording: Recording) -> Recording:
-        factor = _factor(by)
+    def louder(takes: list[Recording]) -> Recording:
+        recording, factor = takes[0], _factor(by)
         factors = np.ones(recording.sensor.count)
         factors[list(_numbers(channels, recording)) or slice(None)] = factor
         return recordings.gain(recording, factors.reshape(recording.sensor.shape) if channels else factor)
@@ -174,18 +174,22 @@ def mask_command(
     --------
     $ midair mask take.h5 clean.h5 --channels 3,7 --fill neighbours
     """
+    _edit(
+        [source],
+        output,
+        lambda takes: recordings.mask(takes[0], _numbers(channels, takes[0]), fill=fill),
+        force=force,
+        json=json,
+    )
 
-    def masked(recording: Recording) -> Recording:
-        return recordings.mask(recording, _numbers(channels, recording), fill=fill)
 
-    _edit([source], output, masked, force=force, json=json)
-
-
-def _edit(sources: Sequence[Path], output: Path, change: Callable[..., Recording], *, force: bool, json: bool) -> None:
+def _edit(
+    sources: Sequence[Path], output: Path, change: Callable[[list[Recording]], Recording], *, force: bool, json: bool
+) -> None:
     """Write what `change` makes of the recordings, with the calibration that all sources share."""
     may_write(output, force)
     takes = [open_take(source, streamed=True) for source in sources]
-    recording = change(*(take.recording for take in takes))
+    recording = change([take.recording for take in takes])
     calibrations = [take.calibration for take in takes]
     calibration = calibrations[0] if _same(calibrations) else None
     notes: list[str] = []

@@ -76,7 +76,7 @@ class Watcher(Protocol):
         """Display the state; called for every block."""
         ...
 
-    def tell(self, event: Event, drift: Drift | None = None) -> None:
+    def tell(self, event: Event, drift: Drift | None = None, /) -> None:
         """Report an event; its frame is counted from the sensor's start. A DeviceError that it raises ends the take."""
         ...
 
