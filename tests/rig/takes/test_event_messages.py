@@ -5,7 +5,7 @@ from midair.model import Event, SensorGrid
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.event_messages import event_message, take_problems
 from midair.rig.takes.meters import Levels
-from midair.rig.takes.take_plan import Take
+from midair.rig.takes.take_state import Take
 
 NONE = np.zeros(16, bool)
 

@@ -12,8 +12,8 @@ from .take_names import Subject as Subject
 from .take_names import last_subject as last_subject
 from .take_names import store_subject as store_subject
 from .take_names import take_path as take_path
-from .take_plan import Companion as Companion
-from .take_plan import Take as Take
-from .take_plan import TakeOrder as TakeOrder
-from .take_plan import View as View
-from .take_plan import Watcher as Watcher
+from .take_state import Companion as Companion
+from .take_state import Take as Take
+from .take_state import TakeOrder as TakeOrder
+from .take_state import View as View
+from .take_state import Watcher as Watcher

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from midair.devices import StageDevice
 from midair.errors import MidairError
 from midair.model import Place, StageSetup, StageStamp
-from midair.rig.takes.take_plan import CompanionReport
+from midair.rig.takes.take_state import CompanionReport
 
 
 class StageStroke:

@@ -22,7 +22,7 @@ from midair.model import Event, EventKind, Provenance, Setting
 from midair.rig.takes.clocks import ClockWatch, Drift
 from midair.rig.takes.meters import Meters
 from midair.rig.takes.record_settings import RecordSettings
-from midair.rig.takes.take_plan import Companion, EndReason, Take, TakeOrder, View, Watcher
+from midair.rig.takes.take_state import Companion, EndReason, Take, TakeOrder, View, Watcher
 from midair.rig.takes.trigger import PreRoll, Trigger
 
 Array = NDArray[np.float64]
