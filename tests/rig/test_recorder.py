@@ -1,5 +1,7 @@
 """Record, play and loop from Python on devices by name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -164,6 +166,16 @@ def test_settings_of_a_playback_can_be_given_in_either_place(solution):
         with pytest.raises(InputError, match="settings of a playback, got silencer"):
             play(solution, rig, silencer="off")
     assert play(solution, settings=settings, seed=1).take.recording.frames == 140
+
+
+def test_a_virtual_rig_fits_the_drive():
+    """A drive of one unit, and cells that its provenance names: neither is the default of the virtual rig."""
+    one, amplitude = TransducerArray.autd3(columns=1, rows=1), np.full((20, 36), 1.0)
+    cells = midair.SensorGrid(rows=2, columns=3, pitch=8e-3)
+    pressure = midair.PressureFrames(pressure=np.ones((20, 2, 3)), rate=1000.0, sensor=cells)
+    target = midair.prepare(pressure, grid=COARSE)
+    made = midair.solve(replace(target, amplitude=amplitude), one, method="naive")
+    assert play(made, "virtual").take.recording.sensor.shape == (2, 3)
 
 
 def test_a_rig_that_was_not_entered_does_not_play(solution):
