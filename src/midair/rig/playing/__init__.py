@@ -5,7 +5,7 @@ from midair.devices import stop_playing as stop_playing
 from .air_check import AirCheck as AirCheck
 from .air_check import check_air as check_air
 from .air_watch import watch_air as watch_air
-from .cleared_play import play_cleared as play_cleared
 from .play_settings import PlaySettings as PlaySettings
 from .play_settings import default_exposure as default_exposure
+from .rerecording import play_cleared as play_cleared
 from .rerecording import rerecord as rerecord

@@ -1,12 +1,30 @@
-"""Play a cleared drive and re-record it."""
+"""Play a cleared drive, and re-record it."""
 
 import time
 from pathlib import Path
 
-from midair.devices import ArrayDevice, ExposureClearance, SensorDevice, read_frames
+from midair.devices import ArrayDevice, ExposureClearance, PlayReport, SensorDevice, read_frames
 from midair.errors import MismatchError
-from midair.model import Progress, Provenance, Recording
-from midair.rig.playing.cleared_play import play_cleared
+from midair.model import Medium, Progress, Provenance, Recording
+from midair.rig.signals import signals_end_the_program
+
+
+def play_cleared(
+    admission: ExposureClearance,
+    array: ArrayDevice,
+    *,
+    source: str | Path,
+    delay: float = 0.0,
+    progress: Progress | None = None,
+    room: Medium | None = None,
+) -> PlayReport:
+    """Play a cleared drive on an open array.
+
+    SIGTERM and SIGHUP end the program as Ctrl-C does, which silences the array. Playing is logged, and `midair stop`
+    reaches it on every array. The arguments are those of `ArrayDevice.play`.
+    """
+    with signals_end_the_program():
+        return array.play(admission, source=source, delay=delay, progress=progress, watched=True, room=room)
 
 
 def rerecord(
