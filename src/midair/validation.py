@@ -137,7 +137,9 @@ def check_settings(settings: Any) -> None:
 
 def documented(kind: type[T]) -> type[T]:
     """Append the help texts of the settings of a dataclass to its docstring."""
-    rows = [f"    {one.name}\n        {one.metadata['help']}" for one in fields(cast("Any", kind)) if one.metadata]
+    indent = "\n" + 8 * " "
+    helps = {one.name: one.metadata["help"] for one in fields(cast("Any", kind)) if one.metadata}
+    rows = [f"    {name}{indent}{text.replace(chr(10), indent)}" for name, text in helps.items()]
     kind.__doc__ = "\n".join([f"{kind.__doc__}\n\n    Parameters\n    ----------", *rows])
     return kind
 

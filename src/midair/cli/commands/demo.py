@@ -44,14 +44,6 @@ class _StrokePart:
     rig: VirtualRig
     palm: Palm
 
-    def typed(self) -> list[str]:
-        """Command-line arguments that select the same part."""
-        return ["--start-at", f"{self.start_at!r}s", "--duration", f"{self.duration!r}s"]
-
-    def seed_arguments(self) -> list[str]:
-        """Command-line arguments for the same rig."""
-        return [] if self.rig.seed == 0 else ["--seed", str(self.rig.seed)]
-
 
 def demo_command(
     output: Path = Path("demo"),
@@ -149,13 +141,12 @@ def _confirm_overwrite(output: Path, force: bool) -> None:
 def _manual_commands(piece: _StrokePart, options: SolveOptions, paper: SolveOptions | None) -> tuple[str, ...]:
     """Commands that do the same step by step."""
     record = ["midair", "record", f"virtual:{piece.object_name}", "stroke.h5", "--duration", f"{_STROKE}s"]
-    loop = ["midair", "loop", "stroke.h5"]
-    lines = [
-        [*record, *piece.seed_arguments()],
-        [*loop, "report.html", *piece.typed(), *options.typed(), *piece.seed_arguments()],
-    ]
-    if paper is not None:
-        lines.append([*loop, "paper.html", *piece.typed(), *paper.typed(), *piece.seed_arguments()])
+    seed = [] if piece.rig.seed == 0 else ["--seed", str(piece.rig.seed)]
+    lines = [[*record, *seed]]
+    for name, mode in (("report.html", options), ("paper.html", paper)):
+        if mode is not None:
+            part = ["--start-at", f"{piece.start_at!r}s", "--duration", f"{piece.duration!r}s"]
+            lines.append(["midair", "loop", "stroke.h5", name, *part, *mode.typed(), *seed])
     return tuple(shlex.join(words) for words in lines)
 
 
