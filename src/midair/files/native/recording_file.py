@@ -195,10 +195,7 @@ def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> Non
 def load_pressure(path: str | os.PathLike[str], *, streamed: bool = False) -> PressureFrames | None:
     """Read the calibrated pressure in a recording's file, lazily if `streamed`; None if it has none.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another type, or was written by a newer midair.
+    Errors are those of `load_solution`.
     """
     with open_file(path) as file:
         check_kind(file, "recording", Path(path))
