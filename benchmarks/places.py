@@ -20,7 +20,7 @@ from midair.model import Acoustics, Drive, PressureFrames
 from midair.paper.modes_compared import OBJECTS, SIGNALS, FidelityPlan, at_strength, original_of
 from midair.physics import PlaybackChain, Transducers, cell_weights, simulate, transfer_matrix
 from midair.pipeline import compensate_pressure, reproduce, required_lead
-from midair.rig import run_loop
+from midair.rig import OpenRig, loop
 from midair.settings import Settings, best_mode
 from midair.solvers import Glide, one_blas_thread
 from midair.targets import add_lead, interpolation_matrix
@@ -75,10 +75,10 @@ def loops(things: list[str]) -> None:
     for thing in things:
         original = original_of(thing, plan, settings)
         skin = plan.rig.skin()
-        with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:
-            loop = run_loop(original, array, sensor, settings, corrections=1, iterate=3, lead=required_lead(settings))
+        with OpenRig(array=plan.rig.array_device(skin), sensor=plan.rig.sensor(skin)) as rig:
+            done = loop(original, settings, rig, corrections=1, iterate=3)
         chain = plan.rig.array_device().chain
-        for number, one in enumerate(loop.passes):
+        for number, one in enumerate(done.passes):
             drive = one.reproduction.solution.drive
             read = [ratio_at(original, one.asked, drive, settings, plan, chain, place, gains=False) for place in PLACES]
             shown = " ".join(f"{each:5.1f}" for each in read)

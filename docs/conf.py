@@ -11,7 +11,9 @@ from matplotlib.figure import Figure
 from sphinx_gallery.scrapers import figure_rst
 
 from midair import __version__
+from midair.cli.commands.solve_play import PlayOptions
 from midair.files.native.schema import HEADER, NETCDF, TABLE, as_markdown
+from midair.rig import LiveSettings, PlaySettings, RecordSettings
 from midair.settings import choices_table
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -57,6 +59,9 @@ html_static_path: list[str] = []
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "substitution"]
 myst_substitutions = {
     "settings_table": choices_table(),
+    "record_table": reference.declared_table(RecordSettings),
+    "play_table": reference.declared_table(PlaySettings, PlayOptions),
+    "live_table": reference.declared_table(LiveSettings),
     "header_table": as_markdown(HEADER),
     "netcdf_table": as_markdown(NETCDF),
     **{f"{kind}_table": as_markdown(entries) for kind, entries in TABLE.items()},

@@ -2,6 +2,7 @@
 
 import ast
 import contextlib
+import dataclasses
 import importlib
 import inspect
 import io
@@ -10,6 +11,7 @@ import typing
 from pathlib import Path
 
 import midair
+from midair.settings import format_value
 
 CLOSED = {"__main__", "blas", "cli", "progress", "ram", "version", "validation"}
 """Internal modules without a reference page."""
@@ -71,6 +73,19 @@ def module_page(name, names):
     for each in names:
         lines += directive(f"{name}.{each}", getattr(module, each))
     return "\n".join(lines)
+
+
+def declared_table(kind, typed=None):
+    """Table of a settings class: keyword, option, default, meaning; `typed` is the class of options, if not of all."""
+    names = {one.name for one in dataclasses.fields(typed or kind)}
+    rows = ["| keyword | option | default | meaning |", "|---|---|---|---|"]
+    for one in dataclasses.fields(kind):
+        known = one.metadata
+        option = known.get("option", one.name.replace("_", "-"))
+        shown = f"`--{option}`" if option and one.name in names else ""
+        default = "" if one.default in (None, "", dataclasses.MISSING) else format_value(one.default, known["unit"])
+        rows.append(f"| `{one.name}` | {shown} | {default} | {known['help'].replace(chr(10), ' ')} |")
+    return "\n".join(rows)
 
 
 def commands():

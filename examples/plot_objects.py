@@ -9,14 +9,14 @@ calibrated.
 
 import midair
 from midair.figures import spectra_figure
+from midair.rig import record
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import capture_recording
 
 rig = VirtualRig(seed=1)
 felt = []
 for name in ("brush", "towel", "sponge"):
     with rig.touched_by(name) as sensor:
-        recording = capture_recording(sensor, duration=1.28)
+        recording = record(sensor, duration=1.28).recording
     felt.append((name, midair.calibrate(recording, sensor.calibration)))
 
 # %%

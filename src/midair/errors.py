@@ -46,11 +46,13 @@ class InputError(MidairError, ValueError):
         The message.
     parameters : mapping of str to str, optional
         Parameters that correct the input, each as it is typed in Python; the message ends with this advice.
+    setting : str
+        Name of the setting that is out of range, with which the message then begins.
     """
 
-    def __init__(self, *args: object, parameters: Mapping[str, str] | None = None) -> None:
+    def __init__(self, *args: object, parameters: Mapping[str, str] | None = None, setting: str = "") -> None:
         super().__init__(*args)
-        self.parameters = dict(parameters or {})
+        self.parameters, self.setting = dict(parameters or {}), setting
 
     def __str__(self) -> str:
         return self.message({})

@@ -1,8 +1,8 @@
 """Checks of input values, and read-only copies of arrays."""
 
 from collections.abc import Sequence
-from dataclasses import field, fields
-from typing import Any, TypeVar, cast
+from dataclasses import MISSING, field, fields, replace
+from typing import Any, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -99,6 +99,22 @@ def setting(
     return field(**made, metadata=known)
 
 
+class Declared:
+    """Base of a dataclass whose fields are declared by `setting`."""
+
+    __slots__ = ()
+
+    def but(self, **changes: Any) -> Self:
+        """Return the settings with other values; None stands for the default, and a path for the file's content."""
+        for one in fields(cast("Any", self)):
+            value = changes.get(one.name, one)
+            if value is None:
+                changes[one.name] = one.default if one.default_factory is MISSING else one.default_factory()
+            elif "load" in one.metadata and (isinstance(value, str) or hasattr(value, "__fspath__")):
+                changes[one.name] = one.metadata["load"](value)
+        return cast("Self", replace(cast("Any", self), **changes))
+
+
 def check_settings(settings: Any) -> None:
     """Raise InputError for the first setting that is outside its limits; None is within all limits."""
     for one in fields(settings):
@@ -116,12 +132,14 @@ def check_settings(settings: Any) -> None:
             asked = f"above {least}{shown}" if np.isinf(high) else f"above {least} and at most {most}"
         else:
             asked = f"{least}{shown} or more" if np.isinf(high) else f"{least} to {most}"
-        raise InputError(f"{one.name}: expected {asked}, got {factor * value:g}{shown}")
+        raise InputError(f"{one.name}: expected {asked}, got {factor * value:g}{shown}", setting=one.name)
 
 
 def documented(kind: type[T]) -> type[T]:
     """Append the help texts of the settings of a dataclass to its docstring."""
-    rows = [f"    {one.name}\n        {one.metadata['help']}" for one in fields(cast("Any", kind)) if one.metadata]
+    indent = "\n" + 8 * " "
+    helps = {one.name: one.metadata["help"] for one in fields(cast("Any", kind)) if one.metadata}
+    rows = [f"    {name}{indent}{text.replace(chr(10), indent)}" for name, text in helps.items()]
     kind.__doc__ = "\n".join([f"{kind.__doc__}\n\n    Parameters\n    ----------", *rows])
     return kind
 

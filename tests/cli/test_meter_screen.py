@@ -12,7 +12,7 @@ from midair.devices import ReplaySensor
 from midair.model import Event, Recording, SensorGrid
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.meters import Meters
-from midair.rig.takes.take_plan import View
+from midair.rig.takes.take_state import View
 
 
 def sensor_of(rows=4, columns=4):

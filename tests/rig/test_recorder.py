@@ -1,15 +1,25 @@
 """Record, play and loop from Python on devices by name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import midair
-from midair.devices import ExposureChoices, VirtualArray
-from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError, UnknownDeviceError
-from midair.files import profile_named
+from midair.devices import ExposureChoices, FrameBlock, ReplaySensor, VirtualArray
+from midair.errors import (
+    DeviceError,
+    DeviceStateError,
+    ExposureError,
+    FileError,
+    InputError,
+    MismatchError,
+    UnknownDeviceError,
+)
+from midair.files import RecordingWriter, load, profile_named
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
 from midair.physics import focus_amplitude
-from midair.rig import OpenRig, default_exposure, open_rig, play, record
+from midair.rig import OpenRig, PlaySettings, RecordSettings, open_rig, play, record
 from midair.settings import Settings
 
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
@@ -44,6 +54,77 @@ def test_a_recording_has_its_calibration(tmp_path):
     assert again.calibration is not None
 
 
+TAKE = Recording(samples=np.random.default_rng(0).random((250, 4, 4)), rate=1000.0)
+
+
+class Losing(ReplaySensor):
+    """Skips a frame before its second block."""
+
+    def read(self, frames):
+        block = super().read(frames)
+        shift = 1 if block.first else 0
+        return FrameBlock(samples=block.samples, first=block.first + shift, device_time=0, host_time=0)
+
+
+def test_the_recording_equals_the_sensor_s_frames(tmp_path):
+    done = []
+    with ReplaySensor(TAKE) as sensor:
+        path, notes = tmp_path / "take.h5", {"object": "none"}
+        take = record(sensor, 0.25, path=path, notes=notes, progress=lambda *at: done.append(at))
+    np.testing.assert_array_equal(take.recording.samples, TAKE.samples)
+    assert done[-1] == (250, 250)
+    stored = load(path)
+    np.testing.assert_array_equal(stored.samples, TAKE.samples)
+    assert stored.provenance.notes["object"] == "none"
+    assert stored.rate == TAKE.rate
+
+
+def test_a_source_that_ends_early_gives_what_there_was():
+    with ReplaySensor(TAKE) as sensor:
+        assert record(sensor, 10.0).recording.frames == 250
+        assert record(sensor, settings=RecordSettings()).recording.frames == 250
+        with pytest.raises(DeviceError, match="expected a touch, got none"):
+            record(sensor, level=2.0)
+
+
+def test_lost_frames_are_an_error_and_stop_the_sensor(tmp_path):
+    with Losing(TAKE) as sensor:
+        with pytest.raises(DeviceError, match=r"lost frames before 0\.050 s"):
+            record(sensor, 0.25, path=tmp_path / "take.h5")
+        with pytest.raises(Exception, match="start before read"):
+            sensor.read(1)
+    assert load(tmp_path / "take.h5").frames == 50, "what came before the loss is kept"
+
+
+def test_a_take_in_memory_equals_the_one_in_a_file(tmp_path):
+    """A touch with its pre-roll, a dead channel and clipping: samples, journal and provenance."""
+    samples = np.random.default_rng(1).normal(0.0, 0.01, (900, 4, 4))
+    samples[:, 0, 0] = 0.5
+    samples[300:310, 1, 1] = 1.0
+    takes = []
+    for path in (None, tmp_path / "take.h5"):
+        sensor = ReplaySensor(Recording(samples=samples, rate=1000.0))
+        sensor.full_scale = 1.0
+        with sensor:
+            takes.append(record(sensor, 0.5, path=path, level=0.4, pre_roll=0.1))
+    here, stored = takes
+    np.testing.assert_array_equal(here.recording.samples, samples[200:800])
+    np.testing.assert_array_equal(stored.recording.samples, here.recording.samples)
+    assert {event.kind for event in here.journal} == {"trigger", "clipped", "dead"}
+    assert stored.journal == here.journal
+    assert stored.recording.provenance == here.recording.provenance
+
+
+def test_an_error_of_the_disk_reaches_the_program(tmp_path, monkeypatch):
+    def full(self, block, played=None):
+        raise FileError("disk full")
+
+    with ReplaySensor(TAKE) as sensor:
+        monkeypatch.setattr(RecordingWriter, "append", full)
+        with pytest.raises(FileError, match="disk full"):
+            record(sensor, 0.25, path=tmp_path / "take.h5")
+
+
 def test_an_open_sensor_can_be_recorded_twice():
     with open_rig() as rig:
         one, two = record(rig.sensor, 0.02), record(rig.sensor, 0.02)
@@ -73,13 +154,37 @@ def test_the_virtual_rig_can_have_other_air_than_the_drive(solution):
     assert not np.allclose(here, there)
 
 
+def test_settings_of_a_playback_can_be_given_in_either_place(solution):
+    settings = PlaySettings(repeats=2, participant="touch/3")
+    with open_rig(settings=settings, seed=1) as rig:
+        assert rig.settings == settings.but(seed=1)
+        assert rig.array.participant == "touch/3"
+        assert play(solution, rig).take.recording.frames == 140
+        assert play(solution, rig, repeats=None).take.recording.frames == 140
+        assert play(solution, rig, repeats=1, participant="touch/4").take.recording.frames == 80
+        assert rig.array.participant == "touch/4"
+        with pytest.raises(InputError, match="settings of a playback, got silencer"):
+            play(solution, rig, silencer="off")
+    assert play(solution, settings=settings, seed=1).take.recording.frames == 140
+
+
+def test_a_virtual_rig_fits_the_drive():
+    """A drive of one unit, and cells that its provenance names: neither is the default of the virtual rig."""
+    one, amplitude = TransducerArray.autd3(columns=1, rows=1), np.full((20, 36), 1.0)
+    cells = midair.SensorGrid(rows=2, columns=3, pitch=8e-3)
+    pressure = midair.PressureFrames(pressure=np.ones((20, 2, 3)), rate=1000.0, sensor=cells)
+    target = midair.prepare(pressure, grid=COARSE)
+    made = midair.solve(replace(target, amplitude=amplitude), one, method="naive")
+    assert play(made, "virtual").take.recording.sensor.shape == (2, 3)
+
+
 def test_a_rig_that_was_not_entered_does_not_play(solution):
     with pytest.raises(DeviceStateError, match="open"):
         play(solution, open_rig())
 
 
 def test_nothing_is_louder_than_the_rig_allows(solution):
-    rig = OpenRig(array=Loud(ARRAY), sensor=None, exposure=default_exposure())
+    rig = OpenRig(array=Loud(ARRAY), sensor=None)
     with rig:
         with pytest.raises(ExposureError, match="limit 110 dB"):
             play(solution, rig)
@@ -93,9 +198,7 @@ def test_nothing_is_louder_than_the_rig_allows(solution):
 
 
 def test_a_drive_for_another_array_is_refused(solution):
-    one = OpenRig(
-        array=VirtualArray(TransducerArray.autd3(columns=1, rows=1)), sensor=None, exposure=default_exposure()
-    )
+    one = OpenRig(array=VirtualArray(TransducerArray.autd3(columns=1, rows=1)), sensor=None)
     with one, pytest.raises(MismatchError, match="solve the target again"):
         play(solution, one)
 
@@ -106,7 +209,11 @@ def test_a_drive_for_another_array_is_refused(solution):
         (lambda: open_rig("autd9"), UnknownDeviceError, "expected virtual, autd3"),
         (lambda: open_rig("virtual", "lsl:Skin"), InputError, "since it has its own"),
         (lambda: record("virtual:cat"), UnknownDeviceError, "expected brush, sponge or towel"),
-        (lambda: record("virtual:towel", 0.0), InputError, "at least one frame"),
+        (lambda: record("virtual:towel", 0.0001), InputError, "at least one frame"),
+        (lambda: record("virtual:towel", 0.0), InputError, "duration: expected above 0 s"),
+        (lambda: record("virtual:towel", repeats=2), InputError, "repeats: expected 1 in one call"),
+        (lambda: open_rig(delay=-1.0), InputError, "delay: expected 0 to 3600 s"),
+        (lambda: open_rig("autd3", height=200), InputError, "200 mm is 0.2"),
     ],
 )
 def test_unknown_names_are_refused(make, error, says):
@@ -129,7 +236,7 @@ def test_the_loop_accepts_a_take_a_file_or_a_pressure(tmp_path):
 
 def test_a_loop_needs_a_sensor():
     pressure = midair.PressureFrames(pressure=np.ones((10, 4, 4)), rate=1000.0)
-    deaf = OpenRig(array=Loud(ARRAY), sensor=None, exposure=default_exposure())
+    deaf = OpenRig(array=Loud(ARRAY), sensor=None)
     with deaf, pytest.raises(InputError, match="expected a rig with a sensor"):
         midair.loop(pressure, QUICK, deaf)
 

@@ -11,7 +11,7 @@ from midair.errors import BrokenFileError, InputError, MismatchError, MissingFil
 from midair.files import load_solution, save, save_calibration, save_solution
 from midair.model import ControlGrid, Drive, Solution, TransducerArray
 from midair.physics import focus_phase
-from midair.rig import VirtualRig, capture_recording
+from midair.rig import VirtualRig, record
 from midair.settings import Settings
 from midair.study.design.blocks import Block
 from midair.study.design.question import Question
@@ -57,7 +57,7 @@ def test_recordings_and_virtual_strokes_are_solved(tmp_path):
     rig = VirtualRig()
     (tmp_path / "to").mkdir()
     with rig.touched_by("towel") as touched:
-        recording = capture_recording(touched, 0.05)
+        recording = record(touched, 0.05).recording
         save(recording, tmp_path / "a.h5")
         save_calibration(touched.calibration, tmp_path / "a.calibration.h5")
         assert calibrate(recording, touched.calibration).frames

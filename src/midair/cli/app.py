@@ -6,7 +6,7 @@ import sys
 import time
 import warnings
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
@@ -137,32 +137,27 @@ def _names_command(tokens: Sequence[str]) -> bool:
 
 
 def _status(tokens: Sequence[str]) -> int:
-    if not _names_command(tokens):
-        return _status_of(tokens, ())
-    from midair.files import collect_written_files
+    with ExitStack() as held:
+        files: Sequence[Path] = ()
+        if _names_command(tokens):
+            from midair.files import collect_written_files
 
-    with collect_written_files() as files:
-        return _status_of(tokens, files)
-
-
-def _status_of(tokens: Sequence[str], files: Sequence[Path]) -> int:
-    try:
-        name = command_of(tokens)
-        with busy_bar(name, PASSES[name]) if name else nullcontext():
-            status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
-    except CycloptsError as wrong:
-        return _print_line(f"{str(wrong).strip()} (see midair --help)", 2)
-    except UnknownDeviceError as wrong:
-        return _print_line(str(wrong), 2)
-    except MidairError as wrong:
-        return _print_line(str(wrong), 1)
-    except KeyboardInterrupt:
-        return _print_line(_kept_files(files), 130)
-    except BrokenPipeError:
-        return 1
-    except Exception as wrong:  # noqa: BLE001  # the last resort: one line, whatever happened
-        return _report_unexpected(wrong)
-    return status if isinstance(status, int) else 0
+            files = held.enter_context(collect_written_files())
+        try:
+            name = command_of(tokens)
+            with busy_bar(name, PASSES[name]) if name else nullcontext():
+                status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
+        except CycloptsError as wrong:
+            return _print_line(f"{str(wrong).strip()} (see midair --help)", 2)
+        except MidairError as wrong:
+            return _print_line(str(wrong), 2 if isinstance(wrong, UnknownDeviceError) else 1)
+        except KeyboardInterrupt:
+            return _print_line(_kept_files(files), 130)
+        except BrokenPipeError:
+            return 1
+        except Exception as wrong:  # noqa: BLE001  # the last resort: one line, whatever happened
+            return _report_unexpected(wrong)
+        return status if isinstance(status, int) else 0
 
 
 def _kept_files(files: Sequence[Path]) -> str:

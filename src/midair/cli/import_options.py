@@ -11,10 +11,11 @@ import numpy as np
 from cyclopts import Parameter, Token
 
 from midair.calibration import MicrophoneScale, scale_of_drop, scale_of_tone
+from midair.cli.options import options_from
 from midair.cli.quantities import format_quantity, parse_quantity, quantity
 from midair.errors import InputError, MismatchError
 from midair.files import ImportOptions, OpenedTake, open_take
-from midair.model import Calibration, Provenance, Recording, SensorGrid, Unit
+from midair.model import Calibration, Provenance, Recording, SensorGrid
 from midair.recordings import Footprint, Mending, Path, Shape, Turn, footprint_field, resample, suspicious
 from midair.streaming import LazyFrames, medians, moments
 
@@ -58,25 +59,15 @@ def parsed(parse: Callable[[str], Any], metavar: str) -> Parameter:
     return Parameter(converter=convert, n_tokens=1, metavar=metavar, accepts_keys=False)
 
 
-@Parameter(name="*")
+@options_from(ImportOptions, "rate", "unit", "scale", "stream", "packed")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileOptions:
     """Properties that the file does not state.
 
     Parameters
     ----------
-    rate
-        Frame rate.
-    unit
-        Unit of the samples.
-    scale
-        Pressure per unit of the file, such as 30Pa: per full scale, per volt, per 1 m/s2.
     channels
         Channels to read, by name or by number from 0, separated by commas: accel_x, or 3,2,1,0.
-    stream
-        Which of several to read: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ or MAT.
-    packed
-        Number of channels that are interleaved in one row of numbers, such as 16.
     layout
         Rows, columns and pitch of the cells, such as 4x4:11mm.
     resample
@@ -91,12 +82,7 @@ class FileOptions:
         When the footprint has left the sensor: stop, move back, or move over it again.
     """
 
-    rate: Annotated[float | None, quantity("Hz")] = None
-    unit: Unit | None = None
-    scale: Annotated[float | None, quantity("Pa")] = None
     channels: Annotated[tuple[str, ...] | None, parsed(parse_names, "NAMES")] = None
-    stream: str | None = None
-    packed: int | None = None
     layout: Annotated[SensorGrid | None, parsed(parse_layout, "LAYOUT")] = None
     resample: Annotated[float | None, quantity("Hz")] = None
     footprint: Annotated[Patch | None, parsed(parse_patch, "SHAPE:SIZE")] = None

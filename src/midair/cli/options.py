@@ -1,13 +1,25 @@
 """Options that several commands share; those of the settings are generated from `settings.CHOICES`."""
 
 import os
-from collections.abc import Sequence
-from dataclasses import field, make_dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import Field, field, fields, make_dataclass
 from functools import reduce
 from operator import or_
 from pathlib import Path
 from types import UnionType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from cyclopts import Parameter
 
@@ -17,7 +29,10 @@ from midair.files import load_palm, load_solution
 from midair.model import HEIGHTS, Palm
 from midair.settings import CHOICES, MODES, Choice, Mode, Settings, format_value
 from midair.solvers import QuietPalm
+from midair.validation import Declared
 
+T = TypeVar("T")
+S = TypeVar("S", bound=Declared)
 Length = Annotated[float, quantity("m")]
 Frequency = Annotated[float, quantity("Hz")]
 Time = Annotated[float, quantity("s")]
@@ -40,6 +55,49 @@ _STOP_INPUT = (
     "If it cannot be opened, nothing plays."
 )
 StopInput = Annotated[str | None, Parameter(help=_STOP_INPUT)]
+
+
+def options_from(kind: type[Declared], *names: str, **helps: str) -> Callable[[type[T]], type[T]]:
+    """Add to a class an option for each named field of a dataclass of settings, by default for all that can be typed.
+
+    `helps` are help texts for this command, in place of those of the settings.
+    """
+    hints = get_type_hints(kind)
+
+    def decorate(base: type[T]) -> type[T]:
+        made: list[Any] = []
+        for one in fields(cast("Any", kind)):
+            known = one.metadata
+            if not _typed(one) or (names and one.name not in names):
+                continue
+            said: list[Any] = [Parameter(name=f"--{_typed(one)}", help=helps.get(one.name, known["help"]))]
+            if known["unit"]:
+                said.append(quantity(known["unit"], many=2 if get_origin(hints[one.name]) is tuple else None))
+            plain = Path | None if "load" in known else known.get("typed", hints[one.name])
+            default = None if "typed" in known else one.default
+            made.append((one.name, Annotated[plain, *said], field(default=default)))
+        about = {"__doc__": base.__doc__, "__module__": base.__module__}
+        whole: Any = make_dataclass(base.__name__, made, bases=(base,), frozen=True, kw_only=True, namespace=about)
+        return Parameter(name="*")(whole)
+
+    return decorate
+
+
+def settings_from(kind: type[S], options: Any, **more: Any) -> S:
+    """The settings that options made by `options_from` describe, and others; None stands for the default."""
+    declared = {one.name: one for one in fields(cast("Any", kind))}
+    given = {name: getattr(options, name) for name in declared if hasattr(options, name)}
+    try:
+        return kind().but(**given | more)
+    except InputError as wrong:
+        if not wrong.setting:
+            raise
+        raise InputError(f"--{_typed(declared[wrong.setting])}{str(wrong).removeprefix(wrong.setting)}") from None
+
+
+def _typed(declared: Field[Any]) -> str:
+    """Name of the option of a declared setting, "" if it has none."""
+    return declared.metadata.get("option", declared.name.replace("_", "-"))
 
 
 class _SettingsOptions:

@@ -21,6 +21,7 @@ from .listing import contents as contents
 from .native import ARRAY_SUFFIX as ARRAY_SUFFIX
 from .native import CALIBRATION_SUFFIX as CALIBRATION_SUFFIX
 from .native import DRIVE_SUFFIX as DRIVE_SUFFIX
+from .native import RecordingBuffer as RecordingBuffer
 from .native import RecordingWriter as RecordingWriter
 from .native import load_array_calibration as load_array_calibration
 from .native import load_calibration as load_calibration

@@ -13,6 +13,7 @@ from midair.files.timestamps import repeated_rows
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Setting, Unit
 from midair.recordings import Mended, Mending, mend
 from midair.streaming import blocks, each_frame
+from midair.validation import Declared, documented, setting
 
 ONE = SensorGrid(rows=1, columns=1)
 """Default sensor of a file with one channel."""
@@ -37,31 +38,27 @@ class OpenedTake:
         return f"<OpenedTake {self.recording!r}, {known}, {len(self.journal)} events>"
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ImportOptions:
+class ImportOptions(Declared):
     """Facts about a file that it does not contain, and how to read it; None if not given.
 
     A contradiction between the file and an option raises an error.
     """
 
-    rate: float | None = None
-    """Frame rate in Hz."""
-    unit: Unit | None = None
-    """Unit of the samples: "V", "count" or "Pa"."""
-    sensor: SensorGrid | None = None
-    """Layout of the channels."""
-    scale: float | None = None
-    """Pressure in Pa that corresponds to 1 in the file: to full scale, to 1 V, to 1 m/s2."""
-    channels: Sequence[str] | None = None
-    """Channels to read, in this order, by name or by number from 0."""
-    stream: str | None = None
-    """Which one to read from a file with several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ or
-    MAT.
-    """
-    packed: int | None = None
-    """Number of channels that are interleaved in a row of numbers. The axes of the file are ignored; its rate, if it
-    has one, is the rate of its rows.
-    """
+    rate: float | None = setting(None, "Frame rate.", unit="Hz")
+    unit: Unit | None = setting(None, "Unit of the samples.")
+    sensor: SensorGrid | None = setting(None, "Layout of the channels.", option="")
+    scale: float | None = setting(
+        None, "Pressure per unit of the file, such as 30Pa: per full scale, per volt, per 1 m/s2.", unit="Pa"
+    )
+    channels: Sequence[str] | None = setting(
+        None, "Channels to read, in this order, by name or by number from 0.", option=""
+    )
+    stream: str | None = setting(
+        None, "Which of several to read: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ or MAT."
+    )
+    packed: int | None = setting(None, "Number of channels that are interleaved in one row of numbers, such as 16.")
     mending: Mending | None = None
     """How to fill gaps (NaN, infinite or, in text, missing numbers); None raises an error for gaps."""
     streamed: bool = False

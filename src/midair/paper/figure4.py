@@ -11,8 +11,8 @@ from midair.evaluate import perceptual_metrics
 from midair.figures import png_bytes, stimuli_figure
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
-from midair.pipeline import calibrated_pressure, required_lead
-from midair.rig import Loop, Stage, VirtualRig, capture_recording, no_progress, run_loop
+from midair.pipeline import calibrated_pressure
+from midair.rig import Loop, OpenRig, Stage, VirtualRig, loop, no_progress, record
 from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 
 STIMULI: Mapping[str, str] = MappingProxyType(
@@ -73,22 +73,20 @@ def recorded(rig: VirtualRig, thing: str, settings: Settings, duration: float) -
     """Recording of an object by the virtual sensor, without the first 80 ms in which the sensor settles."""
     settle = 0.08
     with rig.touched_by(thing, duration=duration + settle) as sensor:
-        pressure = calibrated_pressure(capture_recording(sensor, duration + settle), sensor.calibration, settings)
+        pressure = calibrated_pressure(record(sensor, duration + settle).recording, sensor.calibration, settings)
     return pressure.cut(settle, duration)
 
 
 def reproduced(original: PressureFrames, plan: StimuliPlan, settings: Settings, iterate: int, stage: Stage) -> Loop:
     """Run the loop for one stimulus in one mode."""
     skin = plan.rig.skin()
-    with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:
-        return run_loop(
+    with OpenRig(array=plan.rig.array_device(skin), sensor=plan.rig.sensor(skin)) as rig:
+        return loop(
             original,
-            array,
-            sensor,
             settings,
+            rig,
             corrections=plan.corrections,
             iterate=iterate,
-            lead=required_lead(settings),
             stage=stage,
         )
 

@@ -15,7 +15,7 @@ from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
 from midair.pipeline import calibrated_pressure
 from midair.progress import report_progress
-from midair.rig import VirtualRig, capture_recording
+from midair.rig import VirtualRig, record
 from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import MAPPINGS
 
@@ -68,7 +68,7 @@ def figure_9(
 def _stroke(name: str, surface: str, settings: Settings, seed: int) -> PressureFrames:
     rig = VirtualRig(seed=seed)
     with rig.touched_by(name + ("+groove" if surface == "groove" else "")) as sensor:
-        return calibrated_pressure(capture_recording(sensor, 1.26), sensor.calibration, settings)
+        return calibrated_pressure(record(sensor, 1.26).recording, sensor.calibration, settings)
 
 
 def _mapped(stroke: PressureFrames, mapping: str) -> PressureFrames:

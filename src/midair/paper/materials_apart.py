@@ -27,7 +27,7 @@ from midair.model import Calibration, PressureFrames, Recording
 from midair.paper.modes_compared import strongest_begins
 from midair.paper.result import PaperResult, Row
 from midair.pipeline import calibrated_pressure, reproduce, required_lead, with_gain_for_strength
-from midair.rig import Stage, VirtualRig, capture_recording, default_exposure, no_progress, rerecord
+from midair.rig import Stage, VirtualRig, default_exposure, no_progress, record, rerecord
 from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import add_lead
 
@@ -179,7 +179,7 @@ def synthetic(plan: MaterialsPlan) -> list[Stroke]:
         skin = plan.rig.skin()
         touch = stroke(name, seed=seed, rate=skin.rate, sensor=skin.model.grid)
         with plan.rig.sensor(skin, touch=touch, name=f"virtual:{name}") as sensor:
-            return capture_recording(sensor, touch.frames / touch.rate), sensor.calibration
+            return record(sensor, touch.frames / touch.rate).recording, sensor.calibration
 
     def middle(whole: PressureFrames) -> float:
         return (whole.frames / whole.rate - plan.duration) / 2

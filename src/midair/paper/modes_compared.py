@@ -18,12 +18,13 @@ from midair.pipeline import calibrated_pressure, required_lead, target_amplitude
 from midair.rig import (
     BudgetPlan,
     Loop,
+    OpenRig,
     Stage,
     VirtualRig,
-    capture_recording,
     error_budget,
+    loop,
     no_progress,
-    run_loop,
+    record,
 )
 from midair.settings import Mode, Settings, paper_mode, with_fewer_points, with_paper_mode
 from midair.targets import add_lead
@@ -120,11 +121,11 @@ def original_of(thing: str, plan: FidelityPlan, settings: Settings) -> PressureF
         return strongest_part(calibrated_pressure(take.recording, take.calibration, settings), plan.duration)
     if thing in OBJECTS:
         with rig.touched_by(thing) as sensor:
-            pressure = calibrated_pressure(capture_recording(sensor, 1.26), sensor.calibration, settings)
+            pressure = calibrated_pressure(record(sensor, 1.26).recording, sensor.calibration, settings)
         return pressure.cut(0.55, plan.duration)
     touch = probe_signal(thing, duration=plan.duration, rate=skin.rate, sensor=skin.model.grid, seed=rig.seed)
     with rig.sensor(skin, touch=touch, name=f"virtual:{thing}") as sensor:
-        pressure = calibrated_pressure(capture_recording(sensor, plan.duration + 0.2), sensor.calibration, settings)
+        pressure = calibrated_pressure(record(sensor, plan.duration + 0.2).recording, sensor.calibration, settings)
     return pressure.cut(0.1, plan.duration)
 
 
@@ -164,15 +165,13 @@ def iterated_loop(plan: FidelityPlan, settings: Settings, stage: Stage = no_prog
     settings = with_fewer_points(settings.but(guard=None), plan.points)
     original = original_of("noise", plan, settings)
     skin = plan.rig.skin()
-    with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:
-        return run_loop(
+    with OpenRig(array=plan.rig.array_device(skin), sensor=plan.rig.sensor(skin)) as rig:
+        return loop(
             original,
-            array,
-            sensor,
             settings,
+            rig,
             corrections=1,
             iterate=plan.passes,
-            lead=required_lead(settings),
             stage=stage,
         )
 

@@ -28,6 +28,7 @@ from .correction import aligned_pair as aligned_pair
 from .correction import band_power_share as band_power_share
 from .correction import comparison_rows as comparison_rows
 from .correction import error_budget as error_budget
+from .correction import loop as loop
 from .correction import loop_figures as loop_figures
 from .correction import metrics_of_loop as metrics_of_loop
 from .correction import no_progress as no_progress
@@ -37,7 +38,6 @@ from .correction import palm_of_drive as palm_of_drive
 from .correction import palm_of_loop as palm_of_loop
 from .correction import played_chain as played_chain
 from .correction import rerecord_drive as rerecord_drive
-from .correction import run_loop as run_loop
 from .correction import summarise_outcomes as summarise_outcomes
 from .correction import view_of_loop as view_of_loop
 from .correction import write_report as write_report
@@ -64,11 +64,14 @@ from .names import array_of_kind as array_of_kind
 from .names import sensor_named as sensor_named
 from .names import stage_named as stage_named
 from .names import thermometer_named as thermometer_named
+from .opening import OpenRig as OpenRig
+from .opening import open_rig as open_rig
 from .play_lease import LeaseGuard as LeaseGuard
 from .play_lease import LeaseToken as LeaseToken
 from .play_lease import PlayLease as PlayLease
 from .play_lease import under_lease as under_lease
 from .playing import DRIFT as DRIFT
+from .playing import PlaySettings as PlaySettings
 from .playing import check_air as check_air
 from .playing import correct_air_of_file as correct_air_of_file
 from .playing import default_exposure as default_exposure
@@ -76,10 +79,7 @@ from .playing import play_cleared as play_cleared
 from .playing import rerecord as rerecord
 from .playing import stop_playing as stop_playing
 from .playing import watch_air as watch_air
-from .recorder import OpenRig as OpenRig
 from .recorder import Played as Played
-from .recorder import loop as loop
-from .recorder import open_rig as open_rig
 from .recorder import play as play
 from .recorder import record as record
 from .signals import END_SIGNALS as END_SIGNALS
@@ -87,13 +87,12 @@ from .signals import handle_signals as handle_signals
 from .takes import Companion as Companion
 from .takes import Drift as Drift
 from .takes import Levels as Levels
+from .takes import RecordSettings as RecordSettings
 from .takes import StageStroke as StageStroke
 from .takes import Subject as Subject
 from .takes import Take as Take
 from .takes import TakeOrder as TakeOrder
-from .takes import TakePlan as TakePlan
 from .takes import View as View
-from .takes import capture_recording as capture_recording
 from .takes import event_message as event_message
 from .takes import last_subject as last_subject
 from .takes import move_to_start as move_to_start

@@ -35,10 +35,7 @@ class PlayLease:
     and no file, so nothing remains when its processes have ended. Each field has one writer, the holder (the process
     that makes, arms and renews the lease) or the player, and is written atomically.
 
-    Parameters
-    ----------
-    clock : callable
-        Seconds of a clock that all processes of this computer share, and that keeps running during sleep mode.
+    `clock` returns the time in s, is shared by all processes of this computer, and keeps running during sleep mode.
 
     Examples
     --------
@@ -82,14 +79,9 @@ class PlayLease:
         return max(0.0, self._get("deadline") - self._clock()) if self.armed else 0.0
 
     def arm(self, level: float = 1.0, *, lasts: float = 0.5) -> LeaseToken:
-        """Allow playing up to a level for a limited time; an earlier arming ends.
+        """Allow playing for `lasts` s up to a level, 0 to 1 of the cleared one; an earlier arming ends.
 
-        Parameters
-        ----------
-        level : float
-            0 to 1 of the cleared level; `turn` can lower it and raise it again, but not above.
-        lasts : float
-            Time in s until the lease expires unless renewed.
+        `renew` extends the time. `turn` can lower the level and raise it again, but not above this one.
 
         Raises
         ------

@@ -1,6 +1,7 @@
 """Handle signals that end the program."""
 
 import signal
+import sys
 import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -26,3 +27,17 @@ def handle_signals(numbers: tuple[int, ...], handler: Handler) -> Generator[None
     finally:
         for number, earlier in before.items():
             signal.signal(number, earlier)
+
+
+@contextmanager
+def signals_end_the_program() -> Generator[None]:
+    """Inside the context, SIGTERM and SIGHUP leave through every `with` and `finally`, as an error does."""
+
+    def leave(number: int, _: FrameType | None) -> None:
+        for each in END_SIGNALS:
+            signal.signal(each, signal.SIG_IGN)  # a second one must not interrupt the silencing
+        # Exit status by which shells recognise a program that a signal ended.
+        sys.exit(128 + number)
+
+    with handle_signals(END_SIGNALS, leave):
+        yield

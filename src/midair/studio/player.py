@@ -16,12 +16,10 @@ from midair.devices import Cooling, ExposureChoices, check_exposure, measure_exp
 from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError
 from midair.files import load_solution, profile_named, save
 from midair.model import Acoustics, Medium
-from midair.rig import VirtualRig, array_named, correct_air_of_file, play_cleared, rerecord, under_lease
-from midair.settings import Settings
+from midair.rig import VirtualRig, array_named, correct_air_of_file, open_rig, play_cleared, rerecord, under_lease
 from midair.studio.stop_port import StopPort
 from midair.studio.worker_process import StudioPipe, end_with_studio
 from midair.study import Headphones
-from midair.targets import sensor_from_provenance
 
 TRIALS = 32
 """Checked drives of a session that are kept, so that later trials start as quickly as the first."""
@@ -160,7 +158,7 @@ class _Player:
             drive = replace(drive, level=drive.level * share**0.5)
         if self.device != "virtual" and self.array is None:
             self._open()
-        array: Any = self.array if self.device != "virtual" else self._virtual(drive, room).array_device()
+        array: Any = self.array if self.device != "virtual" else self._virtual(drive, room).array
         profile = profile_named(order["profile"])
         choices = ExposureChoices(
             profile=profile, attenuate=order["attenuate"], override=order["override"] or None, room=room
@@ -191,15 +189,7 @@ class _Player:
 
     def _virtual(self, drive: Any, room: Medium | None) -> Any:
         """Create a virtual rig with the array, cells, height and band of a drive, in its air or that of the room."""
-        known = Settings.of(drive.provenance) or Settings()
-        rig = VirtualRig(
-            array=drive.array.nominal,
-            cells=sensor_from_provenance(drive.provenance),
-            height=known.target.grid.height,
-            acoustics=None if room is None else Acoustics(medium=room),
-            seed=self.seed,
-        )
-        return rig.hearing(known.calibration.band)
+        return open_rig(drive=drive, acoustics=None if room is None else Acoustics(medium=room), seed=self.seed)
 
     def _play(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Play a checked drive with a lease token; a virtual rig re-records it."""
@@ -228,14 +218,13 @@ class _Player:
             with under_lease(self.array, self.permit, leave):
                 report = play_cleared(admission, self.array, source=path, progress=self._progress(leave), room=room)
             return {"output": "", **asdict(report)}
-        rig = self._virtual(admission.drive, room)
-        skin = rig.skin()
-        with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-            self.array = array
+        with self._virtual(admission.drive, room) as rig:
+            sensor: Any = rig.sensor
+            self.array = rig.array
             try:
-                with under_lease(array, self.permit, leave):
+                with under_lease(rig.array, self.permit, leave):
                     paced = self._progress(leave, paced=admission.drive.rate)
-                    heard = rerecord(admission, array, sensor, source=path, progress=paced)
+                    heard = rerecord(admission, rig.array, sensor, source=path, progress=paced)
             finally:
                 self.array = None
         if output:

@@ -3,7 +3,7 @@
 import os
 import sys
 import time
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,9 @@ from midair.model import Event
 from midair.rig import (
     Drift,
     Levels,
+    RecordSettings,
     Take,
     TakeOrder,
-    TakePlan,
     TapTest,
     View,
     VirtualRig,
@@ -82,7 +82,8 @@ class RepeatedStroke(SensorDevice):
 def run_sensor(pipe: StudioPipe, name: str, seed: int) -> None:
     """Main function of the sensor process, which ends with its studio.
 
-    The requests are "take" with a `TakePlan`, "toggle" and "taps"; the events are frames, levels and messages.
+    The requests are "take" with `RecordSettings`, path and notes, "toggle" and "taps"; the events are frames,
+    levels and messages.
     """
     try:
         with _named(name, seed) as sensor:
@@ -159,15 +160,14 @@ class _SensorLoop:
             if request["do"] == "taps":
                 self._taps()
             elif request["do"] == "take":
-                self._take(request["plan"])
+                self._take(request)
 
     def _wait(self) -> dict[str, Any] | None:
         """Send frames until a request comes; uses a take that waits for a key and is never begun."""
         watcher = _TakeObserver(self._pipe, self._sensor, idle=True)
-        plan = TakePlan(path=Path(os.devnull), start="key", block=STEP)
         while not watcher.over:
             try:
-                record_take(_MirroredSensor(self._sensor, self._pipe), plan, watcher)
+                record_take(_MirroredSensor(self._sensor, self._pipe), RecordSettings(), watcher, key=True, block=STEP)
             except MidairError as wrong:
                 self._pipe.send("lost", error=str(wrong))
                 # A sensor that was unplugged may come back.
@@ -175,9 +175,12 @@ class _SensorLoop:
                     return self._pipe.receive()
         return watcher.request
 
-    def _take(self, plan: TakePlan) -> None:
+    def _take(self, request: Mapping[str, Any]) -> None:
+        sensor, watcher = _MirroredSensor(self._sensor, self._pipe), _TakeObserver(self._pipe, self._sensor)
         try:
-            take = record_take(_MirroredSensor(self._sensor, self._pipe), plan, _TakeObserver(self._pipe, self._sensor))
+            take = record_take(
+                sensor, request["settings"], watcher, path=request["path"], notes=request["notes"], block=STEP
+            )
         except MidairError as wrong:
             self._pipe.send("failed", error=str(wrong))
             return

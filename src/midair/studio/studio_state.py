@@ -2,14 +2,15 @@
 
 import asyncio
 import json
+import math
 import time
 from collections import deque
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Protocol
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from midair.errors import InputError, MidairError
 from midair.studio.control import Control
@@ -25,6 +26,18 @@ class Arguments(BaseModel):
     """Arguments of a request, checked; by itself, none."""
 
     model_config = ConfigDict(extra="forbid")
+
+
+def declared(kind: Any, name: str, factor: float = 1.0, *, most: float = math.inf, **other: Any) -> Any:
+    """An argument with the default and the limits of a setting, in a unit `factor` times smaller.
+
+    `most` is a smaller upper limit, `default` another default.
+    """
+    known: Any = {one.name: one for one in fields(kind)}[name]
+    low, high = (factor * each for each in known.metadata["limits"])
+    default = known.default if known.default is None else factor * known.default
+    limits = {"gt" if known.metadata["above"] else "ge": low, "le": min(high, most)}
+    return Field(**{"default": default, **limits, **other})
 
 
 class Envelope(Arguments):

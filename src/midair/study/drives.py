@@ -11,7 +11,7 @@ from midair.errors import BrokenFileError, MismatchError, MissingFileError
 from midair.files import load_solution, open_take, save_solutions
 from midair.model import PressureFrames, Progress, TransducerArray
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
-from midair.rig import VirtualRig, capture_recording, sensor_named
+from midair.rig import VirtualRig, record, sensor_named
 from midair.settings import MODES, Mode, Settings
 from midair.study.design import Design, Stimulus
 from midair.targets import add_lead
@@ -159,8 +159,8 @@ def _check_sources(wanted: Mapping[str, Stimulus], folder: Path | None) -> None:
 def _virtual_pressure(name: str, settings: Settings, seed: int) -> PressureFrames:
     rig = VirtualRig(seed=seed, height=settings.target.grid.height)
     with sensor_named(name, rig) as touched:
-        recording = capture_recording(touched, 1.28 if "am-" not in name else 0.5)
-        return calibrated_pressure(recording, touched.calibration, settings)
+        take = record(touched, 1.28 if "am-" not in name else 0.5)
+        return calibrated_pressure(take.recording, take.calibration, settings)
 
 
 def _solve(pressure: PressureFrames, settings: Settings, target: Path, progress: Progress | None) -> None:

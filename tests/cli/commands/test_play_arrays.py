@@ -425,6 +425,12 @@ def test_a_drive_for_a_placement_plays_there_and_nowhere_else(capsys):
     assert run(["play", "take.drive.h5", *EMULATOR, "--placement", "tilted.toml"]) == 0
 
 
+def test_the_virtual_array_takes_no_placement(capsys):
+    Path("tilted.toml").write_text(TILTED, encoding="utf-8")
+    assert run(["play", make("a.drive.h5"), "--placement", "tilted.toml"]) == 1
+    assert "virtual array: expected no sensor, calibration or placement" in said(capsys)[0]
+
+
 def test_the_strength_in_a_file_changes_no_exposure(capsys):
     """A file that claims transducers of a millionth is measured as those of the device are, and the claim is told."""
     claims = TransducerArray(

@@ -4,9 +4,9 @@ import pytest
 
 from midair.model import ControlGrid
 from midair.pipeline import calibrated_pressure
-from midair.rig.correction.correction_loop import run_loop
+from midair.rig import OpenRig, record
+from midair.rig import loop as run_loop
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
 
 SETTINGS = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="exact", iterations=2)
@@ -17,6 +17,6 @@ def loop():
     rig = VirtualRig()
     skin = rig.skin()
     with rig.touched_by("towel", duration=0.6) as sensor:
-        original = calibrated_pressure(capture_recording(sensor, 0.6), sensor.calibration, SETTINGS).cut(0.4, 0.06)
-    with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        return run_loop(original, array, sensor, SETTINGS)
+        original = calibrated_pressure(record(sensor, 0.6).recording, sensor.calibration, SETTINGS).cut(0.4, 0.06)
+    with OpenRig(array=rig.array_device(skin), sensor=rig.sensor(skin)) as opened:
+        return run_loop(original, SETTINGS, opened, lead=0.0)

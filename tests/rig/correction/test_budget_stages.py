@@ -8,9 +8,9 @@ import pytest
 from midair.datasets import probe_signal
 from midair.model import ControlGrid, PressureFrames, SensorGrid
 from midair.pipeline import calibrated_pressure
+from midair.rig import record
 from midair.rig.correction.budget_stages import BudgetPlan, band_power_share, error_budget
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
 
 RIG = VirtualRig()
@@ -31,7 +31,7 @@ def recording(duration=0.08):
     skin = RIG.skin()
     touch = probe_signal("25+250 Hz", duration=duration, rate=skin.rate, sensor=skin.model.grid)
     with RIG.sensor(skin, touch=touch) as sensor:
-        return capture_recording(sensor, duration + 0.2), sensor.calibration
+        return record(sensor, duration + 0.2).recording, sensor.calibration
 
 
 def budget_of(settings, lead):

@@ -10,10 +10,10 @@ from midair.errors import MismatchError
 from midair.evaluate import compare
 from midair.model import ControlGrid, PressureFrames, Recording, SensorGrid, TransducerArray
 from midair.pipeline import calibrated_pressure, required_lead
-from midair.rig import default_exposure, rerecord
-from midair.rig.correction.correction_loop import beam_test, expected_gain, focus_on_cell, run_loop
+from midair.rig import OpenRig, default_exposure, record, rerecord
+from midair.rig import loop as run_loop
+from midair.rig.correction.correction_loop import beam_test, expected_gain, focus_on_cell
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
 from midair.targets import add_lead
 
@@ -26,14 +26,14 @@ FREQUENCY = {"am-i": 100, "am-ii": 100, "am-iii": 25}
 
 def original(stimulus, settings, duration):
     with RIG.touched_by(stimulus, duration=duration) as sensor:
-        return calibrated_pressure(capture_recording(sensor, duration), sensor.calibration, settings)
+        return calibrated_pressure(record(sensor, duration).recording, sensor.calibration, settings)
 
 
 @cache
 def loop(stimulus, settings, duration):
     skin = RIG.skin()
-    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
-        return run_loop(original(stimulus, settings, duration), array, sensor, settings)
+    with OpenRig(array=RIG.array_device(skin), sensor=RIG.sensor(skin)) as rig:
+        return run_loop(original(stimulus, settings, duration), settings, rig, lead=0.0)
 
 
 def check(done, stimulus):
@@ -91,13 +91,13 @@ def test_a_perfect_chain_scores_above_60_db(mapping):
     grid = ControlGrid(rows=4, columns=4, pitch=11e-3)
     settings = Settings().but(grid=grid, method="fast", iterations=1, mapping=mapping)
     with RIG.touched_by("towel", duration=0.7) as sensor:
-        piece = calibrated_pressure(capture_recording(sensor, 0.7), sensor.calibration, settings).cut(0.55, 0.1)
+        piece = calibrated_pressure(record(sensor, 0.7).recording, sensor.calibration, settings).cut(0.55, 0.1)
     lead = required_lead(settings)
     skin = RIG.skin()
     perfect = Perfect(skin, rate=RIG.rate)
     perfect.wanted = add_lead(piece, lead)
-    with RIG.array_device(skin) as array, perfect as sensor:
-        done = run_loop(piece, array, sensor, settings, corrections=0, lead=lead)
+    with OpenRig(array=RIG.array_device(skin), sensor=perfect) as rig:
+        done = run_loop(piece, settings, rig, corrections=0, lead=lead)
     comparison = done.passes[0].comparison
     assert comparison.distortion_ratio > 60
     assert comparison.waveform_error < 1e-3
@@ -109,8 +109,8 @@ def test_a_perfect_chain_scores_above_60_db(mapping):
 @pytest.mark.long
 def test_the_beam_s_gain_is_straight_and_repeats():
     skin = RIG.skin()
-    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
-        tests = [beam_test(array, sensor, sensor.calibration, COARSE, top=top) for top in (100.0, 50.0)]
+    with OpenRig(array=RIG.array_device(skin), sensor=RIG.sensor(skin)) as rig:
+        tests = [beam_test(rig, COARSE, top=top) for top in (100.0, 50.0)]
     for test in tests:
         assert test.channel == 5
         assert abs(test.line.curvature) < 0.05

@@ -24,7 +24,7 @@ from midair.model import (
 )
 from midair.physics import SKINS, PlaybackChain, Transducers, focus_amplitude, focus_phase
 from midair.pipeline import calibrated_pressure, reproduce, required_lead
-from midair.rig import VirtualRig, aligned_pair, capture_recording, default_exposure, rerecord, rerecord_drive
+from midair.rig import VirtualRig, aligned_pair, default_exposure, record, rerecord, rerecord_drive
 from midair.rig.correction.drive_rerecording import palm_of_drive
 from midair.settings import Settings, paper_mode
 from midair.solvers import solve
@@ -38,7 +38,7 @@ SMALL = paper_mode().but(grid=ControlGrid(rows=4, columns=4, pitch=11e-3), metho
 def made():
     rig = VirtualRig(seed=3)
     with rig.touched_by("sponge", duration=0.3) as sensor:
-        original = calibrated_pressure(capture_recording(sensor, 0.3), sensor.calibration, SMALL).cut(0.2, 0.06)
+        original = calibrated_pressure(record(sensor, 0.3).recording, sensor.calibration, SMALL).cut(0.2, 0.06)
     asked = add_lead(original, required_lead(SMALL))
     return rig, original, asked, reproduce(asked, rig.array, SMALL).solution.drive
 

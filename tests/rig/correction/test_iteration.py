@@ -10,11 +10,10 @@ from midair.datasets import probe_signal
 from midair.errors import InputError
 from midair.model import ControlGrid
 from midair.pipeline import calibrated_pressure, required_lead
-from midair.rig.correction.correction_loop import run_loop
+from midair.rig import OpenRig, open_rig, record
+from midair.rig import loop as run_loop
 from midair.rig.correction.iteration import playable, run_iterations
-from midair.rig.correction.passes import Rig
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
 
 RIG = VirtualRig()
@@ -25,17 +24,15 @@ def original(settings, duration=0.08):
     skin = RIG.skin()
     touch = probe_signal("25+250 Hz", duration=duration, rate=skin.rate, sensor=skin.model.grid)
     with RIG.sensor(skin, touch=touch) as sensor:
-        return calibrated_pressure(capture_recording(sensor, duration + 0.2), sensor.calibration, settings).cut(
+        return calibrated_pressure(record(sensor, duration + 0.2).recording, sensor.calibration, settings).cut(
             0.1, duration
         )
 
 
 def loop(settings, iterate, **others):
     skin = RIG.skin()
-    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
-        return run_loop(
-            original(settings), array, sensor, settings, iterate=iterate, lead=required_lead(settings) / 2, **others
-        )
+    with OpenRig(array=RIG.array_device(skin), sensor=RIG.sensor(skin)) as rig:
+        return run_loop(original(settings), settings, rig, iterate=iterate, lead=required_lead(settings) / 2, **others)
 
 
 @pytest.fixture(scope="module")
@@ -96,8 +93,7 @@ def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(cor
 
     monkeypatch.setattr("midair.rig.correction.iteration.play_pass", worse)
     skin = RIG.skin()
-    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
-        rig = Rig(array=array, sensor=sensor)
+    with OpenRig(array=RIG.array_device(skin), sensor=RIG.sensor(skin)) as rig:
         further = run_iterations(
             corrected.original, start, rig, COARSE, 9, correction=IterativeCorrection(smallest=0.15)
         )
@@ -116,8 +112,8 @@ def test_it_stops_when_it_no_longer_helps(corrected, monkeypatch):
 
     monkeypatch.setattr("midair.rig.correction.iteration.play_pass", hardly)
     skin = RIG.skin()
-    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
-        further = run_iterations(corrected.original, start, Rig(array=array, sensor=sensor), COARSE, 9)
+    with OpenRig(array=RIG.array_device(skin), sensor=RIG.sensor(skin)) as rig:
+        further = run_iterations(corrected.original, start, rig, COARSE, 9)
     assert len(further.passes) == 1
     assert "less than 0.2 %" in further.end
 
@@ -132,7 +128,7 @@ def test_numbers_below_zero_are_refused():
     with pytest.raises(InputError, match="0 or more"):
         loop(COARSE, -1)
     with pytest.raises(InputError, match="lead"):
-        Rig(array=RIG.array_device(), sensor=RIG.sensor(RIG.skin()), lead=-1.0)
+        run_loop(original(COARSE), COARSE, open_rig(), lead=-1.0)
 
 
 @pytest.mark.long

@@ -12,9 +12,8 @@ from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.files import profile_named
 from midair.model import ControlGrid
 from midair.pipeline import calibrated_pressure, reproduce
-from midair.rig.correction.passes import Rig, no_progress, play_pass
-from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.playing.rerecording import default_exposure, rerecord
+from midair.rig import OpenRig, PlaySettings, VirtualRig, default_exposure, rerecord
+from midair.rig.correction.passes import no_progress, play_pass
 from midair.settings import Settings
 
 RIG = VirtualRig()
@@ -95,7 +94,7 @@ def test_attenuation_is_reported(drive):
 def test_the_drive_is_found_in_what_a_real_sensor_heard(drive):
     array, sensor = real(latency=0.07)
     with array, sensor:
-        rig = Rig(array=array, sensor=sensor, exposure=ANSWERED)
+        rig = OpenRig(array=array, sensor=sensor, settings=PlaySettings(exposure=ANSWERED))
         heard = rerecord(check_exposure(drive, array, rig.exposure), array, sensor, tail=0.3)
         late = np.argmax(np.abs(heard.samples).max(axis=(1, 2)) > 0.01)
         assert late >= 60

@@ -33,8 +33,8 @@ import numpy as np
 from pathlib import Path
 from midair.devices import FrameBlock, SensorDevice
 from midair.model import SensorGrid
+from midair.rig.takes.record_settings import RecordSettings
 from midair.rig.takes.take import record_take
-from midair.rig.takes.take_plan import TakePlan
 
 
 class Clock(SensorDevice):
@@ -66,7 +66,7 @@ class SilentWatcher:
 
 
 with open(sys.argv[2], "r+b") as file, Clock(mmap.mmap(file.fileno(), 16)) as sensor:
-    record_take(sensor, TakePlan(path=Path(sys.argv[1])), SilentWatcher())
+    record_take(sensor, RecordSettings(), SilentWatcher(), path=Path(sys.argv[1]))
 """
 
 

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
+from midair.errors import DeviceError
 from midair.model import Event, SensorGrid
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.event_messages import event_message, take_problems
 from midair.rig.takes.meters import Levels
-from midair.rig.takes.take_plan import Take
+from midair.rig.takes.take_state import Take
 
 NONE = np.zeros(16, bool)
 
@@ -32,8 +33,8 @@ def take(**changes):
         rms=np.zeros(16), peak=np.zeros(16), highest=np.zeros(16), clipped=np.zeros(16, int), clipping=NONE, dead=NONE,
         stuck=NONE,
     )  # fmt: skip
-    whole = {"path": None, "frames": 1000, "lost": 0, "end": "duration", "problem": "", "levels": levels, "lowest": 0.0}
-    return Take(**{**whole, "highest": 0.0, "rate": None, "clock": None, **changes})
+    whole = {"path": None, "frames": 1000, "lost": 0, "end": "duration", "error": None, "levels": levels, "lowest": 0.0}
+    return Take(**{**whole, "memory": None, "highest": 0.0, "rate": None, "clock": None, **changes})
 
 
 def test_a_good_take_has_no_problems():
@@ -42,7 +43,7 @@ def test_a_good_take_has_no_problems():
 
 
 def test_each_problem_of_a_take_has_a_line():
-    bad = take(lost=16, problem="bench: unplugged", rate=Drift(ppm=3200, uncertainty=6, span=10))
+    bad = take(lost=16, error=DeviceError("bench: unplugged"), rate=Drift(ppm=3200, uncertainty=6, span=10))
     rows = dict(take_problems(bad, 1000.0))
     assert rows["lost"].startswith("16 frames (1.6 %)")
     assert rows["frames per second"].startswith("1003.2 Hz, +3.2e+03 ± 6 ppm")

@@ -10,9 +10,9 @@ from midair.devices import PacedSensor, ReplaySensor, StageDevice
 from midair.errors import DeviceError
 from midair.files import open_take
 from midair.model import Recording, StageSetup, StageStamp
+from midair.rig.takes.record_settings import RecordSettings
 from midair.rig.takes.stage_stroke import StageStroke, move_to_start
 from midair.rig.takes.take import record_take
-from midair.rig.takes.take_plan import TakePlan
 
 SETUP = StageSetup(
     heading="+x",
@@ -92,7 +92,7 @@ def drawn(path, stage, watcher=None, seconds=20.0, stopped=lambda: False):
     stage.at = SETUP.above
     with sensor(seconds) as opened:
         stroking = StageStroke(stage, SETUP, stroke=0.05, speed=0.05, stopped=stopped)
-        take = record_take(opened, TakePlan(path=path), watcher or Watcher(), stroking)
+        take = record_take(opened, RecordSettings(), watcher or Watcher(), stroking, path=path)
     return take, {step.stage: step.settings for step in open_take(path).recording.provenance.steps}
 
 

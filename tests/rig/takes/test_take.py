@@ -7,8 +7,8 @@ from midair.devices import FrameBlock, ReplaySensor
 from midair.errors import DeviceError, InputError
 from midair.files import load, repair
 from midair.model import Recording
+from midair.rig.takes.record_settings import RecordSettings
 from midair.rig.takes.take import record_take
-from midair.rig.takes.take_plan import TakePlan
 
 RATE = 1000.0
 COUNT = Recording(samples=np.arange(1000 * 16.0).reshape(1000, 4, 4), rate=RATE)
@@ -56,9 +56,10 @@ class Leaky(ReplaySensor):
         )
 
 
-def take(sensor, path, watcher=None, **plan):
+def take(sensor, path, watcher=None, *, notes=None, key=False, block=0.05, **settings):
     with sensor:
-        return record_take(sensor, TakePlan(path=path, **plan), watcher or Watcher())
+        chosen = RecordSettings(**settings)
+        return record_take(sensor, chosen, watcher or Watcher(), path=path, notes=notes, key=key, block=block)
 
 
 @pytest.fixture
@@ -115,19 +116,19 @@ def test_keys_start_and_stop(path):
     sensor = ReplaySensor(COUNT)
     sensor.on_demand = False
     watcher = Watcher({3: "toggle", 7: "toggle"})
-    made = take(sensor, path, watcher, start="key", pre_roll=0.1)
+    made = take(sensor, path, watcher, key=True, pre_roll=0.1)
     assert (made.frames, made.end) == (100 + 250, "toggle")
     np.testing.assert_array_equal(load(path).samples, COUNT.samples[50:400])
     assert [view.state for view in watcher.views] == ["waiting"] * 3 + ["recording"] * 5
 
 
 def test_time_stands_still_while_a_replay_waits_for_a_key(path):
-    made = take(ReplaySensor(COUNT), path, Watcher({3: "toggle"}), start="key", block=0.01)
+    made = take(ReplaySensor(COUNT), path, Watcher({3: "toggle"}), key=True, block=0.01)
     assert (made.frames, made.end) == (1000, "source")
 
 
 def test_quit_while_waiting_makes_no_file(path):
-    made = take(ReplaySensor(COUNT), path, Watcher({2: "quit"}), start="key", block=0.01)
+    made = take(ReplaySensor(COUNT), path, Watcher({2: "quit"}), key=True, block=0.01)
     assert (made.path, made.frames, made.end) == (None, 0, "quit")
     assert not path.exists()
 
@@ -142,7 +143,7 @@ def touched(*spans, frames=3000):
 
 def test_a_touch_starts_with_what_came_before_and_silence_ends_it(path):
     source, watcher = touched((1234, 1500)), Watcher()
-    made = take(ReplaySensor(source), path, watcher, start="touch", level=0.5, pre_roll=0.1, post_roll=0.3)
+    made = take(ReplaySensor(source), path, watcher, level=0.5, pre_roll=0.1, post_roll=0.3)
     assert made.end == "quiet"
     assert 0 <= made.frames - (100 + 266 + 300) < 50, "the end comes with the block in which it is quiet for .3 s"
     np.testing.assert_array_equal(load(path).samples, source.samples[1134 : 1134 + made.frames])
@@ -152,26 +153,26 @@ def test_a_touch_starts_with_what_came_before_and_silence_ends_it(path):
 
 def test_a_duration_with_a_touch_counts_from_the_touch(path):
     source = touched((1234, 1500))
-    made = take(ReplaySensor(source), path, start="touch", level=0.5, pre_roll=0.2, duration=0.5)
+    made = take(ReplaySensor(source), path, level=0.5, pre_roll=0.2, duration=0.5)
     assert (made.frames, made.end) == (700, "duration")
     np.testing.assert_array_equal(load(path).samples, source.samples[1034:1734])
 
 
 def test_a_touch_before_the_pre_roll_is_full_keeps_what_there_is(path):
     source = touched((30, 200))
-    take(ReplaySensor(source), path, start="touch", level=0.5, pre_roll=0.2, duration=0.5)
+    take(ReplaySensor(source), path, level=0.5, pre_roll=0.2, duration=0.5)
     np.testing.assert_array_equal(load(path).samples, source.samples[:530])
 
 
 def test_a_loss_in_the_pre_roll_is_noted_where_it_is_in_the_file(path):
     source = touched((1234, 1500))
-    made = take(Leaky(source, {100: 5, 1200: 10}), path, start="touch", level=0.5, pre_roll=0.1, duration=0.5)
+    made = take(Leaky(source, {100: 5, 1200: 10}), path, level=0.5, pre_roll=0.1, duration=0.5)
     assert made.lost == 10
     assert load(path).provenance.steps[-1].settings["lost"] == ((1200 - 1134, 10),)
 
 
 def test_without_a_touch_nothing_is_recorded(path):
-    made = take(ReplaySensor(touched()), path, start="touch", level=0.5)
+    made = take(ReplaySensor(touched()), path, level=0.5)
     assert (made.path, made.end) == (None, "source")
     assert not path.exists()
 
@@ -211,7 +212,7 @@ def test_frames_before_the_loss_of_the_sensor_are_kept(path):
 
 def test_a_sensor_that_is_lost_before_the_first_frame_leaves_no_file(path):
     with pytest.raises(DeviceError, match="unplugged"):
-        take(Unplugged(COUNT), path, start="touch", level=1e6)
+        take(Unplugged(COUNT), path, level=1e6)
     assert not path.exists()
 
 
@@ -241,7 +242,7 @@ def test_a_sensor_that_gives_nothing_is_an_error(path):
 
 def test_the_sensor_is_stopped_on_an_error_too(path):
     with Unplugged(COUNT) as sensor:
-        record_take(sensor, TakePlan(path=path), Watcher())
+        record_take(sensor, RecordSettings(), Watcher(), path=path)
         with pytest.raises(TypeError):
             sensor.read(1)
 
@@ -283,21 +284,22 @@ def _one():
 
 
 @pytest.mark.parametrize(
-    "plan",
+    "settings",
     [
         {"duration": 0.0},
         {"duration": -1.0},
         {"duration": float("nan")},
-        {"start": "touch"},
-        {"post_roll": 0.1},
-        {"level": 0.0, "start": "touch"},
+        {"post_roll": 0.0},
+        {"level": 0.0},
         {"pre_roll": -0.1},
         {"pre_roll": 61.0},
+        {"repeats": 0},
+        {"pause": -1.0},
     ],
 )
-def test_plans_that_make_no_sense_are_refused(plan, path):
-    with pytest.raises(InputError):
-        TakePlan(path=path, **plan)
+def test_settings_out_of_range_are_refused(settings):
+    with pytest.raises(InputError, match=next(iter(settings))):
+        RecordSettings(**settings)
 
 
 def test_a_duration_below_a_frame_is_refused(path):

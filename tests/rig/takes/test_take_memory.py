@@ -6,8 +6,8 @@ import pytest
 
 from midair.devices import FrameBlock, SensorDevice
 from midair.model import SensorGrid
+from midair.rig.takes.record_settings import RecordSettings
 from midair.rig.takes.take import record_take
-from midair.rig.takes.take_plan import TakePlan
 
 MIB = 2**20
 
@@ -55,7 +55,7 @@ class Scales:
 def test_the_memory_stays_flat_at_sixteen_channels_of_48_khz(tmp_path, capsys):
     seconds, path, scales = 120, tmp_path / "long.h5", Scales()
     with Endless() as sensor:
-        made = record_take(sensor, TakePlan(path=path, duration=seconds, level=9.0, pre_roll=1.0), scales)
+        made = record_take(sensor, RecordSettings(duration=seconds, level=3.0, pre_roll=0.0), scales, path=path)
     assert made.frames == seconds * 48_000
     early = max(weight for second, weight in scales.weights.items() if 5 <= second <= 10)
     late = max(weight for second, weight in scales.weights.items() if second >= seconds - 10)

@@ -13,18 +13,18 @@ from midair.cli.options import Force, SolveOptions, Time, mode_name, paper_optio
 from midair.cli.output import level_rows
 from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
-from midair.files import atomic_file, check_not_recording, save, save_solution
+from midair.files import OpenedTake, atomic_file, check_not_recording, save, save_solution
 from midair.headroom import level_of
-from midair.model import Calibration, Palm, Progress, Recording
+from midair.model import Palm, Progress
 from midair.pipeline import calibrated_pressure, required_lead
 from midair.rig import (
     FIELD_TITLE,
     PALM_TITLE,
     Outcome,
     VirtualRig,
-    capture_recording,
     open_rig,
     palm_of_loop,
+    record,
     summarise_outcomes,
     write_report,
 )
@@ -43,14 +43,6 @@ class _StrokePart:
     duration: float
     rig: VirtualRig
     palm: Palm
-
-    def typed(self) -> list[str]:
-        """Command-line arguments that select the same part."""
-        return ["--start-at", f"{self.start_at!r}s", "--duration", f"{self.duration!r}s"]
-
-    def seed_arguments(self) -> list[str]:
-        """Command-line arguments for the same rig."""
-        return [] if self.rig.seed == 0 else ["--seed", str(self.rig.seed)]
 
 
 def demo_command(
@@ -112,24 +104,22 @@ def demo_command(
     kind = " and ".join(["demo", *(workload_of(each.settings(), rig.array.count) for each in ways)])
     with progress_bars(kind, frames) as stage:
         with touched_by as touched:
-            recording = capture_recording(
-                touched, _STROKE, path=output / "stroke.h5", notes={"object": object_name}, progress=stage("record")
-            )
-        outcomes = [_outcome(recording, touched.calibration, each, piece, stage) for each in ways]
+            notes = {"object": object_name}
+            take = record(touched, _STROKE, path=output / "stroke.h5", notes=notes, progress=stage("record"))
+        outcomes = [_outcome(take, each, piece, stage) for each in ways]
         _write_files(outcomes, output, piece, _manual_commands(piece, options, paper), stage("draw"))
     _print(outcomes, output)
 
 
 def _outcome(
-    recording: Recording,
-    calibration: Calibration | None,
+    take: OpenedTake,
     options: SolveOptions,
     piece: _StrokePart,
     stage: Callable[[str], Progress],
 ) -> Outcome:
     """Run the loop once with these options."""
     settings = options.settings()
-    original = calibrated_pressure(recording, calibration, settings).cut(piece.start_at, piece.duration)
+    original = calibrated_pressure(take.recording, take.calibration, settings).cut(piece.start_at, piece.duration)
     with open_rig("virtual", height=settings.target.grid.height, seed=piece.rig.seed) as opened:
         loop = go_round(original, settings, opened, stage=stage)
     return Outcome.of(
@@ -151,13 +141,12 @@ def _confirm_overwrite(output: Path, force: bool) -> None:
 def _manual_commands(piece: _StrokePart, options: SolveOptions, paper: SolveOptions | None) -> tuple[str, ...]:
     """Commands that do the same step by step."""
     record = ["midair", "record", f"virtual:{piece.object_name}", "stroke.h5", "--duration", f"{_STROKE}s"]
-    loop = ["midair", "loop", "stroke.h5"]
-    lines = [
-        [*record, *piece.seed_arguments()],
-        [*loop, "report.html", *piece.typed(), *options.typed(), *piece.seed_arguments()],
-    ]
-    if paper is not None:
-        lines.append([*loop, "paper.html", *piece.typed(), *paper.typed(), *piece.seed_arguments()])
+    seed = [] if piece.rig.seed == 0 else ["--seed", str(piece.rig.seed)]
+    lines = [[*record, *seed]]
+    for name, mode in (("report.html", options), ("paper.html", paper)):
+        if mode is not None:
+            part = ["--start-at", f"{piece.start_at!r}s", "--duration", f"{piece.duration!r}s"]
+            lines.append(["midair", "loop", "stroke.h5", name, *part, *mode.typed(), *seed])
     return tuple(shlex.join(words) for words in lines)
 
 

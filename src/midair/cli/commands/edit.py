@@ -1,6 +1,7 @@
 """Commands that edit recordings: cut, join, resample, trim, gain, mask."""
 
 import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -18,12 +19,14 @@ from midair.model import Calibration, Recording
 HIGHEST = 1e6
 """Highest rate that `resample` accepts, in Hz."""
 
+Source = Annotated[Path, Parameter(help="Recording to read.")]
+Output = Annotated[Path, Parameter(help="File to write, in any format that midair can write.")]
 Names = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
 
 
 def cut_command(
-    source: Path,
-    output: Path,
+    source: Source,
+    output: Output,
     /,
     *,
     start: Time = 0.0,
@@ -35,10 +38,6 @@ def cut_command(
 
     Parameters
     ----------
-    source
-        Recording to read.
-    output
-        File to write, in any format that midair can write.
     start
         Start of the part.
     end
@@ -48,8 +47,7 @@ def cut_command(
     --------
     $ midair cut take.h5 part.h5 --start 0.4s --end 0.9s
     """
-    may_write(output, force)
-    _write(recordings.cut(open_take(source, streamed=True).recording, start, end), [source], output, json=json)
+    _edit([source], output, lambda takes: recordings.cut(takes[0], start, end), force=force, json=json)
 
 
 def join_command(*files: Path, force: Force = False, json: Json = False) -> None:
@@ -66,24 +64,16 @@ def join_command(*files: Path, force: Force = False, json: Json = False) -> None
     """
     if len(files) < 3:
         raise InputError(f"join: expected two or more recordings and a file to write, got {len(files)} names")
-    *sources, output = files
-    may_write(output, force)
-    _write(
-        recordings.join([open_take(source, streamed=True).recording for source in sources]), sources, output, json=json
-    )
+    _edit(files[:-1], files[-1], recordings.join, force=force, json=json)
 
 
 def resample_command(
-    source: Path, output: Path, /, *, rate: Frequency, force: Force = False, json: Json = False
+    source: Source, output: Output, /, *, rate: Frequency, force: Force = False, json: Json = False
 ) -> None:
     """Change the frame rate of a recording.
 
     Parameters
     ----------
-    source
-        Recording to read.
-    output
-        File to write.
     rate
         New frame rate.
 
@@ -91,15 +81,14 @@ def resample_command(
     --------
     $ midair resample take.h5 fine.h5 --rate 4kHz
     """
-    may_write(output, force)
     if rate > HIGHEST:
         raise InputError(f"--rate: expected at most {HIGHEST / 1e6:g} MHz, got {rate / 1e6:g} MHz; is the unit right?")
-    _write(recordings.resample(open_take(source, streamed=True).recording, rate), [source], output, json=json)
+    _edit([source], output, lambda takes: recordings.resample(takes[0], rate), force=force, json=json)
 
 
 def trim_command(
-    source: Path,
-    output: Path,
+    source: Source,
+    output: Output,
     /,
     *,
     share: float = 0.05,
@@ -111,10 +100,6 @@ def trim_command(
 
     Parameters
     ----------
-    source
-        Recording to read.
-    output
-        File to write.
     share
         Silence threshold as a fraction of the largest change of any channel.
     margin
@@ -124,18 +109,18 @@ def trim_command(
     --------
     $ midair trim take.h5 short.h5
     """
-    may_write(output, force)
-    _write(
-        recordings.trim(open_take(source, streamed=True).recording, share=share, margin=margin),
+    _edit(
         [source],
         output,
+        lambda takes: recordings.trim(takes[0], share=share, margin=margin),
+        force=force,
         json=json,
     )
 
 
 def gain_command(
-    source: Path,
-    output: Path,
+    source: Source,
+    output: Output,
     /,
     *,
     by: Annotated[str, Parameter(allow_leading_hyphen=True)],
@@ -147,10 +132,6 @@ def gain_command(
 
     Parameters
     ----------
-    source
-        Recording to read.
-    output
-        File to write.
     by
         Factor, such as 2 or 0.5, or level change, such as 6dB.
     channels
@@ -160,18 +141,19 @@ def gain_command(
     --------
     $ midair gain take.h5 louder.h5 --by 6dB
     """
-    may_write(output, force)
-    recording = open_take(source, streamed=True).recording
-    factor = _factor(by)
-    factors = np.ones(recording.sensor.count)
-    factors[list(_numbers(channels, recording)) or slice(None)] = factor
-    made = recordings.gain(recording, factors.reshape(recording.sensor.shape) if channels else factor)
-    _write(made, [source], output, json=json)
+
+    def louder(takes: list[Recording]) -> Recording:
+        recording, factor = takes[0], _factor(by)
+        factors = np.ones(recording.sensor.count)
+        factors[list(_numbers(channels, recording)) or slice(None)] = factor
+        return recordings.gain(recording, factors.reshape(recording.sensor.shape) if channels else factor)
+
+    _edit([source], output, louder, force=force, json=json)
 
 
 def mask_command(
-    source: Path,
-    output: Path,
+    source: Source,
+    output: Output,
     /,
     *,
     channels: Names,
@@ -183,10 +165,6 @@ def mask_command(
 
     Parameters
     ----------
-    source
-        Recording to read.
-    output
-        File to write.
     channels
         Channels to replace: numbers from 0, row by row, separated by commas.
     fill
@@ -196,14 +174,22 @@ def mask_command(
     --------
     $ midair mask take.h5 clean.h5 --channels 3,7 --fill neighbours
     """
+    _edit(
+        [source],
+        output,
+        lambda takes: recordings.mask(takes[0], _numbers(channels, takes[0]), fill=fill),
+        force=force,
+        json=json,
+    )
+
+
+def _edit(
+    sources: Sequence[Path], output: Path, change: Callable[[list[Recording]], Recording], *, force: bool, json: bool
+) -> None:
+    """Write what `change` makes of the recordings, with the calibration that all sources share."""
     may_write(output, force)
-    recording = open_take(source, streamed=True).recording
-    _write(recordings.mask(recording, _numbers(channels, recording), fill=fill), [source], output, json=json)
-
-
-def _write(recording: Recording, sources: list[Path], output: Path, *, json: bool) -> None:
-    """Write an edited recording, with the calibration that all its sources share."""
     takes = [open_take(source, streamed=True) for source in sources]
+    recording = change([take.recording for take in takes])
     calibrations = [take.calibration for take in takes]
     calibration = calibrations[0] if _same(calibrations) else None
     notes: list[str] = []

@@ -2,20 +2,17 @@
 
 import sys
 import time
-from dataclasses import asdict, dataclass, field, fields, make_dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_origin, get_type_hints
 
-from cyclopts import Parameter
 from rich.live import Live as Screen
 from rich.text import Text
 
 from midair.cli.console import banner, err, print_json, print_rows, verbosity
 from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air
 from midair.cli.keys import Signals, signals_noted
-from midair.cli.options import Json, StopInput
+from midair.cli.options import Json, StopInput, options_from, settings_from
 from midair.cli.output import may_write
-from midair.cli.quantities import quantity
 from midair.cli.thermometers import air_watched
 from midair.devices import stop_on_input
 from midair.errors import InputError
@@ -27,41 +24,14 @@ WRONG_RATE = 0.05
 """Relative deviation of the sensor's rate beyond which the command ends with status 1."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _LiveOptions(ExposureOptions):
-    """Exposure limits, beside the options made from `LiveSettings`."""
+@options_from(LiveSettings)
+class LiveOptions(ExposureOptions):
+    """Sensor, array, and the processing between them."""
 
     def settings(self, room: Medium | None = None) -> LiveSettings:
         """The settings that these options describe, in the stated air of the room."""
         air = None if room is None else Acoustics(medium=room)
-        given = {one.name: getattr(self, one.name) for one in fields(LiveSettings) if hasattr(self, one.name)}
-        return LiveSettings().but(**given, acoustics=air, exposure=self.choices(room))
-
-
-def _options() -> Any:
-    """A dataclass with an option for each field of `LiveSettings` that can be typed."""
-    hints, made = get_type_hints(LiveSettings), list[Any]()
-    for one in fields(LiveSettings):
-        told = one.metadata
-        name = told.get("option", one.name)
-        if not name:
-            continue
-        said: list[Any] = [Parameter(name=f"--{name}", help=told["help"])]
-        if told["unit"]:
-            said.append(quantity(told["unit"], many=2 if get_origin(hints[one.name]) is tuple else None))
-        kind: Any = Path | None if "load" in told else hints[one.name]
-        made.append((one.name, Annotated[kind, *said], field(default=one.default)))
-    about = {"__doc__": "Sensor, array, and the processing between them.", "__module__": __name__}
-    return make_dataclass("LiveOptions", made, bases=(_LiveOptions,), frozen=True, kw_only=True, namespace=about)
-
-
-if TYPE_CHECKING:
-
-    class LiveOptions(_LiveOptions):
-        """Sensor, array, and the processing between them."""
-
-else:
-    LiveOptions = Parameter(name="*")(_options())
+        return settings_from(LiveSettings, self, acoustics=air, exposure=self.choices(room))
 
 
 def live_command(

@@ -1,75 +1,39 @@
 """The command `loop`: solve, play, re-record, correct, play again, compare, report."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-
-from cyclopts import Parameter
 
 from midair.cli.comparisons import calibrated_part, plain, print_metrics, with_array_calibration
 from midair.cli.console import banner, print_figures, print_json, print_rows, progress_bars, verbosity
 from midair.cli.exposure_options import ExposureOptions, print_air, print_check_time_ahead
-from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, Placement, SolveOptions, StartAt
+from midair.cli.options import (
+    ArrayCalibration,
+    Force,
+    Json,
+    Lead,
+    PartLength,
+    SolveOptions,
+    StartAt,
+    options_from,
+    settings_from,
+)
 from midair.cli.output import may_write, warn_level
 from midair.cli.thermometers import air_watched
 from midair.cli.time_estimates import workload_of
-from midair.devices import SilencerChoice
 from midair.errors import InputError
-from midair.files import load_placement
 from midair.headroom import level_of
-from midair.model import Medium, SensorGrid
 from midair.pipeline import required_lead
-from midair.rig import Loop, OpenRig, metrics_of_loop, open_rig, write_report
+from midair.rig import Loop, PlaySettings, metrics_of_loop, open_rig, write_report
 from midair.rig import loop as go_round
-from midair.settings import Settings
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RigOptions(ExposureOptions):
-    """Array and sensor of the loop.
-
-    Parameters
-    ----------
-    device
-        Array to play on: virtual (array and sensor are simulated), or one of midair play, with --sensor.
-    sensor
-        Sensor that re-records a real array: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
-    calibration
-        Calibration of that sensor, a file of midair calibrate.
-    silencer
-        How the array smooths phase steps; auto chooses the least simulated error.
-    seed
-        Random seed of the virtual rig: transducer strengths and noise.
-    """
-
-    device: str = "virtual"
-    sensor: str | None = None
-    calibration: Path | None = None
-    silencer: SilencerChoice | None = None
-    placement: Placement = None
-    array_calibration: ArrayCalibration = None
-    seed: int = 0
-
-    def rig(self, settings: Settings, cells: SensorGrid, room: Medium | None) -> OpenRig:
-        """Array and sensor, not yet open; a virtual sensor gets the cells and the band of the recording."""
-        rig = open_rig(
-            self.device,
-            self.sensor,
-            calibration=self.calibration,
-            placement=None if self.placement is None else load_placement(self.placement),
-            silencer=self.silencer,
-            exposure=self.choices(room),
-            height=settings.target.grid.height,
-            cells=cells,
-            band=settings.calibration.band,
-            seed=self.seed,
-        )
-        if self.device != "virtual" and (self.sensor is None or self.calibration is None):
-            raise InputError(
-                f"loop on {self.device}: expected --sensor and its --calibration to re-record the array, got "
-                f"{self.sensor or 'no sensor'} and {self.calibration or 'no calibration'}"
-            )
-        return rig
+@options_from(
+    PlaySettings,
+    *("device", "sensor", "calibration", "silencer", "placement", "seed"),
+    device="Array to play on: virtual (array and sensor are simulated), or one of midair play, with --sensor.",
+)
+class RigOptions:
+    """Array and sensor of the loop."""
 
 
 def loop_command(
@@ -78,6 +42,8 @@ def loop_command(
     /,
     *,
     rig: RigOptions | None = None,
+    exposure: ExposureOptions | None = None,
+    array_calibration: ArrayCalibration = None,
     options: SolveOptions | None = None,
     start_at: StartAt = 0.0,
     duration: PartLength = None,
@@ -110,14 +76,24 @@ def loop_command(
     options.refuse_idle_palm()
     may_write(target, force, ".html")
     original = calibrated_part(source, settings, start_at, duration)
-    chosen = rig or RigOptions()
     # The exposure check uses a temperature given by option only: not a default, nor one from a settings file.
     room = settings.acoustics.medium if getattr(options, "temperature", None) is not None else None
-    opened = chosen.rig(settings, original.sensor, room)
-    if chosen.array_calibration is not None:
-        measured, settings, original = with_array_calibration(
-            chosen.array_calibration, opened.array.array, settings, original
+    playing = settings_from(
+        PlaySettings,
+        rig or RigOptions(),
+        exposure=(exposure or ExposureOptions()).choices(room),
+        height=settings.target.grid.height,
+        cells=original.sensor,
+        band=settings.calibration.band,
+    )
+    opened = open_rig(settings=playing)
+    if playing.device != "virtual" and (playing.sensor is None or playing.calibration is None):
+        raise InputError(
+            f"loop on {playing.device}: expected --sensor and its --calibration to re-record the array, got "
+            f"{playing.sensor or 'no sensor'} and {'a' if playing.calibration else 'no'} calibration"
         )
+    if array_calibration is not None:
+        measured, settings, original = with_array_calibration(array_calibration, opened.array.array, settings, original)
         opened = replace(opened, measured=measured)
     banner(opened.array.simulated or original.provenance.simulated)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
@@ -129,7 +105,7 @@ def loop_command(
         getattr(options, "temperature", None),
         settings.acoustics.medium,
         advice="run the loop again for this air",
-        device=chosen.device if opened.array.gated else "",
+        device=playing.device if opened.array.gated else "",
     )
     with progress_bars(f"loop {workload_of(settings, opened.array.array.count)}", frames) as stage, opened, watched:
         loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)

@@ -4,26 +4,24 @@ import sys
 import time
 from collections.abc import Generator
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import Annotated, Literal
-
-from cyclopts import Parameter
+from typing import Any
 
 from midair.cli.console import PlainConsole, banner, err, print_json, print_rows, verbosity
 from midair.cli.keys import Keys, Signals, signals_noted
 from midair.cli.meter_screen import MeterScreen
-from midair.cli.options import Json, OptionalTime, Quiet, Time
-from midair.cli.quantities import format_quantity, parse_quantity, quantity
+from midair.cli.options import Json, Quiet, options_from, settings_from
+from midair.cli.quantities import format_quantity, parse_quantity
 from midair.cli.stage_options import Drawing, StageOptions, recorded_strokes, stroke_rows
 from midair.devices import PacedSensor, SensorDevice
 from midair.errors import DeviceError, InputError
-from midair.files import load_sensor, open_take
+from midair.files import open_take
 from midair.model import Provenance
 from midair.rig import (
+    RecordSettings,
     Subject,
     Take,
-    TakePlan,
     VirtualRig,
     last_subject,
     record_take,
@@ -34,64 +32,14 @@ from midair.rig import (
 )
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@options_from(Subject)
 class SubjectOptions:
-    """Object and stroke, stored with the recording.
-
-    Parameters
-    ----------
-    object_name
-        Name of the object, such as towel; asked for on a terminal if missing.
-    surface
-        Sensor surface, such as flat or grooved.
-    speed
-        Speed of the stroke, such as 50mm/s.
-    operator
-        Name of the person who records.
-    """
-
-    object_name: Annotated[str | None, Parameter(name="--object")] = None
-    surface: str | None = None
-    speed: Annotated[float | None, quantity("m/s")] = None
-    operator: str | None = None
-
-    @property
-    def subject(self) -> Subject:
-        """The given notes."""
-        speed = "" if self.speed is None else f"{self.speed * 1e3:.6g}mm/s"
-        return Subject(
-            object=self.object_name or "", surface=self.surface or "", speed=speed, operator=self.operator or ""
-        )
+    """Object and stroke, stored with the recording."""
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TakeOptions:
-    """Begin, end and number of takes.
-
-    Parameters
-    ----------
-    duration
-        Length of a take.
-    trigger
-        Start when any channel differs from its resting value by this much, such as 50mV or 300count.
-    pre_roll
-        Time to keep before the start, with --trigger or a key.
-    post_roll
-        With --trigger: end the take when the signal stays below the trigger level for this long.
-    repeats
-        Number of takes; the paper made five strokes per object and surface.
-    pause
-        Pause between takes that start automatically.
-    """
-
-    duration: OptionalTime = None
-    trigger: str | None = None
-    pre_roll: Time = 0.2
-    post_roll: Time = 0.5
-    repeats: int = 1
-    pause: OptionalTime = None
+@options_from(RecordSettings)
+class RecordOptions:
+    """Begin, end and number of takes, and the sensor."""
 
 
 def record_command(
@@ -100,13 +48,10 @@ def record_command(
     /,
     *,
     subject: SubjectOptions | None = None,
-    options: TakeOptions | None = None,
+    options: RecordOptions | None = None,
     staging: StageOptions | None = None,
-    sensor_file: Path | None = None,
-    real_time: bool = False,
     quiet: Quiet = False,
     json: Json = False,
-    seed: int = 0,
 ) -> int:
     """Record a sensor to a file.
 
@@ -124,134 +69,100 @@ def record_command(
         replay:FILE: a recording.
     output
         File NAME.h5 or folder; existing files are not overwritten. [default: OBJECT-SURFACE-01.h5 and so on]
-    sensor_file
-        Sensor file NAME.toml: the cell of each channel, unit and full scale.
-    real_time
-        Let a virtual or replayed sensor run in real time.
-    seed
-        Random seed of a virtual sensor: noise and texture.
 
     Examples
     --------
     $ midair record virtual:towel towel.h5 --duration 1s
     $ midair record "lsl:Skin?unit=V" --object towel --repeats 5
     """
-    options, quiet = options or TakeOptions(), quiet or verbosity().quiet
-    if options.repeats < 1:
-        raise InputError(f"--repeats: expected 1 or more, got {options.repeats}")
-    subject = subject or SubjectOptions()
-    drawing = (staging or StageOptions()).drawing(subject.speed)
-    if drawing is not None and (options.duration is not None or options.trigger is not None):
+    options, quiet = options or RecordOptions(), quiet or verbosity().quiet
+    trigger: str | None = getattr(options, "level", None)
+    settings = settings_from(RecordSettings, options, sensor=sensor, level=None)
+    stated: dict[str, Any] = {one.name: getattr(subject or SubjectOptions(), one.name) or "" for one in fields(Subject)}
+    speed: float | None = stated["speed"] or None
+    drawing = (staging or StageOptions()).drawing(speed)
+    stated["speed"] = "" if speed is None else f"{speed * 1e3:.6g}mm/s"
+    if drawing is not None and (settings.duration is not None or trigger is not None):
         raise InputError("--stage: expected neither --duration nor --trigger; a take begins and ends with the stroke")
-    wiring = None if sensor_file is None else load_sensor(sensor_file)
-    touches = options.duration if drawing is None else drawing.seconds
-    device = sensor_named(sensor, VirtualRig(seed=seed), duration=touches, wiring=wiring)
-    real_time = real_time or drawing is not None
+    touches = settings.duration if drawing is None else drawing.seconds
+    device = sensor_named(sensor, VirtualRig(seed=settings.seed), duration=touches, wiring=settings.wiring)
+    real_time = settings.real_time or drawing is not None
     ask = not (quiet or json) and (real_time or not device.on_demand)
-    about = _subject(sensor, subject.subject, ask=ask)
-    take_path(output, about, repeats=options.repeats)
-    if drawing is None and sensor.startswith("virtual:") and options.duration is None:
-        options = replace(options, duration=0.5 if "am-" in sensor else 1.28)
-    ends = options.duration is not None or device.on_demand
+    about = _subject(sensor, Subject(**stated), ask=ask)
+    take_path(output, about, repeats=settings.repeats)
+    if drawing is None and sensor.startswith("virtual:") and settings.duration is None:
+        settings = settings.but(duration=0.5 if "am-" in sensor else 1.28)
+    ends = settings.duration is not None or device.on_demand
     device = PacedSensor(device) if real_time and device.on_demand else device
     banner(device.simulated)
-    console = err()
     with ExitStack() as held, signals_noted() as signals, Keys() as keys:
         takes: list[Take] = []
-        screen = MeterScreen(held.enter_context(device), console, keys, signals, quiet=quiet)
-        start = "at once" if drawing else _start(options, keys, ends=ends)
-        many = _takes(device, screen, start, options, output, about)
+        screen = MeterScreen(held.enter_context(device), err(), keys, signals, quiet=quiet)
+        if trigger is not None:
+            settings = settings.but(level=_level(trigger, device))
         if drawing is not None:
-            many = _strokes(held.enter_context(drawing), device, screen, signals, options, output, about)
+            held.enter_context(drawing)
+        by_itself = drawing is not None or (ends and (settings.repeats == 1 or settings.pause is not None))
+        key = keys.active and not by_itself and trigger is None
         try:
-            for take in many:
+            for take in _takes(device, screen, signals, settings, output, about, drawing, key=key):
                 takes.append(take)
                 if take.frames and not json:
-                    print_rows(take_rows(take, device))
+                    print_rows(take_rows(take, device, staged=drawing is not None))
         finally:
             if json:
-                print_json([take_values(take, device) for take in takes if take.frames])
+                print_json([take_values(take, device, staged=drawing is not None) for take in takes if take.frames])
         # A signal in a pause between takes: the last take is complete, the remaining ones are missing.
-        if signals.came and takes[-1].end != "kill" and len(takes) < options.repeats:
-            err().print(f"midair: stopped; kept {len(takes)} of {options.repeats} takes")
+        if signals.came and takes[-1].end != "kill" and len(takes) < settings.repeats:
+            err().print(f"midair: stopped; kept {len(takes)} of {settings.repeats} takes")
             return 130
         return _status(takes, device)
-
-
-def _start(options: TakeOptions, keys: Keys, *, ends: bool) -> Literal["at once", "key", "touch"]:
-    """What starts a take."""
-    if options.trigger is not None:
-        return "touch"
-    by_itself = ends and (options.repeats == 1 or options.pause is not None)
-    return "key" if keys.active and not by_itself else "at once"
 
 
 def _takes(
     device: SensorDevice,
     screen: MeterScreen,
-    start: Literal["at once", "key", "touch"],
-    options: TakeOptions,
-    output: Path | None,
-    about: Subject,
-) -> Generator[Take]:
-    """Record the takes and yield each when it ends."""
-    plan = TakePlan(
-        path=Path(),
-        start=start,
-        duration=options.duration,
-        level=None if options.trigger is None else _level(options.trigger, device),
-        pre_roll=0.0 if start == "at once" else options.pre_roll,
-        post_roll=options.post_roll if start == "touch" and options.duration is None else None,
-        notes=about.notes,
-    )
-    for number in range(1, options.repeats + 1):
-        path = take_path(output, about, repeats=options.repeats)
-        title = f"{path.name}, take {number} of {options.repeats}" if options.repeats > 1 else path.name
-        with screen.take(title):
-            settings = {"take": number, "takes": options.repeats} if options.repeats > 1 else {}
-            take = record_take(device, replace(plan, path=path, settings=settings), screen)
-        yield take
-        if take.end in ("quit", "kill", "failure"):
-            return
-        if start == "at once" and number < options.repeats and not _wait_pause(options, device, screen):
-            return
-
-
-def _strokes(
-    drawing: Drawing,
-    device: SensorDevice,
-    screen: MeterScreen,
     signals: Signals,
-    options: TakeOptions,
+    settings: RecordSettings,
     output: Path | None,
     about: Subject,
+    drawing: Drawing | None,
+    *,
+    key: bool,
 ) -> Generator[Take]:
-    """Record one take per stroke of a motion stage, which returns to the start after each."""
-    drawing.prepare(options.repeats, lambda: bool(signals.came))
-    if not screen.asks("space or Enter: go"):
-        raise DeviceError("ended before the first stroke: nothing moved and nothing was recorded")
-    drawing.to_start(screen.ends)
-    for number in range(1, options.repeats + 1):
-        path = take_path(output, about, repeats=options.repeats)
-        plan = TakePlan(
-            path=path, notes=about.notes, settings=drawing.settings | {"take": number, "takes": options.repeats}
-        )
-        with screen.take(f"{path.name}, stroke {number} of {options.repeats}"):
-            # The recorder reads keys between frames; signals act at once.
-            take = record_take(device, plan, screen, drawing.companion(lambda: bool(signals.came)))
-        yield take
-        if take.end != "companion":
-            if take.end != "failure":
-                err().print(drawing.stands)
-            return
+    """Record the takes and yield each when it ends; a motion stage returns to the start after each."""
+    many, kind = settings.repeats, "take" if drawing is None else "stroke"
+    waits = key or settings.level is not None
+    if drawing is not None:
+        drawing.prepare(many, lambda: bool(signals.came))
+        if not screen.asks("space or Enter: go"):
+            raise DeviceError("ended before the first stroke: nothing moved and nothing was recorded")
         drawing.to_start(screen.ends)
-        if number < options.repeats and not _wait_pause(options, device, screen, staged=True):
+    for number in range(1, many + 1):
+        path = take_path(output, about, repeats=many)
+        noted = ({} if drawing is None else drawing.settings) | (
+            {"take": number, "takes": many} if many > 1 or drawing is not None else {}
+        )
+        # The recorder reads keys between frames; signals act at once.
+        companion = None if drawing is None else drawing.companion(lambda: bool(signals.came))
+        with screen.take(f"{path.name}, {kind} {number} of {many}" if many > 1 or drawing else path.name):
+            take = record_take(device, settings, screen, companion, path=path, notes=about.notes, about=noted, key=key)
+        yield take
+        if drawing is None and take.end in ("quit", "kill", "failure"):
+            return
+        if drawing is not None:
+            if take.end != "companion":
+                if take.end != "failure":
+                    err().print(drawing.stands)
+                return
+            drawing.to_start(screen.ends)
+        if number < many and not waits and not _wait_pause(settings, device, screen, staged=drawing is not None):
             return
 
 
-def _wait_pause(options: TakeOptions, device: SensorDevice, screen: MeterScreen, *, staged: bool = False) -> bool:
+def _wait_pause(settings: RecordSettings, device: SensorDevice, screen: MeterScreen, *, staged: bool) -> bool:
     """Wait for the pause; False if a key or a signal ends the session."""
-    pause = options.pause if options.pause is not None else 0.0 if device.on_demand or staged else 2.0
+    pause = settings.pause if settings.pause is not None else 0.0 if device.on_demand or staged else 2.0
     end = time.monotonic() + pause
     while (left := end - time.monotonic()) > 0:
         if screen.order() in ("quit", "kill"):
@@ -305,26 +216,22 @@ def _status(takes: list[Take], device: SensorDevice) -> int:
     return 0
 
 
-def take_rows(take: Take, device: SensorDevice) -> list[tuple[str, str]]:
-    """A take as rows, with its problems."""
+def take_rows(take: Take, device: SensorDevice, *, staged: bool = False) -> list[tuple[str, str]]:
+    """A take as rows, with its problems; with its strokes if a motion stage moved the object."""
     rows, columns = device.grid.shape
     return [
         ("recording", str(take.path)),
         ("frames", f"{take.frames} at {device.rate:.6g} Hz, {take.frames / device.rate:.3f} s"),
         ("sensor", f"{device.grid.name}, {rows} x {columns}, pitch {format_quantity(device.grid.pitch, 'm')}"),
         ("range", f"{take.lowest:.4g} to {take.highest:.4g} {device.unit}"),
-        *(
-            []
-            if take.path is None
-            else stroke_rows(open_take(take.path, streamed=True).recording.provenance, device.rate)
-        ),
+        *(stroke_rows(_provenance(take), device.rate) if staged else []),
         *take_problems(take, device.rate),
     ]
 
 
-def take_values(take: Take, device: SensorDevice) -> dict[str, object]:
+def take_values(take: Take, device: SensorDevice, *, staged: bool = False) -> dict[str, object]:
     """A take as JSON values."""
-    levels = take.levels
+    levels, strokes = take.levels, recorded_strokes(_provenance(take), device.rate) if staged else []
     return {
         "recording": str(take.path),
         "frames": take.frames,
@@ -337,7 +244,7 @@ def take_values(take: Take, device: SensorDevice) -> dict[str, object]:
         "stuck_channels": levels.stuck.nonzero()[0].tolist(),
         "rate_ppm": None if take.rate is None else take.rate.ppm,
         "clock_ppm": None if take.clock is None else take.clock.ppm,
-        **({"strokes": strokes} if (strokes := recorded_strokes(_provenance(take), device.rate)) else {}),
+        **({"strokes": strokes} if strokes else {}),
     }
 
 

@@ -1,10 +1,9 @@
 """The commands `solve` and `play`."""
 
-from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
 
 from midair.cli.comparisons import calibrated_part, with_array_calibration
 from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars
@@ -15,29 +14,20 @@ from midair.cli.options import (
     Json,
     Lead,
     PartLength,
-    Placement,
     SolveOptions,
     StartAt,
     StopInput,
-    Time,
+    options_from,
+    settings_from,
 )
 from midair.cli.output import level_of_file, level_rows, may_write, solve_error, warn_level
 from midair.cli.thermometers import air_watched
 from midair.cli.time_estimates import workload_of
-from midair.devices import (
-    ArrayDevice,
-    Cooling,
-    ExposureClearance,
-    PlayReport,
-    SilencerChoice,
-    check_exposure,
-    stop_on_input,
-)
+from midair.devices import ArrayDevice, ExposureClearance, PlayReport, check_exposure, stop_on_input
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
 from midair.files import (
     check_memory_for,
-    load_array_calibration,
     load_placement,
     load_solution,
     load_target,
@@ -46,20 +36,19 @@ from midair.files import (
 )
 from midair.headroom import level_of
 from midair.model import Acoustics, Drive, Medium
-from midair.physics import Transducers
 from midair.pipeline import Reproduction, reproduce_stream, required_lead
 from midair.rig import (
     ArrayKind,
-    VirtualRig,
-    array_named,
+    PlaySettings,
     array_of_kind,
     check_air,
     correct_air_of_file,
+    open_rig,
     play_cleared,
     rerecord,
 )
 from midair.settings import Settings
-from midair.targets import add_lead, frames_without_lead, sensor_from_provenance
+from midair.targets import add_lead, frames_without_lead
 
 
 def solve_command(
@@ -154,47 +143,23 @@ def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, 
     return [("E in other air", ", ".join(told))] if all(map(len, errors)) else []
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlayOptions(ExposureOptions):
-    """Playback options and exposure limits.
-
-    Parameters
-    ----------
-    repeats
-        Number of times to play the drive, without gaps.
-    delay
-        Time before the first frame.
-    silencer
-        How the array smooths phase steps; auto: least simulated pressure error; default: the firmware's 1 ms.
-    participant
-        Code of the person at the array for midair log export, not a name. The virtual device logs nothing.
-    """
-
-    repeats: int = 1
-    delay: Time = 0.0
-    silencer: SilencerChoice = "auto"
-    placement: Placement = None
-    participant: str = ""
-
-    def admit(self, drive: Drive, device: ArrayDevice, room: Medium | None) -> ExposureClearance:
-        """Check the exposure of a drive on this device in the air of the room."""
-        choices = self.choices(room)
-        print_check_time(drive, choices.profile, room=room)
-        return check_exposure(drive, device, choices, repeats=self.repeats)
+@options_from(
+    PlaySettings,
+    *("device", "array_calibration", "placement", "silencer", "repeats", "delay", "participant", "seed"),
+)
+class PlayOptions:
+    """Array and playback."""
 
 
 def play_command(
     source: Path,
     /,
     *,
-    device: str = "virtual",
+    options: PlayOptions | None = None,
     output: Path | None = None,
-    array_calibration: Path | None = None,
-    seed: int = 0,
     force: Force = False,
     correct_air: bool = False,
-    options: PlayOptions | None = None,
+    exposure: ExposureOptions | None = None,
     air: AirOptions | None = None,
     heat: HeatOptions | None = None,
     stop_input: StopInput = None,
@@ -208,18 +173,8 @@ def play_command(
     ----------
     source
         Drive to play, NAME.drive.h5.
-    device
-        virtual: simulated array and sensor.
-        autd3, autd3:INTERFACE: units over Ethernet. autd3:emulator: their emulator.
-        autd3-simulator, autd3-server: the makers' programs on this computer.
-        pyautd3, pyautd3:INTERFACE: older units over EtherCAT. pyautd3:audit, pyautd3:nop: no units.
-        openmpd:PORT?board=FILE.pat: an OpenMPD board (experimental).
     output
         Re-recording of the virtual device. [default: NAME.rerecorded.h5]
-    array_calibration
-        Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.
-    seed
-        Random seed of the virtual rig: transducer strengths and noise.
     correct_air
         Correct the phases for the air of the room, exactly at the centre of the control points; needs --temperature.
     air
@@ -231,48 +186,52 @@ def play_command(
     $ midair play take.drive.h5
     $ midair play take.drive.h5 --device autd3
     """
-    options, air = options or PlayOptions(), air or AirOptions()
+    air = air or AirOptions()
     room = air.medium()
-    if device != "virtual":
-        if array_calibration is not None:
-            raise InputError(
-                f"--array-calibration: expected --device virtual, got {device}; "
-                "for a real array use midair solve --array-calibration"
-            )
-        cooling = (heat or HeatOptions()).cooling()
-        with stop_on_input(stop_input):
-            return _play_on_array(source, device, options, air, cooling, correct=correct_air)
-    if stop_input is not None:
-        raise InputError("--stop-input: expected an array, got --device virtual, which is silent; leave it out")
-    target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
-    may_write(target, force)
+    settings = settings_from(
+        PlaySettings,
+        options or PlayOptions(),
+        exposure=(exposure or ExposureOptions()).choices(room),
+        acoustics=None if room is None else Acoustics(medium=room),
+        cooling=(heat or HeatOptions()).cooling(),
+    )
+    device = settings.device
+    if device == "virtual":
+        if stop_input is not None:
+            raise InputError("--stop-input: expected an array, got --device virtual, which is silent; leave it out")
+        target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
+        may_write(target, force)
+        return _play_on_virtual(source, target, settings, air, correct=correct_air)
+    if settings.array_calibration is not None:
+        raise InputError(
+            f"--array-calibration: expected --device virtual, got {device}; "
+            "for a real array use midair solve --array-calibration"
+        )
+    with stop_on_input(stop_input):
+        return _play_on_array(source, settings, air, correct=correct_air)
+
+
+def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> None:
+    """Play the drive of a file on the virtual array, save its re-recording, and print the result."""
+    room = settings.exposure.room
     drive = load_solution(source, streamed=True).drive
     level = level_rows(level_of_file(source, limits=False))
-    # The virtual sensor has the cells, height and band that the drive was solved for.
-    known, around = Settings.of(drive.provenance) or Settings(), None if room is None else Acoustics(medium=room)
-    cells, height = sensor_from_provenance(drive.provenance), known.target.grid.height
-    rig = VirtualRig(array=drive.array.nominal, cells=cells, height=height, acoustics=around, seed=seed)
-    rig = rig.hearing(known.calibration.band)
-    if array_calibration is not None:
-        measured = load_array_calibration(array_calibration)
-        measured.applied(rig.array)  # raises if it was measured on another array
-        rig = replace(rig, transducers=Transducers.measured(measured))
-    skin = rig.skin()
+    rig = open_rig(drive=drive, settings=settings)
     banner(True)
-    drive = _corrected(drive, source, room) if correct_air else drive
+    drive = _corrected(drive, source, room) if correct else drive
     _print_room_air(drive, source, room, simulated=True)
-    array = rig.array_device(skin)
-    array.silencer = options.silencer
+    known = Settings.of(drive.provenance) or Settings()
     kind = f"play and re-record {workload_of(known, drive.array.count)}"
     watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN)
-    with watched, progress_bars(kind, drive.frames) as stage, array, rig.sensor(skin) as sensor:
+    with watched, progress_bars(kind, drive.frames) as stage, rig:
+        admission = _admitted(drive, rig.array, settings)
+        sensor: Any = rig.sensor
         sensor.streamed = True
-        admission = options.admit(drive, array, room)
-        recording = rerecord(admission, array, sensor, source=source, progress=stage("play and re-record"))
+        recording = rerecord(admission, rig.array, sensor, source=source, progress=stage("play and re-record"))
     save(recording, target, calibration=sensor.calibration)
     print_rows(
         [
-            ("played", f"{drive.frames} frames at {drive.rate:g} Hz on {device}"),
+            ("played", f"{drive.frames} frames at {drive.rate:g} Hz on {settings.device}"),
             ("re-recorded", f"{target}, {recording.frames} frames at {recording.rate:g} Hz"),
             ("silencer", str(recording.provenance.steps[-1].settings["silencer"])),
             *level,
@@ -280,7 +239,12 @@ def play_command(
             ("measured in", admission.exposure.measured_in),
         ]
     )
-    return None
+
+
+def _admitted(drive: Drive, device: ArrayDevice, settings: PlaySettings) -> ExposureClearance:
+    """Check the exposure of a drive on this device, after an estimate of the time for a long one."""
+    print_check_time(drive, settings.exposure.profile, room=settings.exposure.room)
+    return check_exposure(drive, device, settings.exposure, repeats=settings.repeats)
 
 
 PLAY_AGAIN = "solve it again for this air, or play it again with --correct-air"
@@ -302,14 +266,11 @@ def _print_room_air(drive: Drive, source: Path, room: Medium | None, *, simulate
     print_note(found.said, warn=found.warns)
 
 
-def _play_on_array(
-    source: Path, device: str, options: PlayOptions, air: AirOptions, cooling: Cooling | None, *, correct: bool
-) -> None:
+def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> None:
     """Play the drive of a file on a real array or an emulator, and print the result."""
-    room = air.medium()
-    placement = None if options.placement is None else load_placement(options.placement)
-    array = array_named(device, placement, silencer=options.silencer)
-    array.cooling, array.participant = cooling, options.participant
+    room, device = settings.exposure.room, settings.device
+    rig = open_rig(settings=settings)
+    array = rig.array
     # Reserved before a long drive is read and checked: `midair stop` works, and no other program gets the units.
     with array.reserved():
         drive = load_solution(source, streamed=True).drive
@@ -320,17 +281,17 @@ def _play_on_array(
             )
             drive = load_solution(source).drive
         drive = _corrected(drive, source, room) if correct else drive
-        admission = options.admit(drive, array, room)
+        admission = _admitted(drive, array, settings)
         _print_room_air(drive, source, room)
         rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
         rows.append(("heat", admission.exposure.heat))
         print_rows([*level_rows(level_of_file(source, limits=False)), *rows])
         watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN, device=device)
-        with progress_bars() as stage, array, watched:
+        with progress_bars() as stage, rig, watched:
             # Known only after opening the device.
             banner(array.simulated)
             report = play_cleared(
-                admission, array, source=source, delay=options.delay, progress=stage("play"), room=room
+                admission, array, source=source, delay=settings.delay, progress=stage("play"), room=room
             )
     print_rows(_played_rows(report, drive, device))
 

@@ -24,6 +24,7 @@ from .provenance_json import from_plain as from_plain
 from .provenance_json import to_json as to_json
 from .provenance_json import to_plain as to_plain
 from .recording_file import HDF5 as HDF5
+from .recording_file import RecordingBuffer as RecordingBuffer
 from .recording_file import load_pressure as load_pressure
 from .recording_file import save_pressure as save_pressure
 from .recording_file import write_recording as write_recording

@@ -50,13 +50,7 @@ def save_array_calibration(calibration: ArrayCalibration, path: str | os.PathLik
 
 
 def load_array_calibration(path: str | os.PathLike[str]) -> ArrayCalibration:
-    """Read an array calibration.
-
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another type, or was written by a newer midair.
-    """
+    """Read an array calibration. Errors are those of `load_solution`."""
     with open_file(path) as file:
         check_kind(file, "array", Path(path))
         values = read_group(file, "array", Path(path))

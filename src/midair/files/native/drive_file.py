@@ -176,10 +176,7 @@ def solution_from(values: Mapping[str, Any], path: Path) -> Solution:
 def load_target(path: str | os.PathLike[str], *, streamed: bool = False) -> AmplitudeFrames | None:
     """Read the target of a drive, lazily if `streamed`; None if the file has none.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another type, or was written by a newer midair.
+    Errors are those of `load_solution`.
     """
     return target_from(read_drive(Path(path), streamed=streamed), Path(path))
 

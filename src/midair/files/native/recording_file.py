@@ -1,12 +1,13 @@
 """Recordings, `name.h5`: samples, sensor, calibration, provenance, and calibrated pressure."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from midair.errors import BrokenFileError, MismatchError
 from midair.files.file_format import Format, FormatLoss
@@ -30,7 +31,17 @@ from midair.files.native.played_group import load_played, write_played
 from midair.files.native.provenance_json import from_json
 from midair.files.native.stage_stamps import stamps_from, with_stage
 from midair.files.opened_take import ImportOptions, OpenedTake
-from midair.model import Calibration, Event, PlayedTouch, PressureFrames, Recording
+from midair.model import (
+    Calibration,
+    Event,
+    PlayedTouch,
+    PressureFrames,
+    Provenance,
+    Recording,
+    SensorGrid,
+    StageStamp,
+    Unit,
+)
 from midair.streaming import LazyFrames, block_ranges
 
 if TYPE_CHECKING:
@@ -115,6 +126,58 @@ def take_from(values: Mapping[str, Any], path: Path, gaps: Sequence[Event] = ())
     return OpenedTake(recording=recording, journal=journal, stored=True)
 
 
+class RecordingBuffer:
+    """Keeps a growing recording in memory, with the methods of `RecordingWriter`.
+
+    Parameters
+    ----------
+    rate, sensor, unit, provenance, calibration
+        As in `RecordingWriter`.
+    """
+
+    def __init__(
+        self,
+        *,
+        rate: float,
+        sensor: SensorGrid,
+        unit: Unit,
+        provenance: Provenance,
+        calibration: Calibration | None = None,
+    ) -> None:
+        self.rate, self.sensor, self.provenance, self.calibration = rate, sensor, provenance, calibration
+        self.unit: Unit = unit
+        self.frames = 0
+        self._blocks: list[np.ndarray] = []
+        self._events: list[Event] = []
+        self._stamps: list[StageStamp] = []
+
+    def append(self, block: ArrayLike) -> None:
+        """Append frames, shape (frame, row, column)."""
+        self._blocks.append(np.array(block, np.float64))
+        self.frames += len(self._blocks[-1])
+
+    def note(self, events: Iterable[Event]) -> None:
+        """Store events."""
+        self._events.extend(events)
+
+    def stamp(self, stamps: Iterable[StageStamp]) -> None:
+        """Store stage positions with times from frame 0 on."""
+        self._stamps.extend(stamps)
+
+    def take(self) -> OpenedTake:
+        """The recording so far, as it would be read from a file."""
+        journal = tuple(self._events)
+        life = with_events(self.provenance, journal, self.frames)
+        recording = Recording(
+            samples=np.concatenate(self._blocks),
+            rate=self.rate,
+            sensor=self.sensor,
+            unit=self.unit,
+            provenance=with_stage(life, self._stamps, journal, self.rate),
+        )
+        return OpenedTake(recording=recording, calibration=self.calibration, journal=journal)
+
+
 def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> None:
     """Store calibrated pressure in the file of its recording, in place of an earlier one; the file is replaced.
 
@@ -132,10 +195,7 @@ def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> Non
 def load_pressure(path: str | os.PathLike[str], *, streamed: bool = False) -> PressureFrames | None:
     """Read the calibrated pressure in a recording's file, lazily if `streamed`; None if it has none.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another type, or was written by a newer midair.
+    Errors are those of `load_solution`.
     """
     with open_file(path) as file:
         check_kind(file, "recording", Path(path))

@@ -101,16 +101,7 @@ def write_practice_recordings(
 ) -> str:
     """Write simulated recordings of a calibration: all cells at five levels, each cell alone, and one without pressure.
 
-    Parameters
-    ----------
-    folder : Path
-        Created if it does not exist.
-    kind : {"noise", "sweep"}
-        Pressure signal.
-    duration : float
-        Duration of each recording in s.
-    progress : callable, optional
-        Called with (recordings done, total recordings).
+    The folder is created if it does not exist; `kind` is the pressure signal, `duration` that of each recording in s.
 
     Returns
     -------

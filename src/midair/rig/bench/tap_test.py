@@ -33,22 +33,11 @@ class TapTest:
     """Threshold of a tap's onset, as a multiple of any channel's noise."""
 
 
-def never_skip() -> bool:
-    """Return False: no cell is skipped."""
-    return False
-
-
-def identify_by_taps(sensor: SensorDevice, test: TapTest, prompt: Prompt, skip: Skip = never_skip) -> Identity:
+def identify_by_taps(sensor: SensorDevice, test: TapTest, prompt: Prompt, skip: Skip = lambda: False) -> Identity:
     """Assign channels to cells from a tap on each cell in turn, row by row.
 
-    Parameters
-    ----------
-    sensor : SensorDevice
-        Open; it is started and stopped here.
-    prompt : callable
-        Called with each cell when it is to be tapped.
-    skip : callable
-        Polled; True skips the current cell.
+    The open sensor is started and stopped here. `prompt` is called with each cell when it is to be tapped; the cell is
+    skipped when `skip` returns True.
 
     Raises
     ------

@@ -4,7 +4,7 @@ from .budget_stages import BudgetPlan as BudgetPlan
 from .budget_stages import band_power_share as band_power_share
 from .budget_stages import error_budget as error_budget
 from .correction_loop import Loop as Loop
-from .correction_loop import run_loop as run_loop
+from .correction_loop import loop as loop
 from .drive_rerecording import DriveRerecording as DriveRerecording
 from .drive_rerecording import PlayedPair as PlayedPair
 from .drive_rerecording import aligned_pair as aligned_pair

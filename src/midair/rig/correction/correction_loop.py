@@ -1,16 +1,18 @@
 """The paper's loop (5.2): play, re-record, correct, play again, compare; optionally with iterative correction."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.correct import BeamGain, amplitude_gain, beam_drive, beam_gain, commanded_pressure, sine_amplitude
-from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exposure
+from midair.devices import check_exposure
 from midair.dsp import filter_response
 from midair.errors import InputError
 from midair.evaluate import apply_band_twice, compare
-from midair.model import Calibration, ControlGrid, PressureFrames, Progress, SensorGrid, TransducerArray
+from midair.files import OpenedTake, open_take
+from midair.model import ControlGrid, PressureFrames, Progress, SensorGrid, TransducerArray
 from midair.physics import (
     SensorModel,
     cell_weights,
@@ -19,11 +21,12 @@ from midair.physics import (
     radiation_pressure,
     transfer_matrix,
 )
-from midair.pipeline import calibrated_pressure, compensate_pressure, map_pressure
+from midair.pipeline import calibrated_pressure, compensate_pressure, map_pressure, required_lead
 from midair.rig.correction.iteration import run_iterations
-from midair.rig.correction.passes import Pass, Rig, Stage, no_progress, play_pass
-from midair.rig.playing import default_exposure, rerecord
-from midair.settings import Settings
+from midair.rig.correction.passes import Pass, Stage, no_progress, play_pass
+from midair.rig.opening import OpenRig, open_rig
+from midair.rig.playing import rerecord
+from midair.settings import MODES, Mode, Settings
 from midair.targets import add_lead, remove_lead
 
 Array = NDArray[np.float64]
@@ -148,16 +151,7 @@ class Loop:
 
 
 def beam_test(
-    array: ArrayDevice,
-    sensor: SensorDevice,
-    calibration: Calibration | None,
-    settings: Settings,
-    *,
-    top: float = 100.0,
-    levels: int = 6,
-    exposure: ExposureChoices | None = None,
-    transducers: TransducerArray | None = None,
-    progress: Progress | None = None,
+    rig: OpenRig, settings: Settings, *, top: float = 100.0, levels: int = 6, progress: Progress | None = None
 ) -> BeamTest:
     """Measure the gain of the beam with a beating focus at several levels, on the channel nearest to the centre.
 
@@ -166,7 +160,7 @@ def beam_test(
     pressure.
     """
     frequency, cycles = _beat(settings)
-    transducers = transducers or array.array
+    sensor, transducers = rig.listening(), rig.transducers
     channel = (sensor.grid.rows - 1) // 2 * sensor.grid.columns + (sensor.grid.columns - 1) // 2
     point = np.array([*sensor.grid.channel_position(channel), settings.target.grid.height])
     point[:2] += settings.target.grid.centre
@@ -181,8 +175,9 @@ def beam_test(
         rate=settings.target.rate,
         acoustics=settings.acoustics,
     )
-    admission = check_exposure(drive, array, exposure or default_exposure())
-    heard = calibrated_pressure(rerecord(admission, array, sensor, progress=progress), calibration, settings)
+    admission = check_exposure(drive, rig.array, rig.exposure)
+    recording = rerecord(admission, rig.array, sensor, progress=progress)
+    heard = calibrated_pressure(recording, sensor.calibration, settings)
     signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
     measured = sine_amplitude(signal, heard.rate, frequency=frequency, parts=levels)
     # Half peak to peak, as in `sine_amplitude`, of the cell's reading: a cell is wider than the focus.
@@ -191,20 +186,17 @@ def beam_test(
     return BeamTest(channel=channel, commanded=commanded, measured=measured, line=beam_gain(commanded, measured))
 
 
-def run_loop(
-    original: PressureFrames,
-    array: ArrayDevice,
-    sensor: SensorDevice,
-    settings: Settings,
+def loop(
+    original: OpenedTake | PressureFrames | str | Path,
+    settings: Settings | Mode = "paper",
+    rig: OpenRig | str = "virtual",
     *,
     corrections: int = 1,
     iterate: int = 0,
-    exposure: ExposureChoices | None = None,
-    lead: float = 0.0,
-    measured: TransducerArray | None = None,
+    lead: float | None = None,
     stage: Stage = no_progress,
 ) -> Loop:
-    """Run the paper's loop on an open array and sensor.
+    """Run the paper's loop (5.2): solve, play, re-record, correct, play again, compare; optionally iterate.
 
     The first pass is corrected by the beam's gain and by the model's expected gain of the cells; each further pass
     multiplies the pressure by the amplitude error of the pass before. Then follow passes that correct the waveform, see
@@ -212,48 +204,64 @@ def run_loop(
 
     Parameters
     ----------
-    original : PressureFrames
-        Pressure in the settings' band and at their rate (`pipeline.calibrated_pressure`).
-    array, sensor, exposure, lead, measured
-        As in `Rig`.
-    settings : Settings
-        Settings of every stage.
+    original : OpenedTake, PressureFrames or path
+        A recording with its calibration; or its pressure, in the settings' band and at their rate.
+    settings : Settings or {"paper", "best", "quick", "finest"}
+        Settings of every stage, or the name of a mode.
+    rig : OpenRig or str
+        An entered rig with a sensor, or the name of an array that is opened for this call.
     corrections : int
         Passes after the first that correct the amplitude; the paper has one.
     iterate : int
         Maximum number of passes after those that correct the waveform.
+    lead : float, optional
+        Silence in s around the original, in which a bias can rise; the mapping's own value if None.
     stage : callable
         Called with the name of each stage at its start; returns its progress callback.
+
+    Raises
+    ------
+    InputError
+        If the rig has no sensor, or the sensor has no calibration.
+    ExposureError
+        If a drive exceeds the profile without an override.
     """
+    chosen = MODES[settings]() if isinstance(settings, str) else settings
+    if isinstance(original, str | Path):
+        original = open_take(original)
+    if isinstance(original, OpenedTake):
+        original = calibrated_pressure(original.recording, original.calibration, chosen)
+    if isinstance(rig, str):
+        height, band = chosen.target.grid.height, chosen.calibration.band
+        with open_rig(rig, height=height, cells=original.sensor, band=band) as opened:
+            return loop(original, chosen, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
     if corrections < 0 or iterate < 0:
         raise InputError(
             f"corrections: expected 0 or more amplitude and waveform corrections, got {corrections} and {iterate}"
         )
-    if settings.target.strength is not None:
+    if chosen.target.strength is not None:
         raise InputError(
             "strength: expected none in a loop, which finds the level itself, got "
-            f"{settings.target.strength:g}; leave it out"
+            f"{chosen.target.strength:g}; leave it out"
         )
-    chosen = exposure or default_exposure()
-    rig = Rig(array=array, sensor=sensor, exposure=chosen, lead=lead, measured=measured)
-    progress = stage("beam test")
-    beam = beam_test(
-        array, sensor, sensor.calibration, settings, exposure=chosen, transducers=measured, progress=progress
-    )
+    lead = required_lead(chosen) if lead is None else lead
+    if not 0 <= lead < 10:
+        raise InputError(f"lead: expected 0 to 10 s, got {lead:g} s")
+    beam = beam_test(rig, chosen, progress=stage("beam test"))
     asked = add_lead(original, lead)
     # The model's expected gain of this recording, and the measured gain of the beam relative to the model.
-    expected = expected_gain(original, asked, settings)
-    gain = settings.target.gain * amplitude_gain(expected, limit=MOST) * amplitude_gain(beam.line.gain)
+    expected = expected_gain(original, asked, chosen)
+    gain = chosen.target.gain * amplitude_gain(expected, limit=MOST) * amplitude_gain(beam.line.gain)
     reference = remove_lead(apply_band_twice(asked), original.frames)
     passes: list[Pass] = []
     for number in range(corrections + 1):
         if passes:
             # Relative to the gain so far, with which the pass before was played.
             gain *= amplitude_gain(passes[-1].comparison.gain)
-        passes.append(play_pass(reference, asked, rig, settings.but(gain=gain), f"pass {number + 1}", stage))
-    further = run_iterations(reference, passes[-1], rig, settings, iterate, stage=stage)
+        passes.append(play_pass(reference, asked, rig, chosen.but(gain=gain), f"pass {number + 1}", stage))
+    further = run_iterations(reference, passes[-1], rig, chosen, iterate, stage=stage)
     return Loop(
-        settings=settings,
+        settings=chosen,
         original=original,
         reference=reference,
         beam=beam,

@@ -45,22 +45,8 @@ def palm_of_drive(
 ) -> PalmFidelity:
     """Play a drive to a simulated palm, and compare with the target pressure within the sensor's square.
 
-    Parameters
-    ----------
-    asked : PressureFrames
-        Target pressure on the cells, from the drive's first frame.
-    palm : Palm
-        Outline of the skin.
-    chain : PlaybackChain
-        Playback chain from drive to sound.
-    rig : VirtualRig
-        Array, sensor and air.
-    judged : tuple of float, optional
-        (start, duration) of the compared part in s; all if None.
-    band : tuple of float
-        (low, high) of the compared band in Hz.
-    progress : callable, optional
-        Called with (frames done, total frames).
+    `asked` is the target pressure on the cells, from the drive's first frame; `judged` the (start, duration) of the
+    compared part in s, all if None; `band` the compared (low, high) in Hz.
     """
     wanted, pressure = _palm_pressure(asked, drive, palm, chain, rig, progress)
     rates, square = (asked.rate, rig.skin().rate), _square(asked.sensor)
@@ -149,20 +135,10 @@ def rerecord_drive(
     band: tuple[float, float] = BAND,
     stage: Stage = no_progress,
 ) -> DriveRerecording:
-    """Play a drive on the virtual rig to its sensor and to a whole palm.
+    """Play a drive on the virtual rig, whose sensor has the original's cells, and to a whole palm (a disc of 85 mm).
 
-    Parameters
-    ----------
-    original, asked : PressureFrames
-        Pressure that the drive reproduces, and the same with the lead of the solve.
-    rig : VirtualRig
-        Array, sensor and air; the sensor has the original's cells.
-    palm : Palm, optional
-        A disc of 85 mm if None.
-    band : tuple of float
-        (low, high) of the compared band in Hz.
-    stage : callable, optional
-        Called with the name of each stage at its start; returns its progress callback.
+    `original` is the pressure that the drive reproduces, `asked` the same with the lead of the solve; the compared
+    `band` is (low, high) in Hz.
     """
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:

@@ -15,7 +15,8 @@ from midair.evaluate import advance
 from midair.model import PressureFrames
 from midair.physics import SensorModel, cell_weights, focus_amplitude, radiation_pressure
 from midair.pipeline import Reproduction
-from midair.rig.correction.passes import Pass, Rig, Stage, no_progress, play_made, play_pass
+from midair.rig.correction.passes import Pass, Stage, no_progress, play_made, play_pass
+from midair.rig.opening import OpenRig
 from midair.settings import Settings
 from midair.targets import precompensate
 
@@ -37,7 +38,7 @@ class IterationResult:
 def run_iterations(
     original: PressureFrames,
     start: Pass,
-    rig: Rig,
+    rig: OpenRig,
     settings: Settings,
     times: int,
     *,
@@ -111,7 +112,7 @@ def _missing_pressure(original: PressureFrames, best: Pass, delay: float) -> Arr
 def _next_target(
     original: PressureFrames,
     best: Pass,
-    rig: Rig,
+    rig: OpenRig,
     settings: Settings,
     correction: IterativeCorrection,
     step: float,

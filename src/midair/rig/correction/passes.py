@@ -1,43 +1,18 @@
 """One pass of the loop: solve, play, re-record, compare."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exposure
-from midair.errors import InputError
+from midair.devices import check_exposure
 from midair.evaluate import Comparison, compare, find_delay
-from midair.model import PressureFrames, Progress, Recording, TransducerArray
+from midair.model import PressureFrames, Progress, Recording
 from midair.pipeline import Reproduction, calibrated_pressure, reproduce, resample_pressure
-from midair.rig.playing import default_exposure, rerecord
+from midair.rig.opening import OpenRig
+from midair.rig.playing import rerecord
 from midair.settings import Settings
 
 Stage = Callable[[str], Progress | None]
 """Called with the name of a stage at its start; returns the stage's progress callback or None."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rig:
-    """Devices and limits of a loop."""
-
-    array: ArrayDevice
-    """Open."""
-    sensor: SensorDevice
-    """Open, with its own calibration; it lies at the settings' control grid."""
-    exposure: ExposureChoices = field(default_factory=default_exposure)
-    """Exposure limits of every drive on an array that emits sound."""
-    lead: float = 0.0
-    """Fade-in before and fade-out after the original, in s, so that a bias has time to rise."""
-    measured: TransducerArray | None = None
-    """Measured transducers of the array, used by the solver; the model's if None."""
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.lead < 10:
-            raise InputError(f"lead: expected 0 to 10 s, got {self.lead:g} s")
-
-    @property
-    def transducers(self) -> TransducerArray:
-        """Transducers that the solver uses."""
-        return self.measured or self.array.array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,7 +47,7 @@ def no_progress(_: str) -> Progress | None:
 def play_pass(
     original: PressureFrames,
     asked: PressureFrames,
-    rig: Rig,
+    rig: OpenRig,
     settings: Settings,
     name: str,
     stage: Stage,
@@ -88,7 +63,7 @@ def play_made(
     original: PressureFrames,
     asked: PressureFrames,
     made: Reproduction,
-    rig: Rig,
+    rig: OpenRig,
     settings: Settings,
     name: str,
     stage: Stage,
@@ -98,11 +73,12 @@ def play_made(
     """Do the same with an existing reproduction."""
     progress = stage(f"play and re-record, {name}")
     admission = check_exposure(made.solution.drive, rig.array, rig.exposure)
-    rerecorded = rerecord(admission, rig.array, rig.sensor, progress=progress)
+    sensor = rig.listening()
+    rerecorded = rerecord(admission, rig.array, sensor, progress=progress)
     # A simulated sensor records the drive's first frame at time 0, and was at rest before.
-    virtual = rig.sensor.simulated
+    virtual = sensor.simulated
     heard = resample_pressure(
-        calibrated_pressure(rerecorded, rig.sensor.calibration, settings, from_rest=virtual), original.rate
+        calibrated_pressure(rerecorded, sensor.calibration, settings, from_rest=virtual), original.rate
     )
     if not virtual:
         heard = _cut_to_first_frame(heard, asked)

@@ -1,8 +1,8 @@
 """Settings of live touch: the source of the keywords of `live`, the options of the command and the studio's form."""
 
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from midair.errors import InputError
 from midair.files import load_calibration, load_placement, load_sensor
 from midair.model import BAND, HEIGHT, HEIGHTS, Acoustics, Calibration, ControlGrid, Medium, Placement, SensorWiring
 from midair.rig.playing import default_exposure
-from midair.validation import check_settings, documented, setting
+from midair.validation import Declared, check_settings, documented, setting
 
 LiveMapping = Literal["half-wave", "constant-offset", "slow-bias"]
 """Mappings that live touch supports."""
@@ -19,7 +19,7 @@ LiveMapping = Literal["half-wave", "constant-offset", "slow-bias"]
 
 @documented
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LiveSettings:
+class LiveSettings(Declared):
     """Settings of a run of live touch, in SI units.
 
     Raises
@@ -130,16 +130,6 @@ class LiveSettings:
                     "--new-key FILE"
                 )
             host_and_port(self.listen, "--listen")
-
-    def but(self, **changes: Any) -> Self:
-        """Return the settings with other values; None stands for the default, and a path for the file's content."""
-        for one in fields(self):
-            value = changes.get(one.name, one)
-            if value is None:
-                changes[one.name] = one.default if one.default_factory is MISSING else one.default_factory()
-            elif isinstance(value, str | Path) and "load" in one.metadata:
-                changes[one.name] = one.metadata["load"](Path(value))
-        return replace(self, **changes)
 
     @property
     def source(self) -> str:

@@ -53,8 +53,6 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
         ``board=`` a board can be silenced, but not played on. ``virtual`` is made by `VirtualRig` instead.
     placement : Placement, optional
         Placement of the units; two by two if None. Boards of openmpd have a fixed placement.
-    silencer : {"auto", "off", "quarter", "half", "default"}
-        How phase steps are spread.
 
     Raises
     ------

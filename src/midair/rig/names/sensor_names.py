@@ -76,13 +76,8 @@ def sensor_named(
     Parameters
     ----------
     name : str
-        ``virtual:OBJECT``, with OBJECT one of brush, sponge, towel (+groove for the grooved surface) or one of am-i,
-        am-ii, am-iii, the modulated foci of section 5.2; or ``replay:FILE``; or a live sensor:
+        ``virtual:OBJECT``, an object of `VirtualRig.touched_by` for `duration` s; or ``replay:FILE``; or a live sensor:
         ``lsl:NAME``, ``audio:DEVICE``, ``serial:PORT``, ``ni:CHANNELS``.
-    rig : VirtualRig
-        Rig of the virtual names.
-    duration : float, optional
-        Duration of a virtual touch in s.
     wiring : SensorWiring, optional
         Assignment of channels to cells, from a sensor file; cells of a virtual or replayed sensor count as channels.
 

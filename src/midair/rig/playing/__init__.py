@@ -7,6 +7,7 @@ from .air_check import check_air as check_air
 from .air_check import correct_air_of_file as correct_air_of_file
 from .air_watch import DRIFT as DRIFT
 from .air_watch import watch_air as watch_air
-from .cleared_play import play_cleared as play_cleared
-from .rerecording import default_exposure as default_exposure
+from .play_settings import PlaySettings as PlaySettings
+from .play_settings import default_exposure as default_exposure
+from .rerecording import play_cleared as play_cleared
 from .rerecording import rerecord as rerecord

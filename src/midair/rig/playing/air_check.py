@@ -32,18 +32,10 @@ def check_air(
     simulated: bool = False,
     frames: int = 64,
 ) -> AirCheck:
-    """Describe the effect of the room's air on a drive.
+    """Describe the effect of the room's air (None if unknown) on a drive; a virtual array plays in the drive's own air.
 
-    Parameters
-    ----------
-    room : Medium or None
-        Air of the room; None if unknown.
-    target : callable
-        Returns the target of the drive, or None if unknown; called only if needed.
-    simulated : bool
-        Whether the array is virtual: it plays in the drive's own air unless another is given.
-    frames : int
-        Number of frames, evenly spaced, for which E is computed.
+    `target` returns the target of the drive, or None, and is called only if E is needed; `frames` is the number of
+    evenly spaced frames of which E is computed.
     """
     own = drive.acoustics.medium
     if room is None:

@@ -24,22 +24,9 @@ def watch_air(
 ) -> Generator[None]:
     """While inside, read the thermometer and warn once if it differs by 1 degree or more from the solved air.
 
-    A thermometer that cannot be read any more is reported once; playing continues.
-
-    Parameters
-    ----------
-    thermometer : Thermometer or None
-        Closed at the end; without one nothing happens.
-    solved : Medium
-        Air that the phases were solved or corrected for.
-    warn : callable
-        Called with one line, from another thread.
-    advice : str
-        Action for the end of the line.
-    device : str
-        Array for the play log; "" if the play is not logged.
-    every : float
-        Interval in s.
+    A thermometer that cannot be read any more is reported once; playing continues. `warn` is called from another thread
+    with a line that ends in the `advice`; `device` is the array in the play log, "" if the play is not logged; `every`
+    is the interval in s. The thermometer is closed at the end.
     """
     if thermometer is None:
         yield

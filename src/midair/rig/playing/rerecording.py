@@ -1,18 +1,30 @@
-"""Play a cleared drive and re-record it."""
+"""Play a cleared drive, and re-record it."""
 
 import time
 from pathlib import Path
 
-from midair.devices import ArrayDevice, ExposureChoices, ExposureClearance, SensorDevice, read_frames
+from midair.devices import ArrayDevice, ExposureClearance, PlayReport, SensorDevice, read_frames
 from midair.errors import MismatchError
-from midair.files import DEFAULT_PROFILE, profile_named
-from midair.model import Progress, Provenance, Recording
-from midair.rig.playing.cleared_play import play_cleared
+from midair.model import Medium, Progress, Provenance, Recording
+from midair.rig.signals import signals_end_the_program
 
 
-def default_exposure() -> ExposureChoices:
-    """Default exposure limits: the default profile without override."""
-    return ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
+def play_cleared(
+    admission: ExposureClearance,
+    array: ArrayDevice,
+    *,
+    source: str | Path,
+    delay: float = 0.0,
+    progress: Progress | None = None,
+    room: Medium | None = None,
+) -> PlayReport:
+    """Play a cleared drive on an open array.
+
+    SIGTERM and SIGHUP end the program as Ctrl-C does, which silences the array. Playing is logged, and `midair stop`
+    reaches it on every array. The arguments are those of `ArrayDevice.play`.
+    """
+    with signals_end_the_program():
+        return array.play(admission, source=source, delay=delay, progress=progress, watched=True, room=room)
 
 
 def rerecord(
@@ -29,18 +41,8 @@ def rerecord(
     A simulated sensor records the first frame at time 0. A real array starts with a delay, so the recording holds
     everything since the start of playing: `evaluate.find_delay` finds where the drive begins.
 
-    Parameters
-    ----------
-    admission : ExposureClearance
-        Result of `check_exposure` for this array.
-    array, sensor : ArrayDevice, SensorDevice
-        Open. The sensor must buffer its samples until they are read.
-    source : str or Path
-        Name of the drive in the log; a file is hashed there.
-    tail : float
-        Additional recording time in s, so that a delay cuts nothing off.
-    progress : callable, optional
-        Called with (frames played, total frames).
+    The sensor must buffer its samples until they are read; `tail` is the recording time in s after the last frame, so
+    that a delay cuts nothing off. `source` is the name of the drive in the log; a file is hashed there.
 
     Raises
     ------

@@ -1,10 +1,10 @@
 """Record takes of a sensor, with meters and triggers while they run."""
 
-from .capture import capture_recording as capture_recording
 from .clocks import Drift as Drift
 from .event_messages import event_message as event_message
 from .event_messages import take_problems as take_problems
 from .meters import Levels as Levels
+from .record_settings import RecordSettings as RecordSettings
 from .stage_stroke import StageStroke as StageStroke
 from .stage_stroke import move_to_start as move_to_start
 from .take import record_take as record_take
@@ -12,8 +12,8 @@ from .take_names import Subject as Subject
 from .take_names import last_subject as last_subject
 from .take_names import store_subject as store_subject
 from .take_names import take_path as take_path
-from .take_plan import Companion as Companion
-from .take_plan import Take as Take
-from .take_plan import TakeOrder as TakeOrder
-from .take_plan import TakePlan as TakePlan
-from .take_plan import View as View
+from .take_state import Companion as Companion
+from .take_state import Take as Take
+from .take_state import TakeOrder as TakeOrder
+from .take_state import View as View
+from .take_state import Watcher as Watcher

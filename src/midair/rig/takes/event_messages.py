@@ -2,7 +2,7 @@
 
 from midair.model import Event, SensorGrid
 from midair.rig.takes.clocks import Drift
-from midair.rig.takes.take_plan import Take
+from midair.rig.takes.take_state import Take
 
 
 def event_message(event: Event, rate: float, grid: SensorGrid, drift: Drift | None = None) -> str:

@@ -7,22 +7,13 @@ from collections.abc import Callable
 from midair.devices import StageDevice
 from midair.errors import MidairError
 from midair.model import Place, StageSetup, StageStamp
-from midair.rig.takes.take_plan import CompanionReport
+from midair.rig.takes.take_state import CompanionReport
 
 
 class StageStroke:
-    """Companion of a take that strokes an object over the sensor once.
+    """Companion of a take that strokes an object over the sensor once; length in m, speed in m/s.
 
-    Parameters
-    ----------
-    stage : StageDevice
-        Open, at rest above the start of the stroke.
-    setup : StageSetup
-        Positions and speeds of the stroke.
-    stroke, speed : float
-        Length in m and speed in m/s.
-    stopped : callable
-        Polled; True stops the stage.
+    The stage is open, at rest above the start of the stroke; it stops when `stopped` returns True.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Record one take: wait for a key or a touch, write the frames as they arrive, report problems, and continue.
+"""Record one take: wait for a key or a touch, keep the frames as they arrive, report problems, and continue.
 
 A lost frame is replaced by the last good one, so that frame i stays at i / rate; the event is reported and stored. A
 take fails only without any frame. If the sensor is lost or the disk is full, the frames so far are kept.
@@ -6,20 +6,23 @@ take fails only without any frame. If the sensor is lost or the disk is full, th
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.devices import FrameBlock, GapFiller, SensorDevice
-from midair.errors import DeviceError, FileError, InputError
-from midair.files import RecordingWriter
+from midair.errors import DeviceError, FileError, InputError, MidairError
+from midair.files import RecordingBuffer, RecordingWriter
 from midair.model import Event, EventKind, Provenance, Setting
 from midair.rig.takes.clocks import ClockWatch, Drift
 from midair.rig.takes.meters import Meters
-from midair.rig.takes.take_plan import Companion, EndReason, Take, TakeOrder, TakePlan, View, Watcher
+from midair.rig.takes.record_settings import RecordSettings
+from midair.rig.takes.take_state import Companion, EndReason, Take, TakeOrder, View, Watcher
 from midair.rig.takes.trigger import PreRoll, Trigger
 
 Array = NDArray[np.float64]
@@ -27,11 +30,41 @@ DRIFT_TOLD = 200.0
 """Drift in ppm above which an event is reported; quartz clocks differ by about 100 ppm at most."""
 
 
-def record_take(sensor: SensorDevice, plan: TakePlan, watcher: Watcher, companion: Companion | None = None) -> Take:
+INTERVAL = 0.1
+"""Longest time in s before a frame is flushed; with the time of a block and of a write it stays below a quarter of a
+second, the most that is lost when the program is killed."""
+
+
+def record_take(
+    sensor: SensorDevice,
+    settings: RecordSettings,
+    watcher: Watcher,
+    companion: Companion | None = None,
+    *,
+    path: Path | None = None,
+    notes: Mapping[str, str] | None = None,
+    about: Mapping[str, Setting] | None = None,
+    key: bool = False,
+    block: float = 0.05,
+) -> Take:
     """Record one take with an open sensor, which is started and stopped here.
 
-    A companion begins with the first frame. The take ends with the companion; if it ends earlier, the companion is
-    stopped.
+    It begins with a touch if the settings have a level, at a command if `key`, and else at once.
+
+    Parameters
+    ----------
+    settings : RecordSettings
+        Duration, trigger level, pre-roll and post-roll; the others concern the sensor, or several takes.
+    companion : Companion, optional
+        Begins with the first frame. The take ends with it; if the take ends earlier, the companion is stopped.
+    path : Path, optional
+        New file, written during the recording, so that the frames survive a crash; in memory if None.
+    about : mapping, optional
+        Further settings of the step "record" in the provenance, such as the number of the take.
+    key : bool
+        Whether to wait for the command "toggle" of the watcher.
+    block : float
+        Duration of one read in s.
 
     Raises
     ------
@@ -40,14 +73,19 @@ def record_take(sensor: SensorDevice, plan: TakePlan, watcher: Watcher, companio
     DeviceError
         If the sensor gives no frames, or is lost before the first frame.
     """
-    if plan.duration is not None and round(plan.duration * sensor.rate) < 1:
-        raise InputError(f"duration: expected at least one frame of {1e3 / sensor.rate:g} ms, got {plan.duration:g} s")
-    # Before the sensor starts, since frames would queue up while HDF5 is loaded.
-    RecordingWriter.warm_up()
+    if settings.duration is not None and round(settings.duration * sensor.rate) < 1:
+        shortest = 1e3 / sensor.rate
+        raise InputError(f"duration: expected at least one frame of {shortest:g} ms, got {settings.duration:g} s")
+    if path is not None:
+        # Before the sensor starts, since frames would queue up while HDF5 is loaded.
+        RecordingWriter.warm_up()
     sensor.start()
     try:
         with ExitStack() as stack:
-            return _TakeRun(sensor, plan, watcher, stack, companion).run()
+            start = "touch" if settings.level is not None else "key" if key else "at once"
+            provenance = Provenance(source=sensor.name, simulated=sensor.simulated, notes=notes or {})
+            run = _TakeRun(sensor, settings, watcher, companion, stack, path, start, provenance, about or {})
+            return run.run(max(1, round(block * sensor.rate)))
     finally:
         if companion is not None:
             companion.end()
@@ -60,19 +98,24 @@ class _TakeRun:
     def __init__(
         self,
         sensor: SensorDevice,
-        plan: TakePlan,
+        settings: RecordSettings,
         watcher: Watcher,
+        companion: Companion | None,
         stack: ExitStack,
-        companion: Companion | None = None,
+        path: Path | None,
+        start: Literal["at once", "key", "touch"],
+        provenance: Provenance,
+        about: Mapping[str, Setting],
     ) -> None:
-        self._sensor, self._plan, self._watcher, self._stack = sensor, plan, watcher, stack
-        self._companion = companion
+        self._sensor, self._settings, self._watcher, self._stack = sensor, settings, watcher, stack
+        self._companion, self._path, self._start = companion, path, start
+        self._provenance, self._about = provenance, about
         self._gap_filler = GapFiller(sensor.name, sensor.rate)
         self._meters = Meters(sensor.grid.count, sensor.rate, full_scale=sensor.full_scale)
         self._rate, self._clock = ClockWatch(), ClockWatch()
-        self._trigger = None if plan.level is None else Trigger(plan.level, sensor.rate)
-        self._before = PreRoll(round(plan.pre_roll * sensor.rate))
-        self._writer: RecordingWriter | None = None
+        self._trigger = None if settings.level is None else Trigger(settings.level, sensor.rate)
+        self._before = PreRoll(round(settings.pre_roll * sensor.rate))
+        self._writer: RecordingWriter | RecordingBuffer | None = None
         # Bounded, since a take may wait for a touch for hours.
         self._early: deque[Event] = deque(maxlen=1000)
         self._reported: set[EventKind] = set()
@@ -84,35 +127,42 @@ class _TakeRun:
         self._quiet = 0
         self._range = np.inf, -np.inf
 
-    def run(self) -> Take:
-        """Run until the take ends."""
+    def run(self, frames: int) -> Take:
+        """Read blocks of `frames` frames until the take ends."""
         end: EndReason | None = None
-        problem = ""
+        error: MidairError | None = None
         while end is None:
             try:
-                end = self._step()
+                end = self._step(frames)
             except (DeviceError, FileError) as wrong:
                 if self._frames == 0:
                     raise
-                end, problem = "failure", str(wrong)
+                end, error = "failure", wrong
         if end == "source" and self._frames == 0 and self._gap_filler.frames == 0:
             raise DeviceError(f"{self._sensor.name}: expected frames, got none; is it connected and switched on?")
-        return self._close(end, problem or self._stop_companion())
+        if self._companion is not None and error is None:
+            # Its positions until now belong to the take.
+            self._companion.end()
+            try:
+                self._accompany(self._companion)
+            except (DeviceError, FileError) as wrong:
+                error = wrong
+        return self._close(end, error)
 
     @property
     def _frames(self) -> int:
         return 0 if self._writer is None else self._writer.frames
 
-    def _step(self) -> EndReason | None:
+    def _step(self, frames: int) -> EndReason | None:
         """Read and process a block; return the reason if the take has ended."""
         if (order := self._watcher.order()) in ("quit", "kill"):
             return order
-        if self._writer is None and self._plan.start == "key" and self._sensor.on_demand and order is None:
+        if self._writer is None and self._start == "key" and self._sensor.on_demand and order is None:
             # Reading would consume an on-demand source before a key is pressed.
-            time.sleep(self._plan.block)
+            time.sleep(frames / self._sensor.rate)
             self._show()
             return None
-        block = self._sensor.read(max(1, round(self._plan.block * self._sensor.rate)))
+        block = self._sensor.read(frames)
         if not len(block.samples):
             if self._companion is not None:
                 raise DeviceError(
@@ -123,13 +173,13 @@ class _TakeRun:
         self._zero = min(self._zero, block.host_time - block.first / self._sensor.rate)
         end = self._keep(samples, order) if self._writer is not None else self._wait(samples, order)
         self._show()
-        return end or self._accompany()
+        return end or (None if self._companion is None else self._accompany(self._companion))
 
-    def _accompany(self) -> EndReason | None:
+    def _accompany(self, companion: Companion) -> EndReason | None:
         """Store the companion's report; return the reason if it ended the take."""
-        if self._companion is None or self._writer is None:
+        if self._writer is None:
             return None
-        news = self._companion.news()
+        news = companion.news()
         begin = self._zero + self._origin / self._sensor.rate
         self._writer.stamp([replace(stamp, time=stamp.time - begin) for stamp in news.stamps])
         for first, last in news.strokes:
@@ -141,17 +191,6 @@ class _TakeRun:
         self._latest = max([self._latest, *(stamp.time - begin for stamp in news.stamps)])
         # Frames arrive with a delay: those of its last moment still belong to the take.
         return "companion" if news.over and self._frames >= self._latest * self._sensor.rate else None
-
-    def _stop_companion(self) -> str:
-        """Stop the companion after any other end and store its report; return the problem, if any."""
-        if self._companion is None:
-            return ""
-        self._companion.end()
-        try:
-            self._accompany()
-        except (DeviceError, FileError) as wrong:
-            return str(wrong)
-        return ""
 
     def _receive(self, block: FrameBlock) -> Array:
         """Fill the gaps of a block, and report its events."""
@@ -170,10 +209,10 @@ class _TakeRun:
     def _wait(self, samples: Array, order: TakeOrder | None) -> EndReason | None:
         """Begin if the start condition is met, else buffer the frames for the pre-roll."""
         past = np.zeros(len(samples), bool) if self._trigger is None else self._trigger.exceeded(samples)
-        if self._plan.start == "touch" and order is None:
+        if self._start == "touch" and order is None:
             begin = int(past.argmax()) if past.any() else None
         else:
-            begin = 0 if self._plan.start == "at once" or order == "toggle" else None
+            begin = 0 if self._start == "at once" or order == "toggle" else None
         if begin is None:
             self._before.add(samples)
             return None
@@ -187,46 +226,43 @@ class _TakeRun:
         return self._keep(samples[begin:], None, past[begin:])
 
     def _open(self, origin: int, kept: int) -> None:
-        """Create the file, whose frame 0 is frame `origin` of the sensor."""
-        sensor, plan = self._sensor, self._plan
-        settings: dict[str, Setting] = dict(plan.settings)
-        if plan.start != "at once":
-            settings |= {"start": plan.start, "pre_roll_s": kept / sensor.rate}
-        if plan.level is not None:
-            settings |= {"level": plan.level}
-        life = Provenance(source=sensor.name, simulated=sensor.simulated, notes=plan.notes)
-        if plan.duration is not None:
-            self._wanted = kept + round(plan.duration * sensor.rate)
-        self._writer = RecordingWriter(
-            plan.path,
-            rate=sensor.rate,
-            sensor=sensor.grid,
-            unit=sensor.unit,
-            provenance=life.then("record", settings) if settings else life,
-            calibration=sensor.calibration,
-            interval=plan.interval,
-            expected=0 if self._wanted is None else self._wanted,
-            staged=self._companion is not None,
-            stored=sensor.stored,
-        )
-        self._stack.enter_context(self._writer)
+        """Begin the recording, whose frame 0 is frame `origin` of the sensor."""
+        sensor, chosen = self._sensor, self._settings
+        settings: dict[str, Setting] = dict(self._about)
+        if self._start != "at once":
+            settings |= {"start": self._start, "pre_roll_s": kept / sensor.rate}
+        if chosen.level is not None:
+            settings |= {"level": chosen.level}
+        if chosen.duration is not None:
+            self._wanted = kept + round(chosen.duration * sensor.rate)
+        made: dict[str, Any] = {
+            "rate": sensor.rate,
+            "sensor": sensor.grid,
+            "unit": sensor.unit,
+            "provenance": self._provenance.then("record", settings) if settings else self._provenance,
+            "calibration": sensor.calibration,
+        }
+        if self._path is None:
+            self._writer = RecordingBuffer(**made)
+        else:
+            expected, staged = self._wanted or 0, self._companion is not None
+            writer = RecordingWriter(
+                self._path, interval=INTERVAL, expected=expected, staged=staged, stored=sensor.stored, **made
+            )
+            self._writer = self._stack.enter_context(writer)
         self._origin = origin
         if self._companion is not None:
             self._companion.begin()
-        self._store_early()
-        if plan.start == "touch":
-            self._report([Event(kind="trigger", frame=origin + kept)])
-
-    def _store_early(self) -> None:
-        """Store earlier events that concern the file's frames."""
-        levels, origin = self._meters.levels, self._origin
-        still = levels.dead | levels.stuck
+        # Earlier events that concern the recorded frames.
+        still = self._meters.levels.dead | self._meters.levels.stuck
         for event in self._early:
             if event.kind in ("dead", "stuck"):
                 self._store([replace(event, frame=max(event.frame, origin))] if still[event.channel] else [])
             elif (after := event.frame + event.frames - origin) > 0:
                 self._store([replace(event, frame=max(event.frame, origin), frames=min(event.frames, after))])
         self._early.clear()
+        if self._start == "touch":
+            self._report([Event(kind="trigger", frame=origin + kept)])
 
     def _keep(self, samples: Array, order: TakeOrder | None, past: NDArray[np.bool_] | None = None) -> EndReason | None:
         """Write frames; return the reason if the take has ended."""
@@ -237,11 +273,12 @@ class _TakeRun:
             return "duration"
         if order == "toggle":
             return "toggle"
-        if self._trigger is None or self._plan.post_roll is None:
+        post_roll = self._settings.post_roll if self._wanted is None else None
+        if self._trigger is None or post_roll is None:
             return None
         past = self._trigger.exceeded(samples) if past is None else past
         self._quiet = int(past[::-1].argmax()) if past.any() else self._quiet + len(past)
-        return "quiet" if self._quiet >= self._plan.post_roll * self._sensor.rate else None
+        return "quiet" if self._quiet >= post_roll * self._sensor.rate else None
 
     def _write(self, samples: Array) -> None:
         if self._writer is not None and len(samples):
@@ -286,18 +323,19 @@ class _TakeRun:
             )
         )
 
-    def _close(self, end: EndReason, problem: str) -> Take:
+    def _close(self, end: EndReason, error: MidairError | None) -> Take:
         drifts = self._rate.drift(), self._clock.drift()
         kinds: tuple[EventKind, ...] = ("rate", "clock")
         for kind, drift in zip(kinds, drifts, strict=True):
             if drift is not None and self._frames and end != "failure":
                 self._store([Event(kind=kind, frame=self._origin + self._frames - 1, ppm=drift.ppm)])
         return Take(
-            path=None if self._writer is None else self._plan.path,
+            path=None if self._writer is None else self._path,
+            memory=self._writer.take() if isinstance(self._writer, RecordingBuffer) else None,
             frames=self._frames,
             lost=self._held,
             end=end,
-            problem=problem,
+            error=error,
             levels=self._meters.levels,
             lowest=self._range[0],
             highest=self._range[1],

@@ -9,20 +9,20 @@ from pathlib import Path
 from midair.devices import make_state_folder, state_folder
 from midair.errors import InputError, MissingFileError
 from midair.files import atomic_file
+from midair.validation import Declared, documented, setting
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Subject:
+class Subject(Declared):
     """Subject of a recording; empty fields are unknown."""
 
-    object: str = ""
-    """Such as towel."""
-    surface: str = ""
-    """Such as grooved."""
-    speed: str = ""
-    """Speed of the stroke with its unit, such as 50mm/s."""
-    operator: str = ""
-    """Person who records."""
+    object: str = setting(
+        "", "Name of the object, such as towel; asked for on a terminal if missing.", typed=str | None
+    )
+    surface: str = setting("", "Sensor surface, such as flat or grooved.", typed=str | None)
+    speed: str = setting("", "Speed of the stroke, such as 50mm/s.", unit="m/s", typed=float | None)
+    operator: str = setting("", "Name of the person who records.", typed=str | None)
 
     @property
     def notes(self) -> dict[str, str]:

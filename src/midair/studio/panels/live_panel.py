@@ -2,7 +2,6 @@
 
 import asyncio
 import itertools
-from dataclasses import fields
 from typing import Any
 
 from pydantic import Field
@@ -16,17 +15,10 @@ from midair.studio.feed import Feed
 from midair.studio.live_process import REMEMBERED, run_live
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.panels.record_panel import VisibleRange
-from midair.studio.studio_state import Arguments, Page
+from midair.studio.studio_state import Arguments, Page, declared
 from midair.studio.worker_process import WorkerProcess
 
 GONE = "live: the process ended, so the loop went silent; start again"
-
-
-def _declared(name: str, factor: float = 1.0) -> Any:
-    """A number with the default and the limits of a field of `LiveSettings`, in a unit `factor` times smaller."""
-    declared: Any = {one.name: one for one in fields(LiveSettings)}[name]
-    low, high = (factor * each for each in declared.metadata["limits"])
-    return Field(default=factor * declared.default, le=high, **{"gt" if declared.metadata["above"] else "ge": low})
 
 
 class CheckLive(Arguments):
@@ -35,11 +27,11 @@ class CheckLive(Arguments):
     sensor: str = Field(min_length=3, max_length=300, pattern=r"^[a-z]+:")
     calibration: str = Field(default="", max_length=1000)
     mapping: LiveMapping = "half-wave"
-    delay_ms: float = _declared("delay", 1e3)
-    hold_ms: float = _declared("hold", 1e3)
-    gain: float = _declared("gain")
-    height_mm: float = _declared("height", 1e3)
-    level: float = _declared("level")
+    delay_ms: float = declared(LiveSettings, "delay", 1e3)
+    hold_ms: float = declared(LiveSettings, "hold", 1e3)
+    gain: float = declared(LiveSettings, "gain")
+    height_mm: float = declared(LiveSettings, "height", 1e3)
+    level: float = declared(LiveSettings, "level")
     profile: str = Field(default="", max_length=100)
     attenuate: bool = False
     override: str = Field(default="", max_length=200)

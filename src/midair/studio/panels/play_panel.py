@@ -13,10 +13,10 @@ from pydantic import Field
 from midair.errors import DeviceStateError, ExposureError, InputError, LinkLostError, MidairError, SilentFramesError
 from midair.files import DEFAULT_PROFILE
 from midair.model import Medium
-from midair.rig import LeaseToken, PlayLease
+from midair.rig import LeaseToken, PlayLease, PlaySettings
 from midair.studio.player import run_player
 from midair.studio.room_air import RoomAir
-from midair.studio.studio_state import Arguments, Page, StudioState
+from midair.studio.studio_state import Arguments, Page, StudioState, declared
 from midair.studio.takes_list import TakesList
 from midair.studio.worker_process import WorkerProcess
 
@@ -34,7 +34,7 @@ class CheckExposure(Arguments):
     profile: str = Field(default="", max_length=100)
     attenuate: bool = False
     override: str = Field(default="", max_length=200)
-    repeats: int = Field(default=1, ge=1, le=1000)
+    repeats: int = declared(PlaySettings, "repeats", most=1000)
     correct_air: bool = False
 
 

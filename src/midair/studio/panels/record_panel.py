@@ -8,11 +8,11 @@ from typing import Any, Literal
 from pydantic import Field
 
 from midair.errors import DeviceStateError
-from midair.rig import Subject, TakePlan, last_subject, store_subject, take_path
+from midair.rig import RecordSettings, Subject, last_subject, store_subject, take_path
 from midair.studio.feed import Feed
 from midair.studio.panels.panel import WEB, Panel, PanelContext
-from midair.studio.sensor_process import STEP, run_sensor
-from midair.studio.studio_state import Arguments, Page
+from midair.studio.sensor_process import run_sensor
+from midair.studio.studio_state import Arguments, Page, declared
 from midair.studio.worker_process import WorkerProcess
 
 
@@ -30,11 +30,11 @@ class MakeTake(Arguments):
     speed: str = Field(default="", max_length=100)
     operator: str = Field(default="", max_length=100)
     start: Literal["at once", "touch"] = "at once"
-    duration_s: float | None = Field(default=None, gt=0, le=3600)
-    level: float | None = Field(default=None, gt=0)
-    pre_roll_s: float = Field(default=0.0, ge=0, le=60)
-    post_roll_s: float | None = Field(default=None, gt=0, le=60)
-    repeats: int = Field(default=1, ge=1, le=100)
+    duration_s: float | None = declared(RecordSettings, "duration", most=3600)
+    level: float | None = declared(RecordSettings, "level")
+    pre_roll_s: float = declared(RecordSettings, "pre_roll")
+    post_roll_s: float | None = declared(RecordSettings, "post_roll", most=60, default=None)
+    repeats: int = declared(RecordSettings, "repeats", most=100)
 
 
 class VisibleRange(Arguments):
@@ -148,17 +148,13 @@ class RecordPanel(Panel):
         subject = Subject(object=order.object, surface=order.surface, speed=order.speed, operator=order.operator)
         store_subject(subject)
         path = take_path(self._takes.folder.path, subject, repeats=1)
-        plan = TakePlan(
-            path=path,
-            start=order.start,
+        settings = RecordSettings(
             duration=order.duration_s,
-            level=order.level,
+            level=order.level if order.start == "touch" else None,
             pre_roll=order.pre_roll_s,
             post_roll=order.post_roll_s,
-            notes=dict(subject.notes),
-            block=STEP,
         )
-        self._sensor.send("take", plan=plan)
+        self._sensor.send("take", settings=settings, path=path, notes=subject.notes)
         self._show(
             state="waiting" if order.start == "touch" else "recording", name=path.name, left=len(self._left_to_do)
         )

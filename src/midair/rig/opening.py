@@ -1,0 +1,135 @@
+"""Open an array, and the sensor that records it, by their names."""
+
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from types import TracebackType
+from typing import Any, Self
+
+from midair.devices import ArrayDevice, ExposureChoices, SensorDevice
+from midair.errors import InputError
+from midair.model import Drive, TransducerArray
+from midair.physics import Transducers
+from midair.rig.names import VirtualRig, array_named, sensor_named
+from midair.rig.playing import PlaySettings
+from midair.settings import Settings
+from midair.targets import sensor_from_provenance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OpenRig:
+    """An array, the sensor that records it, and their settings; made by `open_rig`.
+
+    A context manager: entering opens both devices; leaving silences the array and closes both, also after an error.
+    """
+
+    array: ArrayDevice
+    sensor: SensorDevice | None
+    """Sensor that records the array, with its calibration; None for an array alone."""
+    settings: PlaySettings = field(default_factory=PlaySettings)
+    """Settings with which it was made, and of each playback unless `play` changes them."""
+    measured: TransducerArray | None = None
+    """Measured transducers of the array, for which `loop` solves; the model's if None."""
+    _open: ExitStack = field(default_factory=ExitStack, repr=False)
+
+    @property
+    def exposure(self) -> ExposureChoices:
+        """Exposure limits of every drive."""
+        return self.settings.exposure
+
+    @property
+    def transducers(self) -> TransducerArray:
+        """Transducers that the solver assumes."""
+        return self.measured or self.array.array
+
+    def listening(self) -> SensorDevice:
+        """The sensor; InputError if there is none."""
+        if self.sensor is None:
+            raise InputError(f"{self.array.name}: expected a rig with a sensor, got none; name one in open_rig")
+        return self.sensor
+
+    def __enter__(self) -> Self:
+        self.array.cooling, self.array.participant = self.settings.cooling, self.settings.participant
+        self._open.enter_context(self.array)
+        if self.sensor is not None:
+            self._open.enter_context(self.sensor)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.__exit__(kind, error, trace)
+
+    def __repr__(self) -> str:
+        heard = "nothing listens" if self.sensor is None else f"heard by {self.sensor.name}"
+        return f"<OpenRig {self.array.name}, {self.array.array.count} transducers, {heard}>"
+
+
+def open_rig(
+    array: str | None = None,
+    sensor: str | None = None,
+    *,
+    drive: Drive | None = None,
+    settings: PlaySettings | None = None,
+    **changes: Any,
+) -> OpenRig:
+    """Make a rig from the names of an array and a sensor; enter it with ``with``.
+
+    Parameters
+    ----------
+    array, sensor : str, optional
+        ``virtual``, the default: a simulated array and sensor, both slightly different from the solver's model. Others
+        as in ``midair play --device`` and, for the sensor that records a real array, ``midair record``.
+    drive : Drive, optional
+        A drive to play: the virtual rig gets its array, cells, height and band.
+    settings : PlaySettings, optional
+        All settings; the defaults if None.
+    **changes
+        Fields of `PlaySettings` that differ from `settings`, such as ``silencer="off"``. Calibration and placement may
+        be the path of a file.
+
+    Raises
+    ------
+    UnknownDeviceError, MissingExtraError, DeviceError
+        If a device is unknown or not found, or its package is not installed.
+    InputError
+        If a value is out of range, or a sensor, calibration or placement is given for the virtual array, which has its
+        own.
+    """
+    named = {name: value for name, value in (("device", array), ("sensor", sensor)) if value is not None}
+    chosen = (settings or PlaySettings()).but(**named, **changes)
+    if chosen.device == "virtual":
+        if chosen.sensor or chosen.calibration or chosen.placement:
+            raise InputError("virtual array: expected no sensor, calibration or placement, since it has its own")
+        virtual = _virtual_rig(chosen, drive)
+        skin = virtual.skin()
+        device = virtual.array_device(skin)
+        device.silencer = chosen.silencer
+        return OpenRig(array=device, sensor=virtual.sensor(skin), settings=chosen)
+    if chosen.array_calibration is not None:
+        raise InputError(
+            f"array calibration: expected the virtual array, got {chosen.device}; for a real array solve with it"
+        )
+    real = array_named(chosen.device, chosen.placement, silencer=chosen.silencer)
+    listens = None if chosen.sensor is None else sensor_named(chosen.sensor, _virtual_rig(chosen, drive))
+    if listens is not None and chosen.calibration is not None:
+        listens.calibration = chosen.calibration
+    return OpenRig(array=real, sensor=listens, settings=chosen)
+
+
+def _virtual_rig(chosen: PlaySettings, drive: Drive | None) -> VirtualRig:
+    """The virtual rig of the settings, with array, cells, height and band of the drive if there is one."""
+    cells, height, band = chosen.cells, chosen.height, chosen.band
+    if drive is not None:
+        known = Settings.of(drive.provenance) or Settings()
+        cells, height, band = sensor_from_provenance(drive.provenance), known.target.grid.height, known.calibration.band
+    rig = VirtualRig(
+        array=TransducerArray.autd3() if drive is None else drive.array.nominal,
+        cells=cells,
+        height=height,
+        acoustics=chosen.acoustics,
+        seed=chosen.seed,
+    ).hearing(band)
+    if (measured := chosen.array_calibration) is None:
+        return rig
+    measured.applied(rig.array)  # raises if it was measured on another array
+    return replace(rig, transducers=Transducers.measured(measured))

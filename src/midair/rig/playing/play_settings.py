@@ -1,0 +1,77 @@
+"""Settings of playing: source of the keywords of `play` and `open_rig`, of options and of the studio's form."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from midair.devices import Cooling, ExposureChoices, SilencerChoice
+from midair.files import DEFAULT_PROFILE, load_array_calibration, load_calibration, load_placement, profile_named
+from midair.model import BAND, HEIGHT, HEIGHTS, Acoustics, ArrayCalibration, Calibration, Placement, SensorGrid
+from midair.validation import Declared, check_settings, documented, setting
+
+
+def default_exposure() -> ExposureChoices:
+    """Default exposure limits: the default profile without override."""
+    return ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaySettings(Declared):
+    """Settings of an array, the sensor that records it, and a playback, in SI units.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+    """
+
+    device: str = setting(
+        "virtual",
+        "virtual: simulated array and sensor.\n"
+        "autd3, autd3:INTERFACE: units over Ethernet. autd3:emulator: their emulator.\n"
+        "autd3-simulator, autd3-server: the makers' programs on this computer.\n"
+        "pyautd3, pyautd3:INTERFACE: older units over EtherCAT. pyautd3:audit, pyautd3:nop: no units.\n"
+        "openmpd:PORT?board=FILE.pat: an OpenMPD board (experimental).",
+    )
+    sensor: str | None = setting(
+        None, "Sensor that re-records a real array: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS."
+    )
+    calibration: Calibration | None = setting(
+        None, "Calibration of that sensor, a file of midair calibrate.", load=load_calibration
+    )
+    array_calibration: ArrayCalibration | None = setting(
+        None,
+        "Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.",
+        load=load_array_calibration,
+    )
+    placement: Placement | None = setting(
+        None,
+        "TOML file with position and rotation of the units. [default: two by two, side by side]",
+        load=load_placement,
+    )
+    silencer: SilencerChoice = setting(
+        "auto",
+        "How the array smooths phase steps; auto: least simulated pressure error; default: the firmware's 1 ms.",
+    )
+    repeats: int = setting(1, "Number of times to play the drive, without gaps.", limits=(1, np.inf), playback=True)
+    delay: float = setting(0.0, "Time before the first frame.", unit="s", limits=(0, 3600), playback=True)
+    participant: str = setting(
+        "",
+        "Code of the person at the array for midair log export, not a name. The virtual device logs nothing.",
+        playback=True,
+    )
+    exposure: ExposureChoices = setting(default_exposure, "Exposure limits of every drive.", playback=True)
+    cooling: Cooling | None = setting(
+        None, "How to wait for units that are too hot; None ends playback.", playback=True
+    )
+    height: float = setting(HEIGHT, "Height of a virtual sensor above the array.", unit="m", limits=HEIGHTS)
+    cells: SensorGrid = setting(SensorGrid, "Cells of a virtual sensor.")
+    band: tuple[float, float] = setting(BAND, "Frequencies that a virtual sensor must record.", unit="Hz")
+    acoustics: Acoustics | None = setting(
+        None, "Air and directivity of the virtual rig; the air of each drive if None."
+    )
+    seed: int = setting(0, "Random seed of the virtual rig: transducer strengths and noise.")
+
+    def __post_init__(self) -> None:
+        check_settings(self)
