@@ -53,6 +53,9 @@ OTHERS = 500
 AHEAD = 4000
 """Number of frames that may wait."""
 
+GONE = 10.0
+"""Time in s without a frame after which the sender has ended, if the message of its end was lost."""
+
 
 @dataclass(slots=True)
 class PacketCounts:
@@ -181,8 +184,8 @@ class NetworkSource:
         self._sender: object = None
         self._buffer: JitterBuffer | None = None
         self._once, self._limit = ReplayFilter(), RateLimit()
-        # Time of the end of sending; frames sent before may still arrive.
-        self._ended = np.inf
+        # Time of the end of sending, and of the last frame; frames sent before may still arrive.
+        self._ended, self._came = np.inf, np.inf
         self._unfit = ""
         self.counted = PacketCounts()
 
@@ -250,6 +253,8 @@ class NetworkSource:
                     return self._chunk(number, pressure, due)
             elif now > self._ended + WINDOW and buffer.empty:
                 raise DeviceError("live: the sender has ended")
+            elif now > self._came + GONE:
+                raise DeviceError(f"live: expected frames of the sender, got none for {GONE:g} s; start it again there")
             elif now >= until:
                 return None
             else:
@@ -345,6 +350,7 @@ class NetworkSource:
             self.counted.repeated += 1
             return
         self._drawn, self._offers, self._sender, self.greeting = drawn, {drawn: offer}, sender, offer[1]
+        self._came = came
         if self._buffer is None:
             self.counted.frames += 1
         else:
