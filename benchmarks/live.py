@@ -143,7 +143,7 @@ def run(frames: int, *, busy: int, priority: int, sensor: str, hold: float, apar
             each.kill()
     print(f"  {before} before, {load()} after; computer: {told['computer']}")
     print(f"  rehearsal: {told['rehearsal']}")
-    names = ("frames", "played", "lost", "late", "hurried", "unanswered", "gaps")
+    names = ("frames", "played", "lost", "late", "hurried", "unanswered", "gaps", "failsafe")
     print("  " + ", ".join(f"{name} {told[name]}" for name in names))
     for name in ("left_ms", "work_ms"):
         print(f"  {name}: " + ", ".join(f"{share} {each}" for share, each in told[name].items()))
@@ -154,7 +154,7 @@ def run(frames: int, *, busy: int, priority: int, sensor: str, hold: float, apar
         print("  stops of the computer are unknown: real-time priority was not granted")
         return told
     taken = np.concatenate(late)
-    every = taken[:1] + np.arange(0.0, frames / 1000, 1e-3)
+    every = np.arange(began, time.monotonic(), 1e-3)
     innocent, share = (beside(each, still, before=hold, after=0.05) for each in (taken, every))
     lengths = np.concatenate([each[:, 1] - each[:, 0] for each in still])
     print(

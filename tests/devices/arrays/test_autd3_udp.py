@@ -222,19 +222,32 @@ def test_a_play_survives_two_lost_datagrams_of_a_hundred(tap):
     np.testing.assert_array_equal(switched_to(tap, port)[1], phase_bytes(drive, 1)[:, 0])
 
 
+@pytest.mark.parametrize("bank", [0, 1])
 @pytest.mark.parametrize("tap", [2], indirect=True)
-def test_a_switch_that_reached_some_units_only_is_taken_back(tap):
+def test_a_switch_that_reached_some_units_only_is_taken_back_and_can_be_sent_again(tap, bank):
     """The second attempt is 50 ms after the first, so that the unit that misses it refuses it."""
-    placement = Placement.grid(columns=2, rows=1)
-    with autd3_array(tap.address, placement) as device:
+    frames, levels = np.zeros((500, 2, 249), np.uint8), np.full(500, 200, np.uint8)
+
+    def switch(bank, ahead):
+        instant = (banks.now() + ahead) // TICK * TICK
+        banks.switch(bank, instant)
+        banks.wait_until(instant + 5_000_000)
+
+    with autd3_array(tap.address, Placement.grid(columns=2, rows=1)) as device:
         banks = device.banks
-        banks.load(1, np.zeros((10, 2, 249), np.uint8), np.full(10, 200, np.uint8), 40)
+        for number in (1, 0):
+            banks.load(number, frames, levels, 40)
+            if number == bank:
+                break
+            switch(number, 100_000_000)
         tap.lose(SWITCH)
         with pytest.raises(TooLateError):
-            banks.switch(1, (banks.now() // TICK + 2200) * TICK)
+            switch(bank, 55_000_000)
         assert tap.lost == 1
         assert_last_word_is_silence(tap)
-        assert tap.states() == [PATTERN, PATTERN]
+        assert not banks.emitting()
+        switch(bank, 100_000_000)
+        assert banks.emitting()
 
 
 def test_a_datagram_that_is_lost_again_and_again_ends_playing(tap):

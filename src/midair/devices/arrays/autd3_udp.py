@@ -116,7 +116,7 @@ class Autd3Udp:
                 raise
             if self._repetitions > before:
                 # Units that received the first order would play before the others.
-                self.silence()
+                self.silence(bank=1 - bank)
             raise TooLateError(str(wrong)) from None
 
     def now(self) -> int:
@@ -135,9 +135,9 @@ class Autd3Udp:
         """Play one pattern until another one arrives; shape (unit, transducer of the unit) each."""
         self._repeatable(lambda: self._open.send(commands.stand(phases, intensity)), 2)
 
-    def silence(self) -> None:
-        """Set all transducers to intensity 0 at once."""
-        self._repeatable(lambda: self._open.send(commands.silence(self._units)), 2)
+    def silence(self, *, bank: int = 0) -> None:
+        """Set all transducers to intensity 0 at once, with a pattern that overwrites a bank."""
+        self._repeatable(lambda: self._open.send(commands.silence(self._units, bank)), 2)
 
     def emitting(self) -> bool:
         """True if a unit reports that patterns play."""
