@@ -181,7 +181,8 @@ class LiveSession:
             work=_quantiles(ring.histogram("work")),
             worst=ring.worst(),
             stated_rate=opened.rate,
-            rate=measured_rate(ring.count("timed"), 1e-6 * ring.count("span_us")),
+            # The times of received frames are those of the jitter buffer; the sender measures the sensor's rate.
+            rate=None if order.listen else measured_rate(ring.count("timed"), 1e-6 * ring.count("span_us")),
             over_time=ring.over_time(ring.count("frames") / opened.rate),
         )
 
