@@ -314,6 +314,8 @@ def test_network_faults_are_concealed_and_counted(way, most):
 def test_no_frame_is_given_after_the_sender_has_ended():
     listener, _, _ = spoken(0.6)
     assert "has ended" in str(listener.problem)
+    told = listener.source.counted
+    assert told.concealed - told.tardy < 50, "no frame is missing in the tenth of a second after the end"
     gap = [b - a for (_, _, a, _), (_, _, b, _) in zip(listener.got, listener.got[1:], strict=False)]
     assert max(gap) < 0.2
 

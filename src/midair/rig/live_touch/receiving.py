@@ -247,18 +247,20 @@ class NetworkSource:
                 # Read all messages that arrived while this computer was busy; they may move the time.
                 self._take_all()
             now, due = time.monotonic(), buffer.due()
-            if due <= now:
+            # After the end, only frames that were sent before it may be missing.
+            over = now > self._ended and buffer.empty
+            if due <= now and not over:
                 number, pressure = buffer.get()
                 if pressure is not None:
                     return self._chunk(number, pressure, due)
-            elif now > self._ended + WINDOW and buffer.empty:
+            elif over and now > self._ended + WINDOW:
                 raise DeviceError("live: the sender has ended")
             elif now > self._came + GONE:
                 raise DeviceError(f"live: expected frames of the sender, got none for {GONE:g} s; start it again there")
             elif now >= until:
                 return None
             else:
-                self._take(min(due, until) - now)
+                self._take((until if over else min(due, until)) - now)
 
     def stop(self) -> None:
         """Do nothing."""
