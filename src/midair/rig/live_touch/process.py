@@ -158,11 +158,11 @@ def _play(
             touch = Touch(order, calibration, sensor.grid, sensor.rate, array.array, admission.level)
             if source is not None:
                 touch.delay += source.delay
+            rehearsal = touch.rehearse(sensor.rate, order.hold)
             # The kernel stops real-time threads that filled a core for a second, as this start does, for 50 ms.
-            for _ in range(3):
-                rehearsal = touch.rehearse(sensor.rate, order.hold)
-                if not rehearsal.late:
-                    break
+            for _ in range(2):
+                if rehearsal.late:
+                    rehearsal = touch.rehearse(sensor.rate, order.hold)
             told.send(_loop_started(sensor, calibration, array, admission, touch, granted, rehearsal))
             loop = LiveLoop(
                 sensor,
