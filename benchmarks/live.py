@@ -39,7 +39,7 @@ from midair.physics import (
 )
 from midair.rig.live_touch.touch_ring import FRAME_LATE, STEP
 
-PARTS = ("run", "latency", "bands", "spectra", "hurried", "deaths", "network")
+PARTS = ("run", "runs", "latency", "bands", "spectra", "hurried", "deaths", "network")
 THINGS = ("towel", "sponge", "brush")
 DELAYS = (0.002, 0.004, 0.006, 0.008, 0.01)
 BANDS = ((20.0, 40.0), (40.0, 100.0), (100.0, 470.0))
@@ -52,6 +52,7 @@ def main() -> None:
         "--frames", type=int, default=60_000, help="frames of a run (default 60000; 600000 are ten minutes)"
     )
     parser.add_argument("--busy", type=int, default=0, help="number of busy processes during a run (default 0)")
+    parser.add_argument("--runs", type=int, default=13, help="number of runs of the part runs (default 13)")
     parser.add_argument("--priority", type=int, nargs="*", default=[20, 0], help="real-time priorities (default 20 0)")
     parser.add_argument("--hold", type=float, default=6.0, help="hold time of a run in ms (default 6)")
     parser.add_argument("--apart", action="store_true", help="emulate the units of a run in a separate process")
@@ -77,12 +78,23 @@ def main() -> None:
         network(options.seconds)
     # The busy parts run without real-time priority, which would block other processes.
     plain()
+    chosen = {"busy": options.busy, "sensor": options.sensor, "hold": options.hold / 1000, "apart": options.apart}
     if "run" in options.part:
         for priority in options.priority:
-            run(options.frames, options.busy, priority, options.sensor, hold=options.hold / 1000, apart=options.apart)
+            run(options.frames, priority=priority, **chosen)
+    if "runs" in options.part:
+        runs(options.runs, options.frames, priority=options.priority[0], **chosen)
 
 
-def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apart: bool) -> None:
+def runs(count: int, frames: int, **chosen) -> None:
+    """Print how many of many runs ended early, and the share of late frames of each of the others."""
+    told = [run(frames, **chosen) for _ in range(count)]
+    late = [100 * one["late"] / one["frames"] for one in told if one is not None]
+    shares = ", ".join(f"{each:.2f}" for each in late)
+    print(f"\n{count - len(late)} of {count} runs ended early; late frames of the others in %: {shares}")
+
+
+def run(frames: int, *, busy: int, priority: int, sensor: str, hold: float, apart: bool) -> dict | None:
     """Print lost and late frames, the delay until sending, and the causes, of a long run to four emulated units.
 
     A frame is late because of the loop itself, or because the computer stopped while the frame was computed and sent;
@@ -115,11 +127,14 @@ def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apar
                     goes = session.wait(0.5)
                     slots, seen, _ = session.since(seen)
                     late.append(slots["taken"][(slots["flags"] & FRAME_LATE) > 0])
-                told = session.statistics.plain() | {"computer": session.opened.granted.words()}
+                told = session.statistics.plain() | {
+                    "computer": session.opened.granted.words(),
+                    "rehearsal": session.opened.rehearsal.words(),
+                }
                 left = session.ring.histogram("left")
     except MidairError as wrong:
-        print(f"  ended early, after {time.monotonic() - began:.0f} s: {wrong}")
-        return
+        print(f"  ended early, after {time.monotonic() - began:.0f} s: {wrong}", flush=True)
+        return None
     finally:
         still = stills.end(longer=hold / 3)
         if units:
@@ -127,7 +142,8 @@ def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apar
         for each in spinning:
             each.kill()
     print(f"  {before} before, {load()} after; computer: {told['computer']}")
-    names = ("frames", "played", "lost", "late", "hurried", "unanswered", "gaps")
+    print(f"  rehearsal: {told['rehearsal']}")
+    names = ("frames", "played", "lost", "late", "hurried", "unanswered", "gaps", "failsafe")
     print("  " + ", ".join(f"{name} {told[name]}" for name in names))
     for name in ("left_ms", "work_ms"):
         print(f"  {name}: " + ", ".join(f"{share} {each}" for share, each in told[name].items()))
@@ -136,9 +152,9 @@ def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apar
     print("  left, frames from each half ms on: " + ", ".join(f"{begin:g}: {count}" for begin, count in steps if count))
     if not stills.granted:
         print("  stops of the computer are unknown: real-time priority was not granted")
-        return
+        return told
     taken = np.concatenate(late)
-    every = taken[:1] + np.arange(0.0, frames / 1000, 1e-3)
+    every = np.arange(began, time.monotonic(), 1e-3)
     innocent, share = (beside(each, still, before=hold, after=0.05) for each in (taken, every))
     lengths = np.concatenate([each[:, 1] - each[:, 0] for each in still])
     print(
@@ -151,6 +167,7 @@ def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apar
         f"{100 * share.mean() if len(share) else 0:.1f} % of the time is near a stop",
         flush=True,
     )
+    return told
 
 
 def _spin() -> None:
@@ -434,23 +451,24 @@ def _kill(pid: int) -> None:
 
 def network(seconds: float) -> None:
     """Print concealed, late and rejected packets for two sides with a bad network in between."""
-    from tests.rig.live_touch.test_listening import spoken
+    from tests.rig.live_touch.test_receiving import spoken
 
     ways = {
-        "nothing": {},
+        "no disturbance": {},
         "5 % lost": {"loss": 0.05},
         "10 ms of jitter": {"delay": 0.005, "jitter": 0.01},
-        "1 % overtaken": {"reordering": 0.01},
-        "all of it": {"loss": 0.05, "delay": 0.005, "jitter": 0.01, "reordering": 0.01},
+        "1 % reordered": {"reordering": 0.01},
+        "all of these": {"loss": 0.05, "delay": 0.005, "jitter": 0.01, "reordering": 0.01},
         "every datagram twice": {"repeating": 1.0},
     }
     print(f"\nnetwork over loopback, jitter buffer 15 ms; {load()}")
-    print("  way                     sent   lost  concealed   %  too late  repeated  refused")
+    print("| network | sent | lost | concealed | of these, too late | dropped as repeated |")
+    print("|---|---|---|---|---|---|")
     for name, way in ways.items():
         listener, proxy, speaker = spoken(seconds, buffer=0.015, **way)
-        told, given = listener.source.counted, max(1, len(listener.got))
-        shares = f"{told.concealed:9d} {100 * told.concealed / given:5.1f} {told.tardy:8d} {told.repeated:9d}"
-        print(f"  {name:22}{speaker.spoken.frames:6d} {proxy.lost:6d} {shares} {told.refused:8d}", flush=True)
+        told = listener.source.counted
+        cells = (name, speaker.spoken.frames, proxy.lost, told.concealed, told.tardy, told.repeated)
+        print("| " + " | ".join(map(str, cells)) + " |", flush=True)
 
 
 if __name__ == "__main__":

@@ -43,6 +43,7 @@ SMALLEST = {
     ],
     "benchmarks.palm_pictures": ["FOLDER", "--duration", ".03", "--pitch", ".005"],
     "benchmarks.live": ["--part", "bands", "run", "--frames", "1000", "--priority", "0"],
+    "benchmarks.loss": ["--plays", "1", "--seconds", "2"],
     "benchmarks.scale": ["--sizes", "1 4"],
     "benchmarks.studies": ["--studies", "2", "--part", "ratings", "errors", "--trials", "48"],
     "benchmarks.studio": ["--seconds", "2", "--part", "rooms"],

@@ -4,6 +4,7 @@ Needs the extra `autd3`, imported when a tap is created.
 """
 
 import itertools
+import random
 import select
 import socket
 import threading
@@ -34,12 +35,16 @@ class UdpProxy:
         Ports of the units that report overheating; `range(65536)` means all.
     sent : list of tuple
         (time in s, unit's port, datagram) of all datagrams from the client.
+    loss : float
+        Share of the datagrams of both directions that are dropped at random.
     lost : int
-        Number of datagrams dropped by `lose`.
+        Number of dropped datagrams, by `lose` or at random.
     """
 
-    def __init__(self, units: int) -> None:
+    def __init__(self, units: int, *, loss: float = 0.0, seed: int = 1) -> None:
         from autd3 import UdpEmulator
+
+        self.loss, self._random = loss, random.Random(seed)
 
         self.units = units
         self.emulator: Any = UdpEmulator(units)
@@ -100,7 +105,9 @@ class UdpProxy:
             facing = {each: port for port, each in self.outer.items()}
             for ready in select.select([self.inner, *facing], [], [], 0.02)[0]:
                 datagram, source = ready.recvfrom(65536)
-                if ready is self.inner:
+                if self._random.random() < self.loss:
+                    self.lost += 1
+                elif ready is self.inner:
                     self._back(datagram, source[1])
                 else:
                     self._forth(datagram, source, facing[ready])

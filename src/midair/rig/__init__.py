@@ -53,6 +53,7 @@ from .live_touch import LiveSettings as LiveSettings
 from .live_touch import LiveStatistics as LiveStatistics
 from .live_touch import LiveTake as LiveTake
 from .live_touch import LoopStarted as LoopStarted
+from .live_touch import SensorRate as SensorRate
 from .live_touch import live as live
 from .live_touch import live_clearance as live_clearance
 from .live_touch import make_key as make_key

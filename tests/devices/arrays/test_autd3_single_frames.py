@@ -216,6 +216,21 @@ def test_units_go_silent_without_messages_and_it_is_reported(tap):
     assert not device.emitting
 
 
+def test_units_that_their_failsafe_silenced_sound_again_after_a_release(tap):
+    device = autd3_immediate(tap.address, ONE)
+    with device, device.frames_to_come(answered(device)) as put:
+        put_some(put, device.units, 5)
+        time.sleep(0.1)
+        with pytest.raises(SilentFramesError):
+            for _ in range(200):
+                put_some(put, device.units, 5)
+        device.resume()
+        put_some(put, device.units, 20)
+        assert all(not state & FAILSAFE for state in tap.states())
+        assert device.units.told()["failsafe"] == 1
+        assert device.emitting
+
+
 def test_units_that_are_too_hot_are_silenced_and_sound_again_once_they_have_cooled(tap):
     device = autd3_immediate(tap.address, ONE)
     drive = Drive(phase=np.zeros((5, 249)), level=np.full(5, 0.1), rate=1000.0, array=device.array)

@@ -14,7 +14,8 @@ from tests.simulators.exposure_override import clear_any_exposure
 from tests.simulators.udp_proxy import READ_STATE
 
 from midair.devices import Cooling, autd3_array
-from midair.devices.frame_bytes import phase_bytes
+from midair.devices.arrays.banks import TooLateError
+from midair.devices.frame_bytes import TICK, phase_bytes
 from midair.errors import DeviceError, LinkLostError, TooHotError
 from midair.model import Drive, Placement
 
@@ -205,6 +206,48 @@ def test_a_lost_datagram_does_not_end_playing(tap, command, answer):
         assert command == SILENCE or "orders sent again" in report.units
         assert tap.states() == [PATTERN]
     assert_last_word_is_silence(tap)
+
+
+@pytest.mark.long
+def test_a_play_survives_two_lost_datagrams_of_a_hundred(tap):
+    drive = noise(4000)
+    with autd3_array(tap.address, ONE) as device:
+        tap.loss = 0.02
+        report = device.play(clear_any_exposure(drive, device))
+        tap.loss = 0.0
+        assert tap.lost > 10
+        assert report.frames == 4000
+        assert tap.states() == [PATTERN]
+    (port,) = tap.answers
+    np.testing.assert_array_equal(switched_to(tap, port)[1], phase_bytes(drive, 1)[:, 0])
+
+
+@pytest.mark.parametrize("bank", [0, 1])
+@pytest.mark.parametrize("tap", [2], indirect=True)
+def test_a_switch_that_reached_some_units_only_is_taken_back_and_can_be_sent_again(tap, bank):
+    """The second attempt is 50 ms after the first, so that the unit that misses it refuses it."""
+    frames, levels = np.zeros((500, 2, 249), np.uint8), np.full(500, 200, np.uint8)
+
+    def switch(bank, ahead):
+        instant = (banks.now() + ahead) // TICK * TICK
+        banks.switch(bank, instant)
+        banks.wait_until(instant + 5_000_000)
+
+    with autd3_array(tap.address, Placement.grid(columns=2, rows=1)) as device:
+        banks = device.banks
+        for number in (1, 0):
+            banks.load(number, frames, levels, 40)
+            if number == bank:
+                break
+            switch(number, 100_000_000)
+        tap.lose(SWITCH)
+        with pytest.raises(TooLateError):
+            switch(bank, 55_000_000)
+        assert tap.lost == 1
+        assert_last_word_is_silence(tap)
+        assert not banks.emitting()
+        switch(bank, 100_000_000)
+        assert banks.emitting()
 
 
 def test_a_datagram_that_is_lost_again_and_again_ends_playing(tap):

@@ -14,7 +14,7 @@ from midair.devices import (
     check_exposure_level,
     virtual_immediate,
 )
-from midair.errors import DeviceError, StoppedError
+from midair.errors import DeviceError, SilentFramesError, StoppedError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import ControlGrid, Placement
 from midair.rig.live_touch.live_loop import LiveLoop, Pace
@@ -66,9 +66,9 @@ def steady(count, first=0, begin=0.02):
     return [(number, begin + number / 1000, 0.0) for number in range(first, first + count)]
 
 
-def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, **pace):
+def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, units=None, **pace):
     """(slots of the ring, ring, frames that the units got) of a run."""
-    units = VirtualUnits(kept=10_000)
+    units = units or VirtualUnits(kept=10_000)
     array = virtual_immediate(ONE, units=units)
     ring = TouchRing(RingShape(slots=4096, channels=16, transducers=249))
     sensor = StreamedSensor(script, name="script")
@@ -140,6 +140,43 @@ def test_without_frames_it_fades_and_rises_again():
     assert again[0] < 20
     assert again.max() == 127
     assert (np.diff(again[slots["flags"][250:310] == FRAME_EMITTED]) >= 0).all()
+
+
+class Failsafe(VirtualUnits):
+    """Units whose failsafe acts before some of the frames that are put; they are silent until it is released."""
+
+    def __init__(self, acts):
+        super().__init__(kept=10_000)
+        self._acts, self._put, self._active = set(acts), 0, False
+
+    def put(self, phases, intensity, instant):
+        self._put += 1
+        if self._put in self._acts:
+            self._counts["failsafe"] += 1
+            self._active = True
+        if self._active:
+            raise SilentFramesError("units: the failsafe acted")
+        super().put(phases, intensity, instant)
+
+    def release(self):
+        self._active = False
+
+
+def test_a_run_continues_after_the_failsafe_and_the_level_rises_again():
+    slots, ring, _, problem = ran(Script(steady(200)), duration=0.2, units=Failsafe([100]), rise=0.05, quiet=1.0)
+    assert problem is None
+    assert ring.count("failsafe") == 1
+    level = slots["intensity"][(slots["flags"] & FRAME_LATE) == 0].astype(int)
+    (last,) = np.flatnonzero(np.diff(level) < 0)
+    assert level[last] == level[-1] == 127
+    assert level[last + 1 : last + 4].max() < 20
+
+
+def test_a_failsafe_that_acts_again_and_again_ends_the_run():
+    units = Failsafe(range(20, 200, 10))
+    _, _, _, problem = ran(Script(steady(300)), duration=0.3, units=units, rise=0.05, trips=3)
+    assert isinstance(problem, SilentFramesError)
+    assert units.told()["failsafe"] == 4
 
 
 def test_the_level_is_turned_down_at_once():

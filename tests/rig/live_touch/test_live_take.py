@@ -11,6 +11,7 @@ from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.live_take import LiveTake
 from midair.rig.live_touch.process import LoopStarted
 from midair.rig.live_touch.timing import SchedulerGrant
+from midair.rig.live_touch.touch import Rehearsal
 from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, RingShape, TouchRing
 
 SENSOR, ONE = SensorGrid(rows=2, columns=2), Placement.grid(columns=1, rows=1)
@@ -32,6 +33,7 @@ FOUND = LoopStarted(
     level=0.5,
     strongest=127,
     granted=SchedulerGrant(priority="", memory=""),
+    rehearsal=Rehearsal(frames=400, late=0, longest=0.001),
     delay=0.006,
     parts=((20.0, 470.0),),
     error=(0.1,),

@@ -4,6 +4,7 @@ import socket
 import threading
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from tests.rig.live_touch.udp_proxy import Proxy
 from midair.devices import Stream, StreamedSensor
 from midair.errors import DeviceError
 from midair.model import Calibration, SensorGrid, SensorWiring
-from midair.rig.live_touch.encryption import ReceivedFrame
+from midair.rig.live_touch import receiving, timing
+from midair.rig.live_touch.encryption import END, ReceivedFrame
 from midair.rig.live_touch.receiving import JitterBuffer, NetworkSource, RateLimit
 from midair.rig.live_touch.repeated_source import RepeatedSource
 from midair.rig.live_touch.sending import FrameSender
@@ -312,8 +314,46 @@ def test_network_faults_are_concealed_and_counted(way, most):
 def test_no_frame_is_given_after_the_sender_has_ended():
     listener, _, _ = spoken(0.6)
     assert "has ended" in str(listener.problem)
+    told = listener.source.counted
+    assert told.concealed - told.tardy < 50, "no frame is missing in the tenth of a second after the end"
     gap = [b - a for (_, _, a, _), (_, _, b, _) in zip(listener.got, listener.got[1:], strict=False)]
     assert max(gap) < 0.2
+
+
+def test_a_sender_whose_end_is_lost_has_ended_after_a_while(monkeypatch):
+    monkeypatch.setattr(receiving, "GONE", 0.5)
+    listener = Listener()
+    with speaking(listener.port) as speaker:
+        sends, until = speaker._send, time.monotonic() + 0.4
+        speaker._send = lambda kind, message: kind != END and sends(kind, message)
+        speaker.run(lambda: time.monotonic() < until)
+    over = time.monotonic()
+    while listener.problem is None and time.monotonic() < over + 10:
+        time.sleep(0.01)
+    listener.close()
+    assert "got none for 0.5 s" in str(listener.problem)
+    assert len(listener.got) > 20
+
+
+class Slow(RepeatedSource):
+    """States 1000 frames a second and gives 900."""
+
+    def open(self):
+        return replace(super().open(), rate=1000.0)
+
+
+def test_a_sender_measures_the_rate_of_its_sensor(monkeypatch):
+    monkeypatch.setattr(timing, "RATE_SPAN", 0.3)
+    wiring = SensorWiring(grid=GRID, order=(0, 1, 2, 3), unit="Pa")
+    source = Slow(np.ones((9000, 4)), Stream(channels=4, rate=900.0, unit="Pa"))
+    with StreamedSensor(source, name="slow", wire=lambda _: wiring) as sensor:
+        speaker = FrameSender(sensor, Calibration.flat(GRID, unit="Pa"), ("127.0.0.1", free_port()), KEY)
+        assert speaker.rate.rate_problem == ""
+        until = time.monotonic() + 20
+        speaker.run(lambda: speaker.rate.rate is None and time.monotonic() < until)
+        speaker.close()
+    assert speaker.rate.rate == pytest.approx(900.0, rel=0.01)
+    assert "expected 1000 frames per second, measured 9" in speaker.rate.rate_problem
 
 
 def test_an_occupied_port_is_an_error():

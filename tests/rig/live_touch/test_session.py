@@ -7,17 +7,20 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.rig.live_touch.test_receiving import Listener
 from tests.simulators.udp_proxy import UdpProxy
 
 import midair
 from midair.devices import Cooling, ExposureChoices, stop_on_input, stop_playing
 from midair.errors import DeviceError, ExposureError, InputError, MissingFileError, StoppedError, UnknownDeviceError
 from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
-from midair.rig import dose_report
+from midair.rig import dose_report, make_key
+from midair.rig.live_touch.encryption import read_key
 
 ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a test")
 
@@ -209,6 +212,22 @@ def test_a_stop_of_its_own_silences_it_at_once():
 
 
 @pytest.mark.slow
+def test_a_session_continues_after_a_pause_of_the_computer(request):
+    tap = UdpProxy(4)
+    request.addfinalizer(tap.close)
+    with midair.live("virtual:towel", f"autd3:{tap.address}", exposure=ANSWERED) as session:
+        session.wait(1.5)
+        os.kill(session._process.pid, signal.SIGSTOP)
+        time.sleep(0.2)
+        os.kill(session._process.pid, signal.SIGCONT)
+        session.wait(3.0)
+        told = session.statistics
+    assert told.failsafe >= 1
+    assert told.played > 1000
+    assert sum(told.over_time["gaps"]) == told.gaps >= 1
+
+
+@pytest.mark.slow
 def test_a_killed_process_is_reported():
     with pytest.raises(DeviceError, match="without a report"), midair.live("virtual:brush") as session:
         session.wait(0.5)
@@ -271,32 +290,47 @@ def test_an_existing_take_is_not_overwritten(tmp_path):
     assert (tmp_path / "felt.h5").read_bytes() == b"something"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("rate", "status"), [(900, 1), (970, 0)])
-def test_a_sensor_with_another_rate_than_stated_is_reported(tmp_path, rate, status):
-    name = f"midair-{os.getpid()}-{rate}"
-    here = Path(__file__).parent
+@contextmanager
+def skin(rate):
+    """Name of a simulated sensor over LSL that states 1000 Hz and has another rate."""
+    name, here = f"midair-{os.getpid()}-{rate}", Path(__file__).parent
     sender = subprocess.Popen([sys.executable, str(here / "touch_sender.py"), name, str(rate)], stdout=subprocess.PIPE)
     try:
         assert sender.stdout is not None
         sender.stdout.readline()
-        line = [
-            sys.executable,
-            "-m",
-            "midair",
-            "live",
-            "--sensor",
-            f"lsl:{name}?counter=16",
-            "--duration",
-            "8s",
-            "--json",
-        ]
-        done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+        yield f"lsl:{name}?counter=16"
     finally:
         sender.kill()
         sender.communicate()
+
+
+def check_rate_report(line, rate, status):
+    done = subprocess.run([*line, "--json"], capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == status, done.stderr
     told = json.loads(done.stdout)
     assert (told["stated_rate_hz"], told["rate_hz"]) == (1000.0, pytest.approx(rate, rel=0.01))
     assert done.stderr.count("expected 1000 frames per second, measured ") == 1
+    return told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("rate", "status"), [(900, 1), (970, 0)])
+def test_a_sensor_with_another_rate_than_stated_is_reported(rate, status):
+    with skin(rate) as sensor:
+        line = [sys.executable, "-m", "midair", "live", "--sensor", sensor, "--duration", "8s"]
+        told = check_rate_report(line, rate, status)
     assert told["worst_seconds"]
+    assert sum(told["over_time"]["late"]) == told["late"]
+
+
+@pytest.mark.slow
+def test_a_sender_reports_a_sensor_with_another_rate_than_stated(tmp_path):
+    key = tmp_path / "touch.key"
+    make_key(key)
+    listener = Listener(key=read_key(key), patience=60.0)
+    try:
+        with skin(900) as sensor:
+            line = [sys.executable, "-m", "midair", "live", "--sensor", sensor, "--key", str(key)]
+            check_rate_report([*line, "--to", f"127.0.0.1:{listener.port}", "--duration", "8s"], 900, 1)
+    finally:
+        listener.close()

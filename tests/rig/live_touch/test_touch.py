@@ -97,3 +97,20 @@ def test_a_band_beyond_the_rate_or_settings_that_make_no_sense_are_refused():
     slow = Calibration.flat(SENSOR)
     with pytest.raises(InputError):
         Touch(LiveSettings(), slow, SENSOR, 500.0, ARRAY, 1.0)
+
+
+def test_a_rehearsal_counts_late_frames_and_leaves_the_stream_as_it_was():
+    frames, alike, rehearsed = felt(np.random.default_rng(4)), touch(None), touch(None)
+    late = rehearsed.rehearse(1000.0, -1.0, frames=20)
+    assert (late.frames, late.late) == (20, 20)
+    assert "too slow or too busy" in late.words()
+    quick = rehearsed.rehearse(1000.0, 10.0, frames=20)
+    assert quick.late == 0
+    assert 0 < quick.longest < 10
+    assert quick.words().endswith("this computer keeps up")
+    assert not rehearsed.phases.any()
+    for frame in frames:
+        for one in (alike, rehearsed):
+            one.feel(frame.ravel())
+            assert one.form()
+        assert alike.phases.tobytes() == rehearsed.phases.tobytes()

@@ -57,3 +57,18 @@ def test_the_seconds_with_the_most_missing_frames_are_returned_in_order():
                 ring.miss(name, second + number / 100)
     assert ring.worst(3) == ((7, 5, 2), (9, 40, 0), (4095, 2, 2))
     assert (ring.count("late"), ring.count("lost")) == (47, 5)
+
+
+def test_misses_are_counted_in_tenths_of_the_run():
+    ring = TouchRing(SHAPE)
+    for name, second in (("late", 0.5), ("late", 0.9), ("lost", 3.2), ("gaps", 19.9)):
+        ring.miss(name, second)
+    halves = ring.over_time(20.0)
+    assert halves == {
+        "late": (2, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+        "lost": (0, 1, 0, 0, 0, 0, 0, 0, 0, 0),
+        "gaps": (0, 0, 0, 0, 0, 0, 0, 0, 0, 1),
+    }
+    # A run that is shorter, or longer than the memory of the ring, loses none.
+    for seconds in (0.0, 3.0, 1e6):
+        assert [sum(parts) for parts in ring.over_time(seconds).values()] == [2, 1, 1]

@@ -17,7 +17,7 @@ from midair.cli.thermometers import air_watched
 from midair.devices import stop_on_input
 from midair.errors import InputError
 from midair.model import Acoustics, Medium
-from midair.rig import LiveSession, LiveSettings, LiveStatistics, make_key, send_touch
+from midair.rig import LiveSession, LiveSettings, LiveStatistics, SensorRate, make_key, send_touch
 from midair.rig import live as begin
 
 WRONG_RATE = 0.05
@@ -82,8 +82,7 @@ def live_command(
     room = air.medium()
     settings = (options or LiveOptions()).settings(room)
     if to is not None:
-        _send(settings, to, json=json)
-        return 0
+        return _send(settings, to, json=json)
     if keep is not None:
         if keep.exists():
             raise InputError(f"{keep}: already exists; give another name")
@@ -121,14 +120,19 @@ def _print_result(ended: LiveSession, keep: Path | None, *, json: bool) -> None:
     counts = ended.statistics
     if json:
         opened = ended.opened
-        beside = {"simulated": opened.simulated, "exposure": opened.exposure, "computer": opened.granted.words()}
+        beside = {
+            "simulated": opened.simulated,
+            "exposure": opened.exposure,
+            "computer": opened.granted.words(),
+            "rehearsal": opened.rehearsal.words(),
+        }
         kept = {} if keep is None else {"take": str(keep)}
         return print_json(counts.plain() | {"error_by_band": _by_band(ended), "network": ended.network} | beside | kept)
     print_rows([*_statistics_rows(counts), *_network_rows(ended), *([] if keep is None else [("take", str(keep))])])
     return None
 
 
-def _send(settings: LiveSettings, to: str, *, json: bool) -> None:
+def _send(settings: LiveSettings, to: str, *, json: bool) -> int:
     """Send a sensor's frames to the other computer; nothing plays here."""
     if settings.key is None or settings.listen is not None:
         raise InputError("--to: expected --key with the shared key file, and no --listen")
@@ -136,12 +140,32 @@ def _send(settings: LiveSettings, to: str, *, json: bool) -> None:
     with signals_noted() as signals, send_touch(settings.sensor, to, settings.key, settings=settings) as speaker:
         if not json:
             banner(speaker.greeting.simulated)
-        until = None if duration is None else time.monotonic() + duration
-        speaker.run(lambda: not signals.came and (until is None or time.monotonic() < until))
-    spoken = asdict(speaker.spoken)
+        until, warned = None if duration is None else time.monotonic() + duration, False
+
+        def going() -> bool:
+            nonlocal warned
+            warned = _rate_warning(speaker.rate, warned)
+            return not signals.came and (until is None or time.monotonic() < until)
+
+        speaker.run(going)
+    spoken, rate = asdict(speaker.spoken), speaker.rate
     if json:
-        return print_json(spoken | {"simulated": speaker.greeting.simulated})
-    return print_rows([(name, str(count)) for name, count in spoken.items()])
+        print_json(spoken | {"simulated": speaker.greeting.simulated} | rate.plain_rate())
+    else:
+        print_rows([*((name, str(count)) for name, count in spoken.items()), *_rate_rows(rate)])
+    return 1 if abs(rate.rate_error) > WRONG_RATE else 0
+
+
+def _rate_warning(rate: SensorRate, warned: bool) -> bool:
+    """Print once that a sensor's rate is wrong; return whether this was done."""
+    if rate.rate_problem and not warned:
+        err().print(f"midair: {rate.rate_problem}", soft_wrap=True)
+        return True
+    return warned
+
+
+def _rate_rows(rate: SensorRate) -> list[tuple[str, str]]:
+    return [("rate", rate.rate_problem)] if rate.rate_problem else []
 
 
 def _watch(session: LiveSession, signals: Signals, *, quiet: bool) -> None:
@@ -152,9 +176,7 @@ def _watch(session: LiveSession, signals: Signals, *, quiet: bool) -> None:
         while session.wait(0.1) and not signals.came:
             counts = session.statistics
             screen.update(Text(_status_line(counts)))
-            if counts.rate_problem and not warned:
-                warned = True
-                err().print(f"midair: {counts.rate_problem}", soft_wrap=True)
+            warned = _rate_warning(counts, warned)
 
 
 class _NoScreen:
@@ -195,6 +217,7 @@ def _session_rows(session: LiveSession) -> list[tuple[str, str]]:
         ("delay", " + ".join(f"{name} {1e3 * part:.3g} ms" for name, part in session.statistics.parts.items())),
         ("error of the filter", errors),
         ("computer", opened.granted.words()),
+        ("rehearsal", opened.rehearsal.words()),
     ]
 
 
@@ -211,6 +234,10 @@ def _worst(counts: LiveStatistics) -> str:
     return "; ".join(f"second {second}: {late} late, {lost} lost" for second, late, lost in counts.worst)
 
 
+def _over_time(counts: LiveStatistics) -> str:
+    return "; ".join(f"{name} {' '.join(map(str, parts))}" for name, parts in counts.over_time.items())
+
+
 def _statistics_rows(counts: LiveStatistics) -> list[tuple[str, str]]:
     def times(shares: tuple[float, ...]) -> str:
         names = ("half", "99 %", "99.9 %", "all")
@@ -221,9 +248,15 @@ def _statistics_rows(counts: LiveStatistics) -> list[tuple[str, str]]:
         ("lost", f"{counts.lost} missing from the sensor, in {counts.gaps} gaps of 20 ms or more"),
         ("late", f"{counts.late}; {counts.hurried} solved in half the time, {counts.unanswered} without a solution"),
         *([("too hot", f"{counts.hot} frames dropped while a unit was too hot")] if counts.hot else []),
+        *(
+            [("failsafe", f"silenced the units {counts.failsafe} times; the level rose again")]
+            if counts.failsafe
+            else []
+        ),
         ("latency", f"{1e3 * counts.latency:.3g} ms from skin to skin"),
         ("sent after they were taken", times(counts.left)),
         ("work on a frame", times(counts.work)),
         *([("worst seconds", _worst(counts))] if counts.worst else []),
-        *([("rate", counts.rate_problem)] if counts.rate_problem else []),
+        *([("by tenths of the run", _over_time(counts))] if counts.worst or counts.gaps else []),
+        *_rate_rows(counts),
     ]

@@ -73,9 +73,9 @@ def stand(phases: Bytes, intensity: Bytes) -> Pattern:
     return Pattern(PhaseBuffer.from_array(phases), IntensityBuffer.from_array(intensity))
 
 
-def silence(units: int) -> Pattern:
-    """Command that plays a silent pattern at once; it also cancels pending switches."""
-    return Pattern(PhaseBuffer.from_array(np.zeros((units, UNIT), np.uint8)), 0)
+def silence(units: int, bank: int = 0) -> Pattern:
+    """Command that plays a silent pattern at once, which overwrites a bank; it also cancels pending switches."""
+    return Pattern(PhaseBuffer.from_array(np.zeros((units, UNIT), np.uint8)), 0, _BANKS[bank])
 
 
 def _shared_intensity(bank: int, phases: Bytes, intensity: Bytes) -> Iterator[Command]:

@@ -25,6 +25,7 @@ from midair.devices.arrays import autd3_commands as commands
 from midair.devices.arrays.autd3_address import Autd3Address
 from midair.devices.arrays.autd3_udp import Autd3Udp
 from midair.devices.arrays.banks import UnitsState
+from midair.devices.arrays.immediate import OUTCOMES
 from midair.devices.frame_bytes import Bytes
 from midair.errors import DeviceError, LinkLostError, SilentFramesError, TooHotError
 from midair.model import Placement
@@ -85,11 +86,11 @@ class Autd3Immediate(Autd3Udp):
         self, placement: Placement, place: Autd3Address, *, failsafe: float = 0.05, crowd: int = 7, asked: float = 0.05
     ) -> None:
         self._crowd, self._asked = crowd, asked
-        self._counts: dict[str, int] = dict.fromkeys(("sent", "answered", "lost", "late", "crowded", "hot"), 0)
+        self._counts: dict[str, int] = dict.fromkeys(OUTCOMES, 0)
         self._sent_at = np.zeros(_KEPT, np.int64)
         self._number = self._in_transmission = self._unanswered = 0
         self._wrong: DeviceError | None = None
-        self._last_query = 0.0
+        self._last_query, self._releases = 0.0, 0
         self._geometry = commands.geometry(placement)
         self._manual_loop = ManualEventLoop()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -122,9 +123,10 @@ class Autd3Immediate(Autd3Udp):
         self._counts["hot"] += 1
 
     def release(self) -> None:
-        """Release the failsafe of the units, and clear an earlier overheating error."""
+        """Release the failsafe of the units, and clear an earlier error of heat or failsafe."""
         super().release()
-        if isinstance(self._wrong, TooHotError):
+        self._releases += 1
+        if isinstance(self._wrong, TooHotError | SilentFramesError):
             self._wrong = None
 
     def sent(self, number: int) -> int:
@@ -181,6 +183,7 @@ class Autd3Immediate(Autd3Udp):
 
     async def _query_state(self) -> None:
         """Query the state of the units; overheating or an active failsafe is an error."""
+        releases = self._releases
         try:
             states = await self._open.read_fpga_state()
         except (Autd3Error, DeviceError):
@@ -192,7 +195,9 @@ class Autd3Immediate(Autd3Udp):
             self._wrong = wrong
             return
         silenced = [unit for unit, state in enumerate(states) if state.is_failsafe_active()]
-        if silenced:
+        # An answer may be older than the release.
+        if silenced and releases == self._releases and self._wrong is None:
+            self._counts["failsafe"] += 1
             self._wrong = SilentFramesError(
                 f"autd3: expected every frame to sound, but the failsafe silenced units {silenced} after "
                 f"{self.failsafe:g} s without a frame; close other programs, then start again"

@@ -43,6 +43,9 @@ ANSWER = 0.05
 ATTEMPTS = 5
 """Number of attempts before the link counts as lost: a quarter of a second, as long as a block lasts."""
 
+GROUP = 5
+"""Commands that are repeated together after a lost datagram; a block of 250 frames has 52."""
+
 ERROR_COUNTERS = (
     "failsafe",
     "ptp_unlock_failsafe",
@@ -80,7 +83,7 @@ class Autd3Udp:
         self._thread = threading.Thread(target=self._loop.run_forever, name="autd3", daemon=True)
         self._thread.start()
         try:
-            client: Client = self._call(lambda: self._connect(placement, self._link(place)), 60)
+            client: Client = self._repeatable(lambda: self._connect(placement, self._link(place)), 60)
             self._client: Client | None = client
             self._state = client.state_checker()
             config = CpuConfig(failsafe_timeout=Duration.from_secs_f64(failsafe))
@@ -109,10 +112,12 @@ class Autd3Udp:
         try:
             self._repeatable(lambda: self._open.send(commands.switch(bank, instant)), 2)
         except DeviceError as wrong:
-            # After a repeated command some units may already play; another instant would repeat frames.
-            if "too close to now" in str(wrong) and self._repetitions == before:
-                raise TooLateError(str(wrong)) from None
-            raise
+            if "too close to now" not in str(wrong):
+                raise
+            if self._repetitions > before:
+                # Units that received the first order would play before the others.
+                self.silence(bank=1 - bank)
+            raise TooLateError(str(wrong)) from None
 
     def now(self) -> int:
         """Device time, in ns."""
@@ -130,9 +135,9 @@ class Autd3Udp:
         """Play one pattern until another one arrives; shape (unit, transducer of the unit) each."""
         self._repeatable(lambda: self._open.send(commands.stand(phases, intensity)), 2)
 
-    def silence(self) -> None:
-        """Set all transducers to intensity 0 at once."""
-        self._repeatable(lambda: self._open.send(commands.silence(self._units)), 2)
+    def silence(self, *, bank: int = 0) -> None:
+        """Set all transducers to intensity 0 at once, with a pattern that overwrites a bank."""
+        self._repeatable(lambda: self._open.send(commands.silence(self._units, bank)), 2)
 
     def emitting(self) -> bool:
         """True if a unit reports that patterns play."""
@@ -160,9 +165,9 @@ class Autd3Udp:
     def describe(self) -> dict[str, str]:
         """Firmware, link and failsafe of the units."""
         client = self._open
-        versions = self._call(client.read_firmware_version, 5)
-        telemetry, bus = self._call(client.read_telemetry, 5), client.bus_stats()
-        worst, heat = bus.worst_ack_latency_ns(), self._call(client.read_fpga_state, 5)
+        versions = self._repeatable(client.read_firmware_version, 5)
+        telemetry, bus = self._repeatable(client.read_telemetry, 5), client.bus_stats()
+        worst, heat = bus.worst_ack_latency_ns(), self._repeatable(client.read_fpga_state, 5)
         series = ".".join(str(part) for part in versions[0].SUPPORTED_SERIES)
         return {
             "units": f"{len(versions)} answer",
@@ -238,7 +243,8 @@ class Autd3Udp:
         return await Client.open(commands.geometry(placement), link, config)
 
     def _send(self, many: Sequence[commands.Command]) -> None:
-        self._repeatable(lambda: self._open.send(many), 10)
+        for first in range(0, len(many), GROUP):
+            self._repeatable(lambda group=many[first : first + GROUP]: self._open.send(group), 10)
 
     def _check(self) -> None:
         status = self._state.check()

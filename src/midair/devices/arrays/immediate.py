@@ -25,6 +25,11 @@ Put = Callable[[Bytes, int, int], None]
 """Called with phases (unit, transducer of the unit), one intensity for all, and the instant of device time in ns."""
 
 
+OUTCOMES = ("sent", "answered", "lost", "late", "crowded", "hot", "failsafe")
+"""Outcomes that units count: frames sent, answered, lost (no answer), late, crowded and hot (never sent); and how often
+the failsafe acted."""
+
+
 class ImmediateUnits(Units, Protocol):
     """Units that accept single frames."""
 
@@ -44,7 +49,7 @@ class ImmediateUnits(Units, Protocol):
         ...
 
     def told(self) -> dict[str, int]:
-        """Number of frames by outcome: sent, answered, lost (no answer), late, crowded and hot (never sent)."""
+        """Counts by outcome, see `OUTCOMES`."""
         ...
 
 
@@ -139,7 +144,7 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
             self._log = partial(log_pause, number, source, self.name)
             before = units.told()
             try:
-                with self._playing(units):
+                with self._playing():
                     yield put
                 self._order.check(self.name)
             except BaseException as end:
@@ -150,11 +155,8 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
             log_end(number, source, self.name, "played", report=_since(before, units.told()))
 
     @contextmanager
-    def _playing(self, units: ImmediateUnits) -> Generator[None]:
-        try:
-            self._make_ready(units)
-        except TooHotError as hot:
-            self._pause = self.pause(hot)
+    def _playing(self) -> Generator[None]:
+        self.resume()
         try:
             self._plays = True
             yield
@@ -164,6 +166,13 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
         finally:
             self._plays = False
         self.silence()
+
+    def resume(self) -> None:
+        """Silence the units and release their failsafe; the next frame sounds, unless they are too hot."""
+        try:
+            self._make_ready(self.units)
+        except TooHotError as hot:
+            self._pause = self.pause(hot)
 
     def _make_ready(self, units: ImmediateUnits) -> None:
         """Silence the units and release their failsafe; raise TooHotError if one is too hot."""

@@ -5,7 +5,7 @@ from collections import deque
 
 import numpy as np
 
-from midair.devices.arrays import ImmediateArray, Silencer
+from midair.devices.arrays import OUTCOMES, ImmediateArray, Silencer
 from midair.devices.frame_bytes import Bytes
 from midair.model import Placement
 
@@ -18,7 +18,7 @@ class VirtualUnits:
 
     def __init__(self, kept: int = 0) -> None:
         self.frames: deque[tuple[Bytes, int, int]] = deque(maxlen=kept)
-        self._counts: dict[str, int] = dict.fromkeys(("sent", "answered", "lost", "late", "crowded", "hot"), 0)
+        self._counts: dict[str, int] = dict.fromkeys(OUTCOMES, 0)
         self._sent_at = np.zeros(64, np.int64)
         self._number = 0
 

@@ -13,6 +13,7 @@ from .process import LoopStarted as LoopStarted
 from .process import play_live as play_live
 from .session import LiveSession as LiveSession
 from .session import LiveStatistics as LiveStatistics
+from .timing import SensorRate as SensorRate
 from .touch import Touch as Touch
 from .touch_ring import FRAME_EMITTED as FRAME_EMITTED
 from .touch_ring import FRAME_LATE as FRAME_LATE

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.devices import ImmediateArray, Put, StreamedSensor
+from midair.errors import SilentFramesError
 from midair.rig.live_touch.timing import TICK, RateMeter, Timetable
 from midair.rig.live_touch.touch import Touch
 from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, TouchRing
@@ -34,6 +35,8 @@ class Pace:
     """Duration of the rise of the level, at the beginning and after missing frames."""
     word: float = 0.01
     """Interval of silent frames while nothing else is sent; far below the units' failsafe."""
+    trips: int = 5
+    """Number of times that the units' failsafe may act within ten seconds; after one more the run ends."""
 
 
 class LiveLoop:
@@ -70,6 +73,8 @@ class LiveLoop:
         self._rising: float | None = None
         self._latest = -np.inf
         self._last_sent = 0.0
+        # Times at which the units' failsafe acted.
+        self._trips: list[float] = []
         self._intensity = self._last_instant = 0
         # Offset from the computer's clock to the units' in ns; updated regularly, since clocks drift.
         self._ahead, self._asked = 0, -np.inf
@@ -143,7 +148,8 @@ class LiveLoop:
             self._ring.miss("late", self._next / self._sensor.rate)
             flags |= FRAME_LATE
         else:
-            self._send(put, instant, slot)
+            if not self._send(put, instant, slot):
+                flags &= ~FRAME_EMITTED
             self._latest = began
         self._write(taken, instant, flags)
         self._ring.time("work", time.monotonic() - began)
@@ -155,13 +161,27 @@ class LiveLoop:
             return 1.0
         return min(1.0, max(0.0, (taken - self._rising) / self._pace.rise))
 
-    def _send(self, put: Put, instant: int, slot: int) -> None:
-        """Send the current phases and store the frame's slot of the ring."""
-        put(self._phases, self._intensity, instant)
+    def _send(self, put: Put, instant: int, slot: int) -> bool:
+        """Send the current phases and store the frame's slot of the ring; return False if the units are silent."""
+        try:
+            put(self._phases, self._intensity, instant)
+        except SilentFramesError as silenced:
+            self._resume(silenced)
+            return False
         self._last_instant = instant
         self._put_slots[self._puts % 64] = slot
         self._puts += 1
         self._last_sent = time.monotonic()
+        return True
+
+    def _resume(self, silenced: SilentFramesError) -> None:
+        """Continue after the units' failsafe has silenced them, because this computer was busy; the level rises."""
+        now = time.monotonic()
+        self._trips = [*(at for at in self._trips if at > now - 10), now]
+        if len(self._trips) > self._pace.trips:
+            raise silenced
+        self._array.resume()
+        self._intensity, self._rising = 0, None
 
     def _write(self, taken: float, instant: int, flags: int) -> None:
         ring = self._ring
@@ -192,13 +212,14 @@ class LiveLoop:
                 self._ring.time("left", left * 1e-9 - float(slot["taken"]))
         told = self._array.units.told()
         self._ring.put("unanswered", told["lost"] + told["late"] + told["crowded"])
+        self._ring.put("failsafe", told["failsafe"])
 
     def _wait(self, put: Put, began: float) -> None:
         """While no frame arrives: fade, then send silent frames that keep the units' failsafe from acting."""
         now = time.monotonic()
         if self._latest > began and self._rising is not None and now - self._latest > self._pace.quiet:
             self._fade(put)
-            self._ring.add("gaps")
+            self._ring.miss("gaps", self._next / self._sensor.rate)
         if self._rising is None and now - self._last_sent > self._pace.word:
             self._intensity = 0
             self._send(put, self._array.units.now() + round(self._pace.hold * _NS), -1)
@@ -211,6 +232,7 @@ class LiveLoop:
         begin = max(soon, self._last_instant + self._period)
         for step in range(1, steps + 1):
             self._intensity = loud * (steps - step) // steps
-            self._send(put, begin + (step - 1) * self._period, -1)
+            if not self._send(put, begin + (step - 1) * self._period, -1):
+                break
             time.sleep(self._period / _NS)
         self._rising = None

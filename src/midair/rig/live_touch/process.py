@@ -29,7 +29,7 @@ from midair.rig.live_touch.live_settings import LiveSettings, host_and_port
 from midair.rig.live_touch.receiving import NetworkSource
 from midair.rig.live_touch.repeated_source import streamed
 from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
-from midair.rig.live_touch.touch import Touch
+from midair.rig.live_touch.touch import Rehearsal, Touch
 from midair.rig.live_touch.touch_ring import TouchRing
 from midair.rig.names import VirtualRig, sensor_named
 from midair.rig.play_lease import LeaseToken, PlayLease
@@ -66,6 +66,8 @@ class LoopStarted:
     """Its intensity byte."""
     granted: SchedulerGrant
     """Real-time rights that the computer granted."""
+    rehearsal: Rehearsal
+    """Frames that were computed in real time before the start."""
     delay: float
     """Delay of filter and mapping in s."""
     parts: tuple[tuple[float, float], ...]
@@ -156,7 +158,12 @@ def _play(
             touch = Touch(order, calibration, sensor.grid, sensor.rate, array.array, admission.level)
             if source is not None:
                 touch.delay += source.delay
-            told.send(_loop_started(sensor, calibration, array, admission, touch, granted))
+            rehearsal = touch.rehearse(sensor.rate, order.hold)
+            # The kernel stops real-time threads that filled a core for a second, as this start does, for 50 ms.
+            for _ in range(2):
+                if rehearsal.late:
+                    rehearsal = touch.rehearse(sensor.rate, order.hold)
+            told.send(_loop_started(sensor, calibration, array, admission, touch, granted, rehearsal))
             loop = LiveLoop(
                 sensor,
                 touch,
@@ -258,6 +265,7 @@ def _loop_started(
     admission: ExposureClearance,
     touch: Touch,
     granted: SchedulerGrant,
+    rehearsal: Rehearsal,
 ) -> LoopStarted:
     return LoopStarted(
         sensor=sensor.grid,
@@ -271,6 +279,7 @@ def _loop_started(
         level=admission.level,
         strongest=admission.strongest,
         granted=granted,
+        rehearsal=rehearsal,
         delay=touch.delay,
         parts=() if touch.error is None else tuple(touch.parts),
         error=() if touch.error is None else tuple(float(each) for each in touch.error),

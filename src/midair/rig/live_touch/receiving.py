@@ -53,6 +53,9 @@ OTHERS = 500
 AHEAD = 4000
 """Number of frames that may wait."""
 
+GONE = 10.0
+"""Time in s without a frame after which the sender has ended, if the message of its end was lost."""
+
 
 @dataclass(slots=True)
 class PacketCounts:
@@ -181,8 +184,8 @@ class NetworkSource:
         self._sender: object = None
         self._buffer: JitterBuffer | None = None
         self._once, self._limit = ReplayFilter(), RateLimit()
-        # Time of the end of sending; frames sent before may still arrive.
-        self._ended = np.inf
+        # Time of the end of sending, and of the last frame; frames sent before may still arrive.
+        self._ended, self._came = np.inf, np.inf
         self._unfit = ""
         self.counted = PacketCounts()
 
@@ -244,16 +247,20 @@ class NetworkSource:
                 # Read all messages that arrived while this computer was busy; they may move the time.
                 self._take_all()
             now, due = time.monotonic(), buffer.due()
-            if due <= now:
+            # After the end, only frames that were sent before it may be missing.
+            over = now > self._ended and buffer.empty
+            if due <= now and not over:
                 number, pressure = buffer.get()
                 if pressure is not None:
                     return self._chunk(number, pressure, due)
-            elif now > self._ended + WINDOW and buffer.empty:
+            elif over and now > self._ended + WINDOW:
                 raise DeviceError("live: the sender has ended")
+            elif now > self._came + GONE:
+                raise DeviceError(f"live: expected frames of the sender, got none for {GONE:g} s; start it again there")
             elif now >= until:
                 return None
             else:
-                self._take(min(due, until) - now)
+                self._take((until if over else min(due, until)) - now)
 
     def stop(self) -> None:
         """Do nothing."""
@@ -345,6 +352,7 @@ class NetworkSource:
             self.counted.repeated += 1
             return
         self._drawn, self._offers, self._sender, self.greeting = drawn, {drawn: offer}, sender, offer[1]
+        self._came = came
         if self._buffer is None:
             self.counted.frames += 1
         else:

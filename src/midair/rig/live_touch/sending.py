@@ -22,6 +22,7 @@ from midair.rig.live_touch.encryption import (
     SessionOffer,
     frame_message,
 )
+from midair.rig.live_touch.timing import RateMeter, SensorRate, measured_rate
 
 
 @dataclass(slots=True)
@@ -70,6 +71,12 @@ class FrameSender:
         self._socket.connect(address)
         self._drawn = b""
         self.spoken = SendStatistics()
+        self._meter = RateMeter()
+
+    @property
+    def rate(self) -> SensorRate:
+        """Frame rate of the sensor, by this computer's clock."""
+        return SensorRate(stated_rate=self._sensor.rate, rate=measured_rate(self._meter.frames, self._meter.span))
 
     def greet(self) -> None:
         """Send greetings until the other side answers; DeviceError if no side with the key answers."""
@@ -99,6 +106,7 @@ class FrameSender:
                 self.spoken.lost += block.first - expected
                 expected = block.first + 1
                 self.spoken.frames = expected
+                self._meter.add(block.first, block.host_time)
                 if not self._send(FRAME, frame_message(block.first, block.host_time, pressure, self._drawn)):
                     self.spoken.unsent += 1
         finally:

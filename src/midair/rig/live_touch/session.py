@@ -18,6 +18,7 @@ from midair.model import Placement
 from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.live_take import LiveTake
 from midair.rig.live_touch.process import LoopEnded, LoopPaused, LoopStarted, play_live
+from midair.rig.live_touch.timing import SensorRate, measured_rate
 from midair.rig.live_touch.touch_ring import STEP, RingShape, TouchRing
 from midair.rig.play_lease import LeaseToken, PlayLease
 
@@ -28,12 +29,8 @@ RISE = 0.4e-3
 """Rise time of the transducers in s."""
 
 
-RATE_SPAN = 5.0
-"""Time in s over which the sensor's rate is measured at least; jitter of 20 ms is then 0.4 %."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LiveStatistics:
+class LiveStatistics(SensorRate):
     """Statistics of a live run."""
 
     frames: int
@@ -52,6 +49,8 @@ class LiveStatistics:
     """Frames that were sent without a confirmation from any unit."""
     gaps: int
     """Number of gaps of 20 ms without a frame, after which the level faded."""
+    failsafe: int
+    """Number of times that the units' failsafe silenced them, after 50 ms without a frame; the level rose again."""
     latency: float
     """Median latency from skin to skin in s: filter, hold, transducers and air."""
     parts: dict[str, float]
@@ -63,25 +62,8 @@ class LiveStatistics:
     """Quantiles of the computing time of a frame in s, as for `left`."""
     worst: tuple[tuple[int, int, int], ...]
     """(second of the run, late, lost) of up to five seconds with the most missing frames, in order."""
-    stated_rate: float
-    """Frame rate in Hz that the sensor states."""
-    rate: float | None
-    """Frame rate in Hz by this computer's clock; None in the first 5 s."""
-
-    @property
-    def rate_error(self) -> float:
-        """Relative deviation of the measured from the stated frame rate; 0 before it is measured."""
-        return 0.0 if self.rate is None else self.rate / self.stated_rate - 1
-
-    @property
-    def rate_problem(self) -> str:
-        """Message for a rate that differs by more than 1 %; else empty."""
-        if self.rate is None or abs(self.rate_error) <= 0.01:
-            return ""
-        return (
-            f"sensor: expected {self.stated_rate:g} frames per second, measured {self.rate:.4g} by this computer's "
-            f"clock, so that frames are late; state the true rate, such as ?rate={self.rate:.0f}, or correct the sensor"
-        )
+    over_time: dict[str, tuple[int, ...]]
+    """Late and lost frames, and gaps, in each tenth of the run so far."""
 
     def plain(self) -> dict[str, Any]:
         """As plain values, with times in ms."""
@@ -95,13 +77,14 @@ class LiveStatistics:
             "hurried": self.hurried,
             "unanswered": self.unanswered,
             "gaps": self.gaps,
+            "failsafe": self.failsafe,
             "latency": round(1e3 * self.latency, 3),
             "latency_parts_ms": {name: round(1e3 * part, 3) for name, part in self.parts.items()},
             "left_ms": {name: _ms(each) for name, each in zip(names, self.left, strict=True)},
             "work_ms": {name: _ms(each) for name, each in zip(names, self.work, strict=True)},
             "worst_seconds": [dict(zip(("second", "late", "lost"), each, strict=True)) for each in self.worst],
-            "stated_rate_hz": self.stated_rate,
-            "rate_hz": None if self.rate is None else round(self.rate, 3),
+            "over_time": {name: list(counts) for name, counts in self.over_time.items()},
+            **self.plain_rate(),
         }
 
 
@@ -182,7 +165,6 @@ class LiveSession:
             "hold": order.hold,
             "rise and air": RISE + order.height / order.acoustics.medium.speed,
         }
-        span = 1e-6 * ring.count("span_us")
         return LiveStatistics(
             frames=ring.count("frames"),
             played=ring.count("played"),
@@ -192,13 +174,16 @@ class LiveSession:
             hurried=ring.count("hurried"),
             unanswered=ring.count("unanswered"),
             gaps=ring.count("gaps"),
+            failsafe=ring.count("failsafe"),
             latency=sum(parts.values()),
             parts=parts,
             left=_quantiles(ring.histogram("left")),
             work=_quantiles(ring.histogram("work")),
             worst=ring.worst(),
             stated_rate=opened.rate,
-            rate=ring.count("timed") / span if span >= RATE_SPAN else None,
+            # The times of received frames are those of the jitter buffer; the sender measures the sensor's rate.
+            rate=None if order.listen else measured_rate(ring.count("timed"), 1e-6 * ring.count("span_us")),
+            over_time=ring.over_time(ring.count("frames") / opened.rate),
         )
 
     @property

@@ -4,7 +4,9 @@ Settings that other modes derive from a whole recording must be given here: the 
 offset. Memory is allocated once, before the first frame.
 """
 
-from dataclasses import replace
+import time
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,23 @@ Bytes = NDArray[np.uint8]
 # iteration of each kind compensates for the modes that symmetry adds, see `solvers.live`.
 SOLVER = Live(iterations=12, lift_iterations=18, warm_iterations=8, warm_lift_iterations=10)
 """Solver of the phases."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rehearsal:
+    """Frames that were computed at their times, without an array, before the start."""
+
+    frames: int
+    late: int
+    """Frames that were not ready a hold after their time."""
+    longest: float
+    """Longest time from the time of a frame until its phases were ready, in s."""
+
+    def words(self) -> str:
+        """Describe in one line."""
+        keeps = self.late <= 0.01 * self.frames
+        said = "this computer keeps up" if keeps else "this computer is too slow or too busy; close other programs"
+        return f"{self.late} of {self.frames} frames late, longest {1e3 * self.longest:.3g} ms: {said}"
 
 
 class Touch:
@@ -75,7 +94,8 @@ class Touch:
         problem = multi_plane_problem([grid.position], none, array, acoustics=settings.acoustics)
         problem = replace(problem, level=level)
         mirrored = symmetric_modes(grid, array, acoustics=settings.acoustics, tolerance=SOLVER.tolerance)
-        self._follower: FrameTracker = SOLVER.begin(problem, folded=mirrored)
+        self._begin = partial(SOLVER.begin, problem, folded=mirrored)
+        self._follower: FrameTracker = self._begin()
         self.pressure, self._pushes = np.zeros(sensor.count), np.zeros(sensor.count)
         self._wanted, self._steps = np.zeros(grid.count), np.zeros(array.count)
         self._whole, self.phases = np.zeros(array.count, np.int16), np.zeros(array.count, np.uint8)
@@ -101,6 +121,28 @@ class Touch:
         np.maximum(self._pushes, 0.0, out=self._pushes)
         if self._pushes.max() <= self.settings.faintest:
             return False
+        self._solve(hurried=hurried)
+        return True
+
+    def rehearse(self, rate: float, hold: float, *, frames: int = 400) -> Rehearsal:
+        """Compute phases of random pressure in real time, as the loop will; the state of the stream stays."""
+        kept, self._follower = self._follower, self._begin()
+        rng, took = np.random.default_rng(0), np.zeros(frames)
+        # The first frame takes longer.
+        self._pushes[:] = 10.0
+        self._solve(hurried=False)
+        begin = time.monotonic()
+        for number in range(frames):
+            due = begin + (number + 1) / rate
+            time.sleep(max(0.0, due - time.monotonic()))
+            rng.random(out=self._pushes)
+            self._solve(hurried=time.monotonic() - due > hold / 2)
+            took[number] = time.monotonic() - due
+        self._follower = kept
+        self.phases[:] = 0
+        return Rehearsal(frames=frames, late=int((took > hold).sum()), longest=float(took.max()))
+
+    def _solve(self, *, hurried: bool) -> None:
         # Pressure is interpolated, not amplitude, as in the best mode.
         np.dot(self._between, self._pushes, out=self._wanted)
         np.sqrt(self._wanted, out=self._wanted)
@@ -109,7 +151,6 @@ class Touch:
         np.rint(self._steps, out=self._whole, casting="unsafe")
         # 256 steps are one turn, so that the overflow of a byte is harmless.
         np.copyto(self.phases, self._whole, casting="unsafe")
-        return True
 
     @property
     def wanted(self) -> Array:

@@ -4,6 +4,7 @@ The loop writes and never waits: a slow reader learns how many frames it missed.
 the start are stored as well, so that statistics need not read every frame.
 """
 
+import math
 from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any
@@ -19,11 +20,11 @@ STEP = 50e-6
 
 _BINS = 1000
 _COUNTS = (
-    *("head", "frames", "lost", "late", "gaps", "unanswered", "played", "hurried", "hot", "ends"),
+    *("head", "frames", "lost", "late", "gaps", "unanswered", "played", "hurried", "hot", "failsafe", "ends"),
     *("timed", "span_us"),
 )
 _TIMES = ("work", "left")
-_MISSES = ("late", "lost")
+_MISSES = ("late", "lost", "gaps")
 _SECONDS = 4096
 
 _NUMBERS = len(_COUNTS) + len(_TIMES) * _BINS + len(_MISSES) * _SECONDS
@@ -91,9 +92,7 @@ class TouchRing:
         self.slots: NDArray[Any] = whole[numbers.nbytes :].view(self.shape.slot)
 
     def count(self, name: str) -> int:
-        """Count since the start: frames (with repeated ones), lost, late, gaps, unanswered, played, hurried, hot;
-        timed frames and their span in us, see `RateMeter`.
-        """
+        """Count since the start, as in `LiveStatistics`; timed frames and their span in us, see `RateMeter`."""
         return int(self._counts[name][0])
 
     def add(self, name: str, more: int = 1) -> None:
@@ -109,7 +108,7 @@ class TouchRing:
         self._times[name][min(max(int(seconds / STEP), 0), _BINS - 1)] += 1
 
     def miss(self, name: str, seconds: float) -> None:
-        """Count a late or lost frame, `seconds` after the start (loop only)."""
+        """Count a late or lost frame, or a gap, `seconds` after the start (loop only)."""
         self.add(name)
         self._misses[_MISSES.index(name), min(int(seconds), _SECONDS - 1)] += 1
 
@@ -118,9 +117,15 @@ class TouchRing:
 
         Seconds from 4095 on count as one.
         """
-        worst = np.argsort(-self._misses.sum(axis=0), kind="stable")[:most]
-        late, lost = self._misses.tolist()
-        return tuple((at, late[at], lost[at]) for at in np.sort(worst).tolist() if late[at] or lost[at])
+        late, lost = self._misses[:2]
+        worst = np.argsort(-(late + lost), kind="stable")[:most]
+        return tuple((at, int(late[at]), int(lost[at])) for at in np.sort(worst).tolist() if late[at] or lost[at])
+
+    def over_time(self, seconds: float) -> dict[str, tuple[int, ...]]:
+        """Late and lost frames and gaps in ten equal parts of a run of so many seconds, to whole seconds."""
+        tenth = np.arange(_SECONDS) * 10 // max(1, math.ceil(min(seconds, _SECONDS)))
+        parts = [np.bincount(np.minimum(tenth, 9), counts, 10).astype(int).tolist() for counts in self._misses]
+        return dict(zip(_MISSES, map(tuple, parts), strict=True))
 
     def histogram(self, name: str) -> NDArray[np.int64]:
         """Number of durations per bin of `STEP`, shape (bin,); the last bin holds all longer ones."""
