@@ -1,7 +1,7 @@
 """OpenMPD boards over USB: one board, or two opposing boards. EXPERIMENTAL: not tested with a real board.
 
 A board never answers and repeats its last frame forever. Therefore the last frame sent to a board is always silent, and
-it is transmitted before the port is closed. If the program is killed or hangs, its guard (`openmpd_guard`) silences the
+it is transmitted before the port is closed. If the program is killed or hangs, its guard (`port_guard`) silences the
 boards.
 
 The USB chip of the boards (FT232H) passes bytes to the firmware as a FIFO (ParallelReceiver.vhd). Linux shows the chip
@@ -27,9 +27,9 @@ from midair.devices.arrays.openmpd_frames import (
     off_frames,
     rate_divider,
 )
-from midair.devices.arrays.openmpd_guard import LIMIT, BoardGuard
 from midair.devices.arrays.silencer import SilencerChoice
 from midair.devices.interface import ArrayDevice, PlayReport
+from midair.devices.safety.port_guard import LIMIT, PortGuard
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, MissingExtraError
 from midair.model import Board, Drive, Progress, array_of_boards
 
@@ -104,7 +104,7 @@ class OpenMpdArray(ArrayDevice):
         self.array = array_of_boards(*(boards or [Board.nominal()] * len(ports)))
         self._names, self._boards = tuple(ports), tuple(boards)
         self._ports: list[BoardPort] = []
-        self._guard: BoardGuard | None = None
+        self._guard: PortGuard | None = None
         self._lock = threading.RLock()
         self._silenced = 0
         self._sounding = self._lost = False
@@ -152,7 +152,7 @@ class OpenMpdArray(ArrayDevice):
         period, total = divider * PERIOD, drive.frames * repeats
         ahead = max(2, int(LEAD / period))
         if self._guard is None and sys.platform != "win32":
-            self._guard = BoardGuard([port.fileno() for port in self._ports], off_frames())
+            self._guard = PortGuard([port.fileno() for port in self._ports], off_frames())
         self._wait(delay, ordered)
         # In a silent frame: with sound, the divider's bits could be mistaken for the start of a frame.
         self._send([off_frames() + off_frame(divider)] * len(self._ports), ordered)

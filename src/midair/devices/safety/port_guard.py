@@ -18,7 +18,7 @@ LIMIT = 1.0
 SOUNDS, QUIET = b"+", b"."
 
 
-class BoardGuard:
+class PortGuard:
     """The guard, as seen by the playing program (POSIX only).
 
     `ports` are file descriptors of the open ports, `off` is the bytes that silence a board.
