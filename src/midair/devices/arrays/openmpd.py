@@ -29,7 +29,7 @@ from midair.devices.arrays.openmpd_frames import (
 )
 from midair.devices.arrays.silencer import SilencerChoice
 from midair.devices.interface import ArrayDevice, PlayReport
-from midair.devices.safety.port_guard import LIMIT, PortGuard
+from midair.devices.safety import PortGuard
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, MissingExtraError
 from midair.model import Board, Drive, Progress, array_of_boards
 
@@ -239,8 +239,8 @@ class OpenMpdArray(ArrayDevice):
         except OSError:
             self._close_guard()
             raise DeviceError(
-                f"{self.name}: this program was delayed by more than {LIMIT:g} s during playback, and its guard "
-                "silenced the boards, or the guard was terminated; close other programs, then play again"
+                f"{self.name}: this program was delayed by more than {PortGuard.limit:g} s during playback, and its "
+                "guard silenced the boards, or the guard was terminated; close other programs, then play again"
             ) from None
 
     def _close_guard(self) -> None:

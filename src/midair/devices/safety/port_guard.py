@@ -1,8 +1,9 @@
-"""A guard process that silences OpenMPD boards if the playing program fails.
+"""A guard process that stops devices at serial ports if the program that drives them fails.
 
-A board repeats its last frame forever, so that a program that is killed, or hangs, would leave it sounding. This file
-is run as the guard, by its path and without midair, so that it starts quickly; it imports the standard library only. It
-also holds the ports open, reads a pipe, and silences the boards if the pipe ends or stalls during playback.
+An OpenMPD board repeats its last frame forever, and a motion stage completes its move: after a program that was killed,
+or hangs, they would go on. This file is run as the guard, by its path and without midair, so that it starts quickly; it
+imports the standard library only. It also holds the ports open, reads a pipe, and stops the devices if the pipe ends or
+stalls while they are active.
 """
 
 import contextlib
@@ -14,18 +15,25 @@ import time
 from collections.abc import Sequence
 
 LIMIT = 1.0
-"""Maximum time without a heartbeat during playback, in s."""
-SOUNDS, QUIET = b"+", b"."
+"""Maximum time without a heartbeat while the devices are active, in s."""
+SETTLE = 4.0
+"""Maximum time for a device to confirm that it stands still, in s."""
+ACTIVE, QUIET = b"+", b"."
 
 
 class PortGuard:
-    """The guard, as seen by the playing program (POSIX only).
+    """The guard, as seen by the program that drives the devices (POSIX only).
 
-    `ports` are file descriptors of the open ports, `off` is the bytes that silence a board.
+    `ports` are file descriptors of the open ports, `stop` is the bytes that stop a device. With `settled` = (query,
+    answer, last) the query is then repeated until a response contains the answer, and the last bytes are sent.
     """
 
-    def __init__(self, ports: Sequence[int], off: bytes) -> None:
-        words = [sys.executable, "-I", "-S", __file__, str(len(off)), *map(str, ports)]
+    limit = LIMIT
+
+    def __init__(
+        self, ports: Sequence[int], stop: bytes, settled: tuple[bytes, bytes, bytes] = (b"", b"", b"")
+    ) -> None:
+        words = [sys.executable, "-I", "-S", __file__, *(part.hex() for part in (stop, *settled)), *map(str, ports)]
         # In its own session, so that no key at the terminal stops or ends it with the program.
         self._process = subprocess.Popen(
             words,
@@ -36,22 +44,21 @@ class PortGuard:
             start_new_session=True,
             bufsize=0,
         )
-        self._send(off)
         if self._process.stdin is not None:
             # A guard that does not read must not block the program.
             os.set_blocking(self._process.stdin.fileno(), False)
 
     def beat(self) -> None:
-        """Send a heartbeat during playback; OSError if the guard has silenced the boards, or has ended."""
-        self._send(SOUNDS)
+        """Send a heartbeat of an active device; OSError if the guard has stopped the devices, or has ended."""
+        self._send(ACTIVE)
 
     def rest(self) -> None:
-        """Report that the boards are silent."""
+        """Report that the devices are silent or stand still."""
         with contextlib.suppress(OSError):
             self._send(QUIET)
 
     def close(self) -> None:
-        """End the guard; it silences the boards first if the last message was a heartbeat."""
+        """End the guard; it stops the devices first if the last message was a heartbeat."""
         if self._process.stdin is not None:
             self._process.stdin.close()
         try:
@@ -65,22 +72,23 @@ class PortGuard:
             os.write(self._process.stdin.fileno(), word)
 
 
-def watch(pipe: int, ports: Sequence[int], off: bytes) -> None:
-    """Silence the ports if the pipe ends, or stalls, during playback."""
-    sounds = False
-    while True:
-        if not select.select([pipe], [], [], LIMIT if sounds else None)[0]:
+def watch(pipe: int, ports: Sequence[int], stop: bytes, settled: Sequence[bytes]) -> None:
+    """Stop the devices if the pipe ends, or stalls, while they are active."""
+    active = False
+    while select.select([pipe], [], [], LIMIT if active else None)[0]:
+        received = os.read(pipe, 4096)
+        if not received:
             break
-        said = os.read(pipe, 4096)
-        if not said:
-            break
-        sounds = said[-1:] == SOUNDS
-    if sounds:
+        active = received[-1:] == ACTIVE
+    # The next heartbeat of a program that continues fails.
+    os.close(pipe)
+    if active:
         # Bytes still to be sent would come first.
         for port in ports:
             _drop(port)
         for port in ports:
-            _write(port, off)
+            _write(port, stop)
+            _settle(port, *settled)
 
 
 def _drop(port: int) -> None:
@@ -88,6 +96,18 @@ def _drop(port: int) -> None:
 
     with contextlib.suppress(OSError, termios.error):
         termios.tcflush(port, termios.TCOFLUSH)
+
+
+def _settle(port: int, query: bytes, answer: bytes, last: bytes) -> None:
+    """Repeat the query until a response contains the answer, then send the last bytes, in any case."""
+    received, end = b"", time.monotonic() + SETTLE
+    while answer not in received and time.monotonic() < end:
+        _write(port, query)
+        time.sleep(0.1)
+        with contextlib.suppress(OSError):
+            if select.select([port], [], [], 0)[0]:
+                received = received[-256:] + os.read(port, 4096)
+    _write(port, last)
 
 
 def _write(port: int, text: bytes) -> None:
@@ -99,12 +119,9 @@ def _write(port: int, text: bytes) -> None:
 
 
 def main() -> None:
-    """Run the guard: arguments are the length of the silencing bytes, which the pipe delivers first, and the ports."""
-    length, *ports = map(int, sys.argv[1:])
-    off = b""
-    while len(off) < length and (more := os.read(0, length - len(off))):
-        off += more
-    watch(0, ports, off)
+    """Run the guard: arguments are the stopping bytes and the three parts of `settled`, in hex, and the ports."""
+    stop, *settled = map(bytes.fromhex, sys.argv[1:5])
+    watch(0, [int(port) for port in sys.argv[5:]], stop, settled)
 
 
 if __name__ == "__main__":
