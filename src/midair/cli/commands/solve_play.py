@@ -49,7 +49,16 @@ from midair.headroom import level_of
 from midair.model import Acoustics, Drive, Medium
 from midair.physics import Transducers
 from midair.pipeline import Reproduction, reproduce_stream, required_lead
-from midair.rig import ArrayKind, VirtualRig, array_named, array_of_kind, check_air, play_cleared, rerecord
+from midair.rig import (
+    ArrayKind,
+    VirtualRig,
+    array_named,
+    array_of_kind,
+    check_air,
+    checkup_line,
+    play_cleared,
+    rerecord,
+)
 from midair.settings import Settings
 from midair.targets import add_lead, frames_without_lead, sensor_from_provenance
 
@@ -317,7 +326,7 @@ def _play_on_array(
         admission = options.admit(drive, array, room)
         _print_room_air(drive, source, room)
         rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
-        rows.append(("heat", admission.exposure.heat))
+        rows += [("heat", admission.exposure.heat), ("checkup", checkup_line(array.name))]
         print_rows([*level_rows(level_of_file(source, limits=False)), *rows])
         watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN, device=device)
         with progress_bars() as stage, array, watched:

@@ -4,6 +4,7 @@ import importlib.metadata
 import os
 import socket
 import sys
+from collections.abc import Mapping
 
 from midair.devices import close_orders, playing_now, state_folder
 from midair.errors import FileError, MidairError
@@ -44,6 +45,11 @@ def device_findings(name: str) -> list[Check]:
         return [
             Check(subject=name, state="broken", found=found, advice=advice or "midair play --help lists the arrays")
         ]
+    return report_findings(name, said)
+
+
+def report_findings(name: str, said: Mapping[str, str]) -> list[Check]:
+    """Check the description of an open array."""
     return [_check_report(f"{name}: {subject}", subject, found) for subject, found in said.items()]
 
 
