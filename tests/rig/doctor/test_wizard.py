@@ -16,7 +16,7 @@ from tests.simulators.udp_proxy import UdpProxy
 from midair.cli import run
 from midair.devices import VirtualArray, state_folder
 from midair.files import save_solution
-from midair.model import Drive, Placement, Solution
+from midair.model import Acoustics, Drive, Placement, Solution
 from midair.physics import Transducers
 from midair.rig import VirtualRig, checkup_line, default_exposure
 from midair.rig.doctor.array_by_sensor import DEAD, places_of_units, transducer_strengths
@@ -146,7 +146,7 @@ def test_play_prints_the_age_of_the_report(tmp_path, monkeypatch, capsys):
 
 def test_a_click_is_of_one_unit_and_above_its_centre():
     array = Placement.grid().array()
-    drive = click_drive(array, 2, height=0.2)
+    drive = click_drive(array, 2, height=0.2, acoustics=Acoustics())
     assert set(np.flatnonzero(drive.level.any(axis=0))) == set(np.flatnonzero(array.unit == 2))
     assert drive.level[0].max() == 1
     assert not drive.level[-1].any()

@@ -1,10 +1,8 @@
 """The command `doctor`: check the installation and the devices."""
 
 import sys
-from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import nullcontext
 from dataclasses import asdict
-from typing import Any
 
 from rich.table import Table
 
@@ -59,22 +57,28 @@ def doctor_command(
     $ midair doctor --device autd3:emulator
     $ midair doctor --device autd3:emulator --wizard --yes
     """
-    if wizard and device is None:
-        raise InputError("--wizard: expected --device with an array, got none")
     if not wizard and (sensor or yes or placement or air or exposure):
         raise InputError("--sensor, --yes and options of placement, air and exposure: expected --wizard, got none")
-    if device is None or not wizard:
+    if not wizard:
         findings = run_checks(device)
+    elif device is None:
+        raise InputError("--wizard: expected --device with an array, got none")
     else:
         choices = (exposure or ExposureOptions()).choices((air or AirOptions()).medium())
         array = array_named(device, None if placement is None else load_placement(placement), silencer="off")
-        with ExitStack() as stack:
-            stack.enter_context(array)
+        with array, nullcontext() if sensor is None else sensor_named(sensor, VirtualRig(height=height)) as above:
             banner(array.simulated)
-            ear = None if sensor is None else stack.enter_context(sensor_named(sensor, VirtualRig(height=height)))
-            findings = run_wizard(array, _no_person if yes else _ask, choices, sensor=ear, height=height)
+            findings = run_wizard(array, _no_person if yes else _ask, choices, sensor=above, height=height)
         print_note(f"report stored: {store_checkup(array.name, findings)}")
-    _print(findings, json=json)
+    if json:
+        print_json([asdict(finding) for finding in findings])
+    else:
+        table = Table(box=None, pad_edge=False)
+        for name in ("", "state", "found", "advice"):
+            table.add_column(name, overflow="fold")
+        for finding in findings:
+            table.add_row(finding.subject, finding.state, finding.found, finding.advice)
+        out().print(table)
     return int(any(finding.state == "broken" for finding in findings))
 
 
@@ -89,15 +93,3 @@ def _ask(question: str) -> str:
 
 def _no_person(_: str) -> None:
     """Give no answer."""
-
-
-def _print(findings: Sequence[Any], *, json: bool) -> None:
-    if json:
-        return print_json([asdict(finding) for finding in findings])
-    table = Table(box=None, pad_edge=False)
-    for name in ("", "state", "found", "advice"):
-        table.add_column(name, overflow="fold")
-    for finding in findings:
-        table.add_row(finding.subject, finding.state, finding.found, finding.advice)
-    out().print(table)
-    return None

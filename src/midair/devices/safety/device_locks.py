@@ -65,9 +65,8 @@ def _computer_lock(device: str) -> Generator[None]:
     if sys.platform != "linux":
         yield
         return
-    name = quote(device, safe="")
-    if len(name) > 80:  # a name has 107 bytes at most; a digest is refused to the same device only
-        name = hashlib.sha256(name.encode()).hexdigest()
+    # A name has 107 bytes at most; a digest keeps out the same device only.
+    name = quote(device, safe="") if len(device) < 30 else hashlib.sha256(device.encode()).hexdigest()
     with socket.socket(socket.AF_UNIX) as held:
         try:
             held.bind(f"\0{_NAMES}{name}")
@@ -80,32 +79,25 @@ def _computer_lock(device: str) -> Generator[None]:
             raise DeviceError(
                 f"{device}: expected a lock for all users of this computer, got {wrong.strerror}"
             ) from wrong
-        others = {line.rpartition(f" @{_NAMES}")[2] for line in lines if f" @{_NAMES}" in line}
-        for other in others:
+        for other in {line.partition(f" @{_NAMES}")[2] for line in lines}:
             if _overlap(device, unquote(other)):
                 raise HeldError(_refusal_of_other(device, other))
         yield
 
 
 def _refusal_of_other(device: str, name: str) -> str:
+    import pwd
+
     who = "a program of another user"
-    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as call:
+    with contextlib.suppress(OSError, KeyError), socket.socket(socket.AF_UNIX) as call:
         call.settimeout(0.1)
         call.connect(f"\0{_NAMES}{name}")
         process, user, _ = struct.unpack("3i", call.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
-        who = f"process {process} of user {_user_name(user)}"
+        who = f"process {process} of user {user}"
+        who = f"process {process} of user {pwd.getpwuid(user).pw_name}"
         words = Path(f"/proc/{process}/cmdline").read_text(encoding="utf-8", errors="replace").split("\0")[:-1]
         who += f" ({''.join(each if each.isprintable() else '?' for each in shlex.join(words))[:300]})"
     return f"{device}: expected a device that no other program uses, {who} has it; wait until it ends, or end it"
-
-
-def _user_name(user: int) -> str:
-    import pwd
-
-    try:
-        return pwd.getpwuid(user).pw_name
-    except KeyError:
-        return str(user)
 
 
 def _path(folder: Path, device: str) -> Path:

@@ -4,7 +4,6 @@ Everything sounds inside `play_cleared` only, so that an error, Ctrl-C, a signal
 """
 
 import json
-import os
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
@@ -12,6 +11,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
+from numpy.typing import NDArray
 
 from midair.devices import (
     ArrayDevice,
@@ -22,14 +22,16 @@ from midair.devices import (
     measure_exposure,
     state_folder,
 )
-from midair.errors import ExposureError, FileError, InputError
+from midair.errors import ExposureError, InputError
+from midair.files import atomic_file
 from midair.model import HEIGHT, Acoustics, Drive, Medium, Provenance, TransducerArray
 from midair.physics import focus_phase
 from midair.rig.doctor.array_by_sensor import DEAD, places_of_units, transducer_strengths
 from midair.rig.doctor.array_checkup import report_findings
-from midair.rig.doctor.check import Check
+from midair.rig.doctor.check import Check, broken, missing, ok
 from midair.rig.playing import play_cleared
 
+Array = NDArray[np.float64]
 Ask = Callable[[str], str | None]
 """Asks a person, and returns the answer without spaces and in lower case; None if no person is there."""
 
@@ -45,46 +47,31 @@ def run_wizard(
     sensor: SensorDevice | None = None,
     height: float = HEIGHT,
 ) -> list[Check]:
-    """Check an open array with a person, a sensor, or neither.
+    """Check an open array, whose silencer is off, with a person, a sensor, or neither.
 
-    Parameters
-    ----------
-    array : ArrayDevice
-        Open, with the silencer off.
-    ask : callable
-        Asks a person; see `Ask`. Without answers, what only a person can confirm is "missing".
-    choices : ExposureChoices
-        Limits of everything that sounds; without an override clicks are attenuated to meet them.
-    sensor : SensorDevice, optional
-        Open, face down over the centre of the array; it then finds the order of the units and dead transducers.
-    height : float
-        Height of the sensor, and of the focus of the clicks, above the array in m.
-
-    Raises
-    ------
-    InputError, DeviceError
-        If `ask` raises it; if the array fails. The array is silent then.
+    The sensor is open and lies face down over the centre of the array at a height in m. `choices` limits everything
+    that sounds; without an override, clicks are attenuated to meet them.
     """
     air, choices = _air(ask, choices)
-    checks = [
-        *report_findings(array.name, array.describe()),
-        air,
-        _placement(array, ask),
-        _ears(array, choices, height),
-    ]
+    acoustics = Acoustics() if choices.room is None else Acoustics(medium=choices.room)
+    checks = [*report_findings(array.name, array.describe()), air, _placement(array, ask)]
+    checks.append(_ears(array, choices, np.array([0.0, 0.0, height]), acoustics))
+    units = [int(unit) for unit in np.unique(array.array.unit)]
+    try:
+        if sensor is not None:
+            checks.append(_wiring(list(places_of_units(array, sensor, choices, height)), units))
+            checks.append(_transducers(*transducer_strengths(array, sensor, choices, height)))
+    except ExposureError as wrong:
+        checks.append(missing("sensor", str(wrong)))
     if sensor is None:
+        drives = [click_drive(array.array, unit, height=height, acoustics=acoustics) for unit in units]
+        checks.append(_wiring_by_ear(array, ask, choices, units, drives))
         advice = "lay a sensor face down over the centre of the array, and name it: --sensor"
-        checks.append(_wiring_by_ear(array, ask, choices, height))
-        checks.append(
-            Check(subject="transducers", state="missing", found="not checked without a sensor", advice=advice)
-        )
-    else:
-        checks.append(_wiring_by_sensor(array, sensor, choices, height))
-        checks.append(_transducers(array, sensor, choices, height))
+        checks.append(missing("transducers", "not checked without a sensor", advice))
     return [*checks, _heat(array)]
 
 
-def click_drive(array: TransducerArray, unit: int, *, height: float, acoustics: Acoustics | None = None) -> Drive:
+def click_drive(array: TransducerArray, unit: int, *, height: float, acoustics: Acoustics) -> Drive:
     """Five clicks of one unit in a second: bursts of 125 Hz, focused at a height above its centre."""
     inside = array.unit == unit
     focus = array.position[inside].mean(axis=0) + height * array.normal[inside][0]
@@ -95,42 +82,37 @@ def click_drive(array: TransducerArray, unit: int, *, height: float, acoustics: 
         level=(sounds[:, None] & inside).astype(float),
         rate=1000.0,
         array=array,
-        acoustics=acoustics or Acoustics(),
+        acoustics=acoustics,
         provenance=Provenance(source=f"clicks of unit {unit}"),
     )
 
 
 def store_checkup(device: str, checks: list[Check]) -> Path:
     """Store the dated report of an array in the state folder; return its path. Raises FileError if it cannot."""
-    path, now = _path(device), datetime.now(UTC).isoformat(timespec="seconds")
-    aside = make_state_folder() / f"{path.name}.{os.getpid()}"
-    text = json.dumps({"device": device, "time": now, "checks": [asdict(each) for each in checks]}, indent=2)
-    try:
-        aside.write_text(text, encoding="utf-8")
-        aside.replace(path)
-    except OSError as wrong:
-        raise FileError(f"{path}: {wrong.strerror}; set MIDAIR_STATE to a folder with free space") from wrong
+    path, now = make_state_folder() / _name(device), datetime.now(UTC).isoformat(timespec="seconds")
+    report = {"device": device, "time": now, "checks": [asdict(each) for each in checks]}
+    with atomic_file(path) as partial:
+        partial.write_text(json.dumps(report, indent=2), encoding="utf-8")
     return path
 
 
 def checkup_line(device: str) -> str:
     """Age and result of the stored report of an array, in one line."""
     try:
-        stored = json.loads(_path(device).read_bytes())
+        stored = json.loads((state_folder() / _name(device)).read_bytes())
         made = datetime.fromisoformat(stored["time"])
         states = [each["state"] for each in stored["checks"]]
         age = datetime.now(UTC) - made
-    except FileNotFoundError:
-        return f"never: midair doctor --device {device} --wizard"
-    except (OSError, ValueError, TypeError, KeyError):
-        return f"unreadable: midair doctor --device {device} --wizard"
+    except (OSError, ValueError, TypeError, KeyError) as wrong:
+        kept = "never" if isinstance(wrong, FileNotFoundError) else "unreadable"
+        return f"{kept}: midair doctor --device {device} --wizard"
     ago = f"{age.days} days" if age.days else f"{age.seconds // 3600} hours"
     found = f"{states.count('broken')} of {len(states)} broken, {states.count('missing')} not checked"
     return f"{made.astimezone():%Y-%m-%d %H:%M}, {ago} ago: {found}"
 
 
-def _path(device: str) -> Path:
-    return state_folder() / f"checkup-{quote(device, safe='')}.json"
+def _name(device: str) -> str:
+    return f"checkup-{quote(device, safe='')}.json"
 
 
 def _air(ask: Ask, choices: ExposureChoices) -> tuple[Check, ExposureChoices]:
@@ -138,124 +120,94 @@ def _air(ask: Ask, choices: ExposureChoices) -> tuple[Check, ExposureChoices]:
     while choices.room is None:
         answer = ask("temperature of the room beside the array in degrees Celsius (Enter: unknown): ")
         if not answer:
-            advice = "put a thermometer beside the array, and state --temperature"
-            return Check(
-                subject="air", state="missing", found="unknown; any of 14 to 30 °C counts", advice=advice
-            ), choices
+            return missing("air", "unknown; any of 14 to 30 °C counts", "state --temperature"), choices
         try:
             choices = replace(choices, room=Medium.at(temperature=float(answer.removesuffix("c"))))
         except ValueError:
             continue
-    return Check(subject="air", state="ok", found=str(choices.room)), choices
+    return ok("air", str(choices.room)), choices
 
 
 def _placement(array: ArrayDevice, ask: Ask) -> Check:
-    model, text = array.array, []
-    for unit in np.unique(model.unit):
-        x, y, z = 1e3 * model.position[model.unit == unit].mean(axis=0)
-        text.append(f"{unit}: {x:.0f}, {y:.0f}, {z:.0f}")
-    found = f"centres of the units in mm, x to the right, y away from you, z up: {'; '.join(text)}"
-    answer = _one_of(ask, f"{found}\ndo the units lie there? y or n: ", ("y", "n"))
-    state = "missing" if answer is None else "ok" if answer == "y" else "broken"
-    advice = "" if state == "ok" else "measure the distances, and describe the units in a file: --placement FILE.toml"
-    return Check(subject="placement", state=state, found=found, advice=advice)
+    model = array.array
+    centres = {unit: 1e3 * model.position[model.unit == unit].mean(axis=0) for unit in np.unique(model.unit)}
+    text = "; ".join(f"{unit}: {x:.0f}, {y:.0f}, {z:.0f}" for unit, (x, y, z) in centres.items())
+    found = f"centres of the units in mm, x to the right, y away from you, z up: {text}"
+    answer = _one_of(ask, f"{found}\ndo the units lie there? y or n: ", "y", "n")
+    if answer == "y":
+        return ok("placement", found)
+    advice = "measure the distances, and describe the units in a file: --placement FILE.toml"
+    return (missing if answer is None else broken)("placement", found, advice)
 
 
-def _ears(array: ArrayDevice, choices: ExposureChoices, height: float) -> Check:
+def _ears(array: ArrayDevice, choices: ExposureChoices, focus: Array, acoustics: Acoustics) -> Check:
     """Sound at the ears of the strongest focus, and the level at which it meets the profile."""
-    focus = focus_phase(array.array, np.array([0.0, 0.0, height]), acoustics=_acoustics(choices))
-    drive = Drive(phase=focus[None], level=np.ones(1), rate=1000.0, array=array.array, acoustics=_acoustics(choices))
+    phase = focus_phase(array.array, focus, acoustics=acoustics)[None]
+    drive = Drive(phase=phase, level=np.ones(1), rate=1000.0, array=array.array, acoustics=acoustics)
     found = measure_exposure(drive, array.array, choices.profile, steps=array.steps_a_turn, room=choices.room)
     level = min(1.0, 10 ** (-found.excess / 20))
-    return Check(
-        subject="ears",
-        state="ok",
-        found=f"a still focus at full drive: {found.verdict()}; at most {level:.2g} of full drive keeps it",
-        advice="keep ears outside the places of the profile: midair exposure --help",
-    )
+    said = f"a still focus at full drive: {found.verdict()}; at most {level:.2g} of full drive keeps it"
+    return ok("ears", said, "keep ears outside the places of the profile: midair exposure --help")
 
 
 def _heat(array: ArrayDevice) -> Check:
     """Heat of the units after everything that sounded."""
     found = array.describe().get("temperature")
     if found is None:
-        return Check(subject="heat", state="missing", found="not reported by this array", advice="feel the units")
-    advice = "let the units cool, check their fans" if found == "too hot" else ""
-    return Check(subject="heat", state="broken" if advice else "ok", found=f"{found} at the end", advice=advice)
+        return missing("heat", "not reported by this array", "feel the units")
+    if found == "too hot":
+        return broken("heat", found, "let the units cool, check their fans")
+    return ok("heat", f"{found} at the end")
 
 
-def _wiring_by_ear(array: ArrayDevice, ask: Ask, choices: ExposureChoices, height: float) -> Check:
+def _wiring_by_ear(
+    array: ArrayDevice, ask: Ask, choices: ExposureChoices, units: list[int], drives: list[Drive]
+) -> Check:
     """Let one unit click at a time; the person names it."""
-    units = [int(unit) for unit in np.unique(array.array.unit)]
     heard: list[str | None] = []
-    for unit in units:
-        drive = click_drive(array.array, unit, height=height, acoustics=_acoustics(choices))
+    for drive in drives:
         admission = check_exposure(drive, array, replace(choices, attenuate=choices.override is None))
         level = 0.0 if admission.drive is None else float(admission.drive.level.max())
+        question = f"clicks at {level:.2g} of full drive: which unit? {units[0]} to {units[-1]}, n: none, r: again: "
         answer: str | None = "r"
         while answer == "r":
             play_cleared(admission, array, source=drive.provenance.source)
-            question = (
-                f"clicks at {level:.2g} of full drive: which unit? {units[0]} to {units[-1]}, n: none, r: again: "
-            )
-            answer = _one_of(ask, question, ("n", "r", *map(str, units)))
+            answer = _one_of(ask, question, "n", "r", *map(str, units))
         heard.append(answer)
-    names = ", ".join(map(str, units))
     if None in heard:
-        found = f"units {names} clicked in this order; not confirmed"
-        return Check(subject="wiring", state="missing", found=found, advice="run it with a person or --sensor")
+        found = f"units {', '.join(map(str, units))} clicked in this order; not confirmed"
+        return missing("wiring", found, "run it with a person or --sensor")
     return _wiring([None if each == "n" else int(str(each)) for each in heard], units)
-
-
-def _wiring_by_sensor(array: ArrayDevice, sensor: SensorDevice, choices: ExposureChoices, height: float) -> Check:
-    try:
-        found = places_of_units(array, sensor, choices, height)
-    except ExposureError as wrong:
-        return Check(subject="wiring", state="missing", found=str(wrong))
-    return _wiring(list(found), [int(unit) for unit in np.unique(array.array.unit)])
 
 
 def _wiring(places: list[int | None], units: list[int]) -> Check:
     if places == units:
-        found = f"units {', '.join(map(str, units))} sound from their places"
-        return Check(subject="wiring", state="ok", found=found)
+        return ok("wiring", f"units {', '.join(map(str, units))} sound from their places")
     wrong = [
         f"unit {unit} is not detected" if place is None else f"commands for unit {unit} sound from the place of {place}"
         for unit, place in zip(units, places, strict=True)
         if place != unit
     ]
     advice = "exchange cables, or the entries in the placement file; check the power of silent units"
-    return Check(subject="wiring", state="broken", found=", ".join(wrong), advice=advice)
+    return broken("wiring", ", ".join(wrong), advice)
 
 
-def _transducers(array: ArrayDevice, sensor: SensorDevice, choices: ExposureChoices, height: float) -> Check:
-    subject = "transducers"
-    try:
-        strength, uncertainty = transducer_strengths(array, sensor, choices, height)
-    except ExposureError as wrong:
-        return Check(subject=subject, state="missing", found=str(wrong))
+def _transducers(strength: Array, uncertainty: Array) -> Check:
     judged = uncertainty < NOISY
     dead = np.flatnonzero(judged & (strength < DEAD))
     found = f"{len(dead)} of {judged.sum()} dead, {(~judged).sum()} too weak at the sensor to be judged"
     if judged.mean() < 0.5:
         advice = "check the height and the sensor; for more sound leave the room, and give --override-exposure NAME"
-        return Check(subject=subject, state="missing", found=found, advice=advice)
+        return missing("transducers", found, advice)
     if not len(dead):
-        return Check(subject=subject, state="ok", found=found)
-    names = ", ".join(str(number) for number in dead[:20]) + (" and more" if len(dead) > 20 else "")
-    return Check(
-        subject=subject, state="broken", found=f"{found}: {names}", advice="midair calibrate array measures them"
-    )
+        return ok("transducers", found)
+    return broken("transducers", f"{found}: {', '.join(map(str, dead[:20]))}", "midair calibrate array measures them")
 
 
-def _one_of(ask: Ask, question: str, allowed: tuple[str, ...]) -> str | None:
+def _one_of(ask: Ask, question: str, *allowed: str) -> str | None:
     """Ask until the answer is allowed, at most 10 times."""
     for _ in range(10):
         answer = ask(question)
         if answer is None or answer in allowed:
             return answer
-    raise InputError(f"expected one of {', '.join(allowed)}, got other answers; nothing was stored")
-
-
-def _acoustics(choices: ExposureChoices) -> Acoustics:
-    return Acoustics() if choices.room is None else Acoustics(medium=choices.room)
+    raise InputError(f"expected one of {', '.join(allowed)}, got other answers; no report was stored")
