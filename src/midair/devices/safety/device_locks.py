@@ -72,13 +72,15 @@ def _computer_lock(device: str) -> Generator[None]:
             held.bind(f"\0{_NAMES}{name}")
             # Its backlog lets others connect, which gives them this process's number and user.
             held.listen(128)
-            lines = Path("/proc/net/unix").read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError as wrong:
             if wrong.errno == errno.EADDRINUSE:
                 raise HeldError(_refusal_of_other(device, name)) from wrong
             raise DeviceError(
                 f"{device}: expected a lock for all users of this computer, got {wrong.strerror}"
             ) from wrong
+        lines: list[str] = []
+        with contextlib.suppress(OSError):
+            lines = Path("/proc/net/unix").read_text(encoding="utf-8", errors="replace").splitlines()
         for other in {line.partition(f" @{_NAMES}")[2] for line in lines}:
             if _overlap(device, unquote(other)):
                 raise HeldError(_refusal_of_other(device, other))

@@ -91,10 +91,10 @@ class CountedFrames:
 
 
 class SteadyStamps:
-    """Removes jumps of the sender's clock from the stamps of numbered runs; `rate` in Hz."""
+    """Removes jumps of the sender's clock from the stamps of numbered runs, and counts them; `rate` in Hz."""
 
     def __init__(self, rate: float) -> None:
-        self.jumps: list[float] = []
+        self.jumps, self.last = 0, 0.0
         self._rate, self._shift = rate, 0.0
         self._origin: float | None = None
 
@@ -106,7 +106,7 @@ class SteadyStamps:
             self._origin, step = origin, 0.0
         else:
             self._shift += step
-            self.jumps.append(step)
+            self.jumps, self.last = self.jumps + 1, step
         return replace(run, stamp=run.stamp - self._shift, jump=step)
 
 

@@ -128,8 +128,8 @@ class LslSource:
         by = "its stamps" if self._counter is None else "its counter"
         by = "its counter, and since that stands still its stamps" if self._full else by
         said = {"sender": self._host_name, "liblsl": str(pylsl.library_version()), "gaps found by": by}
-        jumps = ", ".join(f"{step:+.3g} s" for step in self._steady.jumps)
-        return said | ({"jumps of its stamps": jumps} if jumps else {})
+        jumps = self._steady.jumps
+        return said | ({"jumps of its stamps": f"{jumps}, the last by {self._steady.last:+.3g} s"} if jumps else {})
 
     def _find(self) -> pylsl.StreamInfo:
         found = self._matching_streams()
