@@ -40,8 +40,8 @@ def doctor_command(
         Check the array with sound and questions: air, placement, sound at the ears, wiring, transducers, heat.
         The report is stored, and midair play prints its age.
     sensor
-        Sensor for --wizard, as in midair record, face down over the centre of the array; it finds the order of the
-        units and dead transducers.
+        Sensor for --wizard, as in midair record, face down over the centre of the array.
+        It finds the order of the units, and dead transducers.
     height
         Height of the sensor of --wizard above the array.
     yes

@@ -151,8 +151,9 @@ class OpenMpdArray(ArrayDevice):
         divider, ordered = rate_divider(drive.rate), self._silenced
         period, total = divider * PERIOD, drive.frames * repeats
         ahead = max(2, int(LEAD / period))
-        if self._guard is None and sys.platform != "win32":
-            self._guard = PortGuard([port.fileno() for port in self._ports], off_frames())
+        if (self._guard is None or self._guard.ended) and sys.platform != "win32":
+            words = ("playback", "silenced the boards", "play again")
+            self._guard = PortGuard(self.name, [port.fileno() for port in self._ports], off_frames(), words=words)
         self._wait(delay, ordered)
         # In a silent frame: with sound, the divider's bits could be mistaken for the start of a frame.
         self._send([off_frames() + off_frame(divider)] * len(self._ports), ordered)
@@ -201,7 +202,8 @@ class OpenMpdArray(ArrayDevice):
                 if self._ports and not self._lost:
                     self.silence()
             finally:
-                self._close_guard()
+                if self._guard is not None:
+                    self._guard.close()
                 ports, self._ports = self._ports, []
                 for port in ports:
                     with contextlib.suppress(*FAILURES):
@@ -223,37 +225,20 @@ class OpenMpdArray(ArrayDevice):
         with self.sounding(), self._lock:
             self._check(ordered)
             self._sounding = self._sounding or sounds
-            if sounds:
-                self._send_heartbeat()
+            if sounds and self._guard is not None:
+                self._guard.beat()
             for port, text in zip(self._ports, texts, strict=True):
                 try:
                     port.write(text)
                 except FAILURES as wrong:
                     raise self._board_lost(wrong) from wrong
 
-    def _send_heartbeat(self) -> None:
-        """Send a heartbeat to the guard; once the guard has silenced the boards, playback ends."""
-        try:
-            if self._guard is not None:
-                self._guard.beat()
-        except OSError:
-            self._close_guard()
-            raise DeviceError(
-                f"{self.name}: this program was delayed by more than {PortGuard.limit:g} s during playback, and its "
-                "guard silenced the boards, or the guard was terminated; close other programs, then play again"
-            ) from None
-
-    def _close_guard(self) -> None:
-        guard, self._guard = self._guard, None
-        if guard is not None:
-            guard.close()
-
     def _wait(self, seconds: float, ordered: int) -> None:
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0:
             self._check(ordered)
-            if self._sounding:
-                self._send_heartbeat()
+            if self._sounding and self._guard is not None:
+                self._guard.beat()
             time.sleep(min(left, LEAD))
         self._check(ordered)
 

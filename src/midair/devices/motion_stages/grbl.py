@@ -47,7 +47,7 @@ class GrblStage(StageDevice):
         self._resources = ExitStack()
         self._port: Any = None
         self._guard: PortGuard | None = None
-        self._moves = False
+        self._beats: PortGuard | None = None  # the guard during a move
         self._outbox = Outbox()
         self._partial = b""
         self._asked: float | None = None
@@ -74,8 +74,10 @@ class GrblStage(StageDevice):
             hold.callback(self._release)
             self._wait_for_greeting()
             if sys.platform != "win32":
-                self._guard = PortGuard([self._port.fileno()], HOLD, (QUERY, b"Hold:0", RESET))
-                hold.callback(self._close_guard)
+                words = ("a move", "stopped the stage", "open the stage again")
+                confirm = (QUERY, b"Hold:0", RESET)
+                self._guard = PortGuard(self.name, [self._port.fileno()], HOLD, confirm, words=words)
+                hold.callback(self._guard.close)
             self._resources = hold.pop_all()
 
     def close(self) -> None:
@@ -158,31 +160,21 @@ class GrblStage(StageDevice):
     @contextmanager
     def _guarded_motion(self) -> Generator[None]:
         """While inside, the guard stops the machine if this program is killed, or hangs."""
-        self._beat()
-        self._moves = True
+        self._beats = self._guard
         try:
+            self._beat()
             yield
         finally:
-            self._moves = False
+            self._beats = None
             if self._guard is not None:
                 self._guard.rest()
 
     def _beat(self) -> None:
-        """Send a heartbeat to the guard; once the guard has stopped the machine, the move ends."""
-        try:
-            if self._guard is not None:
-                self._guard.beat()
-        except OSError:
-            self._close_guard()
-            raise DeviceError(
-                f"{self.name}: this program was delayed by more than {PortGuard.limit:g} s during a move, and its "
-                "guard stopped the stage, or the guard was terminated; close other programs, then repeat the stroke"
-            ) from None
-
-    def _close_guard(self) -> None:
-        guard, self._guard = self._guard, None
+        """Send a heartbeat to the guard during a move; none after its error, while the move is stopped."""
+        guard, self._beats = self._beats, None
         if guard is not None:
-            guard.close()
+            guard.beat()
+            self._beats = guard
 
     def _wait_for_greeting(self) -> None:
         """Wait for the first report; a restarting board sends its greeting first."""
@@ -282,8 +274,7 @@ class GrblStage(StageDevice):
 
     def _listen(self) -> StatusReport | None:
         """Read the received data, up to a report."""
-        if self._moves:
-            self._beat()
+        self._beat()
         self._partial += self._guarded(lambda: self._opened().read(max(1, self._opened().in_waiting)))
         while b"\n" in self._partial:
             line, _, self._partial = self._partial.partition(b"\n")

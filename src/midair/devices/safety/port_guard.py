@@ -25,18 +25,27 @@ class PortGuard:
     """The guard, as seen by the program that drives the devices (POSIX only).
 
     `ports` are file descriptors of the open ports, `stop` is the bytes that stop a device. With `settled` = (query,
-    answer, last) the query is then repeated until a response contains the answer, and the last bytes are sent.
+    answer, last) the query is then repeated until a response contains the answer, and the last bytes are sent. The
+    error of a heartbeat contains `name`, and `words` for the time, the act of the guard and the advice.
     """
 
-    limit = LIMIT
-
     def __init__(
-        self, ports: Sequence[int], stop: bytes, settled: tuple[bytes, bytes, bytes] = (b"", b"", b"")
+        self,
+        name: str,
+        ports: Sequence[int],
+        stop: bytes,
+        settled: Sequence[bytes] = (b"", b"", b""),
+        *,
+        words: tuple[str, str, str],
     ) -> None:
-        words = [sys.executable, "-I", "-S", __file__, *(part.hex() for part in (stop, *settled)), *map(str, ports)]
+        self._error = (
+            f"{name}: this program was delayed by more than {LIMIT:g} s during {words[0]}, and its guard {words[1]}, "
+            f"or the guard was terminated; close other programs, then {words[2]}"
+        )
+        command = [sys.executable, "-I", "-S", __file__, *(part.hex() for part in (stop, *settled)), *map(str, ports)]
         # In its own session, so that no key at the terminal stops or ends it with the program.
         self._process = subprocess.Popen(
-            words,
+            command,
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -48,9 +57,21 @@ class PortGuard:
             # A guard that does not read must not block the program.
             os.set_blocking(self._process.stdin.fileno(), False)
 
+    @property
+    def ended(self) -> bool:
+        """True once it was closed, also by the error of a heartbeat."""
+        return self._process.returncode is not None
+
     def beat(self) -> None:
-        """Send a heartbeat of an active device; OSError if the guard has stopped the devices, or has ended."""
-        self._send(ACTIVE)
+        """Send a heartbeat of an active device; DeviceError once the guard has stopped the devices, or has ended."""
+        try:
+            self._send(ACTIVE)
+        except OSError:
+            self.close()
+            # Imported here, since the guard itself runs without midair.
+            from midair.errors import DeviceError
+
+            raise DeviceError(self._error) from None
 
     def rest(self) -> None:
         """Report that the devices are silent or stand still."""
@@ -68,8 +89,9 @@ class PortGuard:
             self._process.wait()
 
     def _send(self, word: bytes) -> None:
-        if self._process.stdin is not None:
-            os.write(self._process.stdin.fileno(), word)
+        if self._process.stdin is None or self._process.stdin.closed:
+            raise BrokenPipeError
+        os.write(self._process.stdin.fileno(), word)
 
 
 def watch(pipe: int, ports: Sequence[int], stop: bytes, settled: Sequence[bytes]) -> None:
