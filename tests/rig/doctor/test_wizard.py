@@ -151,7 +151,7 @@ def test_a_click_is_of_one_unit_and_above_its_centre():
     assert drive.level[0].max() == 1
     assert not drive.level[-1].any()
     # Five bursts, each of ten periods of 8 ms.
-    sounds = drive.level.any(axis=1)
+    sounds = np.asarray(drive.level.any(axis=1))
     assert np.count_nonzero(np.diff(sounds.astype(int)) == 1) + sounds[0] == 50
     # Equal paths: at the focus all phases agree.
     inside = array.unit == 2

@@ -42,7 +42,7 @@ def places_of_units(
 
     model = array.array.nominal
     units, count = np.unique(model.unit, return_counts=True)
-    tones = 60 + 24.0 * np.arange(len(units))
+    tones = np.asarray(60 + 24.0 * np.arange(len(units)), np.float64)
     if len(units) > 16 or len(set(count)) > 1:
         raise InputError(f"{array.name}: expected up to 16 units of one kind, got {len(units)}")
     acoustics = _acoustics(choices)
