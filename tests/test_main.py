@@ -33,3 +33,13 @@ def test_ctrl_c_while_it_is_loaded_is_no_traceback(module):
     script = interrupted + "from midair.__main__ import main\nmain()"
     done = subprocess.run([sys.executable, "-c", script, "info", "take.h5"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (130, "midair: stopped; nothing was written\n")
+
+
+@pytest.mark.parametrize(("words", "status"), [(["--version"], 0), (["info", "no-such-file.h5"], 1)])
+def test_ctrl_c_at_exit_is_no_traceback(words, status):
+    """The exit waits for the process that checks files, among others."""
+    again = "import atexit, os, signal\natexit.register(lambda: os.kill(os.getpid(), signal.SIGINT))\n"
+    script = again + "from midair.__main__ import main\nmain()"
+    done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True)
+    assert done.returncode == status
+    assert "Traceback" not in done.stderr

@@ -1,6 +1,7 @@
 """Entry point of the command line: ``midair`` or ``python -m midair``."""
 
 import gc
+import signal
 import sys
 
 from midair.blas import select_wide_kernel
@@ -20,6 +21,7 @@ def main() -> None:
 
         load(sys.argv[1:])
     except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         sys.stderr.write("midair: stopped; nothing was written\n")
         sys.exit(130)
     gc.freeze()

@@ -1,6 +1,7 @@
 """Every command that can play passes the air of the room to the exposure check only if it was typed."""
 
 import json
+import os
 import re
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from midair.physics import exposure, focus_phase, transfer_matrix
 from midair.rig import LiveSettings
 
 ARRAY = TransducerArray.autd3()
+NOWHERE = f"autd3:nowhere{os.getpid()}"
+"""An interface of this run alone, since a lock holds for the whole computer."""
 PROFILE = profile_named("occupational-110")
 WARM = Acoustics(medium=Medium.at(temperature=45.0))
 TYPED, UNKNOWN = ("38", "40", "42"), ("14", "22", "30")
@@ -59,7 +62,7 @@ def air_of(text):
 
 @pytest.mark.parametrize(("words", "expected"), [([], UNKNOWN), (["--temperature", "40C"], TYPED)])
 def test_play_and_exposure(words, expected, capsys):
-    assert run(["play", loud(), "--device", "autd3:nowhere", *words]) == 1
+    assert run(["play", loud(), "--device", NOWHERE, *words]) == 1
     assert air_of(capsys.readouterr().err) in expected
     assert run(["exposure", "loud.drive.h5", "--json", *words]) == 0
     assert f"{json.loads(capsys.readouterr().out)['loudest_air']['temperature_c']:.0f}" in expected
@@ -118,13 +121,13 @@ def test_a_drive_that_is_quiet_in_the_papers_air_alone_is_refused(capsys):
         if exposure(former, PROFILE).excess <= 0:
             break
     save("hidden.drive.h5", former.phase, level, Acoustics())
-    assert run(["play", "hidden.drive.h5", "--device", "autd3:nowhere", "--temperature", "22C"]) == 1
+    assert run(["play", "hidden.drive.h5", "--device", NOWHERE, "--temperature", "22C"]) == 1
     refused = " ".join(capsys.readouterr().err.split())
     assert "occupational-110 is exceeded" in refused
     assert air_of(refused) in ("20", "22", "24")
 
 
-@pytest.mark.parametrize("words", [["exposure"], ["play"], ["play", "--device", "autd3:nowhere"]])
+@pytest.mark.parametrize("words", [["exposure"], ["play"], ["play", "--device", NOWHERE]])
 def test_a_file_of_no_air_is_refused(words, capsys, monkeypatch):
     phase = np.zeros((2, ARRAY.count))
     save("slow.drive.h5", phase, np.ones(2), Acoustics(medium=Medium(speed=100.0)))

@@ -31,6 +31,8 @@ class UdpProxy:
         Address for a client, as ``autd3:ADDRESS``.
     passes : bool
         Set to False to block all datagrams.
+    twice : bool
+        Set to True to forward every datagram of the client twice, as a loop in the network does.
     hot : container of int
         Ports of the units that report overheating; `range(65536)` means all.
     sent : list of tuple
@@ -52,7 +54,7 @@ class UdpProxy:
         self.inner, self.outer = _socket(), {group: _socket()}
         self.address = f"[::1]:{self.outer[group].getsockname()[1]}"
         self.client: Any = None
-        self.passes = True
+        self.passes, self.twice = True, False
         self.hot: Container[int] = ()
         self._asked: set[tuple[int, bytes]] = set()
         self._lose: list[tuple[int, bool]] = []
@@ -145,7 +147,7 @@ class UdpProxy:
             return
         if datagram[1] == FRAME and self.passes:
             self.sequence[port] = datagram[4]
-        if self.passes:
+        for _ in range(self.passes + (self.passes and self.twice)):
             self.inner.sendto(datagram, ("::1", port))
 
 

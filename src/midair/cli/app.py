@@ -2,6 +2,7 @@
 
 import io
 import os
+import signal
 import sys
 import time
 import warnings
@@ -97,7 +98,7 @@ def main(tokens: Sequence[str] | None = None) -> None:
         sys.stdout.reconfigure(errors="backslashreplace")
     tokens = sys.argv[1:] if tokens is None else tokens
     if not _names_command(tokens):
-        sys.exit(run(tokens))
+        sys.exit(_run_to_exit(tokens))
     from midair.devices import ordered_at, process_start_time
 
     # Never in the way of `midair stop`.
@@ -105,7 +106,18 @@ def main(tokens: Sequence[str] | None = None) -> None:
         sys.exit(_print_line(refused, 1))
     # From here on `midair stop` applies, even before the command registers that it plays.
     with ordered_at(process_start_time()):
-        sys.exit(run(tokens))
+        sys.exit(_run_to_exit(tokens))
+
+
+def _run_to_exit(tokens: Sequence[str]) -> int:
+    """Run a command line before the process exits; further Ctrl-C cannot interrupt the exit with a traceback."""
+    try:
+        status = run(tokens)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        status = _print_line("stopped", 130)
+    return status
 
 
 def _too_few_files() -> str:

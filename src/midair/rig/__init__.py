@@ -41,7 +41,10 @@ from .correction import rerecord_drive as rerecord_drive
 from .correction import summarise_outcomes as summarise_outcomes
 from .correction import view_of_loop as view_of_loop
 from .correction import write_report as write_report
+from .doctor import checkup_line as checkup_line
 from .doctor import run_checks as run_checks
+from .doctor import run_wizard as run_wizard
+from .doctor import store_checkup as store_checkup
 from .dose import DoseReport as DoseReport
 from .dose import dose_report as dose_report
 from .live_touch import FRAME_EMITTED as FRAME_EMITTED

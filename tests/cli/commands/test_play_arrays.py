@@ -22,6 +22,8 @@ from midair.model import Drive, Solution, TransducerArray
 
 pytest.importorskip("autd3")
 EMULATOR = ["--device", "autd3:emulator"]
+NOWHERE = f"autd3:nowhere{os.getpid()}"
+"""An interface of this run alone, since a lock holds for the whole computer."""
 ARRAY = TransducerArray.autd3()
 SWITCH, SILENCE = 0x12, 0x16
 
@@ -71,7 +73,7 @@ def test_a_quiet_drive_plays_with_a_timing_report(capsys):
 
 
 def test_a_loud_drive_is_refused_before_the_device_is_opened(capsys):
-    assert run(["play", make("loud.drive.h5", level=1.0), "--device", "autd3:nowhere"]) == 1
+    assert run(["play", make("loud.drive.h5", level=1.0), "--device", NOWHERE]) == 1
     (line,) = said(capsys)
     assert "dB at the" in line
     assert "limit 110 dB" in line
@@ -455,3 +457,23 @@ def test_a_drive_too_weak_to_feel_is_reported(capsys):
     assert "and nothing will be felt), take another --profile" in said(capsys)[0]
     assert run(["play", focus, *EMULATOR, "--attenuate"]) == 0
     assert "nothing will be felt: at most" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.long
+def test_ctrl_c_again_and_again_is_one_line_and_silence(tap):
+    """Before, a Ctrl-C in the exit of the program printed a traceback."""
+    words = ["play", make("a.drive.h5", frames=2000), "--device", f"autd3:{tap.address}", "--repeats", "100"]
+    command = [sys.executable, "-m", "midair", *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        end = time.monotonic() + 60
+        while not any(each == SWITCH for _, _, each, _ in tap.frames()) and process.poll() is None:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        while process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            time.sleep(0.005)
+        printed = process.stderr.read()
+    assert process.returncode == 130, printed
+    assert "Traceback" not in printed
+    assert printed.count("midair: stopped") == 1
+    assert [command for _, _, command, _ in tap.frames() if command in (SWITCH, SILENCE)][-1] == SILENCE

@@ -261,6 +261,69 @@ def test_a_datagram_that_is_lost_again_and_again_ends_playing(tap):
     assert tap.lost == 5
 
 
+def test_doubled_datagrams_are_refused_at_opening_and_harmless_later(tap):
+    tap.twice = True
+    with pytest.raises(LinkLostError, match="datagrams arrive twice: connect the units to a card of their own"):
+        autd3_array(tap.address, ONE).open()
+    assert not any(command in (WRITE, SWITCH) for _, _, command, _ in tap.frames())
+    tap.twice = False
+    with autd3_array(tap.address, ONE) as device:
+        tap.twice = True
+        report = device.play(clear_any_exposure(noise(600), device))
+    assert report.units == "not too hot, no errors"
+    assert patterns(tap) == [PATTERN]
+
+
+def test_units_do_not_execute_replayed_commands(tap):
+    """A unit executes the next number of its sequence only; it answers old commands with the last one that it executed.
+
+    The emulator contains the makers' own firmware logic. A flipped bit is another matter: the command has no checksum,
+    so that only those of UDP and Ethernet protect it.
+    """
+    with autd3_array(tap.address, ONE) as device:
+        device.play(clear_any_exposure(noise(600), device))
+    answers = []
+    tap._back = lambda datagram, _: answers.append(datagram)
+    old = [(port, datagram) for _, port, command, datagram in tap.frames() if command in (WRITE, SWITCH)]
+    last = tap.sequence[old[0][0]]
+    for port, datagram in old:
+        before = len(answers)
+        tap.inner.sendto(datagram, ("::1", port))
+        wait_for(lambda before=before: len(answers) > before)
+    assert {answer[4] for answer in answers} == {last}
+    port, datagram = old[0]
+    tap.inner.sendto(datagram[:4] + bytes([(last + 1) % 256]) + datagram[5:], ("::1", port))
+    wait_for(lambda: answers[-1][4] == (last + 1) % 256)
+
+
+def wait_for(true, limit=10.0):
+    end = time.monotonic() + limit
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.001)
+
+
+@pytest.mark.long
+def test_a_hang_of_python_leaves_no_standing_frame_under_the_heartbeat(tap):
+    """The SDK's heartbeat continues, so that the failsafe does not act: each block ends in a silent pattern instead."""
+    sounds, since = [], []
+
+    def hang(done, _total):
+        if done > 900:
+            sounds.append(device.emitting)
+            since.append(time.monotonic())
+            time.sleep(1.0)
+            sounds.append(device.emitting)
+            raise RuntimeError("hung")
+
+    with autd3_array(tap.address, ONE) as device, pytest.raises(RuntimeError, match="hung"):
+        device.play(clear_any_exposure(noise(500), device, repeats=10), progress=hang)
+    assert sounds == [True, False]
+    beats = [at for at, _, _ in tap.sent if since[0] < at < since[0] + 1]
+    assert len(beats) > 30
+    assert max(np.diff(beats)) < 0.4
+
+
 def test_silence_from_another_thread_ends_playing(tap):
     import threading
 

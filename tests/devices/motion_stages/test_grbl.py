@@ -1,10 +1,14 @@
 """A stage with Grbl, against a stand-in written from Grbl's documentation and not from the driver."""
 
+import signal
+import subprocess
+import sys
 import threading
 import time
 
 import numpy as np
 import pytest
+import serial
 from tests.simulators.grbl import GrblSimulator
 
 from midair.devices.motion_stages.grbl import GrblStage
@@ -247,3 +251,65 @@ def test_random_stops_never_leave_it_moving(machine, count):
             x, y, z = (float(part) * 1e-3 for part in rng.uniform(-200, -1, 3))
             go(stage, (x, y, z), 0.1, stopped=lambda end=end: time.monotonic() > end)
             assert machine.state == "Idle"
+
+
+MOVER = """
+import sys
+from midair.devices.motion_stages.grbl import GrblStage
+with GrblStage(sys.argv[1]) as stage:
+    stage.ready(homing=True)
+    print("moves", flush=True)
+    stage.move((-0.2, -0.05, -0.001), 0.02, stamp=lambda _: None, stopped=lambda: False)
+"""
+
+
+@pytest.fixture
+def mover(machine):
+    """A program that moves the machine for ten seconds."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", MOVER, machine.port], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    until(lambda: machine.place[0] < -1.5)
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def until(true, limit=30.0):
+    end = time.monotonic() + limit
+    while not true():
+        assert time.monotonic() < end, "it never came"
+        time.sleep(0.005)
+
+
+def opens(port):
+    try:
+        serial.Serial(port, exclusive=True).close()
+    except serial.SerialException:
+        return False
+    return True
+
+
+def test_a_program_that_is_killed_in_a_move_leaves_the_machine_at_rest(machine, mover):
+    """Before, the machine ran to the end of its move."""
+    mover.kill()
+    mover.wait()
+    until(lambda: machine.state == "Idle")
+    stood = machine.place
+    assert -20 < stood[0] < -1.5
+    # The guard holds the port until it has ended.
+    until(lambda: opens(machine.port))
+    with GrblStage(machine.port) as stage:
+        assert stage.ready(homing=True).position[0] == pytest.approx(stood[0] * 1e-3, abs=1e-5)
+
+
+@pytest.mark.long
+def test_a_program_that_hangs_in_a_move_is_held_after_a_second_and_reports_it(machine, mover):
+    mover.send_signal(signal.SIGSTOP)
+    until(lambda: machine.state == "Idle")
+    stood = machine.place
+    mover.send_signal(signal.SIGCONT)
+    _, printed = mover.communicate(timeout=60)
+    assert "delayed by more than 1 s during a move, and its guard stopped the stage" in printed
+    assert "the stage was stopped at x -" in printed
+    assert machine.place == pytest.approx(stood)

@@ -15,6 +15,7 @@ import time
 import tty
 from pathlib import Path
 
+import psutil
 import pytest
 
 from midair.devices.motion_stages.grbl import GrblStage
@@ -174,7 +175,9 @@ z_mm = [-190.0, 0.0]
 PROGRAM = "import sys; from midair.cli import run; sys.exit(run(sys.argv[1:]))"
 
 
-def test_ctrl_c_in_a_recorded_stroke_holds_the_machine(machine, tmp_path):
+@pytest.fixture
+def stroke(machine, tmp_path):
+    """A program that records a stroke of six seconds, two seconds after its first frames."""
     (tmp_path / "stage.toml").write_text(STROKES, encoding="utf-8")
     with GrblStage(machine.port, search=20.0) as stage:
         stage.ready(homing=False)
@@ -195,15 +198,33 @@ def test_ctrl_c_in_a_recorded_stroke_holds_the_machine(machine, tmp_path):
             assert time.monotonic() < end
             time.sleep(0.01)
         time.sleep(2.0)
-        process.send_signal(signal.SIGINT)
-        printed = process.communicate(timeout=60)[1]
+        yield process
     finally:
         process.kill()
         process.communicate()
-    assert process.returncode == 130, printed
-    assert "the stage stands at x -" in printed
+
+
+def assert_stands_on_the_way(machine):
     with GrblStage(machine.port, search=20.0) as again:
         stood = position(again)
         assert -0.06 <= stood[0] < -0.01
         time.sleep(1.0)
         assert position(again) == stood
+
+
+def test_ctrl_c_in_a_recorded_stroke_holds_the_machine(machine, stroke):
+    stroke.send_signal(signal.SIGINT)
+    printed = stroke.communicate(timeout=60)[1]
+    assert stroke.returncode == 130, printed
+    assert "the stage stands at x -" in printed
+    assert_stands_on_the_way(machine)
+
+
+def test_a_kill_in_a_recorded_stroke_holds_the_machine(machine, stroke):
+    """Before the guard, the machine went on to the end of the stroke, in contact."""
+    (guard,) = [each for each in psutil.Process(stroke.pid).children() if "port_guard.py" in " ".join(each.cmdline())]
+    stroke.kill()
+    stroke.wait()
+    # It ends when the machine stands and was reset.
+    guard.wait(20)
+    assert_stands_on_the_way(machine)

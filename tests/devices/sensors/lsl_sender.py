@@ -3,7 +3,7 @@
 Arguments: name, rate in Hz, seconds, unit of the channels (or -), frames to leave out before every 200th; then, if they
 are given, the frame before which 100 are left out, where the counter in channel 16 begins, and whether that is rounded
 to float32 ("cast"), or counts in it ("sum", which stands still at 2^24), or each frame has the stamp of when it was due
-("stamped").
+("stamped"), from that frame on three seconds earlier and none left out ("back").
 """
 
 import sys
@@ -26,13 +26,15 @@ while sent < seconds * rate:
     due = int((time.monotonic() - begin) * rate)
     frames = np.arange(sent, due)
     sent = max(sent, due)
-    frames = frames[(frames % 200 >= hole) & ~((frames >= once - 100) & (frames < once))]
+    left_out = (frames >= once - 100) & (frames < once) & (how != "back")
+    frames = frames[(frames % 200 >= hole) & ~left_out]
     if len(frames):
         values = (frames[:, None] % 2048) * 16 + np.arange(17)
         values[:, 16] = frames + base
         if how == "sum":
             values[:, 16] = np.minimum(values[:, 16], 2**24)
-        stamps = list(first_stamp + frames / rate) if how == "stamped" else 0.0
+        due_at = first_stamp + frames / rate - 3 * ((frames >= once) & (how == "back"))
+        stamps = list(due_at) if how in ("stamped", "back") else 0.0
         outlet.push_chunk(np.ascontiguousarray(values, np.float32), stamps)
     time.sleep(0.004)
 time.sleep(1.0)

@@ -4,12 +4,14 @@ import os
 import subprocess
 import sys
 import textwrap
+import time
 
 import numpy as np
 import psutil
 import pytest
 
 from midair.errors import DeviceError, UnknownDeviceError
+from midair.files import open_take
 from midair.rig.names.sensor_names import source_sensor
 
 
@@ -123,6 +125,29 @@ def test_a_pulseaudio_that_ends_is_an_error_in_time(pulse_server, tmp_path):
         server.kill()
         with pytest.raises(DeviceError, match=r"lost 'pulse'; plug it in|got none for 2 s"):
             record(sensor, 60)
+
+
+@pytest.mark.long
+def test_a_recording_keeps_its_frames_when_its_device_vanishes(pulse_server, tmp_path):
+    """PulseAudio's server ends, as for a card that is unplugged; in a program of its own, as a person types it."""
+    sensor = "audio:pulse?channels=16&native=8000&rate=8000&timeout=2&rows=4&columns=4"
+    with pulse_server(tmp_path, rate=8000, what="ramp") as server:
+        command = [sys.executable, "-m", "midair", "record", sensor, "out.h5"]
+        with subprocess.Popen(
+            command, cwd=tmp_path, env=os.environ, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        ) as process:
+            end = time.monotonic() + 60
+            while not (tmp_path / "out.h5").exists() and process.poll() is None:
+                assert time.monotonic() < end
+                time.sleep(0.02)
+            time.sleep(1.0)
+            server.kill()
+            printed = process.communicate(timeout=60)[1]
+    assert process.returncode == 1
+    assert "frames so far are safe" in " ".join(printed.split())
+    ramp = np.rint(open_take(tmp_path / "out.h5").recording.samples * 32768).astype(int).reshape(-1, 16)
+    assert len(ramp) > 4000
+    np.testing.assert_array_equal(np.diff(ramp[:, 0] // 16) % 2048, 1)
 
 
 @pytest.mark.slow

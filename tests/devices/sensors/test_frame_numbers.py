@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.devices.sensors.frame_numbers import CountedFrames, StampedFrames
+from midair.devices.sensors.frame_numbers import CountedFrames, StampedFrames, SteadyStamps
 
 
 def blocks(values, size):
@@ -134,3 +134,48 @@ def test_frames_wait_until_it_is_certain_and_no_longer():
     given = list(frames.add(np.zeros((200, 1)), after + 0.2))
     assert given[0].first == pytest.approx(3500, abs=3)
     assert sum(len(run.samples) for run in given) == 400
+
+
+def arriving(shift, *, lost=()):
+    """Numbers, lost frames and jumps found in six seconds whose stamps are off by `shift` (of the true numbers)."""
+    rng, frames = np.random.default_rng(0), StampedFrames(1000)
+    steady, found = SteadyStamps(1000), []
+    for block in blocks(np.arange(6000), 10):
+        sent = block[~np.isin(block, lost)]
+        if len(sent):
+            arrived = 100 + (block[-1] + 1) / 1000 + 0.01 + rng.exponential(0.005)
+            stamps = 100 + sent / 1000 + rng.normal(0, 2e-4, len(sent)) + shift(sent)
+            found += list(map(steady.steady, frames.add(sent[:, None], stamps, arrived=arrived)))
+    found += list(map(steady.steady, frames.rest()))
+    # The corrected stamps stay on the first clock, so that no jump is measured as drift.
+    assert np.ptp([run.stamp - run.first / 1000 for run in found]) < 0.21
+    true = np.concatenate([run.samples[:, 0] for run in found])
+    number = np.concatenate([np.arange(run.first, run.first + len(run.samples)) for run in found])
+    return number, true, [(run.first, round(run.jump, 2)) for run in found if run.jump]
+
+
+@pytest.mark.parametrize("by", [-3.0, 3.0, -0.5, 0.5])
+def test_stamps_that_jump_are_reported_and_lose_no_frames(by):
+    """Before, a jump forwards became lost frames, and one backwards a drift of 234,733 ppm."""
+    number, true, jumps = arriving(lambda sent: np.where(sent >= 3000, by, 0))
+    np.testing.assert_array_equal(number, true)
+    assert jumps == [(3000, by)]
+
+
+@pytest.mark.parametrize("by", [-3.0, -0.1, 3.0])
+def test_a_single_wrong_stamp_loses_no_frames(by):
+    number, true, _ = arriving(lambda sent: np.where(sent == 3004, by, 0))
+    np.testing.assert_array_equal(number, true)
+
+
+@pytest.mark.parametrize("count", [50, 100, 700])
+def test_lost_frames_are_no_jump(count):
+    number, true, jumps = arriving(lambda sent: 0 * sent, lost=range(3000, 3000 + count))
+    np.testing.assert_array_equal(number, true)
+    assert jumps == []
+
+
+def test_a_small_step_of_the_stamps_loses_no_frames():
+    number, true, jumps = arriving(lambda sent: np.where(sent >= 3000, -0.1, 0))
+    np.testing.assert_array_equal(number, true)
+    assert jumps == []

@@ -145,3 +145,22 @@ def test_a_float32_counter_goes_on_above_its_limit(how, lsl_sender):
     assert ("stands still" in by) == (how == "sum")
     np.testing.assert_array_equal(np.diff(sent) % 2048, 1)
     np.testing.assert_array_equal(np.diff(found), 1)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("options", ["", "&counter=16"])
+def test_stamps_that_jump_are_one_event_and_no_drift(options, lsl_sender):
+    """Before, 12,000 frames had status 0, no word, and a rate that was off by 234,733 ppm."""
+    name, _ = lsl_sender(once=3000, how="back")
+    with source_sensor(f"lsl:{name}?search=60&timeout=20{options}") as sensor:
+        sensor.start()
+        blocks = [sensor.read(100)]
+        while blocks[-1].first < 5000:
+            blocks.append(sensor.read(100))
+        assert sensor.describe()["jumps of its stamps"] == "1, the last by -3 s"
+        assert sensor.describe()["lost frames"] == "0"
+    (jump,) = [block for block in blocks if block.overflow]
+    # The sender may have begun before the first frame here.
+    assert jump.first <= 3000
+    # A jump would also be in the times; a busy machine delays the correction of the clocks by a few milliseconds.
+    assert np.ptp([block.host_time - block.first / 1000 for block in blocks]) < 0.15

@@ -15,7 +15,7 @@ NONE = np.zeros(16, bool)
     ("event", "words"),
     [
         (Event(kind="lost", frame=1200, frames=16), "1.200 s: 16 frames (16 ms) were lost"),
-        (Event(kind="lost", frame=1200), "1.200 s: frames were lost, the sensor does not report how many"),
+        (Event(kind="lost", frame=1200), "1.200 s: frames may be missing: the sensor lost an unknown number, or"),
         (Event(kind="clipped", frame=0, frames=3, channel=6), "0.000 s: channel 6 (row 1, column 2) clips"),
         (Event(kind="dead", frame=0, channel=15), "channel 15 (row 3, column 3) is dead"),
         (Event(kind="stuck", frame=500, channel=0), "0.500 s: channel 0 (row 0, column 0) is stuck"),

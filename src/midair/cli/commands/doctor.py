@@ -1,15 +1,32 @@
 """The command `doctor`: check the installation and the devices."""
 
+import sys
+from contextlib import nullcontext
 from dataclasses import asdict
 
 from rich.table import Table
 
-from midair.cli.console import out, print_json
-from midair.cli.options import Json
-from midair.rig import run_checks
+from midair.cli.console import banner, err, out, print_json, print_note
+from midair.cli.exposure_options import AirOptions, ExposureOptions
+from midair.cli.options import Json, Length, Placement
+from midair.errors import InputError
+from midair.files import load_placement
+from midair.model import HEIGHT
+from midair.rig import VirtualRig, array_named, run_checks, run_wizard, sensor_named, store_checkup
 
 
-def doctor_command(*, device: str | None = None, json: Json = False) -> int:
+def doctor_command(
+    *,
+    device: str | None = None,
+    wizard: bool = False,
+    sensor: str | None = None,
+    height: Length = HEIGHT,
+    yes: bool = False,
+    placement: Placement = None,
+    air: AirOptions | None = None,
+    exposure: ExposureOptions | None = None,
+    json: Json = False,
+) -> int:
     """Check the installation, drivers and devices, and print advice for each problem.
 
     The exit status is 1 if something that midair needs is broken.
@@ -19,13 +36,40 @@ def doctor_command(*, device: str | None = None, json: Json = False) -> int:
     device
         Also query this array, without sound: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE, openmpd:PORT.
         Or read this sensor for half a second: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
+    wizard
+        Check the array with sound and questions: air, placement, sound at the ears, wiring, transducers, heat.
+        The report is stored, and midair play prints its age.
+    sensor
+        Sensor for --wizard, as in midair record, face down over the centre of the array.
+        It finds the order of the units, and dead transducers.
+    height
+        Height of the sensor of --wizard above the array.
+    yes
+        Ask nothing; what a person would confirm is reported as not checked.
+    air
+        Air of the room for --wizard; asked if not stated.
+    exposure
+        Exposure limits for --wizard.
 
     Examples
     --------
     $ midair doctor
     $ midair doctor --device autd3:emulator
+    $ midair doctor --device autd3:emulator --wizard --yes
     """
-    findings = run_checks(device)
+    if not wizard and (sensor or yes or placement or air or exposure):
+        raise InputError("--sensor, --yes and options of placement, air and exposure: expected --wizard, got none")
+    if not wizard:
+        findings = run_checks(device)
+    elif device is None:
+        raise InputError("--wizard: expected --device with an array, got none")
+    else:
+        choices = (exposure or ExposureOptions()).choices((air or AirOptions()).medium())
+        array = array_named(device, None if placement is None else load_placement(placement), silencer="off")
+        with array, nullcontext() if sensor is None else sensor_named(sensor, VirtualRig(height=height)) as above:
+            banner(array.simulated)
+            findings = run_wizard(array, _no_person if yes else _ask, choices, sensor=above, height=height)
+        print_note(f"report stored: {store_checkup(array.name, findings)}")
     if json:
         print_json([asdict(finding) for finding in findings])
     else:
@@ -36,3 +80,16 @@ def doctor_command(*, device: str | None = None, json: Json = False) -> int:
             table.add_row(finding.subject, finding.state, finding.found, finding.advice)
         out().print(table)
     return int(any(finding.state == "broken" for finding in findings))
+
+
+def _ask(question: str) -> str:
+    """Ask on stderr and read a line from stdin."""
+    err().print(question, end="")
+    line = sys.stdin.readline()
+    if not line:
+        raise InputError("expected an answer, got the end of the input; no report was stored; without a person: --yes")
+    return line.strip().lower()
+
+
+def _no_person(_: str) -> None:
+    """Give no answer."""

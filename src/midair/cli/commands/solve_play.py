@@ -42,6 +42,7 @@ from midair.rig import (
     PlaySettings,
     array_of_kind,
     check_air,
+    checkup_line,
     correct_air_of_file,
     open_rig,
     play_cleared,
@@ -284,7 +285,7 @@ def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, cor
         admission = _admitted(drive, array, settings)
         _print_room_air(drive, source, room)
         rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
-        rows.append(("heat", admission.exposure.heat))
+        rows += [("heat", admission.exposure.heat), ("checkup", checkup_line(array.name))]
         print_rows([*level_rows(level_of_file(source, limits=False)), *rows])
         watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN, device=device)
         with progress_bars() as stage, rig, watched:

@@ -314,6 +314,11 @@ def _error_increments(before: list[Telemetry], now: list[Telemetry]) -> Iterator
 def _advice(wrong: Autd3Error) -> str:
     """Advice for an error of the SDK, by its code."""
     match wrong.code:
+        case Autd3Error.NETWORK if "answered one Discover" in str(wrong):
+            return (
+                "datagrams arrive twice: connect the units to a card of their own, without switch, mirrored port or "
+                "second path; else switch the units off and on"
+            )
         case Autd3Error.NETWORK | Autd3Error.TIMEOUT:
             return "check power, cables and the name of the interface, and that no other program holds the units"
         case Autd3Error.UNSUPPORTED_FIRMWARE:

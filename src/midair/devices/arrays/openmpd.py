@@ -1,7 +1,7 @@
 """OpenMPD boards over USB: one board, or two opposing boards. EXPERIMENTAL: not tested with a real board.
 
 A board never answers and repeats its last frame forever. Therefore the last frame sent to a board is always silent, and
-it is transmitted before the port is closed. If the program is killed or hangs, its guard (`openmpd_guard`) silences the
+it is transmitted before the port is closed. If the program is killed or hangs, its guard (`port_guard`) silences the
 boards.
 
 The USB chip of the boards (FT232H) passes bytes to the firmware as a FIFO (ParallelReceiver.vhd). Linux shows the chip
@@ -27,9 +27,9 @@ from midair.devices.arrays.openmpd_frames import (
     off_frames,
     rate_divider,
 )
-from midair.devices.arrays.openmpd_guard import LIMIT, BoardGuard
 from midair.devices.arrays.silencer import SilencerChoice
 from midair.devices.interface import ArrayDevice, PlayReport
+from midair.devices.safety import PortGuard
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, MissingExtraError
 from midair.model import Board, Drive, Progress, array_of_boards
 
@@ -104,7 +104,7 @@ class OpenMpdArray(ArrayDevice):
         self.array = array_of_boards(*(boards or [Board.nominal()] * len(ports)))
         self._names, self._boards = tuple(ports), tuple(boards)
         self._ports: list[BoardPort] = []
-        self._guard: BoardGuard | None = None
+        self._guard: PortGuard | None = None
         self._lock = threading.RLock()
         self._silenced = 0
         self._sounding = self._lost = False
@@ -151,8 +151,9 @@ class OpenMpdArray(ArrayDevice):
         divider, ordered = rate_divider(drive.rate), self._silenced
         period, total = divider * PERIOD, drive.frames * repeats
         ahead = max(2, int(LEAD / period))
-        if self._guard is None and sys.platform != "win32":
-            self._guard = BoardGuard([port.fileno() for port in self._ports], off_frames())
+        if (self._guard is None or self._guard.ended) and sys.platform != "win32":
+            words = ("playback", "silenced the boards", "play again")
+            self._guard = PortGuard(self.name, [port.fileno() for port in self._ports], off_frames(), words=words)
         self._wait(delay, ordered)
         # In a silent frame: with sound, the divider's bits could be mistaken for the start of a frame.
         self._send([off_frames() + off_frame(divider)] * len(self._ports), ordered)
@@ -201,7 +202,8 @@ class OpenMpdArray(ArrayDevice):
                 if self._ports and not self._lost:
                     self.silence()
             finally:
-                self._close_guard()
+                if self._guard is not None:
+                    self._guard.close()
                 ports, self._ports = self._ports, []
                 for port in ports:
                     with contextlib.suppress(*FAILURES):
@@ -223,37 +225,20 @@ class OpenMpdArray(ArrayDevice):
         with self.sounding(), self._lock:
             self._check(ordered)
             self._sounding = self._sounding or sounds
-            if sounds:
-                self._send_heartbeat()
+            if sounds and self._guard is not None:
+                self._guard.beat()
             for port, text in zip(self._ports, texts, strict=True):
                 try:
                     port.write(text)
                 except FAILURES as wrong:
                     raise self._board_lost(wrong) from wrong
 
-    def _send_heartbeat(self) -> None:
-        """Send a heartbeat to the guard; once the guard has silenced the boards, playback ends."""
-        try:
-            if self._guard is not None:
-                self._guard.beat()
-        except OSError:
-            self._close_guard()
-            raise DeviceError(
-                f"{self.name}: this program was delayed by more than {LIMIT:g} s during playback, and its guard "
-                "silenced the boards, or the guard was terminated; close other programs, then play again"
-            ) from None
-
-    def _close_guard(self) -> None:
-        guard, self._guard = self._guard, None
-        if guard is not None:
-            guard.close()
-
     def _wait(self, seconds: float, ordered: int) -> None:
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0:
             self._check(ordered)
-            if self._sounding:
-                self._send_heartbeat()
+            if self._sounding and self._guard is not None:
+                self._guard.beat()
             time.sleep(min(left, LEAD))
         self._check(ordered)
 

@@ -1,20 +1,22 @@
 """A motion stage with Grbl 1.1, such as a small milling machine, on a serial port; needs the extra `serial`.
 
-Only one move is sent at a time, so that the machine stops at the end of that move if the connection fails. Protocol:
-gnea/grbl, doc/markdown, interface.md and commands.md.
+Only one move is sent at a time, so that the machine stops at the end of that move if the connection fails. If the
+program is killed or hangs during a move, its guard (`port_guard`) stops the machine. Protocol: gnea/grbl, doc/markdown,
+interface.md and commands.md.
 """
 
 import os
+import sys
 import time
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Generator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 import serial
 
 from midair.devices.motion_stages.grbl_messages import STATES, Outbox, StatusReport, parse_status, with_meaning
 from midair.devices.motion_stages.stage_device import StageDevice
-from midair.devices.safety import device_lock
+from midair.devices.safety import PortGuard, device_lock
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError
 from midair.model import Place, StageStamp, check_reached
 
@@ -44,6 +46,8 @@ class GrblStage(StageDevice):
         self._port_name, self._baud, self._search = port, baud, search
         self._resources = ExitStack()
         self._port: Any = None
+        self._guard: PortGuard | None = None
+        self._beats: PortGuard | None = None  # the guard during a move
         self._outbox = Outbox()
         self._partial = b""
         self._asked: float | None = None
@@ -69,6 +73,11 @@ class GrblStage(StageDevice):
                 raise DeviceError(f"{self.name}: expected a port, got: {wrong}; see midair doctor") from wrong
             hold.callback(self._release)
             self._wait_for_greeting()
+            if sys.platform != "win32":
+                words = ("a move", "stopped the stage", "open the stage again")
+                confirm = (QUERY, b"Hold:0", RESET)
+                self._guard = PortGuard(self.name, [self._port.fileno()], HOLD, confirm, words=words)
+                hold.callback(self._guard.close)
             self._resources = hold.pop_all()
 
     def close(self) -> None:
@@ -100,8 +109,9 @@ class GrblStage(StageDevice):
         if (state := self._query_status().state) not in ("Idle", "Alarm"):
             raise DeviceError(f"{self.name}: expected a machine at rest, got {state}")
         try:
-            self._send("$H")
-            self._until(lambda: self._outbox.empty, HOMING, stopped)
+            with self._guarded_motion():
+                self._send("$H")
+                self._until(lambda: self._outbox.empty, HOMING, stopped)
         except BaseException:
             # During homing Grbl ignores a hold, but not a reset.
             with suppress(DeviceError):
@@ -122,6 +132,12 @@ class GrblStage(StageDevice):
         self, target: Place, speed: float, *, stamp: Callable[[StageStamp], object], stopped: Callable[[], bool]
     ) -> tuple[float, float] | None:
         """Move in one straight line (G1 in machine coordinates), then dwell; the answer to the dwell marks the end."""
+        with self._guarded_motion():
+            return self._move(target, speed, stamp, stopped)
+
+    def _move(
+        self, target: Place, speed: float, stamp: Callable[[StageStamp], object], stopped: Callable[[], bool]
+    ) -> tuple[float, float] | None:
         x, y, z = (1e3 * part for part in target)
         try:
             self._send(f"G21G90G94G53G1X{x:.3f}Y{y:.3f}Z{z:.3f}F{60e3 * speed:.1f}")
@@ -140,6 +156,25 @@ class GrblStage(StageDevice):
             raise
         self._hold()
         return None
+
+    @contextmanager
+    def _guarded_motion(self) -> Generator[None]:
+        """While inside, the guard stops the machine if this program is killed, or hangs."""
+        self._beats = self._guard
+        try:
+            self._beat()
+            yield
+        finally:
+            self._beats = None
+            if self._guard is not None:
+                self._guard.rest()
+
+    def _beat(self) -> None:
+        """Send a heartbeat to the guard during a move; none after its error, while the move is stopped."""
+        guard, self._beats = self._beats, None
+        if guard is not None:
+            guard.beat()
+            self._beats = guard
 
     def _wait_for_greeting(self) -> None:
         """Wait for the first report; a restarting board sends its greeting first."""
@@ -239,6 +274,7 @@ class GrblStage(StageDevice):
 
     def _listen(self) -> StatusReport | None:
         """Read the received data, up to a report."""
+        self._beat()
         self._partial += self._guarded(lambda: self._opened().read(max(1, self._opened().in_waiting)))
         while b"\n" in self._partial:
             line, _, self._partial = self._partial.partition(b"\n")
@@ -261,7 +297,8 @@ class GrblStage(StageDevice):
         elif line.startswith("Grbl "):
             self._greeted = True
             self._outbox.clear()
-            if self._restarting:
+            # In a hold the guard may have reset it; a reset in motion would show as an alarm.
+            if self._restarting or self._flushing:
                 return None
             raise DeviceError(f"{self.name}: the machine was reset or restarted; home it again")
         elif line.startswith("$") and "=" in line:

@@ -1,4 +1,4 @@
-"""Safety of playback: one program per device, a log, and a channel through which another terminal stops it."""
+"""Safety: one program per device, a log, a channel through which another terminal stops playback, a guard process."""
 
 from .device_locks import device_lock as device_lock
 from .play_log import Ending as Ending
@@ -8,6 +8,7 @@ from .play_log import log_end as log_end
 from .play_log import log_order as log_order
 from .play_log import log_pause as log_pause
 from .play_log import read_log as read_log
+from .port_guard import PortGuard as PortGuard
 from .state_folders import make_state_folder as make_state_folder
 from .state_folders import state_folder as state_folder
 from .stop_channel import Stopped as Stopped

@@ -1,5 +1,12 @@
 """Exclusive locks: only one program uses a device at a time."""
 
+import contextlib
+import errno
+import hashlib
+import shlex
+import socket
+import struct
+import sys
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -7,15 +14,16 @@ from urllib.parse import quote, unquote
 
 from midair.devices.safety.lock_files import LockFile, held_entry
 from midair.devices.safety.state_folders import make_state_folder, state_folder
-from midair.errors import HeldError
+from midair.errors import DeviceError, HeldError
 
 
 @contextmanager
 def device_lock(device: str) -> Generator[None]:
-    """While inside, no other program of this user, and no other part of this one, can lock the device.
+    """While inside, no other program on this computer, and no other part of this one, can lock the device.
 
-    The lock is a system lock on a file in the state folder: it ends with the process, and a leftover file does not
-    block. Windows has no such lock; there every program gets the device.
+    The lock is a system lock on a file in the state folder, and on Linux also a socket name for the whole computer:
+    both end with the process, and a leftover file does not block. On macOS, programs of other users, or with another
+    state folder, get the device; on Windows every program does.
 
     Parameters
     ----------
@@ -26,6 +34,8 @@ def device_lock(device: str) -> Generator[None]:
     ------
     HeldError
         If another program uses it.
+    DeviceError
+        If Linux refuses the socket.
     FileError
         If the state folder cannot be written.
     """
@@ -39,9 +49,57 @@ def device_lock(device: str) -> Generator[None]:
         for other in _overlapping(device):
             if held_entry(other) is not None:
                 raise HeldError(_refusal(device, other))
-        yield
+        with _computer_lock(device):
+            yield
     finally:
         held.release()
+
+
+_NAMES = "midair-device:"
+"""Beginning of the socket names, in Linux's abstract namespace: they are no files."""
+
+
+@contextmanager
+def _computer_lock(device: str) -> Generator[None]:
+    """While inside, no program of any user or state folder can lock the device; no effect except on Linux."""
+    if sys.platform != "linux":
+        yield
+        return
+    # A name has 107 bytes at most; a digest keeps out the same device only.
+    name = quote(device, safe="") if len(device) < 30 else hashlib.sha256(device.encode()).hexdigest()
+    with socket.socket(socket.AF_UNIX) as held:
+        try:
+            held.bind(f"\0{_NAMES}{name}")
+            # Its backlog lets others connect, which gives them this process's number and user.
+            held.listen(128)
+        except OSError as wrong:
+            if wrong.errno == errno.EADDRINUSE:
+                raise HeldError(_refusal_of_other(device, name)) from wrong
+            raise DeviceError(
+                f"{device}: expected a lock for all users of this computer, got {wrong.strerror}"
+            ) from wrong
+        lines: list[str] = []
+        with contextlib.suppress(OSError):
+            lines = Path("/proc/net/unix").read_text(encoding="utf-8", errors="replace").splitlines()
+        for other in {line.partition(f" @{_NAMES}")[2] for line in lines}:
+            if _overlap(device, unquote(other)):
+                raise HeldError(_refusal_of_other(device, other))
+        yield
+
+
+def _refusal_of_other(device: str, name: str) -> str:
+    import pwd
+
+    who = "a program of another user"
+    with contextlib.suppress(OSError, KeyError), socket.socket(socket.AF_UNIX) as call:
+        call.settimeout(0.1)
+        call.connect(f"\0{_NAMES}{name}")
+        process, user, _ = struct.unpack("3i", call.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
+        who = f"process {process} of user {user}"
+        who = f"process {process} of user {pwd.getpwuid(user).pw_name}"
+        words = Path(f"/proc/{process}/cmdline").read_text(encoding="utf-8", errors="replace").split("\0")[:-1]
+        who += f" ({''.join(each if each.isprintable() else '?' for each in shlex.join(words))[:300]})"
+    return f"{device}: expected a device that no other program uses, {who} has it; wait until it ends, or end it"
 
 
 def _path(folder: Path, device: str) -> Path:
@@ -51,11 +109,12 @@ def _path(folder: Path, device: str) -> Path:
 def _overlapping(device: str) -> list[Path]:
     """Lock files of devices that contain this one or that it contains."""
     others = {unquote(path.stem.removeprefix("device-")): path for path in state_folder().glob("device-*.json")}
-    return [
-        path
-        for name, path in others.items()
-        if name != device and (name.startswith(f"{device}:") or device.startswith(f"{name}:"))
-    ]
+    return [path for name, path in others.items() if _overlap(name, device)]
+
+
+def _overlap(one: str, other: str) -> bool:
+    """Whether one of two devices contains the other."""
+    return one.startswith(f"{other}:") or other.startswith(f"{one}:")
 
 
 def _refusal(device: str, path: Path) -> str:

@@ -182,6 +182,7 @@ class Decimated:
                     first=self._given,
                     device_time=part.device_time + later / rate,
                     host_time=part.host_time + later / rate,
+                    uncertain=part.uncertain,
                 )
                 self._given += len(out)
 

@@ -1,7 +1,7 @@
 """Frame numbers of a stream with gaps, from a counter channel or from time stamps."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +13,10 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 
+JUMP = 0.2
+"""Smallest step of time stamps, in s, that counts as a jump of the sender's clock rather than as a delay."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Run:
     """Consecutive frames: number of the first one, including lost frames, and its sender time in s."""
@@ -20,6 +24,8 @@ class Run:
     first: int
     samples: Samples
     stamp: float
+    jump: float = 0.0
+    """Step of the sender's clock before the first frame, in s, that `SteadyStamps` has removed."""
 
 
 def runs(number: Numbers, samples: Samples, stamps: Array) -> Iterator[Run]:
@@ -84,12 +90,33 @@ class CountedFrames:
         return not self._whole and bool((counter == self._full).all())
 
 
+class SteadyStamps:
+    """Removes jumps of the sender's clock from the stamps of numbered runs, and counts them; `rate` in Hz."""
+
+    def __init__(self, rate: float) -> None:
+        self.jumps, self.last = 0, 0.0
+        self._rate, self._shift = rate, 0.0
+        self._origin: float | None = None
+
+    def steady(self, run: Run) -> Run:
+        """Return the run with its stamp on the sender's first clock."""
+        origin = run.stamp - self._shift - run.first / self._rate
+        step = 0.0 if self._origin is None else origin - self._origin
+        if abs(step) < JUMP:
+            self._origin, step = origin, 0.0
+        else:
+            self._shift += step
+            self.jumps, self.last = self.jumps + 1, step
+        return replace(run, stamp=run.stamp - self._shift, jump=step)
+
+
 class StampedFrames:
     """Frame numbers from time stamps without a counter: a lasting increase of the delay means lost frames.
 
     A stamp may be late but never early. The earliest stamps of the last second define the time grid; their spread over
     blocks of 1/20 s, times three and at least 1.5 frames, is the threshold for a gap. A gap is confirmed `confirm`
-    seconds later; until then frames are held back.
+    seconds later; until then frames are held back. Stamps that become early for good, or late although their frames
+    arrive as fast as before, show a jump of the sender's clock: no frames are missing then.
     """
 
     def __init__(self, rate: float, *, first: int = 0, confirm: float = 0.3) -> None:
@@ -97,19 +124,21 @@ class StampedFrames:
         self._confirm = max(8, round(confirm * rate))
         self._part, self._parts = max(1, round(0.05 * rate)), 20
         self._earliest: list[float] = []  # per block of 1/20 s, newest last
+        self._soonest: list[float] = []  # shortest time from stamp to arrival, likewise
         self._count = 0
         self._samples: list[Samples] = []
-        self._stamps = np.zeros(0)
+        self._stamps = self._delays = np.zeros(0)
 
     @property
     def frames(self) -> int:
         """Number of frames so far, including lost ones, without those that are held back."""
         return self._next
 
-    def add(self, samples: Samples, stamps: Array) -> Iterator[Run]:
-        """Add frames and yield those whose numbers are certain."""
+    def add(self, samples: Samples, stamps: Array, *, arrived: float = np.nan) -> Iterator[Run]:
+        """Add frames and yield those whose numbers are certain; `arrived` is a time on the clock of the stamps."""
         self._samples.append(samples)
         self._stamps = np.concatenate([self._stamps, stamps])
+        self._delays = np.concatenate([self._delays, arrived - stamps])
         yield from self._certain(ends=False)
 
     def rest(self) -> Iterator[Run]:
@@ -118,17 +147,22 @@ class StampedFrames:
 
     def _certain(self, *, ends: bool) -> Iterator[Run]:
         while len(self._stamps):
-            late = self._late() > self._limit()
-            begin = int(late.argmax()) if late.any() else len(late)
+            off = self._off(self._late())
+            begin = int(off.argmax()) if off.any() else len(off)
             if begin:
                 yield self._release_run(begin)
                 continue
-            seen = late[: self._confirm]
+            seen = off[: self._confirm]
             if not seen.all():
                 yield self._release_run(int(seen.argmin()))
             elif len(seen) == self._confirm:
+                half = slice(self._confirm // 2, self._confirm)
+                behind = float(self._late()[half].min())
+                if self._jumped(behind, float(self._delays[half].min())):
+                    self._earliest = [each + behind for each in self._earliest]
+                    self._soonest = [each - behind for each in self._soonest]
+                    continue
                 # A packet with the last frames before the gap is late as well, but less.
-                behind = float(self._late()[self._confirm // 2 : self._confirm].min())
                 before = int((self._late() >= behind - self._limit()).argmax())
                 if before:
                     yield self._release_run(before)
@@ -143,6 +177,15 @@ class StampedFrames:
         belongs = min(self._earliest) if self._earliest else float(self._stamps[0] - self._next / self._rate)
         return self._stamps - (self._next + np.arange(len(self._stamps))) / self._rate - belongs
 
+    def _off(self, late: Array) -> NDArray[np.bool_]:
+        """Frames off the time grid: late, or, once it has settled, early."""
+        early = len(self._earliest) == self._parts
+        return (late > self._limit()) | (early & (late < -self._limit()))
+
+    def _jumped(self, behind: float, delay: float) -> bool:
+        """Whether stamps that are late by `behind` show a jump: after lost frames none arrives faster than before."""
+        return behind < 0 or (behind > JUMP and min(self._soonest) - delay > behind / 2)
+
     def _limit(self) -> float:
         least = 1.5 / self._rate
         if len(self._earliest) < self._parts:
@@ -152,17 +195,24 @@ class StampedFrames:
     def _release_run(self, count: int) -> Run:
         samples = np.concatenate(self._samples)
         run = Run(first=self._next, samples=samples[:count], stamp=float(self._stamps[0]))
-        self._update_grid(self._stamps[:count] - (self._next + np.arange(count)) / self._rate)
-        self._samples, self._stamps = [samples[count:]], self._stamps[count:]
+        late = self._late()[:count]
+        places = self._stamps[:count] - (self._next + np.arange(count)) / self._rate
+        # Single stamps that are wrong move neither the grid nor the shortest delay.
+        early, off = self._off(np.minimum(late, 0)), self._off(late)
+        self._update_grid(np.where(early, places - late, places), np.where(off, np.inf, self._delays[:count]))
+        self._samples, self._stamps, self._delays = [samples[count:]], self._stamps[count:], self._delays[count:]
         self._next += count
         return run
 
-    def _update_grid(self, places: Array) -> None:
-        """Store the earliest delay of each block of 1/20 s, over one second."""
+    def _update_grid(self, places: Array, delays: Array) -> None:
+        """Store the earliest place and the shortest delay of each block of 1/20 s, over one second."""
         while len(places):
-            taken, places = places[: self._part - self._count], places[self._part - self._count :]
-            if self._count == 0:
-                self._earliest = [*self._earliest[1 - self._parts :], float(taken.min())]
-            else:
-                self._earliest[-1] = min(self._earliest[-1], float(taken.min()))
-            self._count = (self._count + len(taken)) % self._part
+            size = self._part - self._count
+            for kept, new in ((self._earliest, places[:size]), (self._soonest, delays[:size])):
+                if self._count == 0:
+                    kept.append(float(new.min()))
+                    del kept[: -self._parts]
+                else:
+                    kept[-1] = min(kept[-1], float(new.min()))
+            self._count = (self._count + len(places[:size])) % self._part
+            places, delays = places[size:], delays[size:]

@@ -2,7 +2,7 @@
 
 LSL uses TCP: frames are lost in transmission only if the connection is lost, which is an error here. Frames that the
 sender omits are counted exactly if it sends a counter channel (option `counter`); otherwise they are inferred from the
-time stamps, as accurately as the sender stamps.
+time stamps, as accurately as the sender stamps. A jump of the sender's clock is removed from the times and reported.
 """
 
 import os
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import PositiveFloat
 
-from midair.devices.sensors.frame_numbers import CountedFrames, Run, StampedFrames, runs
+from midair.devices.sensors.frame_numbers import CountedFrames, Run, StampedFrames, SteadyStamps, runs
 from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream
 from midair.errors import DeviceError, DeviceStateError, InputError, RateError
 from midair.model import Unit
@@ -62,7 +62,7 @@ class LslSource:
         self._rate, self._correction = 1.0, 0.0
         self._counted: CountedFrames | None = None
         self._full = False  # the counter has reached its limit
-        self._stamped = StampedFrames(1.0)
+        self._stamped, self._steady = StampedFrames(1.0), SteadyStamps(1.0)
         self._waiting: deque[Chunk] = deque()
         self._host_name = ""
 
@@ -92,7 +92,8 @@ class LslSource:
         except (LostError, TimeoutError) as wrong:
             raise self._lost() from wrong
         self._opened().flush()
-        self._counted, self._full, self._stamped = None, False, StampedFrames(self._rate)
+        self._counted, self._full = None, False
+        self._stamped, self._steady = StampedFrames(self._rate), SteadyStamps(self._rate)
         self._waiting.clear()
 
     def pull(self, wait: float) -> Chunk | None:
@@ -126,7 +127,9 @@ class LslSource:
         """Sender, library version, and the method that detects gaps."""
         by = "its stamps" if self._counter is None else "its counter"
         by = "its counter, and since that stands still its stamps" if self._full else by
-        return {"sender": self._host_name, "liblsl": str(pylsl.library_version()), "gaps found by": by}
+        said = {"sender": self._host_name, "liblsl": str(pylsl.library_version()), "gaps found by": by}
+        jumps = self._steady.jumps
+        return said | ({"jumps of its stamps": f"{jumps}, the last by {self._steady.last:+.3g} s"} if jumps else {})
 
     def _find(self) -> pylsl.StreamInfo:
         found = self._matching_streams()
@@ -174,13 +177,17 @@ class LslSource:
 
     def _runs(self, samples: Samples, stamps: NDArray[np.float64]) -> Iterator[Run]:
         """Frames with known numbers, in runs without a gap; the first one since start is 0."""
+        arrived = pylsl.local_clock() - self._correction
         if self._counter is None:
-            yield from self._stamped.add(samples, stamps)
+            yield from self._stamped.add(samples, stamps, arrived=arrived)
             return
         counter, samples = samples[:, self._counter], np.delete(samples, self._counter, axis=1)
         number = None if self._full else self._count(counter)
         self._full = number is None
-        yield from self._stamped.add(samples, stamps) if number is None else runs(number, samples, stamps)
+        if number is None:
+            yield from self._stamped.add(samples, stamps, arrived=arrived)
+        else:
+            yield from runs(number, samples, stamps)
 
     def _count(self, counter: Samples) -> NDArray[np.int64] | None:
         """Frame numbers from the counter; None once it has stopped, after which the stamps are used."""
@@ -199,13 +206,14 @@ class LslSource:
     def _enqueue(self, found: Iterable[Run]) -> None:
         # Both clocks are monotonic with the same rate; only their origins differ.
         offset = time.monotonic() - pylsl.local_clock() + self._correction
-        for run in found:
+        for run in map(self._steady.steady, found):
             self._waiting.append(
                 Chunk(
                     samples=run.samples,
                     first=run.first,
                     device_time=run.first / self._rate,
                     host_time=run.stamp + offset,
+                    uncertain=run.jump != 0,
                 )
             )
 

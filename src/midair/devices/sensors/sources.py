@@ -44,6 +44,8 @@ class Chunk:
     device_time: float
     """Both times as in `FrameBlock`, in s."""
     host_time: float
+    uncertain: bool = False
+    """True if an unknown number of frames may be missing before it."""
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -56,6 +58,7 @@ class Chunk:
             first=self.first + begin,
             device_time=self.device_time + begin / rate,
             host_time=self.host_time + begin / rate,
+            uncertain=self.uncertain and begin == 0,
         )
 
     def finite_parts(self, rate: float) -> "Iterator[Chunk]":

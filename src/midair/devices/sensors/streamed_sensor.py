@@ -161,7 +161,7 @@ class StreamedSensor(SensorDevice):
             first=first.first,
             device_time=first.device_time,
             host_time=first.host_time,
-            overflow=lost > 0,
+            overflow=lost > 0 or first.uncertain,
         )
 
     def ready(self, wait: float) -> bool:
@@ -219,7 +219,7 @@ class StreamedSensor(SensorDevice):
                     f"{self.name}: expected frames, got none for {self.timeout:g} s; check that it is connected, "
                     "switched on and sending"
                 )
-            if chunk is None or (parts and chunk.first != parts[-1].first + len(parts[-1])):
+            if chunk is None or (parts and (chunk.uncertain or chunk.first != parts[-1].first + len(parts[-1]))):
                 self._rest = chunk
                 return parts
             if len(chunk) > frames:

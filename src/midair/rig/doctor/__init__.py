@@ -1,3 +1,6 @@
 """Check the installation, the computer and the devices, with advice for each problem."""
 
 from .checkup import run_checks as run_checks
+from .wizard import checkup_line as checkup_line
+from .wizard import run_wizard as run_wizard
+from .wizard import store_checkup as store_checkup

@@ -4,10 +4,11 @@ import importlib.metadata
 import os
 import socket
 import sys
+from collections.abc import Mapping
 
 from midair.devices import close_orders, playing_now, state_folder
 from midair.errors import FileError, MidairError
-from midair.rig.doctor.check import Check
+from midair.rig.doctor.check import Check, broken, missing, ok
 from midair.rig.names import array_named
 
 _ADVICE = {
@@ -22,7 +23,7 @@ _ADVICE = {
 def array_findings(device: str | None = None) -> list[Check]:
     """Check software, rights and network, and the state of a device if one is named."""
     return [
-        Check(subject="virtual array", state="ok", found="AUTD3 2 x 2; always available"),
+        ok("virtual array", "AUTD3 2 x 2; always available"),
         _sdk("autd3", ("0.12",), "firmware series 0.12, over Ethernet; and its emulator"),
         _sdk("pyautd3", ("36", "38"), "older firmware, over EtherCAT"),
         _interfaces(),
@@ -41,9 +42,12 @@ def device_findings(name: str) -> list[Check]:
     except MidairError as wrong:
         # A message of midair has advice after its semicolon.
         found, _, advice = str(wrong).partition("; ")
-        return [
-            Check(subject=name, state="broken", found=found, advice=advice or "midair play --help lists the arrays")
-        ]
+        return [broken(name, found, advice or "midair play --help lists the arrays")]
+    return report_findings(name, said)
+
+
+def report_findings(name: str, said: Mapping[str, str]) -> list[Check]:
+    """Check the description of an open array."""
     return [_check_report(f"{name}: {subject}", subject, found) for subject, found in said.items()]
 
 
@@ -69,27 +73,21 @@ def _sdk(package: str, series: tuple[str, ...], use: str) -> Check:
     version = _installed(package)
     if version is None:
         advice = f'pip install "midair[{package}]" if you have such units'
-        return Check(subject=package, state="missing", found=f"not installed; {use}", advice=advice)
+        return missing(package, f"not installed; {use}", advice)
     if not any(version.startswith(one + ".") for one in series):
         advice, expected = f'pip install "midair[{package}]"', " or ".join(f"{one}.*" for one in series)
-        return Check(subject=package, state="broken", found=f"{version}, expected {expected}; {use}", advice=advice)
-    return Check(subject=package, state="ok", found=f"{version}; {use}")
+        return broken(package, f"{version}, expected {expected}; {use}", advice)
+    return ok(package, f"{version}; {use}")
 
 
 def _interfaces() -> Check:
     names = [name for _, name in socket.if_nameindex() if not name.startswith("lo")]
     if not names:
-        return Check(
-            subject="network",
-            state="missing",
-            found="no interface but loopback",
-            advice="connect a network card for the units",
-        )
-    return Check(
-        subject="network",
-        state="ok",
-        found=", ".join(names),
-        advice=f"if the first opening takes long or fails, name the interface: --device autd3:{names[0]}",
+        return missing("network", "no interface but loopback", "connect a network card for the units")
+    return ok(
+        "network",
+        ", ".join(names),
+        f"if the first opening takes long or fails, name the interface: --device autd3:{names[0]}",
     )
 
 
@@ -97,16 +95,16 @@ def _raw_sockets() -> Check:
     """Check the right to open raw sockets, which EtherCAT needs on Linux."""
     subject, family = "EtherCAT rights", getattr(socket, "AF_PACKET", None)
     if sys.platform != "linux" or family is None:
-        return Check(subject=subject, state="ok", found="not checked on this system; Windows needs Npcap")
+        return ok(subject, "not checked on this system; Windows needs Npcap")
     try:
         # Opening a socket needs the right; nothing is sent.
         socket.socket(family, socket.SOCK_RAW).close()
     except PermissionError:
         advice = "sudo setcap cap_net_raw,cap_sys_nice=ep on the python that .venv/bin/python links to"
-        return Check(subject=subject, state="missing", found="may not open raw sockets", advice=advice)
+        return missing(subject, "may not open raw sockets", advice)
     except OSError as wrong:
-        return Check(subject=subject, state="missing", found=wrong.strerror or str(wrong), advice="use a wired network")
-    return Check(subject=subject, state="ok", found="may open raw sockets")
+        return missing(subject, wrong.strerror or str(wrong), "use a wired network")
+    return ok(subject, "may open raw sockets")
 
 
 def _log() -> Check:
@@ -115,16 +113,16 @@ def _log() -> Check:
     nearest = next(parent for parent in (path, *path.parents) if parent.exists())
     if path.is_dir() or (nearest != path and not nearest.is_dir()) or not os.access(nearest, os.W_OK):
         advice = "set MIDAIR_STATE to a folder you can write to; nothing plays without a log"
-        return Check(subject="log of what played", state="broken", found=f"cannot write {path}", advice=advice)
+        return broken("log of what played", f"cannot write {path}", advice)
     try:
         close_orders()
     except FileError as wrong:
-        return Check(subject="log of what played", state="broken", found=str(wrong))
-    return Check(subject="log of what played", state="ok", found=str(path))
+        return broken("log of what played", str(wrong))
+    return ok("log of what played", str(path))
 
 
 def _playing() -> Check:
     programs = [f"{each.get('device')} (process {each['process']}, {each['command']})" for each in playing_now()]
     if programs:
-        return Check(subject="playing now", state="ok", found=", ".join(programs), advice="midair stop silences")
-    return Check(subject="playing now", state="ok", found="nothing")
+        return ok("playing now", ", ".join(programs), "midair stop silences")
+    return ok("playing now", "nothing")

@@ -17,7 +17,7 @@ from midair.model import HEIGHT, RATE, Acoustics, AmplitudeFrames, ControlGrid, 
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.progress import report_progress
 from midair.rig.doctor.array_checkup import array_findings
-from midair.rig.doctor.check import Check
+from midair.rig.doctor.check import Check, broken, missing, ok
 from midair.rig.doctor.machine_checkup import machine_findings
 from midair.rig.doctor.sensor_checkup import is_live_sensor, live_sensor_findings, sensor_findings
 from midair.solvers import solve
@@ -45,22 +45,20 @@ def run_checks(device: str | None = None) -> list[Check]:
 
 def _python() -> Check:
     found = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    return Check(subject="Python", state="ok", found=found)
+    return ok("Python", found)
 
 
 def _library(name: str) -> Check:
     try:
-        return Check(subject=name, state="ok", found=importlib.metadata.version(name))
+        return ok(name, importlib.metadata.version(name))
     except importlib.metadata.PackageNotFoundError:
-        return Check(subject=name, state="broken", found="not installed", advice=f"pip install {name}")
+        return broken(name, "not installed", f"pip install {name}")
 
 
 def _extra(name: str, extra: str, use: str) -> Check:
     if importlib.util.find_spec(name) is None:
-        return Check(
-            subject=name, state="missing", found=f"not installed; {use}", advice=f'pip install "midair[{extra}]"'
-        )
-    return Check(subject=name, state="ok", found=f"{importlib.metadata.version(name)}; {use}")
+        return missing(name, f"not installed; {use}", f'pip install "midair[{extra}]"')
+    return ok(name, f"{importlib.metadata.version(name)}; {use}")
 
 
 def _folder() -> Check:
@@ -72,15 +70,10 @@ def _folder() -> Check:
             same = np.array_equal(open_take(Path(folder) / "check.h5").recording.samples, recording.samples)
     except OSError as wrong:
         reason = wrong.strerror or str(wrong)
-        return Check(subject="this folder", state="broken", found=reason, advice="change to a folder you can write to")
+        return broken("this folder", reason, "change to a folder you can write to")
     if not same:
-        return Check(
-            subject="this folder",
-            state="broken",
-            found="a recording differed after reading it back",
-            advice="check the disk",
-        )
-    return Check(subject="this folder", state="ok", found="a recording was written and read back")
+        return broken("this folder", "a recording differed after reading it back", "check the disk")
+    return ok("this folder", "a recording was written and read back")
 
 
 def _field() -> Check:
@@ -93,8 +86,8 @@ def _field() -> Check:
     rms = float(np.abs(matrix @ q)[0] / np.sqrt(2))
     found = f"{rms:.2f} Pa rms at the focus; AUTD3's emulator gives 12875.04"
     if abs(rms - 12875.038) > 0.1:
-        return Check(subject="field model", state="broken", found=found, advice="reinstall NumPy")
-    return Check(subject="field model", state="ok", found=found)
+        return broken("field model", found, "reinstall NumPy")
+    return ok("field model", found)
 
 
 def _solver() -> Check:
@@ -108,14 +101,14 @@ def _solver() -> Check:
     begin = time.perf_counter()
     solution = solve(target, array, iterations=20)
     took = (time.perf_counter() - begin) / max(1, int(solution.iterations[0]))
-    return Check(subject="solver", state="ok", found=f"{1e3 * took:.1f} ms per iteration of 996 x 256")
+    return ok("solver", f"{1e3 * took:.1f} ms per iteration of 996 x 256")
 
 
 def _threads() -> Check:
     from threadpoolctl import threadpool_info
 
     pools = ", ".join(f"{pool['internal_api']} {pool['num_threads']}" for pool in threadpool_info()) or "none loaded"
-    return Check(subject="threads", state="ok", found=f"{os.cpu_count()} cores; {pools}; solvers use one BLAS thread")
+    return ok("threads", f"{os.cpu_count()} cores; {pools}; solvers use one BLAS thread")
 
 
 def _kernel() -> Check:

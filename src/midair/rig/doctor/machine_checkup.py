@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from midair.devices import state_folder
-from midair.rig.doctor.check import Check
+from midair.rig.doctor.check import Check, missing, ok
 
 PORT = 44336
 """UDP port from which AUTD3 units of series 0.12 answer (the makers' page on networks)."""
@@ -28,11 +28,10 @@ def machine_findings(root: Path = Path("/"), *, moderation: Moderation | None = 
     """Check the settings of this computer that devices need: files below `root` and interrupt delays of the cards."""
     if sys.platform != "linux":
         return [
-            Check(
-                subject="this computer",
-                state="ok",
-                found="IPv6, firewall, network card, priority and groups are checked on Linux only",
-                advice=f"allow inbound UDP from port {PORT}, and switch off interrupt moderation of the card",
+            ok(
+                "this computer",
+                "IPv6, firewall, network card, priority and groups are checked on Linux only",
+                f"allow inbound UDP from port {PORT}, and switch off interrupt moderation of the card",
             ),
             _disk_space(Path()),
         ]
@@ -87,14 +86,14 @@ def _ipv6(root: Path) -> Check:
     subject, found = "IPv6", _text(root / "proc/net/if_inet6")
     if found is None or (_text(root / "proc/sys/net/ipv6/conf/all/disable_ipv6") or "0").strip() == "1":
         advice = "units of series 0.12 need it: sudo sysctl net.ipv6.conf.all.disable_ipv6=0; no ipv6.disable=1 at boot"
-        return Check(subject=subject, state="missing", found="off", advice=advice)
+        return missing(subject, "off", advice)
     # Columns: address, index, length, scope, flags, name; link-local addresses begin with fe80.
     rows = [line.split() for line in found.splitlines() if line.strip()]
     cards = sorted({row[-1] for row in rows if row[0].startswith("fe80")})
     if not cards:
         advice = "no card has an fe80 address: sudo ip link set eth0 up, or sysctl net.ipv6.conf.eth0.disable_ipv6=0"
-        return Check(subject=subject, state="missing", found="on, but no card has an address", advice=advice)
-    return Check(subject=subject, state="ok", found=f"addresses on {', '.join(cards)}")
+        return missing(subject, "on, but no card has an address", advice)
+    return ok(subject, f"addresses on {', '.join(cards)}")
 
 
 def _firewall(root: Path) -> Check:
@@ -110,20 +109,20 @@ def _firewall(root: Path) -> Check:
         allow = f"sudo nft add rule inet filter input udp sport {PORT} accept"
         running.append(("the kernel's filter", f"if sudo nft list ruleset drops input: {allow}"))
     if not running:
-        return Check(subject="firewall", state="ok", found="none seen", advice="")
+        return ok("firewall", "none seen")
     names, advice = ", ".join(name for name, _ in running), "; ".join(how for _, how in running)
-    return Check(subject="firewall", state="ok", found=f"{names}; {rule} must be allowed", advice=advice)
+    return ok("firewall", f"{names}; {rule} must be allowed", advice)
 
 
 def _moderation(card: str, delay: int | None) -> Check:
     subject = f"interrupts of {card}"
     if delay is None:
         advice = f"before the first play: sudo ethtool -C {card} rx-usecs 0"
-        return Check(subject=subject, state="ok", found="the card does not report its delay", advice=advice)
+        return ok(subject, "the card does not report its delay", advice)
     if delay > 0:
         advice = f"for units on it: sudo ethtool -C {card} adaptive-rx off rx-usecs 0"
-        return Check(subject=subject, state="ok", found=f"the card waits {delay} us for more packets", advice=advice)
-    return Check(subject=subject, state="ok", found="not delayed")
+        return ok(subject, f"the card waits {delay} us for more packets", advice)
+    return ok(subject, "not delayed")
 
 
 def _priority(root: Path) -> Check:
@@ -134,9 +133,9 @@ def _priority(root: Path) -> Check:
         if line.startswith("Max realtime priority"):
             allowed = line.split()[3]
             if allowed == "0" and not _is_root(root):
-                return Check(subject=subject, state="missing", found="not allowed", advice=advice)
-            return Check(subject=subject, state="ok", found="allowed" if allowed == "0" else f"up to {allowed}")
-    return Check(subject=subject, state="missing", found="not reported by the system", advice=advice)
+                return missing(subject, "not allowed", advice)
+            return ok(subject, "allowed" if allowed == "0" else f"up to {allowed}")
+    return missing(subject, "not reported by the system", advice)
 
 
 def _locked_memory(root: Path) -> Check:
@@ -147,10 +146,10 @@ def _locked_memory(root: Path) -> Check:
         if line.startswith("Max locked memory"):
             allowed = line.split()[3]
             if allowed == "unlimited" or _is_root(root) or (allowed.isdecimal() and int(allowed) >= 2**30):
-                return Check(subject=subject, state="ok", found="allowed")
+                return ok(subject, "allowed")
             found = f"up to {int(allowed) / 1e6:.3g} MB" if allowed.isdecimal() else allowed
-            return Check(subject=subject, state="missing", found=f"{found}; live touch needs more", advice=advice)
-    return Check(subject=subject, state="missing", found="not reported by the system", advice=advice)
+            return missing(subject, f"{found}; live touch needs more", advice)
+    return missing(subject, "not reported by the system", advice)
 
 
 def _group(root: Path, name: str, use: str) -> Check:
@@ -161,17 +160,15 @@ def _group(root: Path, name: str, use: str) -> Check:
         if len(fields) >= 4 and fields[0] == name:
             entry = fields
     if entry is None:
-        return Check(subject=subject, state="ok", found=f"no such group here; {use} need none")
+        return ok(subject, f"no such group here; {use} need none")
     status = _status(root)
     if _is_root(root) or entry[2] in [*status.get("Groups", []), *status.get("Gid", [])]:
-        return Check(subject=subject, state="ok", found=f"may use {use}")
+        return ok(subject, f"may use {use}")
     user = os.environ.get("USER", "")
     if user and user in entry[3].split(","):
-        return Check(
-            subject=subject, state="missing", found="joined, active after the next login", advice="log out and in again"
-        )
+        return missing(subject, "joined, active after the next login", "log out and in again")
     advice = f"for {use}: sudo usermod -aG {name} $USER, then log out and in again"
-    return Check(subject=subject, state="missing", found=f"not a member, which {use} may need", advice=advice)
+    return missing(subject, f"not a member, which {use} may need", advice)
 
 
 def _is_root(root: Path) -> bool:

@@ -8,14 +8,14 @@ import numpy as np
 from midair.errors import DeviceError, MidairError, MissingExtraError
 from midair.model import SensorWiring
 from midair.recordings import at_limit
-from midair.rig.doctor.check import Check
+from midair.rig.doctor.check import Check, broken, missing, ok
 from midair.rig.names import SENSORS, source_sensor
 
 
 def sensor_findings() -> list[Check]:
     """Check the virtual sensor, and the package, library and connected devices of each kind of live sensor."""
     return [
-        Check(subject="virtual sensor", state="ok", found="always available, as is replay:FILE"),
+        ok("virtual sensor", "always available, as is replay:FILE"),
         *(_kind(kind) for kind in SENSORS),
     ]
 
@@ -37,14 +37,14 @@ def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[
     except MidairError as wrong:
         # A message of midair has advice after its semicolon.
         found, _, advice = str(wrong).partition("; ")
-        return [Check(subject=plain, state="broken", found=found, advice=advice or "see docs, build a sensor")]
+        return [broken(plain, found, advice or "see docs, build a sensor")]
     low, high = block.samples.min(axis=0), block.samples.max(axis=0)
     still = [str(channel) for channel in np.flatnonzero(low.ravel() == high.ravel())]
     return [
-        *(Check(subject=f"{plain}: {subject}", state="ok", found=found) for subject, found in said.items()),
+        *(ok(f"{plain}: {subject}", found) for subject, found in said.items()),
         _channel_check(plain, "cells that never change", still, "check their wires and their supply"),
         _channel_check(plain, "cells that clip", _clipping(low, high, full_scale), "lower the gain"),
-        Check(subject=f"{plain}: samples", state="ok", found=f"{low.min():.4g} to {high.max():.4g} {unit}"),
+        ok(f"{plain}: samples", f"{low.min():.4g} to {high.max():.4g} {unit}"),
     ]
 
 
@@ -57,8 +57,8 @@ def _clipping(low: Any, high: Any, full_scale: float | None) -> list[str]:
 
 def _channel_check(name: str, subject: str, cells: list[str], advice: str) -> Check:
     if not cells:
-        return Check(subject=f"{name}: {subject}", state="ok", found="none")
-    return Check(subject=f"{name}: {subject}", state="broken", found=", ".join(cells), advice=advice)
+        return ok(f"{name}: {subject}", "none")
+    return broken(f"{name}: {subject}", ", ".join(cells), advice)
 
 
 def _kind(kind: str) -> Check:
@@ -67,15 +67,8 @@ def _kind(kind: str) -> Check:
         found = driver.available()
     except MissingExtraError as wrong:
         found, _, advice = str(wrong).partition("; ")
-        return Check(
-            subject=f"{kind}: sensors", state="missing", found=found, advice=f"{advice} if you have such a sensor"
-        )
+        return missing(f"{kind}: sensors", found, f"{advice} if you have such a sensor")
     except DeviceError as wrong:
-        return Check(
-            subject=f"{kind}: sensors",
-            state="missing",
-            found=str(wrong),
-            advice="only needed if you have such a sensor",
-        )
+        return missing(f"{kind}: sensors", str(wrong), "only needed if you have such a sensor")
     version = f"{driver.package} {importlib.metadata.version(driver.package)}; " if driver.package else ""
-    return Check(subject=f"{kind}: sensors", state="ok", found=version + found)
+    return ok(f"{kind}: sensors", version + found)

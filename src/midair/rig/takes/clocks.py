@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtrit
 
 LARGEST = 256
 """Maximum number of points of the fitted line; beyond it, neighbours are merged, which bounds the memory."""
@@ -18,11 +19,17 @@ class Drift:
     """Two standard errors of the slope, in parts per million."""
     span: float
     """Observed time in s."""
+    points: int = 1000
+    """Number of points of the line."""
 
     @property
     def certain(self) -> bool:
-        """Whether the drift exceeds its uncertainty and rounding."""
-        return abs(self.ppm) > max(self.uncertainty, 0.01)
+        """Whether the drift exceeds rounding, and by Student's t what jitter alone causes in one of 10,000 looks.
+
+        A recording looks again every second, so that a limit of two standard errors would soon be exceeded by chance.
+        """
+        errors = float(stdtrit(self.points - 2, 1 - 0.5e-4))
+        return abs(self.ppm) > max(errors * self.uncertainty / 2, 0.01)
 
 
 class ClockWatch:
@@ -60,7 +67,7 @@ class ClockWatch:
         slope = float(t @ ahead / (t @ t))
         rest = ahead - ahead.mean() - slope * t
         error = float(np.sqrt(rest @ rest / (len(t) - 2) / (t @ t)))
-        return Drift(ppm=1e6 * slope, uncertainty=2e6 * error, span=float(np.ptp(t)))
+        return Drift(ppm=1e6 * slope, uncertainty=2e6 * error, span=float(np.ptp(t)), points=len(t))
 
     def _keep(self) -> None:
         if self._best[1] > -np.inf:

@@ -42,7 +42,10 @@ def take_problems(take: Take, rate: float) -> list[tuple[str, str]]:
 
 def _lost(event: Event, rate: float) -> str:
     if event.frames == 0:
-        return "frames were lost, the sensor does not report how many: later times are uncertain"
+        return (
+            "frames may be missing: the sensor lost an unknown number, or its time stamps jumped; later times are "
+            "uncertain"
+        )
     return f"{event.frames} frames ({1e3 * event.frames / rate:.4g} ms) were lost; the last good one is repeated"
 
 
