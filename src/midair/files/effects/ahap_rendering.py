@@ -125,9 +125,11 @@ def _control(pattern: Sequence[Mapping[str, Any]], name: str, time: Array) -> Ar
         if curve is not None and curve["ParameterID"] == name:
             points = [(float(p["Time"]), float(p["ParameterValue"])) for p in curve["ParameterCurveControlPoints"]]
             stretches.append((float(curve["Time"]), sorted(points)))
-    for begin, points in sorted(stretches, key=lambda stretch: stretch[0]):
-        if points:
-            later = time >= begin + points[0][0] - 1e-9
-            at, value = np.array(points).T
-            values[later] = np.interp(time[later] - begin, at, value)
+    # Each stretch holds until the first that comes after it in this order.
+    ordered = sorted((stretch for stretch in stretches if stretch[1]), key=lambda stretch: stretch[0])
+    first = np.searchsorted(time, [begin + points[0][0] - 1e-9 for begin, points in ordered])
+    last = np.minimum.accumulate(np.r_[first[1:], len(time)][::-1])[::-1]
+    for (begin, points), part in zip(ordered, map(slice, first, last), strict=True):
+        at, value = np.array(points).T
+        values[part] = np.interp(time[part] - begin, at, value)
     return values

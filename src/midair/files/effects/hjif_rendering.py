@@ -105,7 +105,7 @@ def _add_wave(wave: Array, time: Array, band: Plain, effect: Plain, ticks: float
     at, amplitude = _line(effect, "amplitude_modulation", ticks)
     if not len(at):
         return
-    part = (time >= begin + at[0] - 1e-9) & (time <= begin + at[-1] + 1e-9)
+    part = slice(*np.searchsorted(time, [begin + at[0] - 1e-9, begin + at[-1] + 1e-9]))
     since = time[part] - begin
     level = np.interp(since, at, amplitude)
     if band["band_type"] == "Curve":
@@ -123,7 +123,7 @@ def _add_clicks(wave: Array, time: Array, effect: Plain, ticks: float) -> None:
     """Add a decaying click at each keyframe, with its amplitude and frequency."""
     for key in effect["keyframes"]:
         at = (float(effect.get("position", 0)) + float(key["relative_position"])) / ticks
-        part = (time >= at - 1e-9) & (time < at + 7 * CLICK)
+        part = slice(*np.searchsorted(time, [at - 1e-9, at + 7 * CLICK]))
         since = time[part] - at
         click = np.exp(-since / CLICK) * np.sin(2 * np.pi * float(key.get("frequency_modulation", 150.0)) * since)
         wave[part] += float(key.get("amplitude_modulation", 1.0)) * click
