@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
-from midair.files.effects.ahap_rendering import CLICK, LONGEST, RATE
+from midair.files.effects.ahap_rendering import CLICK, RATE, frame_times
 from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
 
 Array = NDArray[np.float64]
@@ -47,10 +47,7 @@ def read_hjif(path: Path, given: ImportOptions) -> OpenedTake:
         raise BrokenFileError(f"{path}: expected bands of the kinds Curve, VectorialWave or Transient, got {got}")
     sampled = {channel.get("frequency_sampling") for channel in channels} - {None, 0}
     rate = given.rate or (float(sampled.pop()) if len(sampled) == 1 else RATE)
-    end = max(keys) + 1 / rate
-    if end > LONGEST:
-        raise BrokenFileError(f"{path}: expected MPEG haptics of up to {LONGEST:g} s, got {end:g} s")
-    time = np.arange(round(end * rate)) / rate
+    time = frame_times(path, max(keys) + 1 / rate, rate, channels=len(channels))
     samples = np.stack([_rendered(channel, time, ticks) for channel in channels], axis=1)
     report = [f"Rendered at {rate:g} Hz; curves on straight lines."]
     report += [f"Left out: {', '.join(left_out)}."] if left_out else []
