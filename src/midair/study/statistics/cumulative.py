@@ -284,12 +284,16 @@ class _Likelihood:
         schur = np.diag(1 + common**2 * np.bincount(self._item, weight)) - np.tensordot(edge, border, ((0, 1), (0, 1)))
         log_determinant = np.linalg.slogdet(inner)[1].sum() + np.linalg.slogdet(schur)[1]
         return _Curvature(
-            within=within, border=border, items=np.linalg.inv(schur), log_determinant=float(log_determinant)
+            within=within,
+            border=border,
+            items=np.asarray(np.linalg.inv(schur), np.float64),
+            log_determinant=float(log_determinant),
         )
 
     def _sum(self, values: Array, scale: Array) -> Array:
         """Sums of the values of the answers of each random effect, times the scale of its factor."""
-        return np.bincount(self._where.ravel(), (values[:, None] * scale).ravel(), len(self._factor))
+        sums = np.bincount(self._where.ravel(), (values[:, None] * scale).ravel(), len(self._factor))
+        return np.asarray(sums, np.float64)
 
 
 def _derivatives(upper: Array, lower: Array) -> tuple[Array, Array, Array, Array]:
