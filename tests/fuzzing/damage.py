@@ -346,6 +346,8 @@ DAMAGES: dict[str, Damage] = {
     ".tsv": table,
     ".jsonl": json_lines,
     ".json": json_text,
+    ".hjif": json_text,
+    ".ahap": json_text,
     ".toml": toml_text,
 }
 """By the end of a name, the longest first."""

@@ -36,6 +36,7 @@ def make_all(folder: Path) -> None:
     _robots_and_laboratories(folder)
     _written_by_hand(folder)
     _of_matlab(folder)
+    _effects(folder)
 
 
 def recording() -> Recording:
@@ -131,6 +132,64 @@ def _robots_and_laboratories(folder: Path) -> None:
             out.add_message(channel, log_time=time, data=message, publish_time=time)
         out.finish()
         (folder / f"{name}.mcap").write_bytes(stream.getvalue())
+
+
+def _effects(folder: Path) -> None:
+    """Effects as midair writes them, and with what midair only reads."""
+    for ending in (".hjif", ".ahap"):
+        save(recording(), folder / f"own{ending}")
+    keys = [
+        {"relative_position": at, "amplitude_modulation": 0.2 * at / 100, "frequency_modulation": 80 + at}
+        for at in (0, 100, 300)
+    ]
+    bands = [
+        {
+            "band_type": kind,
+            "lower_frequency_limit": 20,
+            "upper_frequency_limit": 250,
+            "effects": [
+                {
+                    "id": 0,
+                    "position": 100,
+                    "phase": 0.3,
+                    "base_signal": signal,
+                    "effect_type": "Basis",
+                    "keyframes": keys,
+                },
+                {"id": 1, "position": 600, "effect_type": "Reference"},
+            ],
+        }
+        for kind, signal in (("Curve", "Sine"), ("VectorialWave", "Square"), ("Transient", "Sine"), ("WaveletWave", ""))
+    ]
+    channel = {"gain": 0.5, "mixing_weight": 1.0, "frequency_sampling": 2000, "bands": bands}
+    perception = {"id": 0, "perception_modality": "Vibration", "channels": [channel] * 6}
+    (folder / "foreign.hjif").write_text(json.dumps({"timescale": 1000, "perceptions": [perception]}))
+    parameters = [
+        {"ParameterID": name, "ParameterValue": value}
+        for name, value in (
+            ("HapticIntensity", 0.8),
+            ("HapticSharpness", 0.4),
+            ("AttackTime", 0.01),
+            ("DecayTime", 0.05),
+            ("ReleaseTime", 0.1),
+            ("Sustained", 0.0),
+        )
+    ]
+    curve = [{"Time": at, "ParameterValue": at} for at in (0.0, 0.2, 0.4)]
+    pattern = [
+        {"Event": {"Time": 0.1, "EventType": "HapticContinuous", "EventDuration": 0.5, "EventParameters": parameters}},
+        {"Event": {"Time": 0.4, "EventType": "HapticTransient", "EventParameters": parameters[:2]}},
+        {"Event": {"Time": 0.0, "EventType": "AudioCustom", "EventWaveformPath": "a.wav"}},
+        {"Parameter": {"ParameterID": "HapticIntensityControl", "ParameterValue": 0.6, "Time": 0.2}},
+        {
+            "ParameterCurve": {
+                "ParameterID": "HapticSharpnessControl",
+                "Time": 0.1,
+                "ParameterCurveControlPoints": curve,
+            }
+        },
+    ]
+    (folder / "foreign.ahap").write_text(json.dumps({"Version": 1.0, "Pattern": pattern}))
 
 
 def _written_by_hand(folder: Path) -> None:

@@ -85,6 +85,7 @@ BRING = import_or_open("--rate", "1kHz", "--unit", "V", "--layout", "2x3:7mm", r
 OWN = import_or_open()
 STAMPED = import_or_open("--unit", "V", "--layout", "1x2:7mm", unit="V", sensor=SensorGrid(rows=1, columns=2))
 SAYS_UNIT = import_or_open("--layout", "2x3:7mm", sensor=GRID)
+ONE_CHANNEL = import_or_open("--unit", "V", "--layout", "1x1:7mm", unit="V", sensor=SensorGrid(rows=1, columns=1))
 SAYS_RATE = import_or_open("--unit", "V", "--layout", "2x3:7mm", unit="V", sensor=GRID)
 
 
@@ -114,6 +115,10 @@ TARGETS: dict[str, tuple[Callable[[Path], object], ...]] = {
     "a.tdms": (SAYS_UNIT,),
     "json.mcap": (SAYS_RATE,),
     "ros.mcap": (SAYS_RATE,),
+    "own.hjif": (SAYS_RATE,),
+    "foreign.hjif": (SAYS_RATE,),
+    "own.ahap": (ONE_CHANNEL,),
+    "foreign.ahap": (ONE_CHANNEL,),
     **{name: (reader,) for name, reader in FOLDER_TARGETS.items()},
 }
 """By the name of a specimen."""

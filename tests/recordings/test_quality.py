@@ -115,3 +115,18 @@ def test_names_a_magnitude_and_no_offset():
     noise = np.random.default_rng(0).normal(size=(2, 2000, 16))
     assert "magnitude" in report(np.hypot(*noise))[0]
     assert report(noise[0]) == report(noise[0] + 5) == ()
+
+
+@pytest.mark.parametrize("lazy", [False, True])
+def test_names_outliers_and_no_taps(samples, lazy):
+    samples[700, 3], samples[[20, 21], 9] = 1e19, -9e3
+    samples[:, 4] = 0
+    samples[100, 4] = 1  # an impulse, as a program computes it
+    samples[500:540, 5] += 1e4 * np.exp(-np.arange(40) / 5)  # a tap
+    frames = (
+        LazyFrames(lambda a, b: samples[a:b].reshape(-1, 4, 4), (2000, 4, 4)) if lazy else samples.reshape(-1, 4, 4)
+    )
+    assert [line for line in suspicious(Recording(samples=frames, rate=1000, unit="V")) if "Outliers" in line] == [
+        "Outliers, more than a thousand times as far from the median as the other values: channel 3 (1e+19 V in frame"
+        " 700), 9 (-9000 V in frame 20); check them, since a wrong bit or a lost cable looks the same."
+    ]

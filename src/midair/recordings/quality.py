@@ -28,7 +28,7 @@ def at_limit(samples: NDArray[np.float64], full_scale: float) -> NDArray[np.bool
 
 
 def suspicious(recording: Recording) -> tuple[str, ...]:
-    """One sentence for each kind of suspicious channel: constant, white noise only, clipped, or rectified.
+    """One sentence for each kind of suspicious channel: constant, white noise only, clipped, outliers, or rectified.
 
     White noise: a channel more than ten times quieter than the median channel whose von Neumann ratio (mean square of
     successive differences over variance) is within four standard errors of 2 (J. von Neumann, Ann. Math. Stat. 12,
@@ -39,6 +39,8 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
     channel with less than 100 levels, such as a tone whose period fits the rate, must also stay at the limit for three
     frames in a row, because a tone repeats its maximum at most once, and must not stay elsewhere; and its levels must
     not be equidistant, as those of a coarse converter are.
+
+    Outliers: at most three values are more than a thousand times as far from the median as all others.
 
     Rectified, such as the magnitude of an acceleration or a force: no number is below zero, and the values lie mostly
     in the lower part of their range.
@@ -60,12 +62,48 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
     if clipped.any():
         names = ", ".join(str(i) for i in np.flatnonzero(clipped))
         report.append(f"Channels that reach their maximum or minimum repeatedly, clipped: {names}.")
+    if outliers := _outliers(recording, found):
+        report.append(
+            f"Outliers, more than a thousand times as far from the median as the other values: channel"
+            f" {', '.join(outliers)}; check them, since a wrong bit or a lost cable looks the same."
+        )
     if recording.frames >= 100 and _is_rectified(found):
         report.append(
             "No number is below zero: if this is a magnitude (of an acceleration, of a force), its vibration is "
             "rectified and appears at other frequencies than the original; use one axis instead."
         )
     return tuple(report)
+
+
+def _outliers(recording: Recording, found: Moments) -> list[str]:
+    """Channels with outliers, each with the value that is farthest from the median, and its frame."""
+    frames = recording.frames
+    # The median of the first block: some outliers move a mean as far as they please.
+    middle = np.median(next(blocks(recording.samples)), axis=0).ravel()
+    greatest, least = found.greatest.ravel() - middle, middle - found.least.ravel()
+    far = np.maximum(greatest, least)
+    # Three outliers have at least this ratio to the standard deviation.
+    if (
+        frames < 100
+        or not (channels := np.flatnonzero(far * np.sqrt(3 / frames + 1e-6) > 0.9 * found.spread.ravel())).size
+    ):
+        return []
+    beyond, other, place = (np.zeros(len(channels)) for _ in range(3))
+    first = 0
+    for block in blocks(recording.samples):
+        away = np.abs(block.reshape(len(block), -1)[:, channels] - middle[channels])
+        high = away > far[channels] / 1000
+        beyond += high.sum(axis=0)
+        other = np.maximum(other, np.max(away, axis=0, where=~high, initial=0))
+        hit = away == far[channels]
+        place = np.where(hit.any(axis=0), hit.argmax(axis=0) + first, place)
+        first += len(block)
+    value = np.where(greatest > least, found.greatest.ravel(), found.least.ravel())[channels]
+    return [
+        f"{channel} ({value[i]:.4g} {recording.unit} in frame {place[i]:.0f})"
+        for i, channel in enumerate(channels)
+        if beyond[i] <= 3 and other[i] > 0
+    ]
 
 
 def _is_rectified(found: Moments) -> bool:

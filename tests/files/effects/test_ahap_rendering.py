@@ -1,12 +1,14 @@
 """Hand-written patterns after Apple's description, with known waves."""
 
 import json
+import time
 
 import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, InputError
-from midair.files import load, open_take
+from midair.files import load, open_take, save
+from midair.model import Recording
 
 
 def event(kind, time, *, duration=None, **parameters):
@@ -61,6 +63,29 @@ def test_a_step_lasts_until_the_next(pattern):
     ]
     made = np.abs(wave(pattern(event("HapticContinuous", 0.0, duration=0.6), *steps)))
     assert [made[first : first + 800].max() for first in (400, 2000, 3600)] == pytest.approx([1, 0.5, 0], abs=0.02)
+
+
+def test_of_overlapping_curves_the_one_that_begins_last_holds(pattern):
+    def curve(at, *points):
+        listed = [{"Time": when, "ParameterValue": value} for when, value in points]
+        name = {"ParameterID": "HapticIntensityControl", "Time": at, "ParameterCurveControlPoints": listed}
+        return {"ParameterCurve": name}
+
+    # The second one is in the list last and begins before the first point of the other.
+    curves = curve(0.1, (0.3, 0.2), (0.5, 0.2)), curve(0.2, (0.0, 0.5), (0.1, 0.5)), curve(0.05)
+    made = np.abs(wave(pattern(event("HapticContinuous", 0.0, duration=0.8, HapticSharpness=1.0), *curves)))
+    assert [made[first : first + 400].max() for first in (400, 2000, 5000)] == pytest.approx([1, 0.5, 0.5], abs=0.02)
+
+
+@pytest.mark.long
+def test_a_recording_of_ten_minutes_is_read_back(tmp_path):
+    frames = np.random.default_rng(0).normal(size=(120_000, 4, 4))
+    save(Recording(samples=frames, rate=200.0, unit="V"), tmp_path / "a.ahap")
+    began = time.process_time()
+    short = wave(tmp_path / "a.ahap")
+    assert len(short) == 8000 * 600
+    # Each of 3200 curves once changed all samples behind it, which took minutes.
+    assert time.process_time() - began < 30
 
 
 def test_attack_and_release_are_lines(pattern):

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from midair.errors import BrokenFileError
+from midair.errors import BrokenFileError, InputError
 from midair.files import load, open_take, save
 from midair.model import Recording, SensorGrid
 
@@ -92,3 +92,13 @@ def test_ignored_bands_are_reported_and_empty_files_refused(effect):
     assert any("WaveletWave" in line for line in report)
     with pytest.raises(BrokenFileError, match="got bands of the kind WaveletWave"):
         load(effect((1.0, [band("WaveletWave")])), scale=1.0)
+
+
+def test_an_effect_that_needs_too_much_memory_is_refused_before_rendering(effect):
+    path = effect((1.0, [band("Curve", key(0, 1.0), key(500_000, 1.0))]))
+    content = json.loads(path.read_text())
+    content["perceptions"][0]["channels"][0]["frequency_sampling"] = 1e9
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"GB of free memory.*state a lower rate"):
+        load(path, scale=1.0)
+    assert load(path, scale=1.0, rate=100.0).frames == 50_001

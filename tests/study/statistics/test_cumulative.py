@@ -36,11 +36,13 @@ def test_equals_glmer_and_clmm(name):
     assert set(found["note"]) == {""}
 
 
-def test_the_gradient_is_exact():
+@pytest.mark.parametrize("crossed", [True, False])
+def test_the_gradient_is_exact(crossed):
     rng = np.random.default_rng(0)
-    random = np.stack([rng.integers(0, 5, 60), rng.integers(0, 7, 60)], axis=1)
-    model = _Likelihood(rng.integers(0, 4, 60), rng.normal(size=(60, 2)), random)
-    x = np.array([-1.0, 0.2, -0.1, 0.3, -0.5, 0.6, 0.3])
+    inside = np.stack([np.zeros(60, int), rng.integers(0, 3, 60)], axis=1)
+    item = rng.integers(0, 7, 60) if crossed else None
+    model = _Likelihood(rng.integers(0, 4, 60), rng.normal(size=(60, 2)), rng.integers(0, 5, 60), inside, item)
+    x = np.array([-1.0, 0.2, -0.1, 0.3, -0.5, 0.6, 0.3, *([0.8] if crossed else [])])
     assert model.loss(x)[1] == pytest.approx(approx_fprime(x, lambda z: model.loss(z)[0], 1e-6), abs=1e-4)
 
 

@@ -44,6 +44,13 @@ def test_perfect_answers_stay_finite():
     assert d_prime_choice(0, 12, alternatives=3).d_prime < 0
 
 
+@pytest.mark.parametrize("total", [12, 40, 41])
+@pytest.mark.parametrize("alternatives", [2, 3, 8])
+def test_limits_are_infinite_where_all_or_no_answers_are_correct(total, alternatives):
+    assert d_prime_choice(total, total, alternatives=alternatives).high == np.inf
+    assert d_prime_choice(0, total, alternatives=alternatives).low == -np.inf
+
+
 def test_yes_no_by_hand():
     from scipy.stats import norm
 

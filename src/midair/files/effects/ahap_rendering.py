@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError
 from midair.files.effects.ahap_file import SHARPNESS
 from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
+from midair.files.size_limits import check_memory_for
 
 Array = NDArray[np.float64]
 
@@ -43,9 +44,7 @@ def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
         raise BrokenFileError(f"{path}: expected a haptic event in the AHAP, got none")
     rate = given.rate or RATE
     end = max(float(event["Time"]) + _length(event) for event in haptic)
-    if not 0 < end <= LONGEST:
-        raise BrokenFileError(f"{path}: expected an AHAP of up to {LONGEST:g} s, got {end:g} s")
-    time = np.arange(round(end * rate)) / rate
+    time = frame_times(path, end, rate)
     intensity, sharpness = (_control(pattern, name, time) for name in _CONTROLS)
     wave = np.zeros(len(time))
     for event in haptic:
@@ -60,6 +59,16 @@ def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
         samples=wave[:, None], form="AHAP", rate=rate, settings={"events": len(haptic)}, report=tuple(report)
     )
     return found.resolve(given, path)
+
+
+def frame_times(path: Path, end: float, rate: float, *, channels: int = 1) -> Array:
+    """Times of the frames of an effect in s, after a check of its duration and of the memory that it needs."""
+    if not 0 < end <= LONGEST:
+        raise BrokenFileError(f"{path}: expected an effect of up to {LONGEST:g} s, got {end:g} s")
+    check_memory_for(
+        8 * (2 * channels + 6) * end * rate, f"{path}, {end:g} s at {rate:g} Hz", "state a lower rate with --rate"
+    )
+    return np.arange(round(end * rate)) / rate
 
 
 def _pattern(path: Path) -> Sequence[Mapping[str, Any]]:
@@ -125,9 +134,11 @@ def _control(pattern: Sequence[Mapping[str, Any]], name: str, time: Array) -> Ar
         if curve is not None and curve["ParameterID"] == name:
             points = [(float(p["Time"]), float(p["ParameterValue"])) for p in curve["ParameterCurveControlPoints"]]
             stretches.append((float(curve["Time"]), sorted(points)))
-    for begin, points in sorted(stretches, key=lambda stretch: stretch[0]):
-        if points:
-            later = time >= begin + points[0][0] - 1e-9
-            at, value = np.array(points).T
-            values[later] = np.interp(time[later] - begin, at, value)
+    # Each stretch holds until the first that comes after it in this order.
+    ordered = sorted((stretch for stretch in stretches if stretch[1]), key=lambda stretch: stretch[0])
+    first = np.searchsorted(time, [begin + points[0][0] - 1e-9 for begin, points in ordered])
+    last = np.minimum.accumulate(np.r_[first[1:], len(time)][::-1])[::-1]
+    for (begin, points), part in zip(ordered, map(slice, first, last), strict=True):
+        at, value = np.array(points).T
+        values[part] = np.interp(time[part] - begin, at, value)
     return values

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
-from midair.files.effects.ahap_rendering import CLICK, LONGEST, RATE
+from midair.files.effects.ahap_rendering import CLICK, RATE, frame_times
 from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
 
 Array = NDArray[np.float64]
@@ -47,10 +47,7 @@ def read_hjif(path: Path, given: ImportOptions) -> OpenedTake:
         raise BrokenFileError(f"{path}: expected bands of the kinds Curve, VectorialWave or Transient, got {got}")
     sampled = {channel.get("frequency_sampling") for channel in channels} - {None, 0}
     rate = given.rate or (float(sampled.pop()) if len(sampled) == 1 else RATE)
-    end = max(keys) + 1 / rate
-    if end > LONGEST:
-        raise BrokenFileError(f"{path}: expected MPEG haptics of up to {LONGEST:g} s, got {end:g} s")
-    time = np.arange(round(end * rate)) / rate
+    time = frame_times(path, max(keys) + 1 / rate, rate, channels=len(channels))
     samples = np.stack([_rendered(channel, time, ticks) for channel in channels], axis=1)
     report = [f"Rendered at {rate:g} Hz; curves on straight lines."]
     report += [f"Left out: {', '.join(left_out)}."] if left_out else []
@@ -105,7 +102,7 @@ def _add_wave(wave: Array, time: Array, band: Plain, effect: Plain, ticks: float
     at, amplitude = _line(effect, "amplitude_modulation", ticks)
     if not len(at):
         return
-    part = (time >= begin + at[0] - 1e-9) & (time <= begin + at[-1] + 1e-9)
+    part = slice(*np.searchsorted(time, [begin + at[0] - 1e-9, begin + at[-1] + 1e-9]))
     since = time[part] - begin
     level = np.interp(since, at, amplitude)
     if band["band_type"] == "Curve":
@@ -123,7 +120,7 @@ def _add_clicks(wave: Array, time: Array, effect: Plain, ticks: float) -> None:
     """Add a decaying click at each keyframe, with its amplitude and frequency."""
     for key in effect["keyframes"]:
         at = (float(effect.get("position", 0)) + float(key["relative_position"])) / ticks
-        part = (time >= at - 1e-9) & (time < at + 7 * CLICK)
+        part = slice(*np.searchsorted(time, [at - 1e-9, at + 7 * CLICK]))
         since = time[part] - at
         click = np.exp(-since / CLICK) * np.sin(2 * np.pi * float(key.get("frequency_modulation", 150.0)) * since)
         wave[part] += float(key.get("amplitude_modulation", 1.0)) * click

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 SIZES = ("np2", "np2_low", "np2_high", "ges", "ges_low", "ges_high")
 
 
-MOST_LEVELS = 250
-"""Random effects of the cumulative-link model up to which it takes seconds."""
+MOST_LEVELS = 3000
+"""Random effects of the cumulative-link model up to which it takes seconds (docs/decisions/0034-analysis.md)."""
 
 
 def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:

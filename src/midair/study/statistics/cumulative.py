@@ -25,6 +25,8 @@ Indices = NDArray[np.int64]
 class CumulativeFit:
     """Maximum of the Laplace approximation of the likelihood; all numbers in logits."""
 
+    parameters: Array
+    """First threshold, logarithms of the steps to the others, coefficients, variances."""
     threshold: Array
     """Shape (category - 1,)."""
     coefficient: Array
@@ -99,29 +101,33 @@ def cumulative_mixed(
     if empty := int((np.bincount(cell, minlength=int(np.prod(shape))) == 0).sum()):
         raise InputError(f"cells: expected answers in every cell, got none in {empty}; remove a factor")
     blocks = [np.prod(shape) ** 0.5 * contrasts(shape, effect).T[cell] for effect in effects(list(within))]
-    factors = [person]
+    inside = [np.zeros_like(person)]
     if slopes:
         often = len(np.unique(person * int(np.prod(shape)) + cell)) < len(cell)
-        inside = effects(list(within))
-        for effect in inside if often or len(inside) == 1 else inside[:-1]:
-            columns = np.stack([person, *(found[i][1] for i in effect)])
-            factors.append(np.unique(columns, axis=1, return_inverse=True)[1].ravel())
-    if item:
-        factors.append(levels(column(data, item))[1])
-    if any(factor.max() == 0 for factor in (factors[0], factors[-1])):
+        tested = effects(list(within))
+        inside += [
+            np.ravel_multi_index(tuple(found[i][1] for i in effect), [shape[i] for i in effect])
+            for effect in (tested if often or len(tested) == 1 else tested[:-1])
+        ]
+    items = levels(column(data, item))[1] if item else None
+    if any(factor is not None and factor.max() == 0 for factor in (person, items)):
         raise InputError("participants and items: expected two or more for a mixed model, got 1")
 
-    random = np.stack(factors, axis=1)
-    full = fit_cumulative(category, np.hstack(blocks), random)
+    random = person, np.stack(inside, axis=1), items
+    full = fit_cumulative(category, np.hstack(blocks), *random)
+    cuts = int(category.max())
+    sizes = [block.shape[1] for block in blocks]
     rows: list[dict[str, Any]] = []
     for number, effect in enumerate(effects(list(within))):
         rest = [block for other, block in enumerate(blocks) if other != number]
-        less = fit_cumulative(category, np.hstack([np.empty((len(cell), 0)), *rest]), random)
+        first = cuts + sum(sizes[:number])
+        begin = np.delete(full.parameters, slice(first, first + sizes[number]))
+        less = fit_cumulative(category, np.hstack([np.empty((len(cell), 0)), *rest]), *random, begin)
         df, many = blocks[number].shape[1], len(people)
         ratio = max(2 * (full.log_likelihood - less.log_likelihood), 0.0)
         row = {"effect": ":".join(within[i] for i in effect), "df": df, "chi2": ratio, "df2": np.nan, "F": np.nan}
         row |= {"p": float(chi2.sf(ratio, df)), "spread": np.nan}
-        if slopes and number + 1 < len(factors) - bool(item):
+        if slopes and number + 1 < len(inside):
             row["spread"] = float(full.spread[number + 1])
         if slopes and not item:
             f, df2 = (many - 1) * float(np.expm1(ratio / (many * df))), df * (many - 1)
@@ -131,28 +137,33 @@ def cumulative_mixed(
     return DataFrame(rows)
 
 
-def fit_cumulative(category: Indices, fixed: Array, random: Indices) -> CumulativeFit:
+def fit_cumulative(
+    category: Indices, fixed: Array, person: Indices, inside: Indices, item: Indices | None, begin: Array | None = None
+) -> CumulativeFit:
     """Fit logit P(category <= k) = threshold_k - fixed @ coefficient - sum of the random effects of the levels.
 
-    `category` (answer,) from 0; `fixed` (answer, term) without an intercept; `random` (answer, random factor) the index
-    of the level of each factor. Laplace approximation at the mode of the random effects, with an exact gradient.
+    `category` (answer,) from 0; `fixed` (answer, term) without an intercept; `inside` (answer, factor) the level of
+    each factor that varies between people, `item` (answer,) crossed with them; `begin` as `CumulativeFit.parameters`.
+    Laplace approximation at the mode of the random effects, with an exact gradient.
     """
     from scipy.optimize import minimize
 
-    model = _Likelihood(category, fixed, random)
+    model = _Likelihood(category, fixed, person, inside, item)
     share = np.cumsum(np.bincount(category))[:-1] / len(category)
     threshold = np.log(share / (1 - share))
-    begin = np.r_[threshold[0], np.log(np.diff(threshold)), np.zeros(fixed.shape[1]), np.full(random.shape[1], 0.25)]
     # As in `fit_logistic`: variances, and bounds far beyond values that answers can distinguish.
-    cuts, terms = len(threshold), fixed.shape[1]
+    cuts, terms, factors = len(threshold), fixed.shape[1], inside.shape[1] + (item is not None)
+    if begin is None:
+        begin = np.r_[threshold[0], np.log(np.diff(threshold)), np.zeros(terms), np.full(factors, 0.25)]
     limits = [(-25.0, 25.0)] + [(-12.0, 4.0)] * (cuts - 1) + [(-25.0, 25.0)] * terms
-    limits += [(1e-10, 400.0)] * random.shape[1]
+    limits += [(1e-10, 400.0)] * factors
     found = minimize(
         model.loss, begin, jac=True, method="L-BFGS-B", bounds=limits, options={"maxiter": 1000, "ftol": 1e-12}
     )
     x = np.asarray(found.x, np.float64)
     variance = x[cuts + terms :]
     return CumulativeFit(
+        parameters=x,
         threshold=np.cumsum(np.r_[x[0], np.exp(x[1:cuts])]),
         coefficient=x[cuts : cuts + terms],
         spread=np.where(variance > 1e-7, np.sqrt(variance), 0.0),
@@ -161,19 +172,46 @@ def fit_cumulative(category: Indices, fixed: Array, random: Indices) -> Cumulati
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Curvature:
+    """Negative Hessian of the random effects: a block for each person, bordered by the items, which are independent."""
+
+    within: Array
+    """Shape (person, effect, effect): inverse of the block of a person."""
+    border: Array
+    """Shape (person, effect, item): that inverse times the border."""
+    items: Array
+    """Shape (item, item): inverse of the Schur complement of the people."""
+    log_determinant: float
+
+    def solve(self, right: Array) -> Array:
+        """Product of the inverse with a vector."""
+        people, size, _ = self.border.shape
+        own, crossed = right[: people * size].reshape(people, size, 1), right[people * size :]
+        common = self.items @ (crossed - np.tensordot(self.border, own[:, :, 0], ((0, 1), (0, 1))))
+        return np.r_[(self.within @ own)[:, :, 0].ravel() - (self.border @ common).ravel(), common]
+
+    def blocks(self) -> tuple[Array, Array]:
+        """Blocks of the inverse: shapes (person, effect, effect) and (person, effect, item)."""
+        across = self.border @ self.items
+        return self.within + across @ self.border.transpose(0, 2, 1), -across
+
+
 class _Likelihood:
     """Likelihood of one model; keeps the mode of the random effects as a warm start for the next call."""
 
-    def __init__(self, category: Indices, fixed: Array, random: Indices) -> None:
-        from scipy.sparse import csr_array
-
-        self._category, self._fixed = category, fixed
-        sizes = random.max(axis=0) + 1
-        self._factor = np.repeat(np.arange(len(sizes)), sizes)
-        where = random + np.r_[0, np.cumsum(sizes)[:-1]]
-        row = np.repeat(np.arange(len(random)), random.shape[1])
-        self._levels = csr_array((np.ones(where.size), (row, where.ravel())), shape=(len(random), int(sizes.sum())))
-        self._mode = np.zeros(int(sizes.sum()))
+    def __init__(self, category: Indices, fixed: Array, person: Indices, inside: Indices, item: Indices | None) -> None:
+        self._category, self._fixed, self._crossed = category, fixed, item is not None
+        item = np.zeros_like(person) if item is None else item  # one item whose effect is 0
+        sizes = inside.max(axis=0) + 1
+        people, size, items = int(person.max()) + 1, int(sizes.sum()), int(item.max()) + 1
+        self._shape = people, size, items
+        own = person[:, None] * size + inside + np.r_[0, np.cumsum(sizes)[:-1]]
+        self._where = np.c_[own, people * size + item]
+        self._pair = own[:, :, None] * size + (own % size)[:, None, :]
+        self._border, self._item = own * items + item[:, None], item
+        self._factor = np.r_[np.tile(np.repeat(np.arange(len(sizes)), sizes), people), np.full(items, len(sizes))]
+        self._mode = np.zeros(len(self._factor))
 
     def loss(self, parameters: Array) -> tuple[float, Array]:
         """Negative log likelihood and its gradient by threshold, logarithms of their steps, coefficients, variances."""
@@ -181,53 +219,81 @@ class _Likelihood:
         steps = np.exp(parameters[1:cuts])
         cut = np.r_[-np.inf, np.cumsum(np.r_[parameters[0], steps]), np.inf]
         level = self._fixed @ parameters[cuts : cuts + terms]
-        spread = np.sqrt(parameters[cuts + terms :])
-        # Without a type: the stubs of sparse arrays lose it in products.
-        scaled: Any = self._levels * spread[self._factor]
+        known = np.sqrt(parameters[cuts + terms :])
+        spread = known if self._crossed else np.r_[known, 0.0]
         upper, lower = cut[self._category + 1] - level, cut[self._category] - level
-        u, inverse = self._find_mode(upper, lower, scaled)
+        u, curvature = self._find_mode(upper, lower, spread)
 
-        shift = scaled @ u
+        shift = u[self._where] @ spread
         a, b, slope, weight = _derivatives(upper - shift, lower - shift)
-        reach = scaled @ inverse  # (answer, level of a random factor)
-        width = np.asarray(scaled.multiply(reach).sum(axis=1)).ravel()
+        block, across = curvature.blocks()
+        own, common = spread[:-1], spread[-1]
+        # Variance of each predictor by the inverse.
+        width = block.ravel()[self._pair] @ own @ own + 2 * common * (across.ravel()[self._border] @ own)
+        width += common**2 * np.diag(curvature.items)[self._item]
         # Derivative of the log determinant by the predictor, and through it by the mode.
         bend = -width * (a * (1 - a) * (1 - 2 * a) + b * (1 - b) * (1 - 2 * b))
-        pull = inverse @ (scaled.T @ bend)
-        moved = scaled @ pull
+        pull = curvature.solve(self._sum(bend, spread))
+        moved = pull[self._where] @ spread
         by_level = slope - (bend - weight * moved) / 2
         gap = 1 / np.expm1(np.minimum(upper - lower, 700))
         by_upper = 1 - a + gap - a * (1 - a) * (width * (1 - 2 * a) + moved) / 2
         by_lower = -b - gap - b * (1 - b) * (width * (1 - 2 * b) + moved) / 2
         by_cut = np.bincount(self._category + 1, by_upper, len(cut)) + np.bincount(self._category, by_lower, len(cut))
         tail = np.cumsum(by_cut[-2:0:-1])[::-1]  # a step moves all thresholds above it
-        each = (self._levels.T @ by_level) * u - pull * (self._levels.T @ slope) / 2
-        shrink = np.bincount(self._factor, 1 - np.diag(inverse)) / spread
-        by_spread = np.bincount(self._factor, each) - shrink
-        value = _log_joint(upper - shift, lower - shift, u) + np.linalg.slogdet(inverse)[1] / 2
-        gradient = np.r_[tail[0], tail[1:] * steps, by_level @ self._fixed, by_spread / (2 * spread)]
-        return -float(value), -gradient
+        one = np.ones_like(spread)
+        each = self._sum(by_level, one) * u - pull * self._sum(slope, one) / 2
+        diagonal = np.r_[np.diagonal(block, axis1=1, axis2=2).ravel(), np.diag(curvature.items)]
+        shrink, by_spread = (np.bincount(self._factor, x)[: len(known)] for x in (1 - diagonal, each))
+        value = _log_joint(upper - shift, lower - shift, u) - curvature.log_determinant / 2
+        by_variance = (by_spread - shrink / known) / (2 * known)
+        return -float(value), -np.r_[tail[0], tail[1:] * steps, by_level @ self._fixed, by_variance]
 
-    def _find_mode(self, upper: Array, lower: Array, scaled: Any) -> tuple[Array, Array]:
-        """Mode of the standardised random effects u, and the inverse of the negative Hessian there."""
-        u, curvature = self._mode, np.eye(len(self._mode))
-        for _ in range(60):
-            shift = scaled @ u
+    def _find_mode(self, upper: Array, lower: Array, spread: Array) -> tuple[Array, _Curvature]:
+        """Mode of the standardised random effects u, and the negative Hessian there."""
+        u, rounds = self._mode, 0
+        while True:
+            shift = u[self._where] @ spread
             _, _, slope, weight = _derivatives(upper - shift, lower - shift)
-            curvature = (scaled.T @ (scaled * weight[:, None])).toarray() + np.eye(len(u))
-            step = np.linalg.solve(curvature, scaled.T @ slope - u)
-            if np.abs(step).max() < 1e-9:
+            curvature = self._curvature(weight, spread)
+            step = curvature.solve(self._sum(slope, spread) - u)
+            rounds += 1
+            if np.abs(step).max() < 1e-9 or rounds == 60:
                 break
             # Halved until the density increases: a full Newton step may pass the single maximum.
             height = _log_joint(upper - shift, lower - shift, u)
             for _ in range(30):
-                other = scaled @ (u + step)
+                other = (u + step)[self._where] @ spread
                 if _log_joint(upper - other, lower - other, u + step) >= height - 1e-9:
                     break
                 step = step / 2
             u = u + step
         self._mode = u
-        return u, np.asarray(np.linalg.inv(curvature), np.float64)
+        return u, curvature
+
+    def _curvature(self, weight: Array, spread: Array) -> _Curvature:
+        people, size, items = self._shape
+        own, common = spread[:-1], spread[-1]
+        products = weight[:, None, None] * np.outer(own, own)
+        inner = np.bincount(self._pair.ravel(), products.ravel(), people * size**2).reshape(people, size, size)
+        inner[:, np.arange(size), np.arange(size)] += 1
+        products = weight[:, None] * (common * own)
+        edge = np.bincount(self._border.ravel(), products.ravel(), people * size * items).reshape(self._shape)
+        within = np.linalg.inv(inner)
+        border = within @ edge
+        schur = np.diag(1 + common**2 * np.bincount(self._item, weight)) - np.tensordot(edge, border, ((0, 1), (0, 1)))
+        log_determinant = np.linalg.slogdet(inner)[1].sum() + np.linalg.slogdet(schur)[1]
+        return _Curvature(
+            within=within,
+            border=border,
+            items=np.asarray(np.linalg.inv(schur), np.float64),
+            log_determinant=float(log_determinant),
+        )
+
+    def _sum(self, values: Array, scale: Array) -> Array:
+        """Sums of the values of the answers of each random effect, times the scale of its factor."""
+        sums = np.bincount(self._where.ravel(), (values[:, None] * scale).ravel(), len(self._factor))
+        return np.asarray(sums, np.float64)
 
 
 def _derivatives(upper: Array, lower: Array) -> tuple[Array, Array, Array, Array]:

@@ -90,13 +90,15 @@ def d_prime_choice(correct: int, total: int, *, alternatives: int, level: float 
     """Sensitivity d' of a forced choice among m alternatives, for an observer without bias.
 
     A rate of 0 or 1 is replaced by (hits + 1/2) / (total + 1). The limits are those of Wilson's interval of the rate,
-    whose InputError applies.
+    whose InputError applies; they are infinite on the side where all (or no) answers are correct.
     """
     low, high = wilson(correct, total, level=level)
     corrected = correct in (0, total)
     rate = (correct + 0.5) / (total + 1) if corrected else correct / total
     found = [d_prime_of_share(share, alternatives=alternatives) for share in (rate, float(low), float(high))]
-    return Sensitivity(d_prime=found[0], low=found[1], high=found[2], corrected=corrected)
+    # Wilson's limit is 0 or 1 there but for rounding, which d' would show as a number near 10.
+    low, high = found[1] if correct else -np.inf, found[2] if correct < total else np.inf
+    return Sensitivity(d_prime=found[0], low=low, high=high, corrected=corrected)
 
 
 def d_prime_yes_no(hits: int, signals: int, false_alarms: int, blanks: int) -> Sensitivity:
