@@ -19,3 +19,4 @@ from .mending import mend as mend
 from .quality import at_limit as at_limit
 from .quality import dead_channels as dead_channels
 from .quality import suspicious as suspicious
+from .unreproduced import unreproduced as unreproduced
