@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from midair.calibration import known_noise
 from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exposure
 from midair.errors import InputError
 from midair.evaluate import Comparison, compare, find_delay
@@ -116,7 +117,9 @@ def play_made(
         rerecorded=rerecorded,
         heard=heard,
         felt=again,
-        comparison=compare(original, heard, first=first),
+        comparison=compare(
+            original, heard, first=first, noise=known_noise(rig.sensor.calibration, settings.calibration.band)
+        ),
     )
 
 
