@@ -30,15 +30,10 @@ def calibrated_part(
     return pressure if start == 0 and duration is None else pressure.cut(start, duration)
 
 
-def with_unreproduced(
-    source: Path, start: float, pressure: PressureFrames, band: tuple[float, float]
-) -> PressureFrames:
-    """The same pressure, whose provenance holds the part of its recording that a drive does not reproduce."""
+def with_unreproduced(source: Path, pressure: PressureFrames, band: tuple[float, float]) -> PressureFrames:
+    """The same pressure, whose provenance holds the part of its whole recording that a drive does not reproduce."""
     take = open_take(source, streamed=True)
-    first = round(start * take.recording.rate)
-    last = first + round(pressure.frames / pressure.rate * take.recording.rate)
-    part = replace(take.recording, samples=take.recording.samples[first:last])
-    told = unreproduced(part, take.calibration, band)
+    told = unreproduced(take.recording, take.calibration, band)
     return replace(pressure, provenance=pressure.provenance.then("not reproduced", told))
 
 

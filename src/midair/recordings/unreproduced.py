@@ -15,16 +15,17 @@ def unreproduced(recording: Recording, calibration: Calibration | None, band: Ba
     """Share of the pressure's power, and rms of the strongest cell in Pa, for each part that is not reproduced.
 
     Parts are frequencies below the band with the mean, those above it, and dead cells, whose power is taken to be that
-    of their neighbours; `text` describes those above `LEAST`, and what would reproduce them. Frequencies at which the
-    sensor has less than a tenth of its response in the band are left out.
+    of their neighbours; `text` describes those above `LEAST`, and what would reproduce them. Frequencies that the
+    calibration does not hold, or at which the sensor has less than a tenth of its response in the band, are left out.
     """
     frequency, density = welch(recording.samples, recording.rate, resolution=1.0)
     density, mean = (each.reshape(-1, recording.sensor.count) for each in (density, moments(recording.samples).mean))
-    size = np.ones(density.shape)
+    size, first = np.ones(density.shape), 0.0
     if calibration is not None:
+        first = float(calibration.frequency[0])
         size = np.abs(calibration.response_at(frequency)).reshape(density.shape)
     inside = (frequency >= band[0]) & (frequency <= band[1])
-    seen = size >= 0.1 * np.median(size[inside], axis=0)
+    seen = (size >= 0.1 * np.median(size[inside], axis=0)) & (frequency >= first)[:, None]
     power = np.divide(density, size**2, out=np.zeros_like(density), where=seen) * (frequency[1] - frequency[0])
     power[0] = np.divide(mean[0] ** 2, size[0] ** 2, out=np.zeros_like(size[0]), where=seen[0])
     dead = dead_channels(recording)

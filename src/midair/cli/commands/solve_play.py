@@ -104,7 +104,7 @@ def solve_command(
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force, ".drive.h5")
     piece = calibrated_part(source, settings, start_at, duration, streamed=True)
-    piece = with_unreproduced(source, start_at, piece, settings.calibration.band)
+    piece = with_unreproduced(source, piece, settings.calibration.band)
     pressure = add_lead(piece, required_lead(settings) if lead is None else lead)
     transducers, settings, pressure = with_array_calibration(array_calibration, transducers, settings, pressure)
     banner(pressure.provenance.simulated)
