@@ -162,7 +162,8 @@ def test_without_noise_is_the_ratio_of_a_sensor_without_noise():
             own,
             gain,
             ((noisy - own * x) ** 2).sum(axis=0),
-            noise=np.full(cells, frames_ * level**2),
+            noise=np.full(cells, level),
+            frames=frames_,
             values=frames_,
         )
         _, low, high = found[f"{TOUCHED}, without noise"]
@@ -174,7 +175,7 @@ def test_without_noise_is_the_ratio_of_a_sensor_without_noise():
 def test_noise_alone_gives_a_lower_limit():
     x = np.random.default_rng(5).standard_normal((2, 4000, 4))
     power, apart = (x[0] ** 2).sum(axis=0), 0.01 * (x[1] ** 2).sum(axis=0)
-    found = distortion_ratios(power, np.ones(4), 1.0, apart, noise=np.full(4, 41.0), values=4000)
+    found = distortion_ratios(power, np.ones(4), 1.0, apart, noise=np.full(4, 41.0**0.5), frames=1, values=4000)
     ratio, low, high = found["signal to distortion, without noise"]
     assert ratio == high == np.inf
     assert ratio_text((ratio, low, high)) == f"above {low:.1f}"

@@ -120,14 +120,8 @@ def compare(
     sums = _Sums.of(x, y, original.rate)
     gain, own = _over(sums.xy.sum(), sums.xx.sum()), _over(sums.xy, sums.xx)
     low, high = band or original.band or (0.0, original.rate / 2)
-    found = distortion_ratios(
-        sums.xx,
-        own,
-        float(gain),
-        sums.apart,
-        noise=None if noise is None else frames * noise.ravel() ** 2,
-        values=2 * (high - low) * frames / original.rate,
-    )
+    values = 2 * (high - low) * frames / original.rate
+    found = distortion_ratios(sums.xx, own, float(gain), sums.apart, noise=noise, frames=frames, values=values)
     return Comparison(
         delay=delay,
         correlation=float(_over(sums.xy.sum(), np.sqrt(sums.xx.sum() * sums.yy.sum()))),

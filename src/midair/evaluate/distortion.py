@@ -60,7 +60,15 @@ def ratio_text(limits: Limits) -> str:
 
 
 def distortion_ratios(
-    power: Array, own: Array, gain: float, apart: Array, *, noise: Array | None, values: float, weakest: float = 20.0
+    power: Array,
+    own: Array,
+    gain: float,
+    apart: Array,
+    *,
+    noise: Array | None,
+    frames: int,
+    values: float,
+    weakest: float = 20.0,
 ) -> dict[str, Limits]:
     """Each ratio of `RATIOS` with its limits; those without noise only if `noise` is given.
 
@@ -70,8 +78,8 @@ def distortion_ratios(
         Energy of the original, and that of the residual after the channel's own gain `own`.
     gain : float
         Best gain over all channels.
-    noise : ndarray, shape (channel,), optional
-        Energy of the sensor's noise.
+    noise : ndarray, any shape, optional
+        Rms noise of each channel over the `frames`.
     values : float
         Independent values of the noise in a channel: twice its bandwidth times the duration.
     """
@@ -85,7 +93,7 @@ def distortion_ratios(
     for name, (signal, rest, cells) in parts.items():
         found[name] = (decibels(signal, float(rest.sum())),) * 3
         if noise is not None:
-            found[f"{name}, without noise"] = _without_noise(signal, rest, noise[cells], values)
+            found[f"{name}, without noise"] = _without_noise(signal, rest, frames * noise.ravel()[cells] ** 2, values)
     return found
 
 
@@ -154,15 +162,8 @@ def fidelity(
     own = np.divide(product, power, out=np.zeros_like(power), where=power > 0)
     gain = float(product.sum() / max(float(power.sum()), np.finfo(float).tiny))
     apart = ((y - own.reshape(x.shape[1:]) * x) ** 2).sum(axis=0).ravel()
-    found = distortion_ratios(
-        power,
-        own,
-        gain,
-        apart,
-        noise=None if noise is None else len(x) * noise.ravel() ** 2,
-        values=2 * (band[1] - band[0]) * len(x) / rate,
-        weakest=weakest,
-    )
+    values = 2 * (band[1] - band[0]) * len(x) / rate
+    found = distortion_ratios(power, own, gain, apart, noise=noise, frames=len(x), values=values, weakest=weakest)
     return Fidelity(
         distortion_ratio=found[TOUCHED][0],
         overall_ratio=found[OVERALL][0],

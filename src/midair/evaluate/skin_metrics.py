@@ -43,8 +43,6 @@ class PerceptualMetrics:
     """Mask of the cells whose original is strong enough, shape (row, column)."""
     simulated: bool
     """Whether any part was simulated."""
-    people: tuple[float, float] = SkinModel().people
-    """Range of the detection thresholds of people around the nominal one, in dB."""
 
     def figure(self, name: str) -> PerceptualFigure:
         """Return the figure with this name."""
@@ -56,13 +54,8 @@ class PerceptualMetrics:
             "simulated": self.simulated,
             "verdict": self.verdict(),
             "figures": [
-                {
-                    "name": each.name,
-                    "unit": each.unit,
-                    "overall": each.overall,
-                    "channels": each.channels.tolist(),
-                    "meaning": each.meaning,
-                }
+                {name: getattr(each, name) for name in ("name", "unit", "overall", "meaning")}
+                | {"channels": each.channels.tolist()}
                 for each in self.figures
             ],
         }
@@ -108,7 +101,7 @@ class PerceptualMetrics:
             else f"{low:g} to {high:g} Hz far below"
             for (low, high), level in zip(FELT_BANDS, self._levels(), strict=True)
         ]
-        lower, upper = self.people
+        lower, upper = SkinModel().people
         return (
             f"{', '.join(levels)} the detection threshold, that of people lies {lower:+.0f} to {upper:+.0f} dB from it"
         )
@@ -198,7 +191,6 @@ def perceptual_metrics(
         ),
         compared=compared,
         simulated=original.provenance.simulated or reproduced.provenance.simulated,
-        people=skin.people,
     )
 
 
