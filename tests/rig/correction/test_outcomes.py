@@ -39,8 +39,9 @@ def test_the_verdict_is_one_sentence_about_what_is_felt_in_each(ways):
         f"at {number} of signal to distortion on the touched cells and 1 % of the power beside the recorded square; "
         "in the other it would" in said
     )
-    assert f"at {number} and 95 %; by a model of skin (simulated, not tried on people)." in said
-    assert said.count("; ") == 2
+    assert f"at {number} and 95 %; 20 to 40 Hz " in said
+    assert said.endswith("from it; by a model of skin (simulated, not tried on people).")
+    assert said.count("; ") == 3
     assert said.count(". ") == 0
 
 

@@ -58,7 +58,7 @@ def summarise_outcomes(outcomes: Sequence[Outcome]) -> str:
     """
     first, *others = outcomes
     said = "; ".join([_sentence(first), *(_sentence(other, named=False) for other in others)])
-    by = "" if first.card is None else f"; {first.card.reservation()}"
+    by = "" if first.card is None else f"; {first.card.bands()}; {first.card.reservation()}"
     return f"{said[:1].upper()}{said[1:]}{by}."
 
 
