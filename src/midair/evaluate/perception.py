@@ -80,11 +80,11 @@ class SkinModel:
     """Rise of the threshold above `best` in dB per octave (same source)."""
     flat_below: float = 40.0
     """Below this frequency in Hz the threshold of the thenar eminence is flat and independent of the area, a channel
-    that is not Pacinian (Verrillo 1963, in Gescheider and Verrillo 1980, doi 10.1007/978-1-4613-3039-4_10).
+    that is not Pacinian (Verrillo 1963, in Gescheider and Verrillo, doi 10.1007/978-1-4613-3039-4_10).
     """
     area: float = 2.9e-4
     """Contact area of `just_felt` in m2. From 0.02 to 2.9 cm2 the Pacinian threshold falls by 3 dB for each doubling
-    (Verrillo 1963; Craig and Sherrick, The role of skin coupling in vibrotactile spatial summation, 1969).
+    (Verrillo 1963; The role of skin coupling in the determination of vibrotactile spatial summation).
     """
     people: tuple[float, float] = (-20.0, 13.0)
     """Range of thresholds in dB around `just_felt`. Lower: below .01 um in some of 19 people who grasped a cylinder

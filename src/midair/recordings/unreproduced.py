@@ -25,6 +25,8 @@ def unreproduced(recording: Recording, calibration: Calibration | None, band: Ba
         first = float(calibration.frequency[0])
         size = np.abs(calibration.response_at(frequency)).reshape(density.shape)
     inside = (frequency >= band[0]) & (frequency <= band[1])
+    if len(frequency) < 2 or not inside.any():
+        return {"text": ""}
     seen = (size >= 0.1 * np.median(size[inside], axis=0)) & (frequency >= first)[:, None]
     power = np.divide(density, size**2, out=np.zeros_like(density), where=seen) * (frequency[1] - frequency[0])
     power[0] = np.divide(mean[0] ** 2, size[0] ** 2, out=np.zeros_like(size[0]), where=seen[0])
