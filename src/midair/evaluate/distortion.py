@@ -91,7 +91,8 @@ def distortion_ratios(
     }
     found: dict[str, Limits] = {}
     for name, (signal, rest, cells) in parts.items():
-        found[name] = (decibels(signal, float(rest.sum())),) * 3
+        ratio = decibels(signal, float(rest.sum()))
+        found[name] = (ratio, ratio, ratio)
         if noise is not None:
             found[f"{name}, without noise"] = _without_noise(signal, rest, frames * noise.ravel()[cells] ** 2, values)
     return found
