@@ -106,8 +106,9 @@ def test_lazy_frames_give_the_same_figures():
     ("factor", "said"),
     [
         (1.0, "A palm would feel it, as strong as the original and with much the same spectrum"),
-        (4.0, "A palm would feel it, stronger than the original"),
-        (0.3, "A palm would feel it, weaker than the original"),
+        (4.0, "A palm would feel it, 4 times as strong as the original and with much the same spectrum"),
+        (0.3, "A palm would feel it, 0.3 times as strong as the original and with much the same spectrum"),
+        (0.8, "A palm would feel it, 20 % weaker than the original and with much the same spectrum"),
         (1e-4, "A palm would not feel it"),
     ],
 )
@@ -118,3 +119,24 @@ def test_a_verdict_in_one_sentence(factor, said):
     verdict = perceptual_metrics(original, PressureFrames(pressure=factor * wave, rate=1000.0)).verdict()
     assert verdict.startswith(said)
     assert "not tried on people" in verdict
+
+
+def test_a_weaker_copy_has_the_same_spectrum_and_the_same_texture():
+    rng = np.random.default_rng(6)
+    original = PressureFrames(pressure=5 * rng.standard_normal((2000, 4, 4)), rate=1000.0)
+    card = perceptual_metrics(original, scaled(original, 0.8))
+    assert card.figure("SPQI, level matched").overall == pytest.approx(1)
+    assert card.figure("ST-SIM, level matched").overall == pytest.approx(1)
+    assert card.figure("SPQI").overall < 0.5
+    rows = {name: value for name, value, _, _ in card.rows()}
+    for name in ("spectral slope", "balance above over below 100 Hz", "envelope, 8 to 32 Hz"):
+        before, after = rows[name].split(" → ")
+        assert before == after
+    assert len(rows) < len(card.figures)
+
+
+def test_the_verdict_states_each_band_and_the_range_over_people():
+    said = perceptual_metrics(frames(), frames()).verdict()
+    # 10 Pa at 125 Hz as a Hann burst on 1.21 cm2: 24.5 - 12 - 4.3 - 3.8 dB.
+    assert "20 to 40 Hz far below, 40 to 150 Hz 4 dB above, 150 to 470 Hz far below the detection threshold" in said
+    assert "that of people lies -20 to +13 dB from it" in said

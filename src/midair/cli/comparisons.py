@@ -1,6 +1,6 @@
 """Inputs and output of commands that compare."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -9,11 +9,11 @@ from typing import Any, cast
 from rich.table import Table
 
 from midair.cli.console import out
-from midair.errors import ShapeError
-from midair.evaluate import Comparison, PalmFidelity, PerceptualMetrics, perceptual_metrics
+from midair.evaluate import RATIOS, Comparison, PalmFidelity, PerceptualMetrics, ratio_text
 from midair.files import load_array_calibration, open_take
 from midair.model import PressureFrames, Provenance, TransducerArray
 from midair.pipeline import calibrated_pressure
+from midair.recordings import unreproduced
 from midair.rig import Outcome, comparison_rows
 from midair.settings import Settings
 from midair.streaming import TempFrames, blocks
@@ -28,6 +28,19 @@ def calibrated_part(
     take = open_take(source, streamed=streamed)
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     return pressure if start == 0 and duration is None else pressure.cut(start, duration)
+
+
+def with_unreproduced(source: Path, pressure: PressureFrames, band: tuple[float, float]) -> PressureFrames:
+    """The same pressure, whose provenance holds the part of its whole recording that a drive does not reproduce."""
+    take = open_take(source, streamed=True)
+    told = unreproduced(take.recording, take.calibration, band)
+    return replace(pressure, provenance=pressure.provenance.then("not reproduced", told))
+
+
+def unreproduced_rows(provenance: Provenance) -> list[tuple[str, str]]:
+    """Row of the part of a recording that its drive does not reproduce; none where it is small."""
+    text = provenance.last("not reproduced").get("text")
+    return [("not reproduced", str(text))] if text else []
 
 
 @contextmanager
@@ -61,22 +74,20 @@ def settings_of_rerecording(provenance: Provenance, settings: Settings) -> Setti
     return settings.but(rate=float(rate)) if isinstance(rate, int | float) else settings
 
 
-def metrics_or_none(original: PressureFrames, reproduced: PressureFrames) -> PerceptualMetrics | None:
-    """Perceptual metrics; None for less than 64 ms, the shortest signal they need."""
-    try:
-        return perceptual_metrics(original, reproduced)
-    except ShapeError:
-        return None
+def print_ratios(ratios: Mapping[str, tuple[float, float, float]]) -> None:
+    """Print each signal-to-distortion ratio, its limits where the sensor's noise limits it, and its meaning."""
+    for name, limits in ratios.items():
+        out().print(f"  {name}: {ratio_text(limits)} dB", style="bold")
+        out().print(f"    {RATIOS[name]}", style="dim")
 
 
 def print_metrics(card: PerceptualMetrics) -> None:
-    """Print each metric over all cells, and its meaning."""
-    out().print(f"\n{card.verdict()}")
-    out().print("perceptual metrics over all cells")
-    for each in card.figures:
-        unit = f" {each.unit}" if each.unit else ""
-        out().print(f"  {each.name}: {each.overall:.3g}{unit}", style="bold")
-        out().print(f"    {each.meaning}")
+    """Print each metric over all cells, original → reproduction, and its meaning."""
+    out().print("\nperceptual metrics over all cells")
+    for name, value, unit, meaning in card.rows():
+        out().print(f"  {name}: {value} {unit}".rstrip(), style="bold")
+        if meaning:
+            out().print(f"    {meaning}")
 
 
 def print_palm(palm: PalmFidelity) -> None:
@@ -104,4 +115,7 @@ def print_side_by_side(outcomes: Sequence[Outcome]) -> None:
 def plain(comparison: Comparison) -> dict[str, object]:
     """A comparison as JSON values."""
     figures = {name: {"value": value, "unit": unit} for name, (value, unit) in comparison.figures().items()}
+    for name, (_, low, high) in comparison.ratios.items():
+        if low != high:
+            figures[name] |= {"low": low, "high": high}
     return {"simulated": comparison.simulated, "figures": figures}

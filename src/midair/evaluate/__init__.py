@@ -7,10 +7,13 @@ from .alignment import advance as advance
 from .alignment import find_delay as find_delay
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
+from .distortion import RATIOS as RATIOS
+from .distortion import TOUCHED as TOUCHED
 from .distortion import Fidelity as Fidelity
 from .distortion import fidelity as fidelity
 from .distortion import image_level as image_level
 from .distortion import in_band as in_band
+from .distortion import ratio_text as ratio_text
 from .energy_error import SolveError as SolveError
 from .energy_error import error_by_energy as error_by_energy
 from .error_budget import Budget as Budget
@@ -34,6 +37,7 @@ from .perception import spqi as spqi
 from .perception import st_sim as st_sim
 from .skin_metrics import PerceptualFigure as PerceptualFigure
 from .skin_metrics import PerceptualMetrics as PerceptualMetrics
+from .skin_metrics import metrics_or_none as metrics_or_none
 from .skin_metrics import perceptual_metrics as perceptual_metrics
 from .spectrum import dominant_frequency as dominant_frequency
 from .spectrum import spectral_error as spectral_error

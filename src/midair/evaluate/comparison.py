@@ -1,6 +1,6 @@
 """Compare an original pressure with its reproduction: waveform, spectrum, level and position."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from midair.dsp import welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate.alignment import advance, find_delay
-from midair.evaluate.distortion import decibels
+from midair.evaluate.distortion import OVERALL, Limits, distortion_ratios
 from midair.evaluate.peak import peak_position
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
 from midair.model import PressureFrames, SensorGrid
@@ -31,7 +31,9 @@ class Comparison:
     waveform_error: float
     """||reproduced - original|| / ||original||, without fitting a gain."""
     distortion_ratio: float
-    """Signal-to-distortion ratio after the best gain, in dB."""
+    """Signal-to-distortion ratio over all cells with one gain, in dB."""
+    ratios: Mapping[str, Limits]
+    """Each signal-to-distortion ratio by its name, see `RATIOS`; without noise only where that is known."""
     spectral_error: float
     """Level difference of the spectra in the band, weighted by the original's power, in dB (see `spectral_error`)."""
     peak: tuple[tuple[float, float], tuple[float, float]]
@@ -58,7 +60,7 @@ class Comparison:
             "correlation": (self.correlation, ""),
             "gain": (self.gain, ""),
             "waveform error": (100 * self.waveform_error, "%"),
-            "signal to distortion": (self.distortion_ratio, "dB"),
+            **{name: (ratio[0], "dB") for name, ratio in self.ratios.items()},
             "spectral error": (self.spectral_error, "dB"),
             "peak distance": (1e3 * self.peak_distance, "mm"),
             "dominant frequency, original": (self.frequency[0], "Hz"),
@@ -81,6 +83,7 @@ def compare(
     first: int = 0,
     longest_delay: float = 0.05,
     band: tuple[float, float] | None = None,
+    noise: Array | None = None,
 ) -> Comparison:
     """Compare a reproduction with its original.
 
@@ -97,6 +100,8 @@ def compare(
         Largest delay in s.
     band : tuple of float, optional
         (low, high) in Hz of the compared spectra; by default the original's band.
+    noise : ndarray, shape (row, column), optional
+        Rms noise of the sensor in the reproduction, in its band, in Pa.
 
     Raises
     ------
@@ -114,14 +119,16 @@ def compare(
     y = advance(reproduced.pressure, delay, original.rate)[part]
     sums = _Sums.of(x, y, original.rate)
     gain, own = _over(sums.xy.sum(), sums.xx.sum()), _over(sums.xy, sums.xx)
-    # Residual of each channel after its own gain, plus the deviation of that gain from the common one.
-    distortion = (sums.apart + (own - gain) ** 2 * sums.xx).sum()
+    low, high = band or original.band or (0.0, original.rate / 2)
+    values = 2 * (high - low) * frames / original.rate
+    found = distortion_ratios(sums.xx, own, float(gain), sums.apart, noise=noise, frames=frames, values=values)
     return Comparison(
         delay=delay,
         correlation=float(_over(sums.xy.sum(), np.sqrt(sums.xx.sum() * sums.yy.sum()))),
         gain=float(gain),
         waveform_error=_ratio(np.sqrt(sums.error.sum()), np.sqrt(sums.xx.sum())),
-        distortion_ratio=decibels(float(gain) ** 2 * float(sums.xx.sum()), float(distortion)),
+        distortion_ratio=found[OVERALL][0],
+        ratios=found,
         spectral_error=_spectral_error(sums, band or original.band),
         peak=_peaks(sums.xx.reshape(shape) / frames, sums.yy.reshape(shape) / frames, original.sensor),
         frequency=(

@@ -1,5 +1,6 @@
 """Fidelity of a delivered pressure: signal to distortion in the band, images above it, and spatial correlation."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ from midair.model import BAND, PressureFrames
 
 Array = NDArray[np.float64]
 Band = tuple[float, float]
+Limits = tuple[float, float, float]
+"""A ratio in dB, and its lower and upper limit: those of 95 % for the scatter of the sensor's noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +33,82 @@ class Fidelity:
     """Best gain over all cells."""
     delay: float
     """In s."""
+    ratios: Mapping[str, Limits]
+    """Each signal-to-distortion ratio by its name, see `RATIOS`; without noise only where that is known."""
+
+
+TOUCHED, OVERALL = "signal to distortion, touched cells", "signal to distortion"
+"""Names of the two ratios in every output."""
+RATIOS = {
+    TOUCHED: "a gain for each cell within 20 dB of the strongest, noise included; the pages of the documentation quote "
+    "this one",
+    f"{TOUCHED}, without noise": "the same without the known noise of the sensor: the distortion of the array alone",
+    OVERALL: "one gain for all cells: noise and pressure on cells that were not touched count as distortion",
+    f"{OVERALL}, without noise": "the same without the known noise of the sensor",
+}
+"""Each ratio in one line, by its name."""
+
+
+def ratio_text(limits: Limits) -> str:
+    """A ratio in dB with its limits, where it has any, as text."""
+    ratio, low, high = limits
+    if low == high:
+        return f"{ratio:.1f}"
+    if np.isinf(ratio):
+        return f"above {low:.1f}"
+    return f"{ratio:.1f} ({low:.1f} {'or more' if np.isinf(high) else f'to {high:.1f}'})"
+
+
+def distortion_ratios(
+    power: Array,
+    own: Array,
+    gain: float,
+    apart: Array,
+    *,
+    noise: Array | None,
+    frames: int,
+    values: float,
+    weakest: float = 20.0,
+) -> dict[str, Limits]:
+    """Each ratio of `RATIOS` with its limits; those without noise only if `noise` is given.
+
+    Parameters
+    ----------
+    power, apart : ndarray, shape (channel,)
+        Energy of the original, and that of the residual after the channel's own gain `own`.
+    gain : float
+        Best gain over all channels.
+    noise : ndarray, any shape, optional
+        Rms noise of each channel over the `frames`.
+    values : float
+        Independent values of the noise in a channel: twice its bandwidth times the duration.
+    """
+    touched = (power > 0) & (power >= power.max() * 10 ** (-weakest / 10))
+    # Residual of each channel after its own gain, plus the deviation of that gain from the common one.
+    parts = {
+        TOUCHED: (float((own**2 * power)[touched].sum()), apart[touched], touched),
+        OVERALL: (gain**2 * float(power.sum()), apart + (own - gain) ** 2 * power, np.ones_like(touched)),
+    }
+    found: dict[str, Limits] = {}
+    for name, (signal, rest, cells) in parts.items():
+        ratio = decibels(signal, float(rest.sum()))
+        found[name] = (ratio, ratio, ratio)
+        if noise is not None:
+            found[f"{name}, without noise"] = _without_noise(signal, rest, frames * noise.ravel()[cells] ** 2, values)
+    return found
+
+
+def _without_noise(signal: float, rest: Array, noise: Array, values: float) -> Limits:
+    """Ratio and its limits from the energies of residuals and of independent Gaussian noise in them.
+
+    The sum of n squares of d + e, e of variance s^2, has the mean D + N and the variance (4 D N + 2 N^2) / n, with
+    D the sum of d^2 and N = n s^2.
+    """
+    left = float((rest - noise).sum())
+    scatter = 4 * np.maximum(rest - noise, 0) * noise + 2 * noise**2
+    error = 1.96 * float(np.sqrt(scatter.sum() / values))
+    middle = max(left, 0.0)
+    return decibels(signal, middle), decibels(signal, middle + error), decibels(signal, max(left - error, 0.0))
 
 
 def fidelity(
@@ -40,6 +119,7 @@ def fidelity(
     images: Band = (530.0, 1000.0),
     weakest: float = 20.0,
     judged: tuple[float, float] | None = None,
+    noise: Array | None = None,
 ) -> Fidelity:
     """Compare the delivered pressure with its original.
 
@@ -57,6 +137,8 @@ def fidelity(
         (begin, duration) of the evaluated part, in s of the original; all if None. It is cut after filtering and
         alignment: a perfect piece with a delay of an eighth of a millisecond would otherwise lose samples at its ends
         and reach only 25 to 45 dB.
+    noise : ndarray, shape (row, column), optional
+        Rms noise of the sensor in the delivered pressure, in the band, in Pa.
 
     Raises
     ------
@@ -77,14 +159,16 @@ def fidelity(
     begin, duration = judged or (0.0, frames / rate)
     part = slice(round(begin * rate), round(begin * rate) + round(duration * rate))
     x, y = x[part], y[part]
-    power = (x**2).sum(axis=0)
-    touched = (power > 0) & (power >= power.max() * 10 ** (-weakest / 10))
-    gains = (x * y).sum(axis=0)[touched] / power[touched]
-    gain = float((x * y).sum() / max(float(power.sum()), np.finfo(float).tiny))
-    missed = y[:, touched] - gains * x[:, touched]
+    power, product = ((x * each).sum(axis=0).ravel() for each in (x, y))
+    own = np.divide(product, power, out=np.zeros_like(power), where=power > 0)
+    gain = float(product.sum() / max(float(power.sum()), np.finfo(float).tiny))
+    apart = ((y - own.reshape(x.shape[1:]) * x) ** 2).sum(axis=0).ravel()
+    values = 2 * (band[1] - band[0]) * len(x) / rate
+    found = distortion_ratios(power, own, gain, apart, noise=noise, frames=len(x), values=values, weakest=weakest)
     return Fidelity(
-        distortion_ratio=decibels(float((gains**2 * power[touched]).sum()), float((missed**2).sum())),
-        overall_ratio=decibels(gain**2 * float(power.sum()), float(((y - gain * x) ** 2).sum())),
+        distortion_ratio=found[TOUCHED][0],
+        overall_ratio=found[OVERALL][0],
+        ratios=found,
         images=image_level(delivered.cut(begin, duration) if judged else delivered, band=band, images=images),
         spatial_correlation=map_correlation(x, y),
         gain=gain,
@@ -117,6 +201,11 @@ def map_correlation(x: Array, y: Array) -> float:
     a, b = a - a.mean(), b - b.mean()
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / size if size > 0 else 0.0
+
+
+def finite(value: float | None) -> float | None:
+    """Return `value`, or None if it is infinite or NaN, which JSON cannot represent."""
+    return value if value is not None and np.isfinite(value) else None
 
 
 def decibels(signal: float, rest: float) -> float:

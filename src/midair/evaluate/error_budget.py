@@ -1,11 +1,13 @@
 """Error budget: the loss in each stage of a reproduction, and the fidelity after it."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from midair.evaluate.distortion import Band, Fidelity, fidelity
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.evaluate.distortion import Band, Fidelity, fidelity, finite
 from midair.evaluate.leakage import Leak
 from midair.evaluate.palm_metrics import PalmFidelity
 from midair.model import BAND, PressureFrames
@@ -24,6 +26,8 @@ class StageOutput:
     """Pressure outside the square, if the stage has a field."""
     reference: PressureFrames | None = None
     """Output of a perfect stage, compared instead of the original."""
+    noise: NDArray[np.float64] | None = None
+    """Rms noise of the sensor in the pressure, in the band, in Pa, shape (row, column)."""
     tells_images: bool = True
     """Whether the bandwidth includes the images; that of a 1 kHz sensor does not, at any output rate."""
 
@@ -50,6 +54,7 @@ class StageLoss:
             "sdr_alone_db": finite(self.alone.distortion_ratio),
             "sdr_so_far_db": finite(self.so_far.distortion_ratio),
             "sdr_overall_db": finite(self.so_far.overall_ratio),
+            "ratios_db": {name: finite(ratio[0]) for name, ratio in self.so_far.ratios.items()},
             "images_db": finite(self.so_far.images),
             "spatial_correlation": self.so_far.spatial_correlation,
             "gain": self.so_far.gain,
@@ -128,7 +133,7 @@ def budget(
     before = original
     for output in outputs:
         compared = partial(fidelity, delivered=output.pressure, band=band, images=images, judged=judged)
-        so_far = compared(output.reference or original)
+        so_far = compared(output.reference or original, noise=output.noise)
         alone = so_far if before is original else compared(before)
         if not output.tells_images:
             so_far, alone = replace(so_far, images=None), replace(alone, images=None)
@@ -136,8 +141,3 @@ def budget(
         before = output.pressure
     simulated = original.provenance.simulated or any(each.pressure.provenance.simulated for each in outputs)
     return Budget(stages=tuple(lines), kept=kept, band=band, strength=strength, simulated=simulated, palm=palm)
-
-
-def finite(value: float | None) -> float | None:
-    """Return `value`, or None if it is infinite or NaN, which JSON cannot represent."""
-    return value if value is not None and math.isfinite(value) else None

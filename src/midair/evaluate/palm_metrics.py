@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from midair.dsp import resample
 from midair.evaluate.alignment import advance, find_delay
-from midair.evaluate.distortion import Band, decibels, in_band
+from midair.evaluate.distortion import Band, decibels, finite, in_band
 from midair.model import BAND, Palm
 from midair.physics import SKINS, SkinMotion, Tissue
 from midair.validation import frozen_array
@@ -69,9 +69,9 @@ class PalmFidelity:
         return {
             "palm": self.palm,
             "outside": self.outside,
-            "sdr_pressure_db": _finite(self.pressure),
-            "sdr_pressure_in_square_db": _finite(self.square),
-            "sdr_displacement_db": {name: _finite(each) for name, each in self.displacement.items()},
+            "sdr_pressure_db": finite(self.pressure),
+            "sdr_pressure_in_square_db": finite(self.square),
+            "sdr_displacement_db": {name: finite(each) for name, each in self.displacement.items()},
         }
 
     def figures(self) -> dict[str, tuple[float, str]]:
@@ -255,7 +255,3 @@ def _ratio(x: Array, y: Array) -> float:
     power = float((x**2).sum())
     gain = float((x * y).sum()) / max(power, np.finfo(float).tiny)
     return decibels(gain**2 * power, float(((y - gain * x) ** 2).sum()))
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

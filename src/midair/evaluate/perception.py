@@ -78,6 +78,19 @@ class SkinModel:
     """Rise of the threshold below `best` in dB per octave (same source)."""
     above: float = 9.0
     """Rise of the threshold above `best` in dB per octave (same source)."""
+    flat_below: float = 40.0
+    """Below this frequency in Hz the threshold of the thenar eminence is flat and independent of the area, a channel
+    that is not Pacinian (Verrillo 1963, in Gescheider and Verrillo, doi 10.1007/978-1-4613-3039-4_10).
+    """
+    area: float = 2.9e-4
+    """Contact area of `just_felt` in m2. From 0.02 to 2.9 cm2 the Pacinian threshold falls by 3 dB for each doubling
+    (Verrillo 1963; The role of skin coupling in the determination of vibrotactile spatial summation).
+    """
+    people: tuple[float, float] = (-20.0, 13.0)
+    """Range of thresholds in dB around `just_felt`. Lower: below .01 um in some of 19 people who grasped a cylinder
+    (Brisben, Hsiao and Johnson, Detection of vibration transmitted through an object grasped in the hand, 1999).
+    Upper: 2.6 dB per decade of age over 50 years (Brammer et al., 125th Meeting of the ASA, 1993, paper 4aBV9).
+    """
     step: float = 1.58
     """Just noticeable difference of the level in dB: a Weber fraction of .20 of the amplitude, the median at 125
     Hz on the thenar eminence (Forta, Griffin and Morioka, Somatosens. Mot. Res. 29(1), 2012).
@@ -97,6 +110,12 @@ class SkinModel:
         octaves = np.log2(np.asarray(frequency, float) / self.best)
         rise = np.where(octaves < 0, -self.below * octaves, self.above * octaves)
         return self.just_felt * 10 ** (rise / 20)
+
+    def detection_threshold(self, frequency: Array, area: float) -> Array:
+        """Threshold of the more sensitive channel for a contact of `area` in m2, as peak displacement in m."""
+        smaller = 10 * np.log10(self.area / np.clip(area, 0.02e-4, self.area))
+        flat = self.threshold(np.array(self.flat_below))
+        return np.minimum(self.threshold(frequency) * 10 ** (smaller / 20), flat)
 
     def metric_scale(self, block: int = 512) -> float:
         """Factor that converts a pressure in Pa to the input of ST-SIM and SPQI.
@@ -265,18 +284,42 @@ def pacinian_level(pressure: Array | LazyFrames, rate: float, skin: SkinModel | 
         In Hz.
     """
     skin = skin or SkinModel()
+    return _weighted_level(pressure, rate, skin, lambda f: 1 / skin.threshold(f)[None] ** 2)[0]
+
+
+FELT_BANDS = ((20.0, 40.0), (40.0, 150.0), (150.0, 470.0))
+"""Bands in Hz of `band_levels`: not Pacinian, rising sensitivity, and the most sensitive frequencies."""
+
+
+def band_levels(pressure: Array | LazyFrames, rate: float, *, area: float, skin: SkinModel | None = None) -> Array:
+    """Level over the detection threshold of a palm in each of `FELT_BANDS`, in dB, shape (band, ...).
+
+    Power is weighted by `SkinModel.detection_threshold`; pressure as in `pacinian_level`, `area` of contact in m2.
+    """
+    skin = skin or SkinModel()
+
+    def weights(frequency: Array) -> Array:
+        inside = [(frequency >= low) & (frequency < high) for low, high in FELT_BANDS]
+        return np.stack(inside) / skin.detection_threshold(frequency, area) ** 2
+
+    return _weighted_level(pressure, rate, skin, weights)
+
+
+def _weighted_level(
+    pressure: Array | LazyFrames, rate: float, skin: SkinModel, weights: Callable[[Array], Array]
+) -> Array:
+    """Level in dB of the skin's displacement with several weights (weight, bin), shape (weight, ...)."""
     parts = long_stretches(len(pressure))
     frames = parts[0][1]
     # Without 0 Hz: Pacinian corpuscles do not respond to steady pressure, and 0 Hz has no octave.
-    frequency = np.fft.rfftfreq(frames, 1 / rate)[1:]
-    weight = 1 / skin.threshold(np.asarray(frequency, np.float64)) ** 2
-    power = np.zeros(int(np.prod(pressure.shape[1:], dtype=np.int64)))
+    weight = weights(np.asarray(np.fft.rfftfreq(frames, 1 / rate)[1:], np.float64))
+    power = np.zeros((len(weight), int(np.prod(pressure.shape[1:], dtype=np.int64))))
     for first, last in parts:
         for channel, values in enumerate(read_frames(pressure, first, last).reshape(frames, -1).T):
             spectrum = np.fft.rfft(skin.displacement(values))[1:] * 2 / frames
-            power[channel] += weight @ np.abs(spectrum) ** 2
+            power[:, channel] += weight @ np.abs(spectrum) ** 2
     with np.errstate(divide="ignore"):
-        return np.asarray(10 * np.log10(power / len(parts)), np.float64).reshape(pressure.shape[1:])
+        return np.asarray(10 * np.log10(power / len(parts)), np.float64).reshape(-1, *pressure.shape[1:])
 
 
 def _alike(reference: Array, distorted: Array) -> float:

@@ -13,7 +13,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SHOWN = ("ST-SIM", "SPQI", "Pacinian power, original", "Pacinian power, reproduced", "Pacinian power difference")
+SHOWN = (
+    "ST-SIM, level matched",
+    "SPQI, level matched",
+    "Pacinian power, original",
+    "Pacinian power, reproduced",
+    "Pacinian power difference",
+)
 """Metrics that are shown as maps; the others follow from them."""
 
 
@@ -41,7 +47,7 @@ def _map(axis: Axes, figure: PerceptualFigure, style: Style) -> None:
         text = "–" if np.isnan(value) else f"{value:.2f}" if not figure.unit else f"{value:.0f}"
         axis.text(column, row, text, ha="center", va="center", fontsize=7, color=ink)
     unit = f" ({figure.unit})" if figure.unit else ""
-    head = figure.name.replace("Pacinian power, ", "Pacinian power,\n").replace("power difference", "power\ndifference")
+    head = figure.name.replace(", ", ",\n").replace("power difference", "power\ndifference")
     axis.set_title(f"{head}{unit}", fontsize=8, loc="left", color=style.ink)
     axis.set_xlabel(f"overall {figure.overall:.2f}{' ' + figure.unit if figure.unit else ''}", fontsize=8)
     axis.set_xticks([])

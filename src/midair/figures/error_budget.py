@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from midair.evaluate import Budget
+from midair.evaluate import TOUCHED, Budget
 from midair.figures.style import Style, new_figure, plain_axes
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def budget_figure(budgets: Sequence[tuple[str, Budget]], *, style: Style | None 
         for axis in row:
             axis.set_ylim(-0.6, len(names) - 0.4)
     low, high = budgets[0][1].band
-    axes[-1, 0].set_xlabel(f"signal-to-distortion ratio, {low:g} to {high:g} Hz (dB)", fontsize=9)
+    axes[-1, 0].set_xlabel(f"{TOUCHED}, {low:g} to {high:g} Hz (dB)", fontsize=9)
     axes[-1, 1].set_xlabel("images, 530 to 1000 Hz, re the band (dB)", fontsize=9)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=3, fontsize=8, frameon=False)

@@ -12,6 +12,7 @@ from .footprint import Path as Path
 from .footprint import Shape as Shape
 from .footprint import Turn as Turn
 from .footprint import footprint_field as footprint_field
+from .left_out import unreproduced as unreproduced
 from .mending import GapFill as GapFill
 from .mending import Mended as Mended
 from .mending import Mending as Mending

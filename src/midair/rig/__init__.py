@@ -31,6 +31,7 @@ from .correction import error_budget as error_budget
 from .correction import loop as loop
 from .correction import loop_figures as loop_figures
 from .correction import metrics_of_loop as metrics_of_loop
+from .correction import next_step as next_step
 from .correction import no_progress as no_progress
 from .correction import original_of_drive as original_of_drive
 from .correction import palm_frames_of_drive as palm_frames_of_drive

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from midair.errors import InputError, ShapeError
-from midair.evaluate import compare, perceptual_metrics
+from midair.errors import InputError
+from midair.evaluate import RATIOS, compare, metrics_or_none, ratio_text
 from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
 from midair.headroom import level_of
 from midair.model import Palm, PressureFrames, Provenance
@@ -122,15 +122,9 @@ def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dic
     pair = aligned_pair(_pressure_of(original, settings), take, settings)
     before, after = pair.original, pair.piece
     progress("comparing", 1, 3)
-    found = compare(before, pair.heard, first=pair.first)
-    try:
-        card = perceptual_metrics(before, after)
-        verdict, rows = (
-            card.verdict(),
-            [[each.name, _figure(each.overall, each.unit), each.meaning] for each in card.figures],
-        )
-    except ShapeError:
-        verdict, rows = "", []
+    found = compare(before, pair.heard, first=pair.first, noise=pair.noise)
+    card = metrics_or_none(before, after)
+    rows = [] if card is None else card.rows()
     progress("comparing", 2, 3)
     partial = Path(kept).with_suffix(".partial.npz")
     np.savez(partial, rate=before.rate, original=before.pressure, again=after.pressure)
@@ -141,9 +135,12 @@ def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dic
         "kept": kept,
         "drive": stamp if stamp and _made_from(drive, take.recording.provenance) else "",
         "simulated": found.simulated,
-        "figures": [[name, _figure(value, unit)] for name, (value, unit) in found.figures().items()],
-        "verdict": verdict,
-        "card": rows,
+        "figures": [
+            *([name, f"{ratio_text(limits)} dB"] for name, limits in found.ratios.items()),
+            *([name, _figure(*figure)] for name, figure in found.figures().items() if name not in RATIOS),
+        ],
+        "verdict": "" if card is None else card.verdict(),
+        "card": [[name, f"{value} {unit}".rstrip(), meaning] for name, value, unit, meaning in rows],
         "channel_correlation": np.round(found.channel_correlation, 3).ravel().tolist(),
         "rate_hz": before.rate,
         "frames": before.frames,

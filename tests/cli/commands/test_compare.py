@@ -1,6 +1,8 @@
 """The command compare as a person types it."""
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +10,11 @@ import pytest
 from PIL import Image
 
 from midair.cli import run
+from midair.evaluate import apply_band_twice, fidelity
 from midair.files import load_solution, open_take, save
 from midair.model import Recording
 from midair.pipeline import calibrated_pressure, required_lead
+from midair.rig import aligned_pair, original_of_drive
 from midair.settings import Settings
 from midair.targets import add_lead
 
@@ -59,13 +63,18 @@ def test_a_perfect_chain_scores_above_60_db(mode, capsys):
     assert abs(figures["delay"]["value"]) < 1e-3
 
 
-def test_swapped_arguments_are_refused(capsys):
+def test_the_original_is_found_in_any_order(capsys):
     if not Path("take.drive.h5").exists():
         assert run(["solve", "take.h5", "--start-at", "0.55s", "--duration", "0.1s", *COARSE]) == 0
     perfect("take.drive.h5")
     capsys.readouterr()
-    assert run(["compare", "again.h5", "take.h5"]) == 1
-    assert "use midair compare take.h5 again.h5" in " ".join(capsys.readouterr().err.split())
+    answers = []
+    for pair in (["take.h5", "again.h5"], ["again.h5", "take.h5"]):
+        assert run(["compare", *pair, "--json"]) == 0
+        said = capsys.readouterr()
+        answers.append(json.loads(said.out))
+    assert answers[0] == answers[1]
+    assert "again.h5 is a reproduction: compared with take.h5 as the original" in " ".join(said.err.split())
 
 
 def test_a_recording_that_was_never_played_is_compared_unchanged(capsys):
@@ -150,3 +159,61 @@ def test_a_report_holds_the_figures_and_both_recordings(capsys):
     assert page.count("data:audio/wav") == 2
     assert run(["compare", "take.h5", "take.h5", "--report", "compared.html"]) == 1
     assert "--force" in capsys.readouterr().err
+
+
+def test_a_level_that_is_off_comes_with_the_option_that_corrects_it(capsys):
+    if not Path("take.drive.h5").exists():
+        assert run(["solve", "take.h5", "--start-at", "0.55s", "--duration", "0.1s", *COARSE]) == 0
+    perfect("take.drive.h5")
+    again = open_take("again.h5")
+    weaker = replace(again.recording, samples=0.8 * again.recording.samples)
+    save(weaker, "weaker.h5", calibration=again.calibration)
+    capsys.readouterr()
+    assert run(["compare", "take.h5", "weaker.h5"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "20 % weaker than the original and with much the same spectrum" in said
+    assert "next: 0.80 of the original's pressure: solve with --gain 1.25" in said
+    assert said.index("A palm would") < said.index("next:") < said.index("correlation")
+
+
+def quoted(original, reproduced):
+    """The ratios by `fidelity`, as pages and budgets quote them: sharp edges of the band, cut after filtering."""
+    take, source = open_take(reproduced), open_take(original)
+    settings = Settings.of(take.recording.provenance)
+    pressure = calibrated_pressure(source.recording, source.calibration, settings)
+    pair = aligned_pair(pressure, take, settings)
+    _, asked = original_of_drive(take.recording.provenance, pressure)
+    judged = (pair.first / pair.heard.rate, pair.original.frames / pair.original.rate)
+    found = fidelity(apply_band_twice(asked), pair.heard, judged=judged, noise=pair.noise).ratios
+    assert len(found) == 4
+    return {name: ratio for name, (ratio, _, _) in found.items()}
+
+
+def printed(capsys, *arguments):
+    capsys.readouterr()
+    assert run(["compare", *arguments, "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)["figures"]
+    return {name: figure["value"] for name, figure in figures.items() if name.startswith("signal to distortion")}
+
+
+@pytest.mark.long
+def test_the_printed_ratios_are_those_of_the_documentation(capsys):
+    if not Path("take.drive.h5").exists():
+        assert run(["solve", "take.h5", "--start-at", "0.55s", "--duration", "0.1s", *COARSE]) == 0
+    assert run(["play", "take.drive.h5", "--force"]) == 0
+    found = printed(capsys, "take.h5", "take.rerecorded.h5")
+    assert found == pytest.approx(quoted("take.h5", "take.rerecorded.h5"), abs=0.5)
+
+
+@pytest.mark.slow
+def test_the_start_page_has_the_ratios_of_its_commands(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).parents[3] / "docs" / "start.md").read_text(encoding="utf-8")
+    by_hand = page[page.index("## Do it by hand") : page.index("## In Python")]
+    *commands, last = re.findall(r"^\$ midair (.*)$", by_hand, re.MULTILINE)
+    for line in commands:
+        assert run(line.split()) == 0
+    told = {name: float(value) for name, value in re.findall(r"(signal to distortion[a-z, ]*): ([0-9.]+)", by_hand)}
+    found = printed(capsys, *last.split()[1:])
+    assert found == pytest.approx(told, abs=0.5)
+    assert found == pytest.approx(quoted(*last.split()[1:]), abs=0.5)

@@ -22,6 +22,7 @@ from .frequency_response import FrequencyResponse as FrequencyResponse
 from .microphone_scale import MicrophoneScale as MicrophoneScale
 from .microphone_scale import scale_of_drop as scale_of_drop
 from .microphone_scale import scale_of_tone as scale_of_tone
+from .noise import known_noise as known_noise
 from .noise import noise_equivalent_pressure as noise_equivalent_pressure
 from .referenced_take import Reference as Reference
 from .referenced_take import ReferencedTake as ReferencedTake

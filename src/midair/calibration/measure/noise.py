@@ -62,5 +62,14 @@ def noise_equivalent_pressure(calibration: Calibration, band: Band = BAND) -> Ar
     return np.sqrt(np.trapezoid(hidden**2, frequency, axis=0))
 
 
+def known_noise(calibration: Calibration | None, band: Band = BAND) -> Array | None:
+    """Noise of each channel in a band as `noise_equivalent_pressure`; None if the calibration does not hold it."""
+    if calibration is None or not calibration.noise.any():
+        return None
+    first, last = calibration.frequency[0], calibration.frequency[-1]
+    found = noise_equivalent_pressure(calibration, (max(band[0], first), min(band[1], last)))
+    return found if np.isfinite(found).all() else None
+
+
 def _channels(values: Array) -> Array:
     return values.reshape(len(values), -1).T

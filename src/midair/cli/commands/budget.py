@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from midair.cli.comparisons import calibrated_part, print_palm, with_array_calibration
+from midair.cli.comparisons import calibrated_part, print_palm, print_ratios, with_array_calibration
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, SolveOptions, StartAt
@@ -89,7 +89,7 @@ def print_budget(title: str, budget: Budget) -> None:
     low, high = budget.band
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("stage")
-    for head in ("alone", "so far", "all cells", "gain", "images", "place", "leak"):
+    for head in ("alone", "touched cells", "all cells", "gain", "images", "place", "leak"):
         table.add_column(head, justify="right")
     table.add_row("", "dB", "dB", "dB", "", "dB", "", "%", style="dim")
     for each in budget.stages:
@@ -106,6 +106,8 @@ def print_budget(title: str, budget: Budget) -> None:
         )
     out().print(table)
     print_rows([(each.name, each.what) for each in budget.stages])
+    out().print(f"\nafter the stage {budget.stages[-1].name}")
+    print_ratios(budget.stages[-1].so_far.ratios)
     if budget.palm is not None:
         print_palm(budget.palm)
     kept = "" if budget.kept is None else f"; {100 * budget.kept:.1f} % of the recording's power lies in the band"

@@ -7,21 +7,38 @@ from pathlib import Path
 from midair.cli.comparisons import (
     cached_pressure,
     calibrated_part,
-    metrics_or_none,
     plain,
     print_metrics,
     print_palm,
+    print_ratios,
     settings_of_rerecording,
 )
-from midair.cli.console import banner, out, print_figures, print_json, progress_bars, verbosity
+from midair.cli.console import banner, out, print_figures, print_json, print_note, progress_bars, verbosity
 from midair.cli.options import BandOptions, Force, Json
 from midair.cli.output import may_write
 from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
-from midair.evaluate import Comparison, PalmFidelity, PalmFrames, PerceptualMetrics, compare
+from midair.evaluate import (
+    RATIOS,
+    Comparison,
+    PalmFidelity,
+    PalmFrames,
+    PerceptualMetrics,
+    compare,
+    metrics_or_none,
+    ratio_text,
+)
 from midair.files import DRIVE_SUFFIX, OpenedTake, atomic_file, load_palm, load_solution, open_take
 from midair.model import Palm, PressureFrames, Progress
-from midair.rig import VirtualRig, aligned_pair, original_of_drive, palm_frames_of_drive, played_chain, rerecord_drive
+from midair.rig import (
+    VirtualRig,
+    aligned_pair,
+    next_step,
+    original_of_drive,
+    palm_frames_of_drive,
+    played_chain,
+    rerecord_drive,
+)
 from midair.settings import Settings
 from midair.view import PalmMaps, check_size, ffmpeg, film_of_palm, show_comparison, show_page, write_gif, write_mp4
 
@@ -41,7 +58,8 @@ def compare_command(
 ) -> None:
     """Compare a re-recording or a drive with its original recording.
 
-    Prints waveform, spectrum, level, place, delay, and an estimate of what a person feels.
+    Prints what a palm would feel and what to change, then waveform, spectrum, level, place and delay.
+    Finds out by their provenance which of the two is the original.
     Band, rate, lead and the part of the original are read from the re-recording.
     The band filter is applied to the original once more, since a re-recording passes it twice.
 
@@ -76,6 +94,7 @@ def compare_command(
         may_write(film, force, ".gif", ".mp4")
         if film.suffix.lower() == ".mp4":
             ffmpeg()
+    original, reproduced = _in_order(original, reproduced)
     told: PalmFidelity | None = None
     if reproduced.name.lower().endswith(DRIVE_SUFFIX):
         settings, take, told = _played(original, reproduced, palm, seed, film)
@@ -84,24 +103,27 @@ def compare_command(
             if given is not None:
                 raise InputError(f"{option}: expected a drive as second file, got the recording {reproduced.name}")
         take = open_take(reproduced, streamed=True)
-        if not take.recording.provenance.played and open_take(original, streamed=True).recording.provenance.played:
-            raise InputError(
-                f"expected the original first, got its re-recording {original.name}; "
-                f"use midair compare {reproduced} {original}"
-            )
         settings = settings_of_rerecording(take.recording.provenance, (options or BandOptions()).settings())
     with ExitStack() as stack:
         pair = aligned_pair(calibrated_part(original, settings, streamed=True), take, settings)
         before, heard = (stack.enter_context(cached_pressure(each)) for each in (pair.original, pair.heard))
-        comparison, after = compare(before, heard, first=pair.first), replace(pair, heard=heard).piece
+        comparison = compare(before, heard, first=pair.first, noise=pair.noise)
+        after = replace(pair, heard=heard).piece
         card = metrics_or_none(before, after)
         if report is not None:
             _write_report(report, before, after, comparison, card, told)
+    advice = next_step(comparison.gain, Settings.of(take.recording.provenance))
     if json:
         skin = {"perception": card and card.plain()["figures"], "verdict": card and card.verdict()}
-        return print_json(plain(comparison) | skin | {"palm": told and told.plain()})
+        return print_json(plain(comparison) | skin | {"next": advice, "palm": told and told.plain()})
     banner(comparison.simulated)
-    print_figures(f"{reproduced.name} against {original.name}", {"": comparison.figures()})
+    if card is not None:
+        out().print(card.verdict(), style="bold")
+    if advice:
+        out().print(f"next: {advice}")
+    figures = {name: figure for name, figure in comparison.figures().items() if name not in RATIOS}
+    print_figures(f"\n{reproduced.name} against {original.name}", {"": figures})
+    print_ratios(comparison.ratios)
     if card is not None:
         print_metrics(card)
     if told is not None:
@@ -111,6 +133,19 @@ def compare_command(
     if film is not None:
         out().print(f"film {film}")
     return None
+
+
+def _in_order(first: Path, second: Path) -> tuple[Path, Path]:
+    """The original and its reproduction, whichever was named first."""
+
+    def made(path: Path) -> bool:
+        drive = path.name.lower().endswith(DRIVE_SUFFIX)
+        return drive or open_take(path, streamed=True).recording.provenance.played
+
+    if made(first) and not made(second):
+        print_note(f"{first.name} is a reproduction: compared with {second.name} as the original")
+        return second, first
+    return first, second
 
 
 def _write_report(
@@ -125,8 +160,13 @@ def _write_report(
     shown = show_comparison(before, after)
     check_size(shown)
     figures = [(name, f"{value:.3g}", unit) for name, (value, unit) in comparison.figures().items()]
-    felt = [] if card is None else [(one.name, f"{one.overall:.3g}", one.unit, one.meaning) for one in card.figures]
-    tables = [("Figures", figures), *([] if card is None else [(f"Perceptual metrics: {card.verdict()}", felt)])]
+    felt = [] if card is None else card.rows()
+    ratios = [(name, ratio_text(limits), "dB", RATIOS[name]) for name, limits in comparison.ratios.items()]
+    tables = [
+        ("Figures", figures),
+        ("Signal to distortion", ratios),
+        *([] if card is None else [(f"Perceptual metrics: {card.verdict()}", felt)]),
+    ]
     if palm is not None:
         rows = [(name.removeprefix("palm: "), f"{value:.3g}", unit) for name, (value, unit) in palm.figures().items()]
         tables.append((f"Fidelity on a whole palm, {palm.palm}", rows))

@@ -3,8 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
-from midair.cli.comparisons import calibrated_part, plain, print_metrics, with_array_calibration
-from midair.cli.console import banner, print_figures, print_json, print_rows, progress_bars, verbosity
+from midair.cli.comparisons import calibrated_part, plain, print_metrics, print_ratios, with_array_calibration
+from midair.cli.console import banner, out, print_figures, print_json, print_rows, progress_bars, verbosity
 from midair.cli.exposure_options import ExposureOptions, print_air, print_check_time_ahead
 from midair.cli.options import (
     ArrayCalibration,
@@ -124,7 +124,10 @@ def _print(loop: Loop, target: Path, json: bool) -> None:
         simulated = loop.passes[-1].comparison.simulated
         return print_json({"report": str(target), "simulated": simulated, **went, **skin})
     figures = {f"pass {number + 1}": one.comparison.figures() for number, one in enumerate(loop.passes)}
+    if card is not None:
+        out().print(card.verdict(), style="bold")
     print_figures("before and after correction", figures)
+    print_ratios(loop.passes[-1].comparison.ratios)
     if card is not None:
         print_metrics(card)
     ended = [("iteration", f"{loop.end}; {loop.taken_back} steps undone")] if loop.end else []

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from midair.cli.comparisons import calibrated_part, with_array_calibration
+from midair.cli.comparisons import calibrated_part, unreproduced_rows, with_array_calibration, with_unreproduced
 from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air, print_check_time
 from midair.cli.options import (
@@ -94,6 +94,7 @@ def solve_command(
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force, ".drive.h5")
     piece = calibrated_part(source, settings, start_at, duration, streamed=True)
+    piece = with_unreproduced(source, piece, settings.calibration.band)
     pressure = add_lead(piece, required_lead(settings) if lead is None else lead)
     transducers, settings, pressure = with_array_calibration(array_calibration, transducers, settings, pressure)
     banner(pressure.provenance.simulated)
@@ -115,6 +116,7 @@ def solve_command(
         simulated = pressure.provenance.simulated
         return print_json(
             {"drive": str(target), "simulated": simulated, **told, **error.plain(), "level": level.plain()}
+            | {"not_reproduced": dict(pressure.provenance.last("not reproduced"))}
         )
     print_rows(
         [
@@ -125,6 +127,7 @@ def solve_command(
                 "lead at either end",
             ),
             *level.rows(),
+            *unreproduced_rows(pressure.provenance),
             ("E", str(error)),
             *_robustness_rows(made, settings),
             ("solver", f"{settings.solver.name}, {solution.iterations[plays].mean():.1f} iterations a frame"),
@@ -236,6 +239,7 @@ def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: Ai
             ("re-recorded", f"{target}, {recording.frames} frames at {recording.rate:g} Hz"),
             ("silencer", str(recording.provenance.steps[-1].settings["silencer"])),
             *level,
+            *unreproduced_rows(drive.provenance),
             ("exposure", f"on a real array: {admission.exposure.verdict()}"),
             ("measured in", admission.exposure.measured_in),
         ]
@@ -286,7 +290,8 @@ def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, cor
         _print_room_air(drive, source, room)
         rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
         rows += [("heat", admission.exposure.heat), ("checkup", checkup_line(array.name))]
-        print_rows([*level_rows(level_of_file(source, limits=False)), *rows])
+        level = level_rows(level_of_file(source, limits=False))
+        print_rows([*level, *unreproduced_rows(drive.provenance), *rows])
         watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN, device=device)
         with progress_bars() as stage, rig, watched:
             # Known only after opening the device.

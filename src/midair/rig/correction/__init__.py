@@ -22,6 +22,7 @@ from .outcomes import PALM_TITLE as PALM_TITLE
 from .outcomes import Outcome as Outcome
 from .outcomes import comparison_rows as comparison_rows
 from .outcomes import metrics_of_loop as metrics_of_loop
+from .outcomes import next_step as next_step
 from .outcomes import summarise_outcomes as summarise_outcomes
 from .passes import Stage as Stage
 from .passes import no_progress as no_progress

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.calibration import known_noise
 from midair.devices import SilencerChoice, choose_silencer
 from midair.dsp import band_energy
 from midair.evaluate import Budget, StageOutput, apply_band_twice, budget, leak
@@ -143,6 +144,7 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
         what="records changes only, with noise, up to half its rate, and is calibrated",
         pressure=_simulated(_recorded(cells, asked, plan)),
         reference=apply_band_twice(asked),
+        noise=known_noise(calibration_of(rig.sensor_model), plan.settings.calibration.band),
         tells_images=False,
     )
 

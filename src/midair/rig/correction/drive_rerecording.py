@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.calibration import known_noise
 from midair.devices import check_exposure, choose_silencer
 from midair.evaluate import PalmFidelity, PalmFrames, apply_band_twice, palm_fidelity, palm_frames
 from midair.files import OpenedTake
@@ -163,6 +164,8 @@ class PlayedPair:
     """Re-recording, longer than the original at both ends where possible, so that a delay can be removed."""
     first: int = 0
     """Frame of `heard` at which the original begins."""
+    noise: Array | None = None
+    """Known rms noise of the sensor that re-recorded, in the band, in Pa, shape (row, column)."""
 
     @property
     def piece(self) -> PressureFrames:
@@ -185,7 +188,8 @@ def aligned_pair(original: PressureFrames, take: OpenedTake, settings: Settings)
     virtual = calibration is not None and calibration.provenance.simulated
     heard = calibrated_pressure(take.recording, calibration, settings, from_rest=virtual)
     reference = remove_lead(apply_band_twice(asked), original.frames)
-    return PlayedPair(original=reference, heard=heard, first=(asked.frames - original.frames) // 2)
+    noise = known_noise(calibration, settings.calibration.band)
+    return PlayedPair(original=reference, heard=heard, first=(asked.frames - original.frames) // 2, noise=noise)
 
 
 def original_of_drive(provenance: Provenance, original: PressureFrames) -> tuple[PressureFrames, PressureFrames]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.evaluate import PalmFidelity, PerceptualMetrics, printed_error, relative_error
+from midair.evaluate import RATIOS, PalmFidelity, PerceptualMetrics, printed_error, ratio_text, relative_error
 from midair.figures import (
     Picture,
     beam_figure,
@@ -97,7 +97,9 @@ def render(
         side_by_side=comparison_rows(outcomes),
         pictures=shown,
         figures=_figures(loop),
-        card=() if own.card is None else own.card.figures,
+        ratios=[(name, ratio_text(limits), RATIOS[name]) for name, limits in loop.passes[-1].comparison.ratios.items()],
+        felt="" if own.card is None else own.card.verdict(),
+        card=() if own.card is None else own.card.rows(),
         palm={} if own.palm is None else own.palm.figures(),
         passes=[f"pass {number + 1}" for number in range(len(loop.passes))],
         rectified=loop.settings.target.mapping == "half-wave",

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from midair.errors import ShapeError
-from midair.evaluate import PalmFidelity, PerceptualMetrics, perceptual_metrics
+from midair.evaluate import TOUCHED, PalmFidelity, PerceptualMetrics, metrics_or_none, ratio_text
 from midair.figures import PalmPanel, Picture, palm_figure, png_bytes
 from midair.rig.correction.correction_loop import Loop
+from midair.settings import Settings
 from midair.targets import frames_without_lead
 
 Row = tuple[str, ...]
@@ -33,12 +33,12 @@ class Outcome:
 
     @property
     def distortion(self) -> float:
-        """Signal-to-distortion ratio on the sensor's cells in dB."""
-        return self.loop.passes[-1].comparison.distortion_ratio
+        """Signal-to-distortion ratio on the touched cells in dB."""
+        return self.loop.passes[-1].comparison.ratios[TOUCHED][0]
 
     def numbers(self, *, named: bool = True) -> str:
         """Format signal-to-distortion ratio and leak beside the sensor; with their names if `named`."""
-        heard = f"{self.distortion:.1f} dB{' of signal to distortion' if named else ''}"
+        heard = f"{self.distortion:.1f} dB{' of signal to distortion on the touched cells' if named else ''}"
         if self.palm is None:
             return heard
         return (
@@ -48,10 +48,7 @@ class Outcome:
 
 def metrics_of_loop(loop: Loop) -> PerceptualMetrics | None:
     """Perceptual metrics of the last pass; None if it is shorter than the 64 ms that they need."""
-    try:
-        return perceptual_metrics(loop.reference, loop.passes[-1].felt)
-    except ShapeError:
-        return None
+    return metrics_or_none(loop.reference, loop.passes[-1].felt)
 
 
 def summarise_outcomes(outcomes: Sequence[Outcome]) -> str:
@@ -61,7 +58,7 @@ def summarise_outcomes(outcomes: Sequence[Outcome]) -> str:
     """
     first, *others = outcomes
     said = "; ".join([_sentence(first), *(_sentence(other, named=False) for other in others)])
-    by = "" if first.card is None else f"; {first.card.reservation()}"
+    by = "" if first.card is None else f"; {first.card.bands()}; {first.card.reservation()}"
     return f"{said[:1].upper()}{said[1:]}{by}."
 
 
@@ -76,6 +73,20 @@ def comparison_rows(outcomes: Sequence[Outcome]) -> list[Row]:
     """Rows of name, unit, and the value of each outcome."""
     columns = [_figures(outcome) for outcome in outcomes]
     return [(name, unit, *(column[name][0] for column in columns)) for name, (_, unit) in columns[0].items()]
+
+
+def next_step(gain: float, settings: Settings | None) -> str:
+    """Option of `midair solve` that corrects a level of `gain` times the original's; empty within 5 %."""
+    if settings is None or not 0.05 < gain < 20 or abs(gain - 1) < 0.05:
+        return ""
+    target = settings.target
+    # Pressure is proportional to the square of the strength.
+    option = (
+        f"--gain {target.gain / gain:.3g}"
+        if target.strength is None
+        else f"--strength {target.strength / np.sqrt(gain):.2g}"
+    )
+    return f"{gain:.2f} of the original's pressure: solve with {option}"
 
 
 PALM_TITLE = "Vibration on a palm"
@@ -103,20 +114,19 @@ def _figures(outcome: Outcome) -> dict[str, tuple[str, str]]:
     last, palm, card = outcome.loop.passes[-1], outcome.palm, outcome.card
     made = last.reproduction
     inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
-    rows = {"signal to distortion on the sensor": (f"{outcome.distortion:.1f}", "dB")}
+    rows = {name: (ratio_text(limits), "dB") for name, limits in last.comparison.ratios.items()}
     if palm is not None:
         low, high = palm.range
         rows["signal to distortion of the skin's movement"] = (f"{low:.1f} to {high:.1f}", "dB")
         rows["leak: power beside the recorded square"] = (f"{100 * palm.outside:.1f}", "%")
     rows["gain"] = (f"{last.comparison.gain:.2f}", "")
     if card is not None:
-        levels = [card.figure(f"Pacinian power, {which}").overall for which in ("original", "reproduced")]
         rows["what is felt"] = (f"a palm would {card.felt()}", "")
-        rows["felt vibration over the threshold, of the original and of this"] = (
-            " and ".join(f"{level:.1f}" for level in levels),
-            "dB",
+        rows["over the detection threshold"] = (card.bands(), "")
+        rows["similarity of felt spectra (SPQI, level matched)"] = (
+            f"{card.figure('SPQI, level matched').overall:.2f}",
+            "",
         )
-        rows["similarity of felt spectra (SPQI)"] = (f"{card.figure('SPQI').overall:.2f}", "")
     rows["E as the solver measures it, mean"] = (f"{100 * float(np.mean(made.solution.error[inside])):.1f}", "%")
     solver = outcome.loop.settings.solver
     rows["solver, frames"] = (f"{solver.name}, {made.target.frames} at {made.target.rate:g} Hz", "")

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from midair.calibration import known_noise
 from midair.devices import check_exposure
 from midair.evaluate import Comparison, compare, find_delay
 from midair.model import PressureFrames, Progress, Recording
@@ -92,7 +93,9 @@ def play_made(
         rerecorded=rerecorded,
         heard=heard,
         felt=again,
-        comparison=compare(original, heard, first=first),
+        comparison=compare(
+            original, heard, first=first, noise=known_noise(rig.sensor.calibration, settings.calibration.band)
+        ),
     )
 
 

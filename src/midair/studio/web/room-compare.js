@@ -64,7 +64,7 @@ export default class Compare {
   _pressed(row) {
     const palm = this.link.state.palms?.[this.name], budget = this.link.state.budgets?.[this.name];
     this.spent.replaceChildren(...(budget && budget.stamp === row?.drive ? [make("h3", {}, "Error budget ", make("strong.simulated", {}, "SIMULATED")),
-      make("table", {}, make("thead", {}, make("tr", {}, ...["stage", "alone", "so far"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
+      make("table", {}, make("thead", {}, make("tr", {}, ...["stage", "alone", "touched cells"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
         make("tbody", {}, ...budget.rows.map(([name, alone, far, what]) => make("tr", { title: what }, make("td", {}, name), make("td.number", {}, alone), make("td.number", {}, far))))),
       make("p.quiet", {}, `Signal-to-distortion ratio, ${budget.band[0]} to ${budget.band[1]} Hz, first ${budget.seconds.toPrecision(2)} s. Alone: output of the stage against its input. So far: output against the original, later stages ideal.`)] : []));
     // Results of a replaced drive are not shown.
