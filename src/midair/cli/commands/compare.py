@@ -14,7 +14,7 @@ from midair.cli.comparisons import (
     settings_of_rerecording,
 )
 from midair.cli.console import banner, out, print_figures, print_json, progress_bars, verbosity
-from midair.cli.options import BandOptions, Force, Json
+from midair.cli.options import BandOptions, Force, Json, Spread
 from midair.cli.output import may_write
 from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
@@ -33,6 +33,7 @@ def compare_command(
     *,
     options: BandOptions | None = None,
     palm: Path | None = None,
+    spread: Spread = "default",
     seed: int = 0,
     report: Path | None = None,
     film: Path | None = None,
@@ -78,7 +79,7 @@ def compare_command(
             ffmpeg()
     told: PalmFidelity | None = None
     if reproduced.name.lower().endswith(DRIVE_SUFFIX):
-        settings, take, told = _played(original, reproduced, palm, seed, film)
+        settings, take, told = _played(original, reproduced, palm, VirtualRig(seed=seed, spread=spread), film)
     else:
         for option, given in (("--palm", palm), ("--film", film)):
             if given is not None:
@@ -149,7 +150,7 @@ def _write_film(path: Path, frames: PalmFrames, progress: Progress) -> None:
 
 
 def _played(
-    original: Path, drive_file: Path, palm: Path | None, seed: int, film: Path | None
+    original: Path, drive_file: Path, palm: Path | None, rig: VirtualRig, film: Path | None
 ) -> tuple[Settings, OpenedTake, PalmFidelity]:
     """Settings of a drive, its re-recording by a virtual sensor, and its fidelity on a whole palm."""
     drive = load_solution(drive_file).drive
@@ -166,7 +167,7 @@ def _played(
             "name the recording that it was solved for"
         )
     band = settings.calibration.band
-    rig = VirtualRig(cells=felt.sensor, seed=seed, height=settings.target.grid.height).hearing(band)
+    rig = replace(rig, cells=felt.sensor, height=settings.target.grid.height).hearing(band)
     outline = Palm.disc() if palm is None else load_palm(palm)
     kind = f"compare {workload_of(settings, drive.array.count)}{'' if film is None else ' film'}"
     with progress_bars(kind, drive.frames) as stage:

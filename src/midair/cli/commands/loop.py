@@ -114,10 +114,10 @@ def loop_command(
     # The exposure check uses a temperature given by option only: not a default, nor one from a settings file.
     room = settings.acoustics.medium if getattr(options, "temperature", None) is not None else None
     opened = chosen.rig(settings, original.sensor, room)
-    if chosen.array_calibration is not None:
-        measured, settings, original = with_array_calibration(
-            chosen.array_calibration, opened.array.array, settings, original
-        )
+    measured, settings, original = with_array_calibration(
+        chosen.array_calibration, opened.array.array, settings, original, device=chosen.device
+    )
+    if measured is not opened.array.array:
         opened = replace(opened, measured=measured)
     banner(opened.array.simulated or original.provenance.simulated)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)

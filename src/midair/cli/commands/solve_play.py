@@ -17,6 +17,7 @@ from midair.cli.options import (
     PartLength,
     Placement,
     SolveOptions,
+    Spread,
     StartAt,
     StopInput,
     Time,
@@ -55,6 +56,7 @@ from midair.rig import (
     array_of_kind,
     check_air,
     correct_air_of_file,
+    kept_array_calibration,
     play_cleared,
     rerecord,
 )
@@ -73,6 +75,7 @@ def solve_command(
     lead: Lead = None,
     array: ArrayKind = "autd3",
     placement: Path | None = None,
+    device: str = "virtual",
     array_calibration: ArrayCalibration = None,
     force: Force = False,
     json: Json = False,
@@ -89,6 +92,8 @@ def solve_command(
         autd3: two by two units. openmpd, openmpd-twin (experimental): one board, two facing boards.
     placement
         TOML file with position and rotation of AUTD3 units.
+    device
+        Array on which the drive will be played, as in midair play, to use its stored calibration.
 
     Examples
     --------
@@ -105,7 +110,9 @@ def solve_command(
     may_write(target, force, ".drive.h5")
     piece = calibrated_part(source, settings, start_at, duration, streamed=True)
     pressure = add_lead(piece, required_lead(settings) if lead is None else lead)
-    transducers, settings, pressure = with_array_calibration(array_calibration, transducers, settings, pressure)
+    transducers, settings, pressure = with_array_calibration(
+        array_calibration, transducers, settings, pressure, device=device
+    )
     banner(pressure.provenance.simulated)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     frames = round(pressure.frames / pressure.rate * settings.target.rate)
@@ -191,6 +198,7 @@ def play_command(
     device: str = "virtual",
     output: Path | None = None,
     array_calibration: Path | None = None,
+    spread: Spread = "default",
     seed: int = 0,
     force: Force = False,
     correct_air: bool = False,
@@ -251,7 +259,7 @@ def play_command(
     # The virtual sensor has the cells, height and band that the drive was solved for.
     known, around = Settings.of(drive.provenance) or Settings(), None if room is None else Acoustics(medium=room)
     cells, height = sensor_from_provenance(drive.provenance), known.target.grid.height
-    rig = VirtualRig(array=drive.array.nominal, cells=cells, height=height, acoustics=around, seed=seed)
+    rig = VirtualRig(array=drive.array.nominal, cells=cells, height=height, acoustics=around, seed=seed, spread=spread)
     rig = rig.hearing(known.calibration.band)
     if array_calibration is not None:
         measured = load_array_calibration(array_calibration)
@@ -319,6 +327,10 @@ def _play_on_array(
                 2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
             )
             drive = load_solution(source).drive
+        kept = kept_array_calibration(device)
+        if kept is not None and drive.provenance.last("array calibration").get("id") != kept.known.identifier:
+            advice = f"{device} has one of {kept.known.date or 'unknown date'}; use midair solve --device {device}"
+            print_note(f"array calibration: this drive was solved without that of this array: {advice}", warn=True)
         drive = _corrected(drive, source, room) if correct else drive
         admission = options.admit(drive, array, room)
         _print_room_air(drive, source, room)
