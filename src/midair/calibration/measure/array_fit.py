@@ -98,6 +98,8 @@ def fit_array(
     units = len(np.unique(field.array.unit))
     pose, covariance = np.zeros((units, 7)), np.zeros((7 * units, 7 * units))
     for sweep in range(sweeps):
+        if units > 1 and sweep > 0:
+            pose, covariance = fit_units(fit, field.array, pose)
         for group in groups:
             if sweep < 2:
                 fit.slopes[group:] = [fit.slope(group)]
@@ -109,8 +111,6 @@ def fit_array(
             before = state.response.copy()
             absorb_displacement(fit.field, state, strength, usual)
             fit.turn(before)
-        if units > 1 and sweep > 0:
-            pose, covariance = fit_units(fit, field.array, pose)
     return _result(
         fit, field, common, 0.0 if synchronous else usual.pole, level_uncertainty, (pose, covariance), date, provenance
     )

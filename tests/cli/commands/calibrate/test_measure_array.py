@@ -99,6 +99,11 @@ def test_the_virtual_array_is_measured_from_the_command_line(capsys):
     assert np.median(found.strength_uncertainty) < 0.01
     assert np.median(found.phase_uncertainty) < 0.01
     assert np.median(found.resonance_uncertainty) < 15
+    check = ["calibrate", "array", "virtual", "a.array.h5", "--check", "--override-exposure", "a test"]
+    assert run(check) == 0
+    assert "holds" in capsys.readouterr().out
+    assert run([*check, "--seed", "1"]) == 1
+    assert "transducers changed" in capsys.readouterr().out
 
 
 @pytest.mark.long
