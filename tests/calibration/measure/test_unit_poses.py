@@ -53,6 +53,7 @@ def test_the_jacobian_is_that_of_the_model():
         strength=1.0,
         centre=np.ones(24, complex),
         pole=pole,
+        slopes=[],
     )
     fit.slopes = [fit.slope(0)]
     found = columns_of_units(fit, 0, np.ones(28), np.zeros((24, 28)))

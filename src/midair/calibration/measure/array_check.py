@@ -89,6 +89,7 @@ def check_array(
         strength=strength,
         centre=known.response,
         pole=known.pole,
+        slopes=[],
     )
     fit.slopes = [fit.slope(group) for group in groups]
     for _ in range(_SWEEPS):

@@ -93,6 +93,7 @@ def fit_array(
         strength=strength,
         centre=np.full(count, strength, complex),
         pole=np.full(count, nominal),
+        slopes=[],
     )
     common = np.zeros((2, len(groups)))
     units = len(np.unique(field.array.unit))

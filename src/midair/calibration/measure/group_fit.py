@@ -1,6 +1,6 @@
 """Gauss-Newton steps for the transducers of an array, group by group, in a recording of phase codes."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,8 @@ class GroupFit:
     """Prior mean of each response, shape (transducer,)."""
     pole: Complex
     """Prior mean of each pole in rad/s, shape (transducer,)."""
-    slopes: list[Slope] = field(default_factory=list[Slope])
+    slopes: list[Slope]
+    """Of the groups so far."""
 
     @property
     def groups(self) -> tuple[NDArray[np.int64], ...]:
