@@ -33,13 +33,17 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
+_CLOSE = 1.5
+"""Power of the remainder over that of the noise below which the slopes stay as they are."""
+
+
 def fit_array(
     field: ArrayField,
     samples: Array,
     *,
     dynamics: TransducerDynamics | None = None,
     usual: TransducerPrior | None = None,
-    sweeps: int = 4,
+    sweeps: int = 12,
     synchronous: bool = True,
     level_uncertainty: float = 0.0,
     date: str = "",
@@ -59,7 +63,8 @@ def fit_array(
     usual : TransducerPrior, optional
         Prior of the transducers.
     sweeps : int
-        Number of fits of each group.
+        Largest number of fits of each group; at least 4, if that many are allowed. It ends when the remainder is close
+        to the noise, or no longer falls.
     synchronous : bool
         Whether the first sample belongs to the first frame. If not, the delay is fitted too, and the mean time constant
         stays unknown: slow transducers and a late array have the same effect.
@@ -98,16 +103,20 @@ def fit_array(
     common = np.zeros((2, len(groups)))
     units = len(np.unique(field.array.unit))
     pose, covariance = np.zeros((units, 7)), np.zeros((7 * units, 7 * units))
+    left = [np.inf]
     for sweep in range(sweeps):
-        if units > 1 and sweep > 0:
+        if sweep > 3 and (left[-1] < _CLOSE or left[-1] > 0.97 * min(left[:-2])):
+            break
+        if units > 1 and sweep > 1:
             pose, covariance = fit_units(fit, field.array, pose)
         for group in groups:
-            if sweep < 2:
-                fit.slopes[group:] = [fit.slope(group)]
+            if sweep < 2 or left[-1] > _CLOSE:
+                fit.slopes[group : group + 1] = [fit.slope(group)]
             fit.step(group)
             if progress:
                 progress(sweep * len(groups) + group + 1, sweeps * len(groups))
         common = fit.balance()
+        left.append(float(np.mean([np.square(fit.residual(group)).mean() / fit.noise[group] for group in groups])))
         if sweep < 2:
             before = state.response.copy()
             absorb_displacement(fit.field, state, strength, usual)
@@ -161,7 +170,7 @@ def _result(
     }
     pose, covariance = units
     if len(pose) > 1:
-        pose, covariance = differences(field.array, pose, worst * covariance)
+        pose, covariance = differences(field.array, pose, covariance)
     return ArrayCalibration(
         array=field.array,
         response=np.where(dead, 0, response),

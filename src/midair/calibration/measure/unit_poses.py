@@ -24,8 +24,8 @@ from midair.physics import transfer_matrix, wavenumber
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_PRIOR = 30.0
-"""Prior standard deviation of every number of a pose, in units of `POSE_AIMS`: 3 mm, 3 degrees, 1.5 us."""
+_PRIOR = 20.0
+"""Prior standard deviation of every number of a pose, in units of `POSE_AIMS`: 2 mm, 2 degrees, 1 us."""
 
 
 def fit_units(fit: GroupFit, nominal: TransducerArray, pose: Array) -> tuple[Array, Array]:
@@ -51,8 +51,10 @@ def fit_units(fit: GroupFit, nominal: TransducerArray, pose: Array) -> tuple[Arr
         moved = columns_of_units(fit, group, aims, mean)
         cross, pull = slope.jacobian.T @ moved / noise, fit.unknowns(group) / fit.belief(group) ** 2
         solved = slope.covariance @ np.column_stack([cross, slope.jacobian.T @ rest / noise - pull])
-        information += moved.T @ moved / noise - cross.T @ solved[:, :-1]
-        gradient += moved.T @ rest / noise - cross.T @ solved[:, -1]
+        # A remainder above the noise is no information on the units.
+        share = min(1.0, noise / float(np.square(rest).mean()))
+        information += share * (moved.T @ moved / noise - cross.T @ solved[:, :-1])
+        gradient += share * (moved.T @ rest / noise - cross.T @ solved[:, -1])
     covariance = np.linalg.inv(information)
     pose = pose + (covariance @ gradient * aims).reshape(-1, 7)
     before, old = state.response.copy(), transfer_matrix(cell_places(model, state.place), model.array)

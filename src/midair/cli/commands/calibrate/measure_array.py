@@ -117,7 +117,8 @@ def array_command(
     print_air(medium, stated=room is not None)
     count, frames = array.array.count, round(duration * RATE)
     work = WORK * count * frames
-    print_note(f"{count} transducers: {duration + 2:.0f} s of silence and codes, then about {work:.0f} s of CPU")
+    cpu = f"{work:.0f} to {3 * work:.0f} s of CPU, the more the transducers differ"
+    print_note(f"{count} transducers: {duration + 2:.0f} s of silence and codes, then {cpu}")
     with progress_bars(f"calibrate array {count} transducers", frames) as stage, array, source:
         found = calibrate_array(
             array,
@@ -142,8 +143,8 @@ def array_command(
     return None
 
 
-WORK = 6e-6
-"""CPU time of the fit per transducer and frame of codes, in s, as measured with `benchmarks.measured_array`."""
+WORK = 9e-6
+"""CPU time of a fit of four sweeps per transducer and frame, in s, as measured by `benchmarks.unknown_arrays`."""
 
 
 def _check(
