@@ -43,7 +43,7 @@ class GroupFit:
     pole: Complex
     """Prior mean of each pole in rad/s, shape (transducer,)."""
     slopes: list[Slope]
-    """Of the groups so far."""
+    """Slope of each group, in their order."""
 
     @property
     def groups(self) -> tuple[NDArray[np.int64], ...]:
