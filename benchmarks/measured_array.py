@@ -23,6 +23,7 @@ from midair.model import Acoustics, ArrayCalibration, Medium
 from midair.paper.modes_compared import OBJECTS, SIGNALS, FidelityPlan, at_strength, original_of
 from midair.pipeline import required_lead
 from midair.rig import BudgetPlan, VirtualRig, calibrate_array, error_budget
+from midair.rig.names.virtual_rig import SPREADS
 from midair.settings import best_mode
 from midair.solvers import one_blas_thread
 
@@ -36,13 +37,14 @@ def main() -> None:
         "--seeds", type=int, nargs="*", default=[0, 7, 11], help="seeds of the true values (default 0 7 11)"
     )
     parser.add_argument("--seconds", type=float, default=8.0, help="duration of the codes in s (default 8)")
+    parser.add_argument("--spread", choices=SPREADS, default="default", help="differences between the transducers")
     parser.add_argument("--things", nargs="*", default=[*SIGNALS, *OBJECTS])
     parser.add_argument("--keep", type=Path, help="folder for measured arrays, which are then reused")
     options = parser.parse_args()
     print(load())
     with one_blas_thread():
         for seed in options.seeds:
-            rig = VirtualRig(seed=seed, acoustics=ROOM)
+            rig = VirtualRig(seed=seed, acoustics=ROOM, spread=options.spread)
             found, cost = timed(lambda rig=rig: kept(rig, options.seconds, options.keep))
             print(f"seed {seed}: {options.seconds:g} s of codes, {cost / 1e3:.0f} s of CPU", flush=True)
             if "coverage" in options.part:
@@ -55,7 +57,7 @@ def kept(rig: VirtualRig, seconds: float, folder: Path | None) -> ArrayCalibrati
     """Load an earlier measurement if it was kept, otherwise measure."""
     if folder is None:
         return measured(rig, seconds)
-    path = folder / f"seed{rig.seed}-{seconds:g}.array.h5"
+    path = folder / f"{rig.spread}-seed{rig.seed}-{seconds:g}.array.h5"
     if not path.exists():
         save_array_calibration(measured(rig, seconds), path)
     return load_array_calibration(path)

@@ -15,6 +15,7 @@ from .apply import inverse_fir as inverse_fir
 from .apply import inverse_response as inverse_response
 from .apply import typical_uncertainty as typical_uncertainty
 from .apply import undo_matrix as undo_matrix
+from .measure import ArrayCheck as ArrayCheck
 from .measure import ArrayCodes as ArrayCodes
 from .measure import ArrayField as ArrayField
 from .measure import ArrayPlan as ArrayPlan
@@ -29,6 +30,7 @@ from .measure import SensorPlace as SensorPlace
 from .measure import TransducerPrior as TransducerPrior
 from .measure import array_codes as array_codes
 from .measure import beam_field as beam_field
+from .measure import check_array as check_array
 from .measure import find_lag as find_lag
 from .measure import fit_array as fit_array
 from .measure import focus_position as focus_position

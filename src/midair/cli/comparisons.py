@@ -3,18 +3,19 @@
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, cast
 
 from rich.table import Table
 
-from midair.cli.console import out
+from midair.cli.console import out, print_note
 from midair.evaluate import RATIOS, Comparison, PalmFidelity, PerceptualMetrics, ratio_text
 from midair.files import load_array_calibration, open_take
 from midair.model import PressureFrames, Provenance, TransducerArray
 from midair.pipeline import calibrated_pressure
 from midair.recordings import unreproduced
-from midair.rig import Outcome, comparison_rows
+from midair.rig import Outcome, calibration_age, comparison_rows, kept_array_calibration
 from midair.settings import Settings
 from midair.streaming import TempFrames, blocks
 
@@ -54,12 +55,22 @@ def cached_pressure(pressure: PressureFrames) -> Generator[PressureFrames]:
 
 
 def with_array_calibration(
-    path: Path | None, array: TransducerArray, settings: Settings, pressure: PressureFrames
+    path: Path | None, array: TransducerArray, settings: Settings, pressure: PressureFrames, *, device: str = "virtual"
 ) -> tuple[TransducerArray, Settings, PressureFrames]:
-    """Array, settings and pressure for the measured transducers of a file; unchanged without a file."""
-    if path is None:
+    """Array, settings and pressure for measured transducers: of a file, or those stored for a device if `path` is None.
+
+    Unchanged if there are none, or if the path is ``none``. Prints the age of the calibration.
+    """
+    kept = kept_array_calibration(device) if path is None else None
+    if kept is not None:
+        path, known, checked = kept.path, kept.known, f"; checked on {kept.checked}" if kept.checked else ""
+    elif path is None or str(path) == "none":
         return array, settings, pressure
-    known = load_array_calibration(path)
+    else:
+        known, checked = load_array_calibration(path), ""
+    medium, height = settings.acoustics.medium, settings.target.grid.height
+    age = calibration_age(known, today=datetime.now(UTC).date(), medium=medium, height=height)
+    print_note(f"array calibration: {path.name} ({known.identifier}), {age}{checked}")
     told = {"file": path.name, "id": known.identifier, "date": known.date}
     life = pressure.provenance.then("array calibration", told, simulated=known.provenance.simulated)
     return known.applied(array), settings.measured(known), replace(pressure, provenance=life)

@@ -27,6 +27,7 @@ from midair.cli.quantities import format_quantity, quantity
 from midair.errors import InputError
 from midair.files import load_palm, load_solution
 from midair.model import HEIGHTS, Palm
+from midair.rig import TransducerSpread
 from midair.settings import CHOICES, MODES, Choice, Mode, Settings, format_value
 from midair.solvers import QuietPalm
 from midair.validation import Declared
@@ -46,8 +47,16 @@ Lead = Annotated[OptionalTime, Parameter(help="Fade time before and after the pa
 Sensitivity = Annotated[str | None, Parameter(help="Sensitivity of every channel, such as 20mV/Pa or 2count/Pa.")]
 _PEAK = "Pressure of the largest change of any channel, such as 30Pa."
 Peak = Annotated[float | None, quantity("Pa"), Parameter(help=_PEAK)]
-_ARRAY_CALIBRATION = "Measured transducers to solve for, NAME.array.h5 of midair calibrate array."
+_ARRAY_CALIBRATION = (
+    "Measured transducers to solve for, NAME.array.h5 of midair calibrate array; none: the model's. "
+    "[default: the calibration stored for a real --device]"
+)
 ArrayCalibration = Annotated[Path | None, Parameter(help=_ARRAY_CALIBRATION)]
+_SPREAD = (
+    "Differences between the virtual transducers: default, boards (phases as measured on published boards) or "
+    "data-sheets (limits of data sheets)."
+)
+Spread = Annotated[TransducerSpread, Parameter(help=_SPREAD)]
 _PLACEMENT = "TOML file with position and rotation of the units. [default: two by two, side by side]"
 Placement = Annotated[Path | None, Parameter(help=_PLACEMENT)]
 _STOP_INPUT = (

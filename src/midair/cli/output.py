@@ -174,5 +174,25 @@ def array_rows(known: ArrayCalibration) -> list[tuple[str, str]]:
         ("phase", of(known.phase, known.phase_uncertainty, "rad", 3)),
         ("resonance", of(known.resonance, known.resonance_uncertainty, "Hz", 0)),
         ("quality factor", of(known.quality, quality, "", 1)),
+        *_unit_rows(known),
         ("calibration id", f"{known.identifier}, {known.date or 'no date'}"),
     ]
+
+
+def _unit_rows(known: ArrayCalibration) -> list[tuple[str, str]]:
+    """Position, angle and time offset of each unit off its nominal place, k = 2, and what cannot be told apart."""
+    if not known.pose_covariance.any():
+        return []
+    rows: list[tuple[str, str]] = []
+    scales = ((slice(0, 3), 1e3, "mm"), (slice(3, 6), 180 / np.pi, "°"), (slice(6, 7), 1e9, "ns"))
+    for unit, (pose, sure) in enumerate(zip(known.pose, known.pose_uncertainty, strict=True)):
+        parts = [
+            f"{', '.join(f'{each:+.3g}' for each in scale * pose[part])} {name} (± {2 * scale * sure[part].max():.2g})"
+            for part, scale, name in scales
+        ]
+        rows.append((f"unit {unit}", "; ".join(parts)))
+    rows.append(("of the units", "x, y, z, rotation about x, y, z, time offset; off their nominal places, k = 2"))
+    shared = "the array as a whole from the sensor's place and angle"
+    weak = [f"{names} (up to {times:.1f} times the aim)" for names, times in known.inseparable().items()]
+    rows.append(("not told apart", "; ".join([shared, *weak])))
+    return rows

@@ -4,6 +4,7 @@ from midair.progress import Progress as Progress
 
 from .acoustics import Acoustics as Acoustics
 from .acoustics import Directivity as Directivity
+from .array_calibration import POSE_AIMS as POSE_AIMS
 from .array_calibration import ArrayCalibration as ArrayCalibration
 from .board import Board as Board
 from .board import array_of_boards as array_of_boards

@@ -15,6 +15,11 @@ from midair.validation import frozen_array
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+POSE_AIMS = np.array([*[1e-4] * 3, *np.radians([0.1] * 3), 50e-9])
+"""Accuracy to which the position in m, rotation in rad and time offset in s of a unit should be known."""
+
+_POSE_NAMES = ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z", "time offset")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArrayCalibration:
@@ -40,6 +45,12 @@ class ArrayCalibration:
     """Relative uncertainty of the quality factor, shape (transducer,)."""
     dead: NDArray[np.bool_]
     """Transducers without a measurable output, shape (transducer,); their pole is a typical one."""
+    pose: Array = field(default_factory=lambda: np.zeros((0, 7)))
+    """Difference of each unit from its nominal place, shape (unit, 7): x, y, z in m, rotation about x, y, z in rad,
+    time offset in s; without what all units share. The response contains its effect at the sensor. Zeros if not
+    measured."""
+    pose_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """Covariance of all numbers of `pose`, shape (7 unit, 7 unit); zeros if not measured."""
     level_uncertainty: float = 0.0
     """Relative uncertainty that all magnitudes share: half that of the sensor's level, since radiation pressure is
     proportional to the square of the sound pressure."""
@@ -56,6 +67,11 @@ class ArrayCalibration:
             values = frozen_array(getattr(self, name), name, shape)
             if values.min() < 0:
                 raise InputError(f"{name}: expected 0 or more, got {values.min():g}")
+            object.__setattr__(self, name, values)
+        units = len(np.unique(self.array.unit))
+        for name, wide in (("pose", (units, 7)), ("pose_covariance", (7 * units, 7 * units))):
+            given = getattr(self, name)
+            values = frozen_array(given if given.size else np.zeros(wide), f"{name} of the units", wide)
             object.__setattr__(self, name, values)
         object.__setattr__(self, "dead", frozen_array(self.dead, "dead transducers", shape, np.bool_))
         if self.pole.real.max() >= 0:
@@ -93,6 +109,28 @@ class ArrayCalibration:
     def quality(self) -> Array:
         """Quality factor of each transducer, shape (transducer,): pi times resonance times time constant."""
         return np.asarray(-np.pi * self.resonance / self.pole.real, np.float64)
+
+    @property
+    def pose_uncertainty(self) -> Array:
+        """Standard uncertainty of each number of `pose`, shape (unit, 7)."""
+        return np.sqrt(np.clip(np.diag(self.pose_covariance), 0, None)).reshape(self.pose.shape)
+
+    def inseparable(self) -> dict[str, float]:
+        """Numbers of the units that the measurement cannot tell apart, each with its uncertainty over its aim.
+
+        The singular values of the Jacobian, divided by the noise and with `POSE_AIMS` as units, are 1 / square root of
+        the eigenvalues of the covariance. Along a direction with an eigenvalue above 1, numbers with more than a
+        tenth of its largest component change together without a visible effect.
+        """
+        aims = np.tile(POSE_AIMS, len(self.pose))
+        values, directions = np.linalg.eigh(self.pose_covariance / np.outer(aims, aims))
+        found: dict[str, float] = {}
+        for value, direction in zip(values, directions.T, strict=True):
+            if value > 1:
+                size = np.abs(direction).reshape(-1, 7).max(axis=0)
+                names = [_POSE_NAMES[each] for each in np.flatnonzero(size > 0.1 * size.max())]
+                found[" and ".join(names)] = max(found.get(" and ".join(names), 0.0), float(np.sqrt(value)))
+        return found
 
     @property
     def identifier(self) -> str:

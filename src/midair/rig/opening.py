@@ -128,6 +128,7 @@ def _virtual_rig(chosen: PlaySettings, drive: Drive | None) -> VirtualRig:
         height=height,
         acoustics=chosen.acoustics,
         seed=chosen.seed,
+        spread=chosen.spread,
     ).hearing(band)
     if (measured := chosen.array_calibration) is None:
         return rig

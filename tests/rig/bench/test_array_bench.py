@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
 
-from midair.calibration import ArrayPlan
+from midair.calibration import ArrayField, ArrayPlan, array_codes
 from midair.errors import InputError, RateError
 from midair.model import Acoustics, TransducerArray
+from midair.physics import SensorModel, Transducers, calibration_of, sense
 from midair.rig import VirtualRig, calibrate_array
+from midair.rig.bench import check_silence
 
 WHOLE = TransducerArray.autd3(columns=1, rows=1)
 NEAR = np.sort(np.argsort(np.linalg.norm(WHOLE.position, axis=1))[:30])
@@ -44,3 +46,50 @@ def test_a_sensor_must_be_calibrated_and_of_the_codes_rate():
         sensor.calibration = None
         with pytest.raises(InputError, match="with a calibration"):
             calibrate_array(array, sensor)
+
+
+def silent_sensor():
+    model = SensorModel()
+    codes = array_codes(STRONG, model.grid, ArrayPlan(duration=0.4), acoustics=Acoustics(), height=0.2)
+    field = ArrayField(array=STRONG, codes=codes, acoustics=Acoustics(), calibration=calibration_of(model))
+    pressure = np.zeros((8000, 4, 4))
+    volts = sense(model, pressure, 1000, rng=np.random.default_rng(1), oversample=8)
+    return field, volts.reshape(-1, 16)
+
+
+def test_a_quiet_sensor_passes_and_a_noisy_or_draughty_one_does_not():
+    field, volts = silent_sensor()
+    said = []
+    check_silence(volts, field, said.append)
+    assert said == []
+    rng, time = np.random.default_rng(2), np.arange(len(volts))[:, None] / 1000
+    check_silence(volts + 3 * volts.std() * rng.standard_normal(volts.shape), field, said.append)
+    assert len(said) == 1
+    assert "3.2 times as much" in said[0] or "3.1 times as much" in said[0]
+    with pytest.raises(InputError, match=r"expected the noise of its calibration, got .* times as much"):
+        check_silence(volts + 30 * volts.std() * rng.standard_normal(volts.shape), field)
+    said.clear()
+    check_silence(volts + volts.std() * np.sin(2 * np.pi * 3 * time), field, said.append)
+    assert len(said) == 1
+    assert "still air" in said[0]
+
+
+def test_a_clipped_recording_is_refused():
+    array, sensor = opened(4)
+    with array, sensor:
+        sensor.full_scale = 1e-4
+        with pytest.raises(InputError, match=r"no clipped sample under the beam, got .* lower --top"):
+            calibrate_array(array, sensor, ArrayPlan(duration=0.4, group=15))
+
+
+def test_the_spread_of_published_boards_has_their_phases():
+    count = VirtualRig().array.count
+    phases = {}
+    for spread in ("default", "boards", "data-sheets"):
+        true = VirtualRig(seed=1, spread=spread).array_device().chain.transducers
+        phases[spread] = np.angle(true.response).std()
+        again = VirtualRig(seed=1, spread=spread, transducers=Transducers.alike(count)).array_device()
+        assert (again.chain.transducers.response == 1).all()
+    assert phases["default"] == pytest.approx(0.06, abs=0.01)
+    assert phases["boards"] == pytest.approx(0.2, abs=0.02)
+    assert phases["data-sheets"] > 0.3

@@ -2,6 +2,8 @@
 
 from .against_reference import measure_calibration as measure_calibration
 from .against_reference import measure_response as measure_response
+from .array_check import ArrayCheck as ArrayCheck
+from .array_check import check_array as check_array
 from .array_field import ArrayField as ArrayField
 from .array_field import SensorPlace as SensorPlace
 from .array_fit import fit_array as fit_array

@@ -58,22 +58,28 @@ class ArrayField:
 
     def matrix(self, place: SensorPlace) -> tuple[Complex, Array]:
         """Transfer matrix (point, transducer) in roots of Pa to points around the cells, and weights (cell, point)."""
+        points, model = self._grid(place)
+        G = transfer_matrix(self.points(place), self.array.nominal, acoustics=self.acoustics)
+        factor = float(radiation_pressure(np.ones(1), self.acoustics.medium)[0]) * place.gain
+        return G * np.sqrt(factor), cell_weights(model, points, between="waves")
+
+    def points(self, place: SensorPlace) -> Array:
+        """Positions of the points around the cells in m, shape (point, 3)."""
+        points, sensor = self._grid(place)[0], self.calibration.sensor
+        flat = points.position[:, :2] + np.mean([sensor.channel_position(cell) for cell in self.codes.cells], axis=0)
+        turned = flat @ np.array([[np.cos(place.turn), np.sin(place.turn)], [-np.sin(place.turn), np.cos(place.turn)]])
+        return np.column_stack([turned + np.array([place.x, place.y]), points.position[:, 2]])
+
+    def _grid(self, place: SensorPlace) -> tuple[ControlGrid, SensorModel]:
+        """Grid of points around the cells under the beam, and the sensor with these cells only."""
         sensor = self.calibration.sensor
         rows, columns = (np.unique(axis) for axis in np.divmod(self.codes.cells, sensor.columns))
         some = SensorGrid(rows=len(rows), columns=len(columns), pitch=sensor.pitch, name=sensor.name)
-        middle = np.mean([sensor.channel_position(cell) for cell in self.codes.cells], axis=0)
         model = SensorModel(grid=some, aperture=self.aperture, spread=place.spread)
         # Interference patterns have no detail below half a wavelength; 2 mm is less than half of that.
         pitch, reach = 2e-3, self.aperture / 2 + 6e-3
         wide = [int(np.ceil(((count - 1) * sensor.pitch + 2 * reach) / pitch)) for count in (len(rows), len(columns))]
-        points = ControlGrid(rows=wide[0], columns=wide[1], pitch=pitch, height=place.z)
-        weights = cell_weights(model, points, between="waves")
-        flat = points.position[:, :2] + middle
-        turned = flat @ np.array([[np.cos(place.turn), np.sin(place.turn)], [-np.sin(place.turn), np.cos(place.turn)]])
-        at = np.column_stack([turned + np.array([place.x, place.y]), points.position[:, 2]])
-        G = transfer_matrix(at, self.array.nominal, acoustics=self.acoustics)
-        factor = float(radiation_pressure(np.ones(1), self.acoustics.medium)[0]) * place.gain
-        return G * np.sqrt(factor), weights
+        return ControlGrid(rows=wide[0], columns=wide[1], pitch=pitch, height=place.z), model
 
     def window(self, group: int) -> tuple[int, int]:
         """First and last frame of a group's codes, with half of the steady period on both sides."""

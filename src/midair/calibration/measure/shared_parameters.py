@@ -174,6 +174,25 @@ def position_phase_error(
     return np.sqrt(np.einsum("ni,ij,nj->n", pattern, covariance, pattern))
 
 
+def group_displacement(field: ArrayField, state: ArrayState, dead: NDArray[np.bool_]) -> tuple[float, float]:
+    """Largest displacement in m between the sensor's position during one group's codes and the mean of all.
+
+    The second number is its standard uncertainty, from the scatter of the phases.
+    """
+    pattern, phase = _patterns(field, state.place), np.angle(state.response)
+    found, errors = [], []
+    for members in field.codes.groups:
+        some = members[~dead[members]]
+        rest = np.angle(np.exp(1j * (phase[some] - np.angle(state.response[some].sum()))))
+        inverse = np.linalg.inv(pattern[some].T @ pattern[some] + np.diag([1e-3, 1e-3, 1e-3, 0]))
+        found.append((inverse @ pattern[some].T @ rest)[:3])
+        left = rest - pattern[some, :3] @ found[-1]
+        errors.append(np.sqrt(np.diag(inverse)[:3]) * left.std())
+    away = np.array(found) - np.mean(found, axis=0)
+    group, axis = np.unravel_index(np.argmax(np.abs(away)), away.shape)
+    return float(abs(away[group, axis])), float(errors[group][axis])
+
+
 def real_parts(values: Complex) -> Array:
     """Real parts, then imaginary parts, along the first axis."""
     return np.concatenate([values.real, values.imag])

@@ -7,7 +7,7 @@ from rich.table import Table
 from midair.cli.comparisons import calibrated_part, print_palm, print_ratios, with_array_calibration
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
-from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, SolveOptions, StartAt
+from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, SolveOptions, Spread, StartAt
 from midair.cli.output import may_write
 from midair.cli.time_estimates import workload_of
 from midair.devices import SilencerChoice
@@ -29,6 +29,7 @@ def budget_command(
     silencer: SilencerChoice = "auto",
     lead: Lead = None,
     array_calibration: ArrayCalibration = None,
+    spread: Spread = "default",
     seed: int = 0,
     force: Force = False,
     json: Json = False,
@@ -59,12 +60,13 @@ def budget_command(
         may_write(figure, force)
     original = calibrated_part(source, settings, start_at, duration)
     band = settings.calibration.band
-    virtual = VirtualRig(cells=original.sensor, seed=seed, height=settings.target.grid.height).hearing(band)
+    height = settings.target.grid.height
+    virtual = VirtualRig(cells=original.sensor, seed=seed, height=height, spread=spread).hearing(band)
     measured, settings, original = with_array_calibration(array_calibration, virtual.array, settings, original)
     plan = BudgetPlan(
         settings=settings,
         rig=virtual,
-        measured=None if array_calibration is None else measured,
+        measured=None if measured is virtual.array else measured,
         silencer=silencer,
         palm=options.outline(),
         lead=required_lead(settings) if lead is None else lead,

@@ -14,7 +14,7 @@ from midair.cli.comparisons import (
     settings_of_rerecording,
 )
 from midair.cli.console import banner, out, print_figures, print_json, print_note, progress_bars, verbosity
-from midair.cli.options import BandOptions, Force, Json
+from midair.cli.options import BandOptions, Force, Json, Spread
 from midair.cli.output import may_write
 from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
@@ -50,6 +50,7 @@ def compare_command(
     *,
     options: BandOptions | None = None,
     palm: Path | None = None,
+    spread: Spread = "default",
     seed: int = 0,
     report: Path | None = None,
     film: Path | None = None,
@@ -97,7 +98,7 @@ def compare_command(
     original, reproduced = _in_order(original, reproduced)
     told: PalmFidelity | None = None
     if reproduced.name.lower().endswith(DRIVE_SUFFIX):
-        settings, take, told = _played(original, reproduced, palm, seed, film)
+        settings, take, told = _played(original, reproduced, palm, VirtualRig(seed=seed, spread=spread), film)
     else:
         for option, given in (("--palm", palm), ("--film", film)):
             if given is not None:
@@ -189,7 +190,7 @@ def _write_film(path: Path, frames: PalmFrames, progress: Progress) -> None:
 
 
 def _played(
-    original: Path, drive_file: Path, palm: Path | None, seed: int, film: Path | None
+    original: Path, drive_file: Path, palm: Path | None, rig: VirtualRig, film: Path | None
 ) -> tuple[Settings, OpenedTake, PalmFidelity]:
     """Settings of a drive, its re-recording by a virtual sensor, and its fidelity on a whole palm."""
     drive = load_solution(drive_file).drive
@@ -206,7 +207,7 @@ def _played(
             "name the recording that it was solved for"
         )
     band = settings.calibration.band
-    rig = VirtualRig(cells=felt.sensor, seed=seed, height=settings.target.grid.height).hearing(band)
+    rig = replace(rig, cells=felt.sensor, height=settings.target.grid.height).hearing(band)
     outline = Palm.disc() if palm is None else load_palm(palm)
     kind = f"compare {workload_of(settings, drive.array.count)}{'' if film is None else ' film'}"
     with progress_bars(kind, drive.frames) as stage:

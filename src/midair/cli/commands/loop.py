@@ -92,8 +92,10 @@ def loop_command(
             f"loop on {playing.device}: expected --sensor and its --calibration to re-record the array, got "
             f"{playing.sensor or 'no sensor'} and {'a' if playing.calibration else 'no'} calibration"
         )
-    if array_calibration is not None:
-        measured, settings, original = with_array_calibration(array_calibration, opened.array.array, settings, original)
+    measured, settings, original = with_array_calibration(
+        array_calibration, opened.array.array, settings, original, device=playing.device
+    )
+    if measured is not opened.array.array:
         opened = replace(opened, measured=measured)
     banner(opened.array.simulated or original.provenance.simulated)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)

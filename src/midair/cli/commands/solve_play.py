@@ -44,6 +44,7 @@ from midair.rig import (
     check_air,
     checkup_line,
     correct_air_of_file,
+    kept_array_calibration,
     open_rig,
     play_cleared,
     rerecord,
@@ -63,6 +64,7 @@ def solve_command(
     lead: Lead = None,
     array: ArrayKind = "autd3",
     placement: Path | None = None,
+    device: str = "virtual",
     array_calibration: ArrayCalibration = None,
     force: Force = False,
     json: Json = False,
@@ -79,6 +81,8 @@ def solve_command(
         autd3: two by two units. openmpd, openmpd-twin (experimental): one board, two facing boards.
     placement
         TOML file with position and rotation of AUTD3 units.
+    device
+        Array on which the drive will be played, as in midair play, to use its stored calibration.
 
     Examples
     --------
@@ -96,7 +100,9 @@ def solve_command(
     piece = calibrated_part(source, settings, start_at, duration, streamed=True)
     piece = with_unreproduced(source, piece, settings.calibration.band)
     pressure = add_lead(piece, required_lead(settings) if lead is None else lead)
-    transducers, settings, pressure = with_array_calibration(array_calibration, transducers, settings, pressure)
+    transducers, settings, pressure = with_array_calibration(
+        array_calibration, transducers, settings, pressure, device=device
+    )
     banner(pressure.provenance.simulated)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     frames = round(pressure.frames / pressure.rate * settings.target.rate)
@@ -149,7 +155,7 @@ def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, 
 
 @options_from(
     PlaySettings,
-    *("device", "array_calibration", "placement", "silencer", "repeats", "delay", "participant", "seed"),
+    *("device", "array_calibration", "placement", "silencer", "repeats", "delay", "participant", "spread", "seed"),
 )
 class PlayOptions:
     """Array and playback."""
@@ -285,6 +291,10 @@ def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, cor
                 2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
             )
             drive = load_solution(source).drive
+        kept = kept_array_calibration(device)
+        if kept is not None and drive.provenance.last("array calibration").get("id") != kept.known.identifier:
+            advice = f"{device} has one of {kept.known.date or 'unknown date'}; use midair solve --device {device}"
+            print_note(f"array calibration: this drive was solved without that of this array: {advice}", warn=True)
         drive = _corrected(drive, source, room) if correct else drive
         admission = _admitted(drive, array, settings)
         _print_room_air(drive, source, room)

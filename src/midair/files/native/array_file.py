@@ -45,6 +45,9 @@ def save_array_calibration(calibration: ArrayCalibration, path: str | os.PathLik
         **{name: getattr(calibration, name) for name in _ERRORS},
         "dead": calibration.dead.astype(np.int8),
     }
+    if calibration.pose_covariance.any():
+        values |= {"pose": np.arange(calibration.pose.size), "unit_pose": calibration.pose.ravel()}
+        values["unit_pose_covariance"] = calibration.pose_covariance
     with new_file(path) as file:
         write_group(file, "array", values)
 
@@ -66,6 +69,9 @@ def load_array_calibration(path: str | os.PathLike[str]) -> ArrayCalibration:
         response=values["response_real"] + 1j * values["response_imag"],
         pole=values["pole_real"] + 1j * values["pole_imag"],
         dead=values["dead"].astype(bool),
+        # Files of older versions have no poses.
+        pose=np.reshape(values.get("unit_pose", []), (-1, 7)),
+        pose_covariance=values.get("unit_pose_covariance", np.zeros((0, 0))),
         level_uncertainty=values["level_uncertainty"],
         date=values["date"],
         provenance=from_json(values["provenance"]),

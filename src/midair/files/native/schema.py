@@ -226,6 +226,9 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         numbers("resonance_uncertainty", "transducer", "Hz", "of the resonance, k = 1"),
         numbers("quality_uncertainty", "transducer", "1", "of the quality factor, a part of it, k = 1"),
         indices("dead", "transducer", "1 where nothing was heard", dtype="i1"),
+        indices("pose", "pose", "seven numbers a unit: x, y, z, rotation about x, y, z, time offset", required=False),
+        numbers("unit_pose", "pose", "1", "each in m, rad or s, off the nominal place of its unit", required=False),
+        numbers("unit_pose_covariance", "pose pose", "1", "of these numbers", required=False),
     ),
     "played": (
         *_SIGNED,

@@ -1,10 +1,22 @@
 """Measure the transducers of an array with the sensor above it: play codes, record them, fit the transducers."""
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.calibration import ArrayField, ArrayPlan, array_codes, find_lag, fit_array, typical_uncertainty
-from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exposure
+from midair.calibration import (
+    ArrayCheck,
+    ArrayField,
+    ArrayPlan,
+    array_codes,
+    check_array,
+    find_lag,
+    fit_array,
+    typical_uncertainty,
+)
+from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exposure, read_frames
 from midair.errors import InputError, RateError
 from midair.model import HEIGHT, HEIGHTS, Acoustics, ArrayCalibration, Drive, Provenance
 from midair.physics import TransducerDynamics, radiation_pressure, transfer_matrix
@@ -13,6 +25,30 @@ from midair.rig.playing import default_exposure, rerecord
 from midair.validation import length
 
 Array = NDArray[np.float64]
+
+
+_SILENCE = 1.0
+"""Duration of the recording before the codes, in s."""
+
+
+def no_warning(_: str) -> None:
+    """Ignore a warning."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArraySession:
+    """Conditions under which codes are played."""
+
+    height: float = HEIGHT
+    """Height of the sensor above the array in m, to about 1 mm; the fit finds the rest."""
+    acoustics: Acoustics = field(default_factory=Acoustics)
+    """Air of the room and directivity."""
+    exposure: ExposureChoices | None = None
+    """Exposure limits of the codes; the default profile if None."""
+    stage: Stage = no_progress
+    """Called with the name of each stage at its start; returns its progress callback."""
+    warn: Callable[[str], None] = no_warning
+    """Called with a line for each fault of the recording that widens the uncertainties."""
 
 
 def calibrate_array(
@@ -26,6 +62,7 @@ def calibrate_array(
     exposure: ExposureChoices | None = None,
     date: str = "",
     stage: Stage = no_progress,
+    warn: Callable[[str], None] = no_warning,
 ) -> ArrayCalibration:
     """Measure the transducers of an open array with an open, calibrated sensor.
 
@@ -35,18 +72,12 @@ def calibrate_array(
         Open; both real or both virtual. The array's silencer must be off.
     plan : ArrayPlan, optional
         Duration and strength of the codes.
-    height : float
-        Height of the sensor above the array in m, to about 1 mm; the fit finds the rest.
-    acoustics : Acoustics, optional
-        Air of the room and directivity.
+    height, acoustics, exposure, stage, warn
+        As in `ArraySession`.
     dynamics : TransducerDynamics, optional
         Envelope of the model's transducers.
-    exposure : ExposureChoices, optional
-        Exposure limits of the codes; the default profile if None.
     date : str
         As in `ArrayCalibration`.
-    stage : callable
-        Called with the name of each stage at its start; returns its progress callback.
 
     Raises
     ------
@@ -55,10 +86,46 @@ def calibrate_array(
     RateError
         If the sensor's rate is not an integer multiple of the codes' rate.
     InputError
-        If the sensor has no calibration, or does not detect the beam.
+        If the sensor has no calibration, does not detect the beam, clips, is too noisy, or moved by more than 0.5 mm.
     """
-    length(height, "height", HEIGHTS)
-    plan, acoustics = plan or ArrayPlan(), acoustics or Acoustics()
+    session = ArraySession(
+        height=length(height, "height", HEIGHTS),
+        acoustics=acoustics or Acoustics(),
+        exposure=exposure,
+        stage=stage,
+        warn=warn,
+    )
+    model, samples, told = _recorded(array, sensor, plan or ArrayPlan(), session)
+    found = fit_array(
+        model,
+        samples,
+        dynamics=dynamics,
+        synchronous=sensor.simulated,
+        level_uncertainty=(typical_uncertainty(model.calibration, model.band) or 0.0) / 2,
+        date=date,
+        provenance=told,
+        progress=stage("fit each group"),
+    )
+    _check_fit(found, warn)
+    return found
+
+
+def check_array_calibration(
+    array: ArrayDevice, sensor: SensorDevice, known: ArrayCalibration, *, session: ArraySession | None = None
+) -> ArrayCheck:
+    """Compare an open array with its calibration by about two seconds of codes; devices and errors as above."""
+    session = session or ArraySession()
+    # Two numbers are measured for each of the four unknowns of a transducer.
+    plan = ArrayPlan(duration=max(0.5, 2 * array.array.count / 996))
+    model, samples, _ = _recorded(array, sensor, plan, session)
+    return check_array(model, samples, known, synchronous=sensor.simulated)
+
+
+def _recorded(
+    array: ArrayDevice, sensor: SensorDevice, plan: ArrayPlan, session: ArraySession
+) -> tuple[ArrayField, Array, Provenance]:
+    """Play and record the codes of a plan; return the model, the samples from the first frame on, and their origin."""
+    height, acoustics = session.height, session.acoustics
     known = sensor.calibration
     if known is None:
         raise InputError(f"{sensor.name}: expected a sensor with a calibration, got none; give one with --calibration")
@@ -67,38 +134,96 @@ def calibrate_array(
         raise RateError(
             f"{sensor.name}: expected an integer multiple of the codes' {plan.rate:g} Hz, got {sensor.rate:g} Hz"
         )
-    model = array.array.nominal
-    codes = array_codes(model, sensor.grid, plan, acoustics=acoustics, height=height)
-    life = Provenance(source=f"codes of {array.name}")
+    nominal = array.array.nominal
+    codes = array_codes(nominal, sensor.grid, plan, acoustics=acoustics, height=height)
     drive = Drive(
         phase=codes.phase,
         level=np.full(codes.frames, codes.level),
         rate=codes.rate,
-        array=model,
+        array=nominal,
         acoustics=acoustics,
-        provenance=life,
+        provenance=Provenance(source=f"codes of {array.name}"),
     )
-    admission = check_exposure(drive, array, exposure or default_exposure())
-    recording = rerecord(admission, array, sensor, source="array calibration", tail=0.1, progress=stage("play codes"))
+    admission = check_exposure(drive, array, session.exposure or default_exposure())
+    model = ArrayField(
+        array=nominal, codes=codes, acoustics=acoustics, calibration=known, height=height, rate=sensor.rate
+    )
+    sensor.start()
+    try:
+        silence = read_frames(sensor, round(_SILENCE * sensor.rate)).reshape(-1, sensor.grid.count)
+    finally:
+        sensor.stop()
+    check_silence(silence, model, session.warn)
+    recording = rerecord(
+        admission, array, sensor, source="array calibration", tail=0.1, progress=session.stage("play codes")
+    )
     samples = recording.samples.reshape(recording.frames, -1)
+    if sensor.full_scale is not None:
+        clipped = float((np.abs(samples[:, list(codes.cells)]) >= 0.999 * sensor.full_scale).mean())
+        if clipped > 0:
+            raise InputError(
+                f"{sensor.name}: expected no clipped sample under the beam, got {100 * clipped:.2g} % at full scale; "
+                f"lower --top ({plan.top:g} Pa)"
+            )
     if not sensor.simulated:
         expected = _expected(drive, sensor, list(codes.cells), height, round(per))
         samples = samples[find_lag(samples[:, list(codes.cells)].sum(axis=1), expected) :]
-    field = ArrayField(
-        array=model, codes=codes, acoustics=acoustics, calibration=known, height=height, rate=sensor.rate
-    )
     told = {"array": array.name, "sensor": known.identifier, "seconds": plan.duration, "top_pa": plan.top}
+    told |= {"height_m": height, "temperature_c": acoustics.medium.degrees}
     measured = Provenance(source=f"{array.name} heard by {sensor.name}", simulated=recording.provenance.simulated)
-    return fit_array(
-        field,
-        samples,
-        dynamics=dynamics,
-        synchronous=sensor.simulated,
-        level_uncertainty=(typical_uncertainty(known, field.band) or 0.0) / 2,
-        date=date,
-        provenance=measured.then("measure array", told),
-        progress=stage("fit each group"),
-    )
+    return model, samples, measured.then("measure array", told)
+
+
+def check_silence(samples: Array, model: ArrayField, warn: Callable[[str], None] = no_warning) -> None:
+    """Compare a recording without sound, shape (frame, channel), with the noise of the sensor's calibration.
+
+    Noise in the band above twice that of the calibration, or three times as much below 15 Hz as in the band (a draught,
+    or someone walking), gives a warning; ten times the noise InputError.
+    """
+    cells = list(model.codes.cells)
+    known = float(np.sqrt((model.calibration.noise.ravel()[cells] ** 2).mean()))
+    some = samples[:, cells] - samples[:, cells].mean(axis=0)
+    frequency = np.fft.rfftfreq(len(some), 1 / model.rate)
+    density = 2 * np.square(np.abs(np.fft.rfft(some, axis=0))).mean(axis=1) / (model.rate * len(some))
+    low, high = model.band
+    noise = float(np.sqrt(density[(frequency >= low) & (frequency <= high)].mean()))
+    slow = float(np.sqrt(density[(frequency >= 1) & (frequency < 15)].mean()))
+    if known > 0 and noise > 2 * known:
+        line = (
+            f"the silent sensor: expected the noise of its calibration, got {noise / known:.1f} times as much; "
+            "switch off what hums or shakes, and check the cable"
+        )
+        if noise > 10 * known:
+            raise InputError(line)
+        warn(line)
+    if slow > 3 * noise > 0:
+        warn(
+            f"the silent sensor: expected still air, got {slow / noise:.1f} times the noise below 15 Hz; close doors "
+            "and windows, switch off fans, and do not walk"
+        )
+
+
+def _check_fit(found: ArrayCalibration, warn: Callable[[str], None]) -> None:
+    """Warn or raise InputError if the sensor moved during the codes; warn if the model leaves more than the noise."""
+    told = found.provenance.last("fit array")
+    moved, sure, left = (float(str(told[name])) for name in ("moved_m", "moved_uncertainty_m", "noise_ratio"))
+    if moved > max(0.1e-3, 4 * sure):
+        line = (
+            f"the sensor: expected it at rest, got a movement of {1e3 * moved:.2f} mm (± {2e3 * sure:.2f} mm) during "
+            "the codes; fix it and the array, and measure again"
+        )
+        if moved > 0.5e-3:
+            raise InputError(line)
+        warn(line)
+    if left > _LEFT:
+        warn(
+            f"the fit: expected the noise of the sensor as remainder, got {left:.1f} times as much: draught, movement "
+            "or echoes; the uncertainties contain it"
+        )
+
+
+_LEFT = 3.0
+"""Remainder of a fit over the sensor's noise that gives a warning."""
 
 
 def _expected(drive: Drive, sensor: SensorDevice, cells: list[int], height: float, per: int) -> Array:

@@ -9,4 +9,5 @@ from .sensor_names import source_sensor as source_sensor
 from .stage_names import stage_named as stage_named
 from .thermometer_names import THERMOMETERS as THERMOMETERS
 from .thermometer_names import thermometer_named as thermometer_named
+from .virtual_rig import TransducerSpread as TransducerSpread
 from .virtual_rig import VirtualRig as VirtualRig

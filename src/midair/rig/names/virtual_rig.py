@@ -1,6 +1,9 @@
 """A simulated rig: array, sensor, and the air between them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Literal, TypedDict
 
 from midair.datasets import am_stimulus, stroke, taps
 from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
@@ -8,6 +11,28 @@ from midair.errors import BandError, UnknownDeviceError
 from midair.model import HEIGHT, HEIGHTS, RATE, Acoustics, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import SensorModel, TransducerDynamics, Transducers
 from midair.validation import length
+
+TransducerSpread = Literal["default", "boards", "data-sheets"]
+"""Differences between the transducers of a virtual array, see docs/fidelity.md."""
+
+
+class _Spread(TypedDict, total=False):
+    spread: float
+    resonance_spread: float
+
+
+SPREADS: Mapping[TransducerSpread, _Spread] = MappingProxyType(
+    {
+        # Assumed: 5 % of strength, 50 Hz, 5 % of quality; phases then differ by 0.06 rad.
+        "default": {},
+        # Phases differ by 0.2 rad, the median over 33 boards of OpenMPD whose files state a measured phase for each of
+        # 256 transducers (RMResearch/OpenMPD, OpenMPD_Client/board_*.pat), without a quadratic trend over the board.
+        "boards": {"resonance_spread": 180.0},
+        # 40.0 +- 1.0 kHz (Pro-Wave 400PT120, Changzhou FHD), taken as three standard deviations; strength assumed.
+        "data-sheets": {"resonance_spread": 1000.0 / 3, "spread": 0.1},
+    }
+)
+"""Arguments of `VirtualArray` for each spread; its defaults otherwise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +52,8 @@ class VirtualRig:
     """Simulation steps per frame of the sensor."""
     seed: int = 0
     """Seed of the sensor's spread and noise and of the transducers' strengths."""
+    spread: TransducerSpread = "default"
+    """Differences between the transducers."""
     transducers: Transducers | None = None
     """Transducers of the array, such as from `Transducers.measured`; a random spread if None."""
     peak: float = 30.0
@@ -71,6 +98,7 @@ class VirtualRig:
             dynamics=self.dynamics,
             seed=self.seed,
             transducers=self.transducers,
+            **SPREADS[self.spread],
         )
 
     def touched_by(self, thing: str, *, duration: float | None = None) -> VirtualSensor:

@@ -7,6 +7,7 @@ import numpy as np
 from midair.devices import Cooling, ExposureChoices, SilencerChoice
 from midair.files import DEFAULT_PROFILE, load_array_calibration, load_calibration, load_placement, profile_named
 from midair.model import BAND, HEIGHT, HEIGHTS, Acoustics, ArrayCalibration, Calibration, Placement, SensorGrid
+from midair.rig.names import TransducerSpread
 from midair.validation import Declared, check_settings, documented, setting
 
 
@@ -70,6 +71,11 @@ class PlaySettings(Declared):
     band: tuple[float, float] = setting(BAND, "Frequencies that a virtual sensor must record.", unit="Hz")
     acoustics: Acoustics | None = setting(
         None, "Air and directivity of the virtual rig; the air of each drive if None."
+    )
+    spread: TransducerSpread = setting(
+        "default",
+        "Differences between the virtual transducers: default, boards (phases as measured on published boards) or "
+        "data-sheets (limits of data sheets).",
     )
     seed: int = setting(0, "Random seed of the virtual rig: transducer strengths and noise.")
 

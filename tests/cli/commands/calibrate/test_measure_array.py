@@ -10,6 +10,7 @@ import pytest
 from midair.cli import run
 from midair.files import load_array_calibration, load_solution, open_take, save, save_array_calibration
 from midair.model import ArrayCalibration, Calibration, Recording, TransducerArray
+from midair.rig import keep_array_calibration
 
 QUICK = ("--mode", "paper", "--points", "4", "--iterations", "3", "2", "--duration", "0.01s")
 
@@ -73,6 +74,23 @@ def test_codes_that_are_too_short_and_names_that_are_there_are_refused(capsys):
     assert "--force" in capsys.readouterr().err
 
 
+def test_a_real_array_is_solved_for_its_stored_calibration(take, capsys, monkeypatch, tmp_path):
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+    calibration = known(TransducerArray.autd3())
+    keep_array_calibration("autd3:eth0", calibration)
+    solve = ["solve", "take.h5", *QUICK, "-f", "--device"]
+    assert run([*solve, "autd3:eth0"]) == 0
+    assert f"({calibration.identifier}), " in capsys.readouterr().err
+    drive = load_solution("take.drive.h5").drive
+    np.testing.assert_array_equal(drive.array.response, calibration.response)
+    step = next(step for step in drive.provenance.steps if step.stage == "array calibration")
+    assert step.settings["id"] == calibration.identifier
+    for words in (["virtual"], ["autd3:eth1"], ["autd3:eth0", "--array-calibration", "none"]):
+        assert run([*solve, *words]) == 0
+        assert load_solution("take.drive.h5").drive.array.alike
+    assert "array calibration" not in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_the_virtual_array_is_measured_from_the_command_line(capsys):
     assert run(["calibrate", "array", "virtual", "a.array.h5", "--override-exposure", "a test"]) == 0
@@ -81,6 +99,11 @@ def test_the_virtual_array_is_measured_from_the_command_line(capsys):
     assert np.median(found.strength_uncertainty) < 0.01
     assert np.median(found.phase_uncertainty) < 0.01
     assert np.median(found.resonance_uncertainty) < 15
+    check = ["calibrate", "array", "virtual", "a.array.h5", "--check", "--override-exposure", "a test"]
+    assert run(check) == 0
+    assert "holds" in capsys.readouterr().out
+    assert run([*check, "--seed", "1"]) == 1
+    assert "transducers changed" in capsys.readouterr().out
 
 
 @pytest.mark.long

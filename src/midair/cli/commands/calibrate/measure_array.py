@@ -1,21 +1,39 @@
 """The command `calibrate array`: strength, phase and resonance of each transducer, by a sensor over the array."""
 
 import re
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 from midair.calibration import ArrayPlan
-from midair.cli.console import banner, print_json, print_rows, progress_bars
+from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
-from midair.cli.options import Force, Json, Length, Time
+from midair.cli.options import Force, Json, Length, Placement, Spread, Time
 from midair.cli.output import array_rows, may_write
 from midair.cli.quantities import quantity
 from midair.devices import ArrayDevice, SensorDevice
-from midair.errors import MissingFileError
-from midair.files import ARRAY_SUFFIX, load_calibration, save_array_calibration
-from midair.model import HEIGHT, Acoustics, Medium
-from midair.rig import VirtualRig, array_named, calibrate_array, sensor_named
+from midair.errors import InputError, MissingFileError
+from midair.files import (
+    ARRAY_SUFFIX,
+    load_array_calibration,
+    load_calibration,
+    load_placement,
+    save_array_calibration,
+)
+from midair.model import HEIGHT, RATE, Acoustics, Medium
+from midair.model import Placement as UnitPlacement
+from midair.rig import (
+    ArraySession,
+    VirtualRig,
+    array_named,
+    calibrate_array,
+    check_array_calibration,
+    keep_array_calibration,
+    keep_array_check,
+    kept_array_calibration,
+    sensor_named,
+)
 
 
 def array_command(
@@ -29,24 +47,27 @@ def array_command(
     top: Annotated[float, quantity("Pa")] = 100.0,
     height: Length = HEIGHT,
     date: str | None = None,
+    check: bool = False,
+    placement: Placement = None,
     air: AirOptions | None = None,
     exposure: ExposureOptions | None = None,
+    spread: Spread = "default",
     seed: int = 0,
     force: Force = False,
     json: Json = False,
-) -> None:
+) -> int | None:
     """Measure strength, phase and resonance of each transducer of an array, with a sensor above it.
 
     All transducers hold a focus on the centre of the sensor, and each is modulated with its own code.
-    The position of the sensor is estimated to a few millimetres.
-    Use the result with --array-calibration in midair solve, loop, budget and play.
+    Position, angle and time offset of each unit, and the position of the sensor, are estimated as well.
+    The result for a real array is stored too: midair solve and loop with this --device then use it by default.
 
     Parameters
     ----------
     sensor
         virtual, or a sensor as in midair record, lying face down over the centre of the array.
     output
-        File to write, NAME.array.h5. [default: the array's name and the date]
+        File to write, NAME.array.h5; with --check the file to check. [default: the array's name and the date]
     device
         virtual, or an array as in midair play.
     calibration
@@ -59,6 +80,10 @@ def array_command(
         Height of the sensor above the array, to about a millimetre.
     date
         Date of the measurement, ISO 8601. [default: today]
+    check
+        Do not measure: check by two seconds of codes that the calibration still holds. Status 1 if not.
+    placement
+        TOML file with position and rotation of the units of a real array.
     air
         Air of the room. [default: 22C and 50%]
     exposure
@@ -69,36 +94,94 @@ def array_command(
     Examples
     --------
     $ midair calibrate array --duration 12s
+    $ midair calibrate array lsl:Skin --device autd3 --calibration palm.calibration.h5
+    $ midair calibrate array lsl:Skin --device autd3 --calibration palm.calibration.h5 --check
     """
     room = (air or AirOptions()).medium()
     medium = room or Medium.at(temperature=22.0, humidity=0.5)
-    source, array = _devices(sensor, device, calibration, VirtualRig(seed=seed, height=height))
+    rig = VirtualRig(seed=seed, height=height, spread=spread)
+    units = None if placement is None else load_placement(placement)
+    source, array = _devices(sensor, device, calibration, rig, units)
+    session = ArraySession(
+        height=height,
+        acoustics=Acoustics(medium=medium),
+        exposure=(exposure or ExposureOptions()).choices(room),
+        warn=lambda line: print_note(f"midair: warning: {line}", warn=True),
+    )
+    if check:
+        return _check(array, source, device, output, session, json=json)
     day = date or datetime.now(UTC).date().isoformat()
     name = re.sub(r"[^\w.-]+", "-", array.array.name).strip("-") or "array"
     target = output or Path(f"{name}-{day}{ARRAY_SUFFIX}")
     may_write(target, force)
     print_air(medium, stated=room is not None)
-    with progress_bars() as stage, array, source:
+    count, frames = array.array.count, round(duration * RATE)
+    work = WORK * count * frames
+    cpu = f"{work:.0f} to {3 * work:.0f} s of CPU, the more the transducers differ"
+    print_note(f"{count} transducers: {duration + 2:.0f} s of silence and codes, then {cpu}")
+    with progress_bars(f"calibrate array {count} transducers", frames) as stage, array, source:
         found = calibrate_array(
             array,
             source,
             ArrayPlan(duration=duration, top=top),
             height=height,
-            acoustics=Acoustics(medium=medium),
-            exposure=(exposure or ExposureOptions()).choices(room),
+            acoustics=session.acoustics,
+            exposure=session.exposure,
             date=day,
             stage=stage,
+            warn=session.warn,
         )
     save_array_calibration(found, target)
+    simulated = found.provenance.simulated
     rows = [*array_rows(found), ("written", str(target))]
+    if not simulated:
+        rows.append(("used by default", f"for --device {device}: {keep_array_calibration(device, found)}"))
     if json:
-        return print_json({**dict(rows), "simulated": found.provenance.simulated})
-    banner(found.provenance.simulated)
+        return print_json({**dict(rows), "simulated": simulated})
+    banner(simulated)
     print_rows(rows)
     return None
 
 
-def _devices(sensor: str, device: str, calibration: Path | None, rig: VirtualRig) -> tuple[SensorDevice, ArrayDevice]:
+WORK = 9e-6
+"""CPU time of a fit of four sweeps per transducer and frame, in s, as measured by `benchmarks.unknown_arrays`."""
+
+
+def _check(
+    array: ArrayDevice, source: SensorDevice, device: str, path: Path | None, session: ArraySession, *, json: bool
+) -> int:
+    """Check a calibration, print what changed, store the result; status 1 if it no longer holds."""
+    kept = kept_array_calibration(device) if path is None else None
+    if path is not None:
+        known = load_array_calibration(path)
+    elif kept is not None:
+        known = kept.known
+    else:
+        raise InputError(f"--check: expected a calibration of {device}, got none; measure the array, or name its file")
+    with progress_bars() as stage, array, source:
+        found = check_array_calibration(array, source, known, session=replace(session, stage=stage))
+    problems = found.problems()
+    result = "; ".join(problems) or "holds"
+    if kept is not None:
+        keep_array_check(device, result)
+    offsets = ", ".join(f"{1e9 * each:+.0f}" for each in found.offset)
+    rows = [
+        ("calibration", f"{known.identifier}, {known.date or 'no date'}: {result}"),
+        ("silent or changed", f"{len(found.dead)}, {len(found.drifted)} of {array.array.count} transducers"),
+        ("units", f"{offsets} ns out of step, ± {2e9 * found.offset_uncertainty:.0f} ns (k = 2)"),
+        ("air", f"{found.warming:+.1f} K off the stated one, ± {2 * found.warming_uncertainty:.1f} K (k = 2)"),
+    ]
+    if json:
+        print_json({**dict(rows), "problems": problems, "simulated": source.simulated})
+    else:
+        banner(source.simulated)
+        print_rows(rows)
+    return int(bool(problems))
+
+
+def _devices(
+    sensor: str, device: str, calibration: Path | None, rig: VirtualRig, placement: UnitPlacement | None
+) -> tuple[SensorDevice, ArrayDevice]:
     """Sensor and array, not yet open, with the silencer off."""
     skin = rig.skin()
     source = rig.sensor(skin) if sensor == "virtual" else sensor_named(sensor, rig)
@@ -107,7 +190,7 @@ def _devices(sensor: str, device: str, calibration: Path | None, rig: VirtualRig
         if source.calibration is None:
             raise MissingFileError(f"{calibration}: expected a calibration in it, found none")
     if device != "virtual":
-        return source, array_named(device, silencer="off")
+        return source, array_named(device, placement, silencer="off")
     array = rig.array_device(skin)
     array.silencer = "off"
     return source, array

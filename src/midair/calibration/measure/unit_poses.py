@@ -1,0 +1,147 @@
+"""Fit position, rotation and time offset of each unit of an array to the codes.
+
+A unit that is out of place changes the phases of its transducers: by -k e.d for a displacement d, with e the direction
+from the transducer to the cell; by -k e.(w x r) for a rotation w about the middle of the unit, r being the position
+relative to it; and by 2 pi f t for a delay t. Two things separate this from differences between transducers. The cells
+see it from different directions: that part is fitted to the recording, with the responses eliminated from the normal
+equations (Schur complement). And the mean over the cells is a smooth pattern, while transducers differ at random, by
+the scatter that is observed.
+
+The array as a whole and the sensor cannot be told apart, nor a common delay: only differences between units count.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.calibration.measure.array_field import ArrayField, SensorPlace
+from midair.calibration.measure.group_fit import GroupFit
+from midair.calibration.measure.shared_parameters import DEAD, real_parts, sound_at_points
+from midair.model import POSE_AIMS, TransducerArray
+from midair.physics import transfer_matrix, wavenumber
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_PRIOR = 20.0
+"""Prior standard deviation of every number of a pose, in units of `POSE_AIMS`: 2 mm, 2 degrees, 1 us."""
+
+
+def fit_units(fit: GroupFit, nominal: TransducerArray, pose: Array) -> tuple[Array, Array]:
+    """One Gauss-Newton step of the units from their current `pose` on; the sound at the sensor stays the same.
+
+    Returns the new pose, shape (unit, 7): x, y, z in m, the rotation about x, y, z in rad, and the delay in s; and its
+    covariance, shape (7 unit, 7 unit).
+    """
+    model, state = fit.field, fit.state
+    unit = np.unique(nominal.unit, return_inverse=True)[1]
+    aims = np.tile(POSE_AIMS, len(pose))
+    mean = phase_pattern(model.array, cell_places(model, state.place), model).mean(axis=0) * aims
+    alive = np.abs(state.response) > DEAD * fit.strength
+    late = np.exp(2j * np.pi * nominal.frequency * pose[unit, 6])
+    own = state.response * late.conj()
+    phase = np.angle(own * np.exp(-1j * np.angle(own[alive].sum())))[alive]
+    even, phase = mean[alive] - mean[alive].mean(axis=0), phase - phase.mean()
+    scatter = max(float((phase - even @ np.linalg.lstsq(even, phase, rcond=1e-6)[0]).std()), 0.01)
+    information = even.T @ even / scatter**2 + np.eye(len(aims)) / _PRIOR**2
+    gradient = even.T @ phase / scatter**2 - (pose / POSE_AIMS).ravel() / _PRIOR**2
+    for group, slope in enumerate(fit.slopes):
+        noise, rest = fit.noise[group], fit.residual(group)
+        moved = columns_of_units(fit, group, aims, mean)
+        cross, pull = slope.jacobian.T @ moved / noise, fit.unknowns(group) / fit.belief(group) ** 2
+        solved = slope.covariance @ np.column_stack([cross, slope.jacobian.T @ rest / noise - pull])
+        # A remainder above the noise is no information on the units.
+        share = min(1.0, noise / float(np.square(rest).mean()))
+        information += share * (moved.T @ moved / noise - cross.T @ solved[:, :-1])
+        gradient += share * (moved.T @ rest / noise - cross.T @ solved[:, -1])
+    covariance = np.linalg.inv(information)
+    pose = pose + (covariance @ gradient * aims).reshape(-1, 7)
+    before, old = state.response.copy(), transfer_matrix(cell_places(model, state.place), model.array)
+    fit.field = replace(model, array=moved_array(nominal, pose))
+    new = transfer_matrix(cell_places(model, state.place), fit.field.array)
+    state.response *= (new.conj() * old).sum(axis=0) / np.square(np.abs(new)).sum(axis=0)
+    fit.turn(before)
+    return pose, covariance * np.outer(aims, aims)
+
+
+def columns_of_units(fit: GroupFit, group: int, aims: Array, absorbed: Array) -> Array:
+    """Change of a group's spectrum for each number of each unit in `aims`, rows as in `GroupFit.residual`.
+
+    The responses absorb the phases `absorbed`, shape (transducer, 7 unit). The sound of a coded transducer counts by
+    the mean beam over each cell.
+    """
+    model, state, members = fit.field, fit.state, fit.groups[group]
+    G, weights = model.matrix(state.place)
+    sound = sound_at_points(model, group, state, G, model.followed(group, state.pole[members])[0])
+    still = model.codes.level * np.exp(1j * model.codes.still) * state.response
+    still[members] = 0
+    beam, points = sound.mean(axis=0).conj(), model.points(state.place)
+    count, steps = len(members), np.split(fit.slopes[group].jacobian, len(weights))
+    response, rows = state.response[members], []
+    for cell, (weight, step) in enumerate(zip(weights, steps, strict=True)):
+        near = np.abs(weight) > 1e-4 * weight.max()
+        pattern = phase_pattern(model.array, points[near], model) * aims - absorbed
+        shares = (weight[near] * beam[near])[:, None] * G[near]
+        mean = np.einsum("pn,pnu->nu", shares[:, members], pattern[:, members])
+        turned = 1j * mean * (response / shares[:, members].sum(axis=0))[:, None]
+        steady = 1j * np.einsum("pn,pnu->pu", G[near] * still, pattern)
+        columns = 2 * ((sound[:, near].conj() * weight[near]) @ steady).real
+        bins, answer = model.answer(group, state.place)
+        spectrum = np.fft.rfft(columns, axis=0)[bins] / len(columns) * answer[:, cell, None]
+        coded = step[:, :count] @ turned.real + step[:, count : 2 * count] @ turned.imag
+        rows.append(coded + real_parts(spectrum))
+    return np.concatenate(rows)
+
+
+def phase_pattern(array: TransducerArray, points: Array, model: ArrayField) -> Array:
+    """Phase of each transducer at each point for each number of each unit, shape (point, transducer, 7 unit)."""
+    k = wavenumber(array, model.acoustics.medium)
+    way = points[:, None] - array.position
+    way /= np.linalg.norm(way, axis=2, keepdims=True)
+    names = np.unique(array.unit)
+    pattern = np.zeros((len(points), array.count, len(names), 7))
+    for number, name in enumerate(names):
+        own = array.unit == name
+        away = array.position[own] - array.position[own].mean(axis=0)
+        pattern[:, own, number, :3] = -k * way[:, own]
+        # e.(w x r) = w.(r x e)
+        pattern[:, own, number, 3:6] = -k * np.cross(away, way[:, own])
+        pattern[:, own, number, 6] = 2 * np.pi * array.frequency
+    return pattern.reshape(*pattern.shape[:2], -1)
+
+
+def cell_places(model: ArrayField, place: SensorPlace) -> Array:
+    """Position of the cells under the beam in m, shape (cell, 3)."""
+    flat = np.array([model.calibration.sensor.channel_position(cell) for cell in model.codes.cells])
+    cos, sin = np.cos(place.turn), np.sin(place.turn)
+    flat = flat @ np.array([[cos, sin], [-sin, cos]]) + np.array([place.x, place.y])
+    return np.column_stack([flat, np.full(len(flat), place.z)])
+
+
+def moved_array(array: TransducerArray, pose: Array) -> TransducerArray:
+    """The array with its units displaced and rotated by `pose`, shape (unit, 7)."""
+    from scipy.spatial.transform import Rotation
+
+    position, normal = array.position.copy(), array.normal.copy()
+    for name, each in zip(np.unique(array.unit), pose, strict=True):
+        own, turn = array.unit == name, Rotation.from_rotvec(each[3:6])
+        middle = position[own].mean(axis=0)
+        position[own] = turn.apply(position[own] - middle) + middle + each[:3]
+        normal[own] = turn.apply(normal[own])
+    return replace(array, position=position, normal=normal)
+
+
+def differences(array: TransducerArray, pose: Array, covariance: Array) -> tuple[Array, Array]:
+    """Pose and covariance without what the units share: the motion of the array as a rigid body, and a delay."""
+    names, middle = np.unique(array.unit), array.position.mean(axis=0)
+    rigid = np.zeros((len(names), 7, 7))
+    for number, name in enumerate(names):
+        x, y, z = array.position[array.unit == name].mean(axis=0) - middle
+        rigid[number] = np.eye(7)
+        # w x r for rotations of the whole array.
+        rigid[number, :3, 3:6] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+    weight = 1 / np.tile(POSE_AIMS, len(names)) ** 2
+    shared = rigid.reshape(-1, 7)
+    keep = np.eye(len(weight)) - shared @ np.linalg.solve(shared.T * weight @ shared, shared.T * weight)
+    return (keep @ pose.ravel()).reshape(pose.shape), keep @ covariance @ keep.T

@@ -1,0 +1,85 @@
+"""Calibrations of real arrays that are used by default, one per array, in midair's state folder.
+
+An array is named as in `midair play`, without its options: by its address (``autd3:eth0``), or ``autd3`` if it is the
+only one. The virtual array and emulators have no calibration here.
+"""
+
+import hashlib
+import re
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+from midair.devices import make_state_folder, state_folder
+from midair.errors import InputError
+from midair.files import ARRAY_SUFFIX, atomic_file, load_array_calibration, save_array_calibration
+from midair.model import ArrayCalibration, Medium
+
+_WARMER, _MOVED = 1.0, 20e-3
+"""Differences of temperature in K and of height in m that are reported."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptCalibration:
+    """The calibration that is used by default for an array."""
+
+    path: Path
+    known: ArrayCalibration
+    checked: str
+    """Result of the last check; empty if there was none."""
+
+
+def keep_array_calibration(device: str, known: ArrayCalibration) -> Path:
+    """Use a calibration by default for a real array; InputError if it was simulated."""
+    if known.provenance.simulated or device.partition(":")[0] == "virtual":
+        raise InputError(f"{device}: expected a calibration of a real array, got a simulated one")
+    path = _path(device)
+    make_state_folder()
+    path.parent.mkdir(mode=0o700, exist_ok=True)
+    save_array_calibration(known, path)
+    _checked(path).unlink(missing_ok=True)
+    return path
+
+
+def keep_array_check(device: str, result: str) -> None:
+    """Store the result of a check, one line, beside the calibration of the array, if it has one."""
+    if (path := _path(device)).exists():
+        with atomic_file(_checked(path)) as partial:
+            partial.write_text(f"{date.today().isoformat()}: {result}\n", encoding="utf-8")
+
+
+def kept_array_calibration(device: str) -> KeptCalibration | None:
+    """The calibration that is used by default for an array; None if there is none, always for the virtual one."""
+    path = _path(device)
+    if device.partition(":")[0] == "virtual" or not path.exists():
+        return None
+    said = _checked(path)
+    checked = said.read_text(encoding="utf-8").strip() if said.exists() else ""
+    return KeptCalibration(path=path, known=load_array_calibration(path), checked=checked)
+
+
+def calibration_age(known: ArrayCalibration, *, today: date, medium: Medium, height: float) -> str:
+    """Age of a calibration, and what differs from the conditions under which it was measured, as one line."""
+    try:
+        days = (today - date.fromisoformat(known.date[:10])).days
+        parts = [f"{days} days old" if days != 1 else "1 day old"]
+    except ValueError:
+        parts = ["of unknown age"]
+    told = known.provenance.last("measure array")
+    then, where = told.get("temperature_c"), told.get("height_m")
+    if isinstance(then, int | float) and abs(then - medium.degrees) >= _WARMER:
+        parts.append(f"measured at {then:.3g} °C, this air has {medium.degrees:.3g} °C")
+    if isinstance(where, int | float) and abs(where - height) >= _MOVED:
+        parts.append(f"measured at a height of {1e3 * where:.0f} mm, the palm is at {1e3 * height:.0f} mm")
+    return ", ".join(parts)
+
+
+def _path(device: str) -> Path:
+    name = device.partition("?")[0]
+    # Different addresses never share a file, whatever their characters.
+    digest = hashlib.sha256(name.encode()).hexdigest()[:6]
+    return state_folder() / "arrays" / f"{re.sub(r'[^A-Za-z0-9.-]+', '-', name)}-{digest}{ARRAY_SUFFIX}"
+
+
+def _checked(path: Path) -> Path:
+    return path.with_name(path.name.removesuffix(ARRAY_SUFFIX) + ".check.txt")

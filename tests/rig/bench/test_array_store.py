@@ -1,0 +1,69 @@
+from dataclasses import replace
+from datetime import date
+
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.model import ArrayCalibration, Medium, Provenance, TransducerArray
+from midair.rig import calibration_age, keep_array_calibration, keep_array_check, kept_array_calibration
+
+ARRAY = TransducerArray.autd3(columns=1, rows=1)
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path, monkeypatch):
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+
+
+def known(*, simulated=False, day="2026-11-20"):
+    count = ARRAY.count
+    measured = {"temperature_c": 22.0, "height_m": 0.2}
+    return ArrayCalibration(
+        array=ARRAY,
+        response=np.ones(count),
+        pole=np.full(count, -5000 + 1200j),
+        **{f"{name}_uncertainty": np.full(count, 0.01) for name in ("strength", "phase", "resonance", "quality")},
+        dead=np.zeros(count, bool),
+        date=day,
+        provenance=Provenance(source="bench", simulated=simulated).then("measure array", measured),
+    )
+
+
+def test_each_address_has_its_own_calibration_and_the_virtual_array_none():
+    first, second = known(), replace(known(), response=np.full(ARRAY.count, 0.5 + 0j))
+    keep_array_calibration("autd3:eth0", first)
+    keep_array_calibration("openmpd:/dev/ttyUSB0?board=a.pat", second)
+    assert kept_array_calibration("autd3:eth0").known.identifier == first.identifier
+    # The option does not change which array it is.
+    assert kept_array_calibration("openmpd:/dev/ttyUSB0").known.identifier == second.identifier
+    assert kept_array_calibration("autd3:eth1") is None
+    assert kept_array_calibration("virtual") is None
+    with pytest.raises(InputError, match="a real array, got a simulated one"):
+        keep_array_calibration("autd3:emulator", known(simulated=True))
+    with pytest.raises(InputError, match="a real array"):
+        keep_array_calibration("virtual", first)
+
+
+def test_a_check_is_kept_until_the_array_is_measured_again():
+    keep_array_check("autd3", "holds")
+    assert kept_array_calibration("autd3") is None
+    keep_array_calibration("autd3", known())
+    keep_array_check("autd3", "unit 1 is late")
+    assert kept_array_calibration("autd3").checked.endswith(": unit 1 is late")
+    keep_array_calibration("autd3", known())
+    assert kept_array_calibration("autd3").checked == ""
+
+
+@pytest.mark.parametrize(
+    ("day", "temperature", "height", "said"),
+    [
+        ("2026-11-20", 22.4, 0.21, "3 days old"),
+        ("2026-11-22T10:00", 22.0, 0.2, "1 day old"),
+        ("", 25.0, 0.2, "of unknown age, measured at 22 °C, this air has 25 °C"),
+        ("2026-11-20", 22.0, 0.15, "3 days old, measured at a height of 200 mm, the palm is at 150 mm"),
+    ],
+)
+def test_age_and_what_changed_are_said(day, temperature, height, said):
+    medium = Medium.at(temperature=temperature)
+    assert calibration_age(known(day=day), today=date(2026, 11, 23), medium=medium, height=height) == said
