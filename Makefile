@@ -42,7 +42,7 @@ test-long: $(VENV)/dev
 	$(BIN)/python -m pytest $(LONG) $(PARALLEL) $(COVER_ALL)
 
 test-slow: $(VENV)/dev
-	$(BIN)/python -m pytest -m slow $(PARALLEL)
+	$(BIN)/python -m pytest -m slow --timeout 3000 $(PARALLEL)
 
 test-browser: $(VENV)/dev
 	$(BIN)/python -m pytest -m browser --durations 10

@@ -97,6 +97,14 @@ def test_nothing_is_armed_if_the_array_cannot_be_lent(client, studio):
     assert studio.store.state["live"]["state"] == "idle"
 
 
+def test_an_error_of_the_studio_is_answered(client, studio, capsys):
+    studio.panels["live"]._checked = {3: {}}
+    with page(client) as socket:
+        socket.send_text(json.dumps({"alive": True}))
+        assert "error in midair, please report it: KeyError" in ask(socket, "begin", admission=3)["error"]
+    assert "Traceback" in capsys.readouterr().err
+
+
 def test_hidden_page_cannot_begin(client, studio):
     studio.panels["live"]._checked = {3: _request()}
     with page(client) as socket:
@@ -106,4 +114,4 @@ def test_hidden_page_cannot_begin(client, studio):
 
 
 def _request():
-    return {"sensor": "virtual:towel", "device": "virtual"}
+    return {"sensor": "virtual:towel", "device": "virtual", "acoustics": None}

@@ -4,6 +4,7 @@ import asyncio
 import json
 import math
 import time
+import traceback
 from collections import deque
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
@@ -176,6 +177,9 @@ class StudioState:
             answer["error"], answer["kind"] = str(wrong), type(wrong).__name__
         except OSError as wrong:
             answer["error"] = f"{wrong.strerror or type(wrong).__name__}"
+        except Exception as wrong:  # a page must never wait for an answer that does not come
+            traceback.print_exc()
+            answer["error"] = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
         self._queue(page, json.dumps(answer))
 
     async def _act(self, page: Page, said: dict[str, Any]) -> Any:
