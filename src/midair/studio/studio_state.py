@@ -37,8 +37,8 @@ def declared(kind: Any, name: str, factor: float = 1.0, *, most: float = math.in
     known: Any = {one.name: one for one in fields(kind)}[name]
     low, high = (factor * each for each in known.metadata["limits"])
     default = known.default if known.default is None else factor * known.default
-    limits = {"gt" if known.metadata["above"] else "ge": low, "le": min(high, most)}
-    return Field(**{"default": default, **limits, **other})
+    made: Any = {"gt" if known.metadata["above"] else "ge": low, "le": min(high, most), "default": default, **other}
+    return Field(**made)
 
 
 class Envelope(Arguments):

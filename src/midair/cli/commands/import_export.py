@@ -70,7 +70,7 @@ def import_command(
     """
     options, notes = options or FileOptions(), ()
     if reference is not None:
-        if options.scale is not None or sensitivity is not None or peak is not None:
+        if getattr(options, "scale", None) is not None or sensitivity is not None or peak is not None:
             raise InputError(
                 "--reference: expected it without --scale, --sensitivity or --peak, got one; give only one"
             )

@@ -94,7 +94,7 @@ def play_made(
         heard=heard,
         felt=again,
         comparison=compare(
-            original, heard, first=first, noise=known_noise(rig.sensor.calibration, settings.calibration.band)
+            original, heard, first=first, noise=known_noise(sensor.calibration, settings.calibration.band)
         ),
     )
 

@@ -154,7 +154,7 @@ def fit_cumulative(
     # As in `fit_logistic`: variances, and bounds far beyond values that answers can distinguish.
     cuts, terms, factors = len(threshold), fixed.shape[1], inside.shape[1] + (item is not None)
     if begin is None:
-        begin = np.r_[threshold[0], np.log(np.diff(threshold)), np.zeros(terms), np.full(factors, 0.25)]
+        begin = np.concatenate([threshold[:1], np.log(np.diff(threshold)), np.zeros(terms), np.full(factors, 0.25)])
     limits = [(-25.0, 25.0)] + [(-12.0, 4.0)] * (cuts - 1) + [(-25.0, 25.0)] * terms
     limits += [(1e-10, 400.0)] * factors
     found = minimize(
