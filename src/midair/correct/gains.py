@@ -160,12 +160,8 @@ def amplitude_gain(measured_gain: float, *, limit: float = 4.0) -> float:
     """Factor on the pressure that corrects a reproduction of gain `measured_gain`.
 
     The paper corrects once: 1 / gain, for `prepare(gain=...)`. It is limited to 1/limit and limit, so that a very weak
-    reproduction does not lead to extreme levels.
-
-    Raises
-    ------
-    InputError
-        If the gain is not above zero: then the level is not the problem.
+    reproduction does not lead to extreme levels. Raises InputError if the gain is not above zero: then the level is not
+    the problem.
     """
     if not measured_gain > 0:
         raise InputError(

@@ -108,10 +108,7 @@ def samples() -> tuple[Sample, ...]:
 def sample(name: str) -> Recording:
     """Load or generate a sample by name; its provenance contains source and licence.
 
-    Raises
-    ------
-    InputError
-        If the name is unknown.
+    Raises InputError if the name is unknown.
     """
     about = _sample_named(name)
     return _with_notes(_generated(about) if about.stroke is not None else _read(about), about)
@@ -166,10 +163,7 @@ def _sample_named(name: str) -> Sample:
 def sample_path(name: str) -> Path:
     """The original file of a sample, byte by byte as its authors published it.
 
-    Raises
-    ------
-    InputError
-        If the name is unknown, or the sample is synthetic.
+    Raises InputError if the name is unknown, or the sample is synthetic.
     """
     if not _sample_named(name).file:
         raise InputError(f"sample: expected one that has a file, got {name!r}, which is made by sample()")

@@ -210,10 +210,7 @@ def save(
 def format_of(path: str | os.PathLike[str]) -> Format:
     """Format by the suffix of a file name.
 
-    Raises
-    ------
-    UnknownFormatError
-        If the suffix is unknown, or is not that of a recording.
+    Raises UnknownFormatError if the suffix is unknown, or is not that of a recording.
     """
     name = os.fspath(path).lower()
     for ending, other in OTHERS.items():

@@ -34,10 +34,8 @@ _NUMBERS: dict[Kind, str] = {"recording": "samples", "drive": "phase"}
 def contents(path: str | os.PathLike[str]) -> Contents:
     """Summary of an HDF5 file of midair.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another program, or was written by a newer midair.
+    Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
+    program, or was written by a newer midair.
     """
     with open_file(path) as file:
         kind = _kind(kind_of(file), path)

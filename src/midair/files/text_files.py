@@ -53,10 +53,7 @@ def read_text(path: str | os.PathLike[str], expected: str, *, largest: int = LAR
 def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
     """Read a TOML file.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError
-        As `read_text`, and if it is not valid TOML.
+    Raises MissingFileError or BrokenFileError as `read_text`, and if it is not valid TOML.
     """
     text = read_text(path, expected, largest=LARGEST_TOML)
     try:

@@ -103,10 +103,7 @@ class ArrayCalibration:
     def applied(self, array: TransducerArray) -> TransducerArray:
         """The same array with the measured response of its transducers, for use in a solver.
 
-        Raises
-        ------
-        MismatchError
-            If the transducers of `array` are at other positions.
+        Raises MismatchError if the transducers of `array` are at other positions.
         """
         if not array.same_as(self.array):
             raise MismatchError(

@@ -73,12 +73,7 @@ def array_of_boards(*boards: Board) -> TransducerArray:
     The second board is turned about the y axis, as in the manufacturer's driver (AsierInhoImpl_V2.cpp). The model of
     the transducers is not published; programs for these boards assume a pressure of 3.4, 6.0 or 8.02 Pa m (AcousTools,
     Constants.py). midair assumes the highest value, so that exposure is never underestimated; the felt pressure may
-    then be weaker than requested.
-
-    Raises
-    ------
-    InputError
-        If there are not one or two boards.
+    then be weaker than requested. Raises InputError if there are not one or two boards.
     """
     if len(boards) not in (1, 2):
         raise InputError(f"OpenMPD: expected one board, or two face to face, got {len(boards)}")

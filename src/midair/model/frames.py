@@ -62,10 +62,7 @@ class PressureFrames:
     def cut(self, start: float = 0.0, duration: float | None = None) -> "PressureFrames":
         """The frames from `start` on, for `duration` seconds or to the end; time begins again at 0.
 
-        Raises
-        ------
-        InputError
-            If no frame is left.
+        Raises InputError if no frame is left.
         """
         first, whole = round(start * self.rate), self.frames / self.rate
         last = self.frames if duration is None else min(self.frames, first + round(duration * self.rate))

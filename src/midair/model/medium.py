@@ -23,10 +23,7 @@ SLOWEST, FASTEST = 300.0, 370.0
 class Medium:
     """Properties of the air, and reflection of the surface (paper, 2.1).
 
-    Raises
-    ------
-    InputError
-        If a constant is out of range, or does not agree with the stated temperature and humidity.
+    Raises InputError if a constant is out of range, or does not agree with the stated temperature and humidity.
     """
 
     density: float = 1.25
@@ -107,12 +104,8 @@ class Medium:
     def warmer(self, degrees: float) -> "Medium":
         """The same air, warmer by `degrees` (colder if negative).
 
-        If the constants were stated, only the speed of sound changes: by as much as at 50 % humidity.
-
-        Raises
-        ------
-        InputError
-            If the result is outside the range of the formulas.
+        If the constants were stated, only the speed of sound changes: by as much as at 50 % humidity. Raises InputError
+        if the result is outside the range of the formulas.
         """
         if self.temperature is not None and self.humidity is not None:
             return Medium.at(temperature=self.temperature + degrees, humidity=self.humidity, alpha=self.alpha)

@@ -70,10 +70,7 @@ class Palm:
     def of_rows(cls, rows: tuple[str, ...], *, pitch: float = 2.5e-3, name: str = "palm") -> "Palm":
         """The palm that `rows` of text describe (see `rows`).
 
-        Raises
-        ------
-        ShapeError
-            If the rows differ in length.
+        Raises ShapeError if the rows differ in length.
         """
         if len({len(row) for row in rows}) > 1:
             raise ShapeError(f"palm: expected rows of one length, got {min(map(len, rows))} to {max(map(len, rows))}")

@@ -105,12 +105,8 @@ class MaterialsPlan:
 def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = no_progress) -> PaperResult:
     """Reproduce every stroke in every mode, and classify it with two classifiers; call `stage` with each stage's name.
 
-    Raises
-    ------
-    InputError
-        If there are fewer than two materials, or fewer than three strokes of one.
-    MissingExtraError
-        If scikit-learn is not installed.
+    Raises InputError if there are fewer than two materials, or fewer than three strokes of one; MissingExtraError if
+    scikit-learn is not installed.
     """
     plan = plan or MaterialsPlan()
     check_classifier()

@@ -107,10 +107,7 @@ class Exposure:
     def worst(self) -> tuple[Place, int]:
         """The enforced place with the highest level relative to its limit, and its loudest frame.
 
-        Raises
-        ------
-        InputError
-            If the profile has no enforced limit.
+        Raises InputError if the profile has no enforced limit.
         """
         margins = [
             (float(self.peak[number]) - place.limit, number)

@@ -117,10 +117,7 @@ def steps_per_frame(drive_rate: float, rate: float) -> int:
 def check_frame_rate(rate: float, frequency: float = 40e3) -> int:
     """Periods of the ultrasound per frame: an array can change frames only after whole periods.
 
-    Raises
-    ------
-    RateError
-        If `rate` is not `frequency` over a whole number; the message names the nearest valid rates.
+    Raises RateError if `rate` is not `frequency` over a whole number; the message names the nearest valid rates.
     """
     periods = frequency / rate
     if periods >= 1 and abs(periods - round(periods)) <= 1e-6 * periods:

@@ -47,14 +47,8 @@ def join(recordings: Sequence[Recording]) -> Recording:
     """Concatenate recordings without a gap or a fade between them.
 
     Leading steps that all provenances share are kept as steps. The setting ``parts`` of the step "join" holds the rest:
-    the source, the number of frames and the own steps of each part. Notes are kept where they agree.
-
-    Raises
-    ------
-    InputError
-        If the sequence is empty.
-    MismatchError
-        If two recordings differ in sensor, rate or unit.
+    the source, the number of frames and the own steps of each part. Notes are kept where they agree. Raises InputError
+    if the sequence is empty; MismatchError if two recordings differ in sensor, rate or unit.
     """
     if not recordings:
         raise InputError("join: expected at least one recording, got none")
@@ -75,12 +69,8 @@ def resample(recording: Recording, rate: float) -> Recording:
     """The same band-limited signal at another rate in Hz (`midair.dsp.resample`); frame 0 stays at time 0.
 
     Flat to 0.1 % up to 94 % of half the lower rate. The ratio of the rates is rounded to the nearest fraction with a
-    denominator up to 1000; where that error exceeds 1e-6, the result has the rate of the fraction.
-
-    Raises
-    ------
-    InputError
-        If the rate is not above 0.
+    denominator up to 1000; where that error exceeds 1e-6, the result has the rate of the fraction. Raises InputError if
+    the rate is not above 0.
     """
     rate = positive(rate, "rate", "Hz")
     exact = _rate_of(recording.rate, rate)
@@ -140,12 +130,8 @@ def trim(recording: Recording, *, share: float = 0.05, level: float | None = Non
 def gain(recording: Recording, factor: ArrayLike) -> Recording:
     """Multiply the samples by one factor, or by a factor for each channel, shape (row, column).
 
-    The sensor's calibration does not change: calibrated pressure grows by the same factor.
-
-    Raises
-    ------
-    ShapeError, NonFiniteError
-        If the factors do not match the sensor, or one is not finite.
+    The sensor's calibration does not change: calibrated pressure grows by the same factor. Raises ShapeError or
+    NonFiniteError if the factors do not match the sensor, or one is not finite.
     """
     shape = np.shape(factor)
     if shape not in ((), recording.sensor.shape):

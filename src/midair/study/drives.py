@@ -113,12 +113,8 @@ def prepare_drives(
 def check_digests(folder: Path, drives: Mapping[str, str], stimuli: tuple[Stimulus, ...]) -> None:
     """Check that every drive is the one for which the plan was drawn.
 
-    Raises
-    ------
-    MissingFileError
-        If the plan was drawn without drives, or a drive is missing.
-    MismatchError
-        If a drive was changed after the plan was drawn.
+    Raises MissingFileError if the plan was drawn without drives, or a drive is missing; MismatchError if a drive was
+    changed after the plan was drawn.
     """
     for source, kind in {one.source: one.kind for one in stimuli if one.kind in ("drive", "picture", "sound")}.items():
         if source not in drives:

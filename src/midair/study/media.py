@@ -15,14 +15,8 @@ LARGEST = 20_000_000
 def prepare_media(design: Design, into: Path, *, found_in: Path | None) -> dict[str, str]:
     """Copy every picture and sound of a design from a folder into another one; return the SHA-256 of each.
 
-    Raises
-    ------
-    MissingFileError
-        If a file does not exist, or no folder is given.
-    FileError
-        If a file is larger than `LARGEST`.
-    BrokenFileError
-        If a file is no picture or no sound.
+    Raises MissingFileError if a file does not exist, or no folder is given; FileError if a file is larger than
+    `LARGEST`; BrokenFileError if a file is no picture or no sound.
     """
     digests: dict[str, str] = {}
     for one in design.stimuli:

@@ -37,12 +37,8 @@ class RecordingSweep:
     """Every frame of every trial.
 
     A task is usually a whole trial, because frames may start from earlier ones. Trials with a solver of whole
-    recordings are cut into pieces of its blocks.
-
-    Raises
-    ------
-    InputError
-        If there are no trials, one occurs twice, or its solver does not support its settings.
+    recordings are cut into pieces of its blocks. Raises InputError if there are no trials, one occurs twice, or its
+    solver does not support its settings.
     """
 
     trials: tuple[SweepTrial, ...]

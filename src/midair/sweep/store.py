@@ -99,12 +99,8 @@ def open_sweep(where: Path | str, sweep: Sweep) -> Generator[SweepStore]:
 def load_sweep(where: Path | str) -> SweepResults:
     """Load the results so far, also while other processes are writing.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError
-        If the name does not exist, or is not a sweep.
-    FileError
-        If the object store cannot be reached.
+    Raises MissingFileError or BrokenFileError if the name does not exist, or is not a sweep; FileError if the object
+    store cannot be reached.
     """
     place = storage_of(where)
     if not place.exists():

@@ -30,10 +30,7 @@ def default_lead(mapping: str, band: Band) -> float:
 def add_lead(pressure: PressureFrames, lead: float) -> PressureFrames:
     """Add `lead` seconds on both sides: silence, then a fade to the first frame. Lazy frames stay lazy.
 
-    Raises
-    ------
-    InputError
-        If the lead is below 0 or not below 10 s.
+    Raises InputError if the lead is below 0 or not below 10 s.
     """
     if not 0 <= lead < LONGEST:
         raise InputError(f"lead: expected 0 to {LONGEST:g} s, got {lead:g} s")

@@ -126,10 +126,7 @@ MAPPINGS: Mapping[str, Callable[[Array, float], Array]] = MappingProxyType(
 def mapping_of(name: str, band: tuple[float, float] | None = None) -> Callable[[Array, float], Array]:
     """The mapping of this name for a band in Hz; from 20 Hz on if None.
 
-    Raises
-    ------
-    InputError
-        If the name is unknown.
+    Raises InputError if the name is unknown.
     """
     if name not in MAPPINGS:
         raise InputError(f"mapping: expected one of {', '.join(MAPPINGS)}, got {name!r}")

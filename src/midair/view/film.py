@@ -186,10 +186,7 @@ _GROUND, _LINE = (13, 17, 23), (110, 115, 120)
 def write_gif(film: Film, path: Path, *, progress: Report | None = None) -> None:
     """Write the film as a looping GIF.
 
-    Raises
-    ------
-    InputError
-        If it has more than 2000 pictures.
+    Raises InputError if it has more than 2000 pictures.
     """
     if len(film) > MOST_OF_A_GIF:
         raise InputError(
@@ -204,12 +201,7 @@ def write_gif(film: Film, path: Path, *, progress: Report | None = None) -> None
 def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None:
     """Write the film as a video with ffmpeg.
 
-    Raises
-    ------
-    MissingExtraError
-        If ffmpeg is not installed.
-    InputError
-        If ffmpeg fails, with its message.
+    Raises MissingExtraError if ffmpeg is not installed; InputError if ffmpeg fails, with its message.
     """
     program = ffmpeg()
     wide, high = film.picture(0).size
@@ -233,10 +225,7 @@ def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None
 def ffmpeg() -> str:
     """Return the path of ffmpeg.
 
-    Raises
-    ------
-    MissingExtraError
-        If it is not installed.
+    Raises MissingExtraError if it is not installed.
     """
     found = shutil.which("ffmpeg")
     if found is None:

@@ -76,10 +76,7 @@ class Section:
 def pack(sections: Iterable[Section]) -> bytes:
     """Encode sections as bytes.
 
-    Raises
-    ------
-    InputError
-        If a number does not fit into the header.
+    Raises InputError if a number does not fit into the header.
     """
     return b"".join(_packed(section) for section in sections)
 
@@ -87,10 +84,7 @@ def pack(sections: Iterable[Section]) -> bytes:
 def unpack(data: bytes | bytearray | memoryview) -> list[Section]:
     """Decode sections.
 
-    Raises
-    ------
-    InputError
-        If version, kind or type is unknown, or the data is incomplete.
+    Raises InputError if version, kind or type is unknown, or the data is incomplete.
     """
     return list(_sections(memoryview(data)))
 

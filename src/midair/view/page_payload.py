@@ -77,10 +77,7 @@ def size_of(showing: ViewData) -> int:
 def check_size(showing: ViewData, *, most: int = 64 * 2**20) -> None:
     """Check that a view fits into one page.
 
-    Raises
-    ------
-    InputError
-        If its frames are more than `most` bytes.
+    Raises InputError if its frames are more than `most` bytes.
     """
     size = size_of(showing)
     if size > most:

@@ -179,10 +179,7 @@ def show_comparison(
 ) -> ViewData:
     """View of a re-recording over its original, with the sound field between them if given.
 
-    Raises
-    ------
-    RateError
-        If the rates differ.
+    Raises RateError if the rates differ.
     """
     if not np.isclose(original.rate, again.rate, rtol=1e-9):
         raise RateError(f"comparison: expected both at one rate, got {original.rate:g} and {again.rate:g} Hz")

@@ -13,10 +13,7 @@ from midair.view.view_data import ViewData
 def in_notebook(showing: ViewData) -> Any:
     """Return a widget for the last line of a cell; its attribute `frame` is the playhead, readable and writable.
 
-    Raises
-    ------
-    MissingExtraError
-        If anywidget is not installed.
+    Raises MissingExtraError if anywidget is not installed.
     """
     return _widget_class()(about=metadata(showing), tracks=sections(showing))
 

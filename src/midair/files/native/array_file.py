@@ -18,10 +18,7 @@ _ERRORS = ("strength_uncertainty", "phase_uncertainty", "resonance_uncertainty",
 def save_array_calibration(calibration: ArrayCalibration, path: str | os.PathLike[str]) -> None:
     """Write an array calibration atomically to a ``.array.h5`` file.
 
-    Raises
-    ------
-    UnknownFormatError, FileError
-        If the name has another suffix, or the file cannot be written.
+    Raises UnknownFormatError or FileError if the name has another suffix, or the file cannot be written.
     """
     if not os.fspath(path).lower().endswith(ARRAY_SUFFIX):
         raise UnknownFormatError(f"{path}: expected a name that ends in {ARRAY_SUFFIX} for an array's calibration")
@@ -52,10 +49,8 @@ def save_array_calibration(calibration: ArrayCalibration, path: str | os.PathLik
 def load_array_calibration(path: str | os.PathLike[str]) -> ArrayCalibration:
     """Read an array calibration.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another type, or was written by a newer midair.
+    Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
+    type, or was written by a newer midair.
     """
     with open_file(path) as file:
         check_kind(file, "array", Path(path))

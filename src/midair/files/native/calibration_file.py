@@ -33,10 +33,7 @@ Part = TypeVar("Part", Measurement, Crosstalk, Linearity)
 def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> None:
     """Write a calibration atomically to a ``.calibration.h5`` file.
 
-    Raises
-    ------
-    UnknownFormatError, FileError
-        If the name has another suffix, or the file cannot be written.
+    Raises UnknownFormatError or FileError if the name has another suffix, or the file cannot be written.
     """
     if not os.fspath(path).lower().endswith(CALIBRATION_SUFFIX):
         raise UnknownFormatError(f"{path}: expected a name that ends in {CALIBRATION_SUFFIX} for a calibration")

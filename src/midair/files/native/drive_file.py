@@ -48,12 +48,8 @@ DRIVE_SUFFIX = ".drive.h5"
 def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: AmplitudeFrames | None = None) -> None:
     """Write a drive with its errors, the geometry of its array and, if given, its target, atomically.
 
-    Raises
-    ------
-    UnknownFormatError, FileError
-        If the name does not end in ``.drive.h5``, or the file cannot be written.
-    MismatchError
-        If target and drive differ in frames or rate.
+    Raises UnknownFormatError or FileError if the name does not end in ``.drive.h5``, or the file cannot be written;
+    MismatchError if target and drive differ in frames or rate.
     """
     _check_name(path)
     values = {**_drive_values(solution.drive), **_solution_values(solution)}
@@ -176,10 +172,8 @@ def solution_from(values: Mapping[str, Any], path: Path) -> Solution:
 def load_target(path: str | os.PathLike[str], *, streamed: bool = False) -> AmplitudeFrames | None:
     """Read the target of a drive, lazily if `streamed`; None if the file has none.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another type, or was written by a newer midair.
+    Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
+    type, or was written by a newer midair.
     """
     return target_from(read_drive(Path(path), streamed=streamed), Path(path))
 

@@ -57,12 +57,8 @@ def write_played(group: "h5py.Group", played: PlayedTouch) -> None:
 def load_played(path: str | os.PathLike[str]) -> PlayedTouch | None:
     """Read the live touch that was played during a recording; None if there was none.
 
-    The file may still be open for writing, or its writer may have been killed.
-
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another type, or was written by a newer midair.
+    The file may still be open for writing, or its writer may have been killed. Raises MissingFileError, BrokenFileError
+    or UnknownFormatError if the file does not exist, is damaged or of another type, or was written by a newer midair.
     """
     with open_file(path) as file:
         check_kind(file, "recording", Path(path))

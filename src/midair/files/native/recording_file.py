@@ -118,12 +118,7 @@ def take_from(values: Mapping[str, Any], path: Path, gaps: Sequence[Event] = ())
 def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> None:
     """Store calibrated pressure in the file of its recording, in place of an earlier one; the file is replaced.
 
-    Raises
-    ------
-    MismatchError
-        If the pressure has another sensor shape.
-    FileError
-        If the file cannot be read or written.
+    Raises MismatchError if the pressure has another sensor shape and FileError if the file cannot be read or written.
     """
     take = read_recording(Path(path), ImportOptions(streamed=True))
     write_recording(take.recording, Path(path), take.calibration, pressure, played=load_played(path))
@@ -132,10 +127,8 @@ def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> Non
 def load_pressure(path: str | os.PathLike[str], *, streamed: bool = False) -> PressureFrames | None:
     """Read the calibrated pressure in a recording's file, lazily if `streamed`; None if it has none.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another type, or was written by a newer midair.
+    Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
+    type, or was written by a newer midair.
     """
     with open_file(path) as file:
         check_kind(file, "recording", Path(path))

@@ -102,13 +102,8 @@ def draw_plan(design: Design, *, drives: Mapping[str, str] | None = None) -> Pla
     """Draw all trials from the seed of the design; `drives` gives the SHA-256 of each drive for the plan.
 
     Each participant has an independent random stream: a larger number of participants does not change the others'
-    trials. Pairs in either order become two stimuli, see `both_orders`.
-
-    Raises
-    ------
-    InputError
-        If a participant who always gives the same answer would always be correct in an adaptive block, or the plan has
-        more than `MOST_TRIALS` trials.
+    trials. Pairs in either order become two stimuli, see `both_orders`. Raises InputError if a participant who always
+    gives the same answer would always be correct in an adaptive block, or the plan has more than `MOST_TRIALS` trials.
     """
     whole = _expand_pairs(design)
     trials_each = sum(_trial_count(block) for block in whole.blocks)

@@ -152,12 +152,8 @@ def data_of_columns(
 ) -> StudyData:
     """Answers from the named columns of any table, such as earlier data of a laboratory.
 
-    The other options are those of `Analysis`.
-
-    Raises
-    ------
-    InputError
-        If a column is missing, or neither choices nor ratings are named.
+    The other options are those of `Analysis`. Raises InputError if a column is missing, or neither choices nor ratings
+    are named.
     """
     data = frame_of(table)
     choices = ratings = None
