@@ -33,8 +33,7 @@ class Sample:
     """Object of a synthetic recording."""
     peak: float | None = None
     """Largest pressure in Pa; None for the default of the object. For a real recording it is the largest change of any
-    channel, chosen so that it can be felt, not measured.
-    """
+    channel, chosen so that it can be felt, not measured."""
     faster: float = 1.0
     """Factor by which it is faster than the original."""
     notes: Mapping[str, str] = field(default_factory=dict[str, str])

@@ -56,19 +56,16 @@ class ImportOptions:
     """Channels to read, in this order, by name or by number from 0."""
     stream: str | None = None
     """Which one to read from a file with several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ or
-    MAT.
-    """
+    MAT."""
     packed: int | None = None
     """Number of channels that are interleaved in a row of numbers. The axes of the file are ignored; its rate, if it
-    has one, is the rate of its rows.
-    """
+    has one, is the rate of its rows."""
     mending: Mending | None = None
     """How to fill gaps (NaN, infinite or, in text, missing numbers); None raises an error for gaps."""
     streamed: bool = False
     """Whether to return lazy samples where the format supports it (HDF5 of midair, WAV) and gaps are not filled: a
     recording of any length then needs the memory of one block. Checks for suspicious channels are then left to
-    `midair.recordings.suspicious`.
-    """
+    `midair.recordings.suspicious`."""
 
     def __post_init__(self) -> None:
         if self.packed is not None and self.packed < 1:

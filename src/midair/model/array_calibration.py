@@ -26,8 +26,7 @@ class ArrayCalibration:
     """Complex, shape (transducer,): steady sound pressure at full drive divided by the nominal one; 0 for a dead
     transducer.
 
-    The common phase cannot be measured: the mean phase is 0.
-    """
+    The common phase cannot be measured: the mean phase is 0."""
     pole: Complex
     """Complex, shape (transducer,): -1 / time constant + j (resonance - drive frequency), in rad/s."""
     strength_uncertainty: Array

@@ -27,8 +27,7 @@ class Board:
     offset: Array
     """Phase lag of each transducer, shape (256,), in rad; it is subtracted from the drive.
 
-    Many boards have two groups that differ by half a turn: transducers soldered with reversed polarity.
-    """
+    Many boards have two groups that differ by half a turn: transducers soldered with reversed polarity."""
     strength: Array
     """Factor on the level of each transducer, 0 to 1, shape (256,)."""
     serial: str = ""

@@ -42,8 +42,7 @@ class Calibration:
     """Crosstalk between the cells; None if unknown.
 
     With crosstalk, `response` is that of a pressure on one cell alone; without, that of a uniform pressure on all
-    cells.
-    """
+    cells."""
     linearity: Linearity | None = None
     """Result of measurements at several levels."""
 

@@ -33,8 +33,7 @@ class TransducerArray:
     pressure: float = 275.574246625 * 200e-3 / (4 * np.pi)
     """Peak sound pressure of one transducer on its axis at 1 m and full drive, times that distance, in Pa m.
 
-    The default 4.38590 is that of the T4010A1 in the AUTD3 emulator; calibrate it on a real array.
-    """
+    The default 4.38590 is that of the T4010A1 in the AUTD3 emulator; calibrate it on a real array."""
     frequency: float = 40e3
     """Frequency of the ultrasound, in Hz."""
     response: NDArray[np.complex128] = field(default_factory=lambda: _UNKNOWN)

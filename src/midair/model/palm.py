@@ -23,8 +23,7 @@ class Palm:
     """Distance between the points, in m.
 
     Radiation pressure varies over half a wavelength or more, so that two points per period (2.1 mm at 40 kHz) sample
-    any field; 2.5 mm suffice for the field of four units at 20 cm.
-    """
+    any field; 2.5 mm suffice for the field of four units at 20 cm."""
     name: str = "palm"
 
     def __post_init__(self) -> None:

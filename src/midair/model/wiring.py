@@ -28,8 +28,7 @@ class SensorWiring:
     full_scale: float | None = None
     """Magnitude in `unit` at which the source clips.
 
-    It scales sources that report only fractions of full scale (audio) or counts (serial).
-    """
+    It scales sources that report only fractions of full scale (audio) or counts (serial)."""
     sensitivity: float | None = None
     """Nominal output per pressure, the same for all cells, in `unit` per Pa."""
 

@@ -75,8 +75,7 @@ class MaterialsPlan:
 
     folder: Path | None = None
     """Recordings of one stroke each, in a folder for each material or named MATERIAL_anything; synthetic strokes
-    of brush, sponge and towel if None.
-    """
+    of brush, sponge and towel if None."""
     strokes: int = 12
     """Number of strokes of each synthetic object, with seeds 0, 1, ..."""
     duration: float = 0.3
@@ -85,8 +84,7 @@ class MaterialsPlan:
     """Peak of each target over a single focus of the whole array, in every mode."""
     paper: Settings = field(default_factory=lambda: paper_mode().but(method="glide"))
     """The paper's mode; the other modes use its air. Its recordings are solved as a whole, which gives about the
-    error of frame-by-frame solving in a fortieth of the time.
-    """
+    error of frame-by-frame solving in a fortieth of the time."""
     mode: Mode = "best"
     """Mode to compare with the paper's and the live mode."""
     rig: VirtualRig = field(default_factory=VirtualRig)

@@ -18,8 +18,7 @@ PUBLISHED_RISE, PUBLISHED_TIME = 5.4, 5.0
 STRONG_FOCUS = 2.5e5
 """Intensity of that focus in W/m2: an assumption of midair, since the abstract states none.
 
-10 kPa rms, the linear field of two by two AUTD3 units at full drive, 0.2 m above them.
-"""
+10 kPa rms, the linear field of two by two AUTD3 units at full drive, 0.2 m above them."""
 
 BIN = 0.1
 """Time over which levels and intensities are averaged first, in s."""

@@ -68,8 +68,7 @@ SKINS: Mapping[str, Tissue] = MappingProxyType(
 Soft: surface waves at 2.9 m/s, as on pigs' skin (3 m/s; Kirkpatrick et al. 2004), elastic modulus 30 kPa (forearms: 14
 to 25 kPa by ultrasound), viscosity of the same forearms, 3.2 Pa s. Stiff: surface waves at 6.6 m/s, faster with
 frequency, as on fingers (up to 7 m/s; Manfredi et al. 2012). Assumed: viscosity 5 Pa s of the stiff skin, 10 mm to the
-bone in both layers, and incompressibility.
-"""
+bone in both layers, and incompressibility."""
 
 
 def skin_compliance(tissue: Tissue, k: Numbers, omega: Numbers) -> Complex:

@@ -33,8 +33,7 @@ class SkinMotion:
 
     response: NDArray[np.complex64]
     """In m/Pa, shape (bin, row + 1, column + 1): the first quadrant of the factor on the two-dimensional spectrum of a
-    zero-padded map; the others are its mirror images.
-    """
+    zero-padded map; the others are its mirror images."""
     rows: int
     columns: int
     bins: slice
