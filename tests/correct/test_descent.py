@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.correct.descent import descend
+from midair.correct.envelope_prediction import descend
 
 CURVES = np.array([1.0, 3.0, 10.0, 40.0], np.float32)
 LEAST = np.array([0.3, -0.2, 0.5, 0.1], np.float32)

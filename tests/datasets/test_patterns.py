@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.datasets.patterns import binary_patterns, channel_amplitudes
+from midair.datasets.stimuli import binary_patterns, channel_amplitudes
 from midair.errors import InputError
 
 

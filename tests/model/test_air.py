@@ -6,7 +6,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.model import Medium
-from midair.model.air import attenuation, check_air, density, speed_of_sound, temperature_of, vapour_fraction
+from midair.model.medium import attenuation, check_air, density, speed_of_sound, temperature_of, vapour_fraction
 
 # Cramer (1993), figure 1, read off: temperature (C), humidity, speed (m/s); dry air at three pressures below.
 FIGURE_1 = [

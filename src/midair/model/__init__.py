@@ -2,8 +2,6 @@
 
 from midair.progress import Progress as Progress
 
-from .acoustics import Acoustics as Acoustics
-from .acoustics import Directivity as Directivity
 from .array_calibration import ArrayCalibration as ArrayCalibration
 from .board import Board as Board
 from .board import array_of_boards as array_of_boards
@@ -24,6 +22,8 @@ from .geometry import TransducerArray as TransducerArray
 from .measurement import Crosstalk as Crosstalk
 from .measurement import Linearity as Linearity
 from .measurement import Measurement as Measurement
+from .medium import Acoustics as Acoustics
+from .medium import Directivity as Directivity
 from .medium import Medium as Medium
 from .palm import Palm as Palm
 from .placement import UNIT as UNIT
@@ -31,10 +31,10 @@ from .placement import Placement as Placement
 from .provenance import Provenance as Provenance
 from .provenance import Setting as Setting
 from .provenance import Step as Step
+from .recording import Event as Event
+from .recording import EventKind as EventKind
 from .recording import Recording as Recording
 from .recording import Unit as Unit
-from .recording_events import Event as Event
-from .recording_events import EventKind as EventKind
 from .stage import Heading as Heading
 from .stage import Place as Place
 from .stage import StageSetup as StageSetup

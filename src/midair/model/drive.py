@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model.acoustics import Acoustics
 from midair.model.geometry import TransducerArray
-from midair.model.medium import Medium
+from midair.model.medium import Acoustics, Medium
 from midair.model.provenance import Provenance
 from midair.model.reprs import clipped, counted, frames_and_duration, from_source, span, summary
 from midair.model.svg_pictures import curve, dots, framed

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from midair.dsp import resample
 from midair.errors import RateError, ShapeError
 from midair.model import Acoustics, Drive, Medium
-from midair.physics.dynamics import TransducerDynamics
 from midair.physics.playback_chain import PlaybackChain, Precision, Waves, radiate
 from midair.physics.radiation import radiation_pressure
+from midair.physics.transducers import TransducerDynamics
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

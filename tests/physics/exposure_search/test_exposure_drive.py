@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from midair.model import Drive, TransducerArray
-from midair.physics.exposure_search.exposure_drive import drive_parts
-from midair.physics.exposure_search.exposure_products import Workspace
+from midair.physics.exposure_search.exposure_products import Workspace, drive_parts
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 RNG = np.random.default_rng(0)
