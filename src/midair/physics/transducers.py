@@ -1,9 +1,9 @@
 """Envelope of transducers, which differ in resonance, quality factor and strength, after a change of the drive.
 
 Near resonance a transducer follows dq/dt = p (q - s c), with c the drive, p = -1/tau + j dw its pole and s c its steady
-state (see `TransducerDynamics`). In its manufacturer's circuit, inductance L and resistance R in series, tau = 2 L / R, and the
-driving force does not depend on R. So a transducer of pole p has the steady state s = p0 / p relative to a nominal one
-of pole p0 and strength 1: another resonance means another amplitude and phase.
+state (see `TransducerDynamics`). In its manufacturer's circuit, inductance L and resistance R in series, tau = 2 L / R,
+and the driving force does not depend on R. So a transducer of pole p has the steady state s = p0 / p relative to a
+nominal one of pole p0 and strength 1: another resonance means another amplitude and phase.
 """
 
 from dataclasses import dataclass
