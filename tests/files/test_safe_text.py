@@ -3,7 +3,7 @@ import io
 import json
 
 from midair.files import csv_text, for_json, load, save
-from midair.files.safe_text import no_formula, printable, without_formulas
+from midair.files.text_files import no_formula, printable, without_formulas
 from midair.model import Provenance, Recording, SensorGrid
 
 

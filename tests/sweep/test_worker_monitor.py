@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from midair.errors import ClusterError
+from midair.sweep.run import WorkerMonitor
 from midair.sweep.store import load_sweep
-from midair.sweep.worker_monitor import WorkerMonitor
 
 
 class FakeClient:
@@ -48,7 +48,7 @@ def test_no_new_heartbeat_is_an_error(silent):
 @pytest.mark.parametrize("answered", [True, False])
 def test_an_answer_counts_as_a_heartbeat(answered, monkeypatch):
     clock = iter([0.0, 0.0, *([50.0] if answered else []), 70.0]).__next__
-    monkeypatch.setattr("midair.sweep.worker_monitor.time", SimpleNamespace(monotonic=clock))
+    monkeypatch.setattr("midair.sweep.run.time", SimpleNamespace(monotonic=clock))
     watch = WorkerMonitor(FakeClient([5.0], []), patience=60.0)
     watch.look()
     if answered:

@@ -37,12 +37,12 @@ from .native import save_solutions as save_solutions
 from .native import to_json as to_json
 from .opened_take import ImportOptions as ImportOptions
 from .opened_take import OpenedTake as OpenedTake
-from .safe_text import csv_text as csv_text
-from .safe_text import for_json as for_json
-from .safe_text import no_formula as no_formula
-from .safe_text import printable as printable
 from .size_limits import check_memory_for as check_memory_for
+from .text_files import csv_text as csv_text
+from .text_files import for_json as for_json
 from .text_files import json_of as json_of
+from .text_files import no_formula as no_formula
+from .text_files import printable as printable
 from .text_files import read_text as read_text
 from .text_files import read_toml as read_toml
 from .text_files import toml_of as toml_of

@@ -14,8 +14,7 @@ from midair.figures import Curve, Example, curve_figure, examples_figure, histog
 from midair.files import atomic_file, csv_text
 from midair.progress import report_progress
 from midair.sweep.pattern_sweep import Condition, PatternSweep, problem_of, solve_patterns
-from midair.sweep.store import SweepResults
-from midair.sweep.store_errors import store_errors_raised
+from midair.sweep.store import SweepResults, store_errors_raised
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]

@@ -9,8 +9,7 @@ import numpy as np
 from midair.errors import InputError
 from midair.figures import ErrorSpread, png_bytes, trials_figure
 from midair.files import atomic_file, csv_text
-from midair.sweep.store import SweepResults
-from midair.sweep.store_errors import store_errors_raised
+from midair.sweep.store import SweepResults, store_errors_raised
 
 Row = dict[str, Any]
 

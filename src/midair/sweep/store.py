@@ -13,13 +13,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import BrokenFileError, MismatchError, MissingFileError
+from midair.errors import BrokenFileError, MidairError, MismatchError, MissingFileError
 from midair.files import check_memory_for, parse_errors, to_json
 from midair.sweep.region import SweepAddress, write_region
-from midair.sweep.settings_check import check_settings
 from midair.sweep.storage import SweepStorage, storage_of, zarr
 from midair.sweep.task import Result, Sweep, Task
 from midair.version import __version__
+
+
+@contextmanager
+def store_errors_raised() -> Generator[None]:
+    """Turn errors from invalid settings, coordinates or results of a store into a BrokenFileError."""
+    try:
+        yield
+    except MidairError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as wrong:
+        cause = " ".join(f"{type(wrong).__name__}: {wrong}".split())[:120]
+        raise BrokenFileError(
+            f"sweep: expected settings and results of midair, got others ({cause}); the store is damaged"
+        ) from wrong
+
 
 Array = NDArray[np.float64]
 _BEGUN = {"midair": __version__}
@@ -237,3 +251,36 @@ def _array(group: Any, name: str, **layout: Any) -> None:
     if name not in group:
         codec = zarr().codecs.ZstdCodec(level=0, checksum=True)
         group.create_array(name, compressors=codec, **layout)
+
+
+def check_settings(path: object, attrs: Mapping[str, Any], sweep: Sweep) -> None:
+    """Raise a MismatchError that names the first different setting, or a BrokenFileError without settings."""
+    with parse_errors(str(path), "a sweep of midair"):
+        stored = dict(attrs["settings"]) | {"kind": attrs["kind"]}
+        asked = sweep.settings() | {"kind": sweep.kind}
+    different = _difference(stored, asked)
+    if different is not None:
+        name, there, wanted = different
+        raise MismatchError(
+            f"{path}: expected {name} {wanted}, got a sweep with {there}; use its settings to continue it, or a new "
+            "name"
+        )
+
+
+def _difference(stored: Any, asked: Any, name: str = "") -> tuple[str, str, str] | None:
+    """Name and both values of the first setting that differs."""
+    if isinstance(stored, Mapping) and isinstance(asked, Mapping):
+        pairs = [(str(key), stored.get(key), asked.get(key)) for key in sorted({*stored, *asked})]
+    elif isinstance(stored, list) and isinstance(asked, list) and len(stored) == len(asked):
+        pairs = [(str(number), *pair) for number, pair in enumerate(zip(stored, asked, strict=True))]
+    elif stored == asked:
+        return None
+    else:
+        return name, _short(stored), _short(asked)
+    found = (_difference(there, wanted, f"{name} {key}".strip()) for key, there, wanted in pairs)
+    return next((one for one in found if one is not None), None)
+
+
+def _short(value: Any) -> str:
+    """Text of a value; long lists and mappings are replaced by their length."""
+    return f"{len(value)} of them" if isinstance(value, list | Mapping) and len(str(value)) > 80 else str(value)

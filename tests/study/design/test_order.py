@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import InputError
-from midair.study.design.order import balanced_latin_square, constrained_shuffle, longest_run_of
+from midair.study.design.plan import balanced_latin_square, constrained_shuffle, longest_run_of
 
 
 @pytest.mark.parametrize("count", range(1, 11))

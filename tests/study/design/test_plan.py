@@ -5,8 +5,7 @@ import pytest
 
 from midair.errors import InputError, MismatchError
 from midair.study.design.answers import answers_table
-from midair.study.design.order import longest_run_of
-from midair.study.design.plan import block_order, draw_plan
+from midair.study.design.plan import block_order, draw_plan, longest_run_of
 from midair.study.design.session_state import replay
 from midair.study.folder import paper_design_text, read_design
 

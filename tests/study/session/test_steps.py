@@ -6,9 +6,8 @@ import pytest
 
 from midair.errors import InputError
 from midair.study.design.analysis_plan import Exclusions
-from midair.study.design.answers import answers_table
+from midair.study.design.answers import answers_table, excluded_participants
 from midair.study.design.blocks import Block, Criterion, Extra
-from midair.study.design.exclusions import excluded_participants
 from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question
 from midair.study.design.session_state import replay

@@ -1,4 +1,4 @@
-from midair.study.statistics.cell_averages import cell_means
+from midair.study.statistics.columns import cell_means
 
 
 def test_trials_are_averaged():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import ncf, nct
 
-from midair.study.statistics.effect_sizes import eta_squared_limits, noncentral_t_limits
+from midair.study.statistics.anova import eta_squared_limits, noncentral_t_limits
 
 
 @pytest.mark.parametrize(("t", "df"), [(2.5, 9), (-5.0, 7), (0.0, 5), (40.0, 30), (900.0, 1), (3.0, 1000)])

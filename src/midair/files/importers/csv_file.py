@@ -13,7 +13,7 @@ from midair.files.importers import fabricslide
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.importers.text_table import TextTable, read_table
 from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
-from midair.files.safe_text import without_formulas
+from midair.files.text_files import without_formulas
 from midair.files.timestamps import to_fixed_rate
 from midair.model import Calibration, Recording, Unit
 from midair.streaming import blocks

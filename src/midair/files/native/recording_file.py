@@ -1,4 +1,4 @@
-"""Recordings, `name.h5`: samples, sensor, calibration, provenance, and calibrated pressure."""
+"""Recordings, `name.h5`: samples, sensor, calibration, provenance, and calibrated pressure; NetCDF-4 by CF."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -13,10 +13,11 @@ from midair.files.file_format import Format, FormatLoss
 from midair.files.native.axes import check_time, sensor_from, sensor_values, single, time_values
 from midair.files.native.calibration_file import read_calibration, write_calibration
 from midair.files.native.checksums import Ranges
-from midair.files.native.events import event_values, events_from, with_events
+from midair.files.native.events import event_values, events_from, stamps_from, with_events, with_stage
 from midair.files.native.hdf5 import (
     check_kind,
     finite,
+    fixed_text,
     new_file,
     open_file,
     read_group,
@@ -28,10 +29,11 @@ from midair.files.native.hdf5 import (
 from midair.files.native.hdf5_recovery import is_unclosed
 from midair.files.native.played_group import load_played, write_played
 from midair.files.native.provenance_json import from_json
-from midair.files.native.stage_stamps import stamps_from, with_stage
+from midair.files.native.schema import NETCDF
 from midair.files.opened_take import ImportOptions, OpenedTake
 from midair.model import Calibration, Event, PlayedTouch, PressureFrames, Recording
 from midair.streaming import LazyFrames, block_ranges
+from midair.version import __version__
 
 if TYPE_CHECKING:
     import h5py
@@ -196,3 +198,28 @@ def _written(samples: "np.ndarray | LazyFrames") -> int:
 
 
 HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
+
+
+CONVENTIONS = "CF-1.11"
+
+
+def write_netcdf(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
+    """Write a recording atomically and without loss; the calibration is a group."""
+    life = recording.provenance
+    attributes: dict[str, str] = {
+        "Conventions": CONVENTIONS,
+        "title": f"Recording of {recording.sensor.name}",
+        "source": life.source + (" (SIMULATED)" if life.simulated else ""),
+        "history": "; ".join(step.stage for step in life.steps) or "recorded",
+        "comment": f"Written by midair {__version__}; its provenance is JSON in the attribute provenance.",
+    }
+    with new_file(path, room=recording.samples.nbytes) as file:
+        write_group(file, "recording", recording_values(recording))
+        if calibration is not None:
+            write_calibration(file.create_group("calibration"), calibration)
+        for entry in NETCDF:
+            file.attrs[entry.name] = fixed_text(attributes[entry.name])
+    return ()
+
+
+NETCDF4 = Format(name="NetCDF of midair", read=read_recording, write=write_netcdf)

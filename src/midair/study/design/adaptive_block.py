@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.study.design.adaptive import Staircase
-from midair.study.design.adaptive_levels import correct_answer, stimulus_levels
-from midair.study.design.answers import answers_table
+from midair.study.design.adaptive import Staircase, correct_answer, stimulus_levels
+from midair.study.design.answers import answer_exclusion, answers_table, excluded_participants
 from midair.study.design.blocks import Block
-from midair.study.design.exclusions import answer_exclusion, excluded_participants
 from midair.study.design.plan import Plan, Trial
 from midair.study.design.session_state import SessionState
 from midair.study.design.stimulus import right_answer

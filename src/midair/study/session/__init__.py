@@ -4,6 +4,7 @@ from .event_log import chain_hash as chain_hash
 from .event_log import chain_hashes as chain_hashes
 from .event_log import read_events as read_events
 from .participant import SimulatedParticipant as SimulatedParticipant
+from .participant import SimulatedScreen as SimulatedScreen
 from .presenters import ArrayPresenter as ArrayPresenter
 from .presenters import ExperimenterPresenter as ExperimenterPresenter
 from .presenters import MarkedPresenter as MarkedPresenter
@@ -12,7 +13,6 @@ from .presenters import Masking as Masking
 from .presenters import Presenter as Presenter
 from .presenters import SilentPresenter as SilentPresenter
 from .presenters import TextPresenter as TextPresenter
-from .simulated_screen import SimulatedScreen as SimulatedScreen
 from .steps import Clock as Clock
 from .steps import InstantClock as InstantClock
 from .steps import Reply as Reply

@@ -1,13 +1,13 @@
 """Statistics of choices, ratings and thresholds as pure functions of arrays and tables."""
 
 from .anova import rm_anova as rm_anova
-from .cell_averages import cell_means as cell_means
 from .choice_limits import d_prime_limits as d_prime_limits
 from .choice_limits import f_limits as f_limits
 from .choice_limits import kappa_limits as kappa_limits
 from .choice_limits import macro_f_limits as macro_f_limits
 from .choice_limits import share_limits as share_limits
 from .choice_limits import two_answers_limits as two_answers_limits
+from .columns import cell_means as cell_means
 from .columns import column as column
 from .columns import frame_of as frame_of
 from .columns import levels as levels

@@ -8,8 +8,7 @@ import numpy as np
 
 from midair.study.statistics.anova import contrasts, effects
 from midair.study.statistics.anova import rm_anova as analysis_of_variance
-from midair.study.statistics.cell_averages import cell_means
-from midair.study.statistics.columns import column, frame_of, levels, numbers
+from midair.study.statistics.columns import cell_means, column, frame_of, levels, numbers
 from midair.study.statistics.resample import sign_flip
 
 if TYPE_CHECKING:

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.statistics.anova import between_groups
-from midair.study.statistics.cell_averages import cell_means
-from midair.study.statistics.columns import frame_of
-from midair.study.statistics.effect_sizes import noncentral_t_limits
+from midair.study.statistics.anova import between_groups, noncentral_t_limits
+from midair.study.statistics.columns import cell_means, frame_of
 from midair.study.statistics.paired import holm
 
 if TYPE_CHECKING:
