@@ -79,13 +79,7 @@ def trials_figure(spreads: Sequence[ErrorSpread], *, style: Style | None = None)
 def passes_figure(
     series: Sequence[tuple[str, Sequence[float]]], *, simulated: bool, style: Style | None = None
 ) -> Figure:
-    """Draw the error of the waveform after each pass.
-
-    Parameters
-    ----------
-    series : sequence of (str, sequence of float)
-        Name of each loop, and ||reproduced - original|| / ||original|| of its passes.
-    """
+    """Draw the error of the waveform, ||reproduced - original|| / ||original||, after each pass of each named loop."""
     style = style or Style()
     figure = new_figure(5.4, 3.0, simulated=simulated, style=style)
     axis = plain_axes(figure.subplots(), style)

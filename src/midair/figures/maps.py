@@ -29,16 +29,9 @@ def maps_figure(
     sensor: SensorGrid | None = None,
     style: Style | None = None,
 ) -> Figure:
-    """Draw maps of one quantity side by side, on one colour scale.
+    """Draw maps of one quantity, each with a title, side by side on one colour scale with the label `quantity`.
 
-    Parameters
-    ----------
-    maps : sequence of (str, ndarray of shape (row, column) or (point,))
-        Title and values of each map.
-    quantity : str
-        Label of the colour scale, with unit.
-    sensor : SensorGrid, optional
-        Mark its cells by white circles, as in the paper's Fig. 3.
+    Values have the shape (row, column) or (point,). White circles mark the cells of `sensor`, as in the paper's Fig. 3.
     """
     style = style or Style()
     figure = new_figure(3.1 * len(maps) + 0.9, 3.3, simulated=simulated, style=style)

@@ -38,12 +38,7 @@ def palm_figure(
 ) -> Figure:
     """Draw maps of the palm, target first and then each way; below them the strongest cell of each.
 
-    Parameters
-    ----------
-    original : PressureFrames
-        Recorded pressure.
-    window : float
-        Length in s of the traces around the strongest moment.
+    The traces are `window` seconds long, around the strongest moment of the recorded pressure `original`.
     """
     style = style or Style()
     simulated = original.provenance.simulated or any(way.felt.provenance.simulated for way in ways)

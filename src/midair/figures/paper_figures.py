@@ -119,12 +119,8 @@ def objects_figure(
 ) -> Figure:
     """Draw power spectra of objects at some channels, one row per surface and mode, as in the paper's Fig. 9.
 
-    Parameters
-    ----------
-    rows : mapping of str to mapping of str to PressureFrames
-        For each row its objects, and their positive pressure, by name.
-    channels : sequence of int
-        By default the four of the paper, over which the objects passed.
+    `rows` holds the positive pressure of the objects of each row by name. The default channels are the four of the
+    paper, over which the objects passed.
     """
     style = style or Style()
     colours = (style.before, "#009e73", style.reproduced)

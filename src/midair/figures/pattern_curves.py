@@ -47,14 +47,9 @@ class Curve:
 def histogram_figure(
     errors: Sequence[tuple[str, Array]], *, published: tuple[float, float], style: Style | None = None
 ) -> Figure:
-    """Draw the distribution of E over patterns.
+    """Draw the distribution of E over the patterns of each named condition.
 
-    Parameters
-    ----------
-    errors : sequence of (str, ndarray of shape (pattern,))
-        Name of a condition, and E of each pattern.
-    published : tuple of float
-        Range of the average E that the paper reports, shaded.
+    The range `published` of the average E that the paper reports is shaded.
     """
     style = style or Style()
     figure = new_figure(7.0, 3.0, simulated=True, style=style)

@@ -86,10 +86,7 @@ class Picture:
 def render_page(template: str, **values: Any) -> str:
     """Render a template that extends page.html.j2 of this folder; all values that it uses must be given.
 
-    Parameters
-    ----------
-    template : str
-        Path below the package, such as ``rig/correction/report.html.j2``.
+    `template` is a path below the package, such as ``rig/correction/report.html.j2``.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 

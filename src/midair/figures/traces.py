@@ -60,16 +60,10 @@ def spectra_figure(
     rectified: bool = True,
     style: Style | None = None,
 ) -> Figure:
-    """Draw power spectra of the calibrated pressure at some channels.
+    """Draw power spectra of the calibrated pressure of named recordings at some channels.
 
-    Parameters
-    ----------
-    series : sequence of (str, PressureFrames)
-        Name and pressure of each recording.
-    channels : sequence of int
-        By default the four of the paper, over which the objects passed.
-    rectified : bool
-        Use only the positive pressure, as in the paper's Fig. 9.
+    The default channels are the four of the paper, over which the objects passed. With `rectified` only the positive
+    pressure is used, as in the paper's Fig. 9.
     """
     style = style or Style()
     colours = (style.original, style.reproduced, style.before)

@@ -51,10 +51,7 @@ def _is_number(text: str) -> bool:
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
     """Rows with equal keys as CSV, numbers with six digits; text that a spreadsheet would run as a formula is escaped.
 
-    Parameters
-    ----------
-    rows : sequence of mapping
-        At least one; the keys of the first are the column names.
+    There is at least one row; the keys of the first are the column names.
     """
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
@@ -90,21 +87,10 @@ _DEEP_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+
 
 
 def read_text(path: str | os.PathLike[str], expected: str, *, largest: int = LARGEST) -> str:
-    """Read a text file in UTF-8.
+    """Read a text file in UTF-8 of at most `largest` bytes.
 
-    Parameters
-    ----------
-    path : str or PathLike
-        The file.
-    expected : str
-        Description for messages, such as "a TOML file that describes a sensor".
-    largest : int
-        Maximum size in bytes.
-
-    Raises
-    ------
-    MissingFileError, BrokenFileError
-        If it does not exist, is not text, or is too large.
+    `expected` describes it in messages, such as "a TOML file that describes a sensor". Raises MissingFileError or
+    BrokenFileError if the file does not exist, is not text, or is too large.
     """
     try:
         file = existing_file(path, empty=True)

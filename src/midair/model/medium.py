@@ -142,23 +142,9 @@ class Medium:
     ) -> "Medium":
         """Air of a given temperature: speed of sound by Cramer (1993), attenuation by ISO 9613-1, density of moist air.
 
-        Parameters
-        ----------
-        temperature : float
-            In degrees Celsius, 0 to 50.
-        humidity : float
-            Relative humidity, 0 to 1.
-        pressure : float
-            Air pressure, in Pa.
-        frequency : float
-            Frequency of the sound, in Hz, for the attenuation.
-        alpha : float
-            1 + R of the surface.
-
-        Raises
-        ------
-        InputError
-            If the air is outside the range of the formulas.
+        `temperature` is in degrees Celsius, 0 to 50; `humidity` is relative, 0 to 1; `pressure` is that of the air, in
+        Pa; `frequency` that of the sound, in Hz, for the attenuation; `alpha` is 1 + R of the surface. Raises
+        InputError if the air is outside the range of the formulas.
         """
         check_air(temperature, humidity, pressure)
         return cls(

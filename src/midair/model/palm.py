@@ -48,15 +48,8 @@ class Palm:
     def within(cls, outline: Array, *, pitch: float = 2.5e-3, name: str = "palm") -> "Palm":
         """The area inside a closed outline.
 
-        Parameters
-        ----------
-        outline : ndarray, shape (corner, 2)
-            x and y of the corners relative to the centre of the array, in m; the last is joined to the first.
-
-        Raises
-        ------
-        ShapeError
-            If there are fewer than three corners.
+        `outline`, shape (corner, 2), holds x and y of the corners relative to the centre of the array, in m; the last
+        is joined to the first. Raises ShapeError if there are fewer than three corners.
         """
         corners = frozen_array(outline, "outline of the palm", ("corner", 2))
         if len(corners) < 3:

@@ -121,15 +121,10 @@ def check_reached(speed: float, way: float, *, largest: float, growth: float) ->
 
 
 def speed_of(stamps: Sequence[StageStamp]) -> float | None:
-    """Speed over the middle half of a path, in m/s; None with fewer than three positions in it.
+    """Speed over the middle half of a straight path, in m/s; None with fewer than three positions in it.
 
-    The median slope of all pairs of positions at least half of that interval apart (Theil-Sen estimator), which a late
-    time stamp hardly affects.
-
-    Parameters
-    ----------
-    stamps : sequence of StageStamp
-        In the order of time, along one straight path.
+    The median slope of all pairs of positions, in the order of time, at least half of that interval apart (Theil-Sen
+    estimator), which a late time stamp hardly affects.
     """
     time = np.array([stamp.time for stamp in stamps])
     way = _way(np.array([stamp.position for stamp in stamps]).reshape(-1, 3))

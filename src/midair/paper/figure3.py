@@ -48,14 +48,8 @@ def figure_3(
 ) -> PaperResult:
     """Solve patterns in both modes, from a cold start and for point sources without attenuation as in the paper.
 
-    Parameters
-    ----------
-    strength : float
-        Target over the peak of a single focus of the whole array. The paper does not state it.
-    paper, best : Settings, optional
-        The two modes; only their grid, solver and terms are used.
-    mode : {"paper", "best", "quick", "finest"}
-        Mode to compare with the paper's.
+    `strength` is the target over the peak of a single focus of the whole array, which the paper does not state. Of the
+    settings of the paper and of the `mode` to compare, only grid, solver and terms are used.
     """
     array, sensor = TransducerArray.autd3(), SensorGrid()
     acoustics = Acoustics(medium=Medium(attenuation=0.0), directivity="point")

@@ -30,15 +30,9 @@ def figure_9(
 ) -> PaperResult:
     """Record strokes of the three objects and show the spectra of each mode's target pressure.
 
-    Parameters
-    ----------
-    takes : int
-        Strokes of each object and surface, with seeds 0, 1, ...; the paper has five. The first is drawn; the numbers
-        are mean powers over all.
-    paper, best : Settings, optional
-        The two modes; only their mappings are used.
-    mode : {"paper", "best", "quick", "finest"}
-        Mode to compare with the paper's.
+    Each object strokes each surface `takes` times, with seeds 0, 1, ...; the paper has five. The first is drawn; the
+    numbers are mean powers over all. Of the settings of the paper and of the `mode` to compare, only the mappings are
+    used.
     """
     modes = with_paper_mode(mode, paper or paper_mode(), best)
     rows: list[Row] = []

@@ -64,12 +64,8 @@ class ExposureProfile:
 def cone_points(place: Place, array: TransducerArray, acoustics: Acoustics, *, step: float) -> Array:
     """Points of a place's cube with the spacing at which the sound can change, shape (point, 3), in m.
 
-    Across the cone they form a checkerboard, along it prisms. Points outside the cube are moved to its surface.
-
-    Parameters
-    ----------
-    step : float
-        Largest change, from a point to the next, of the phase between two waves from the edges of the cone, in rad.
+    Across the cone they form a checkerboard, along it prisms. Points outside the cube are moved to its surface. `step`
+    is the largest change, from a point to the next, of the phase between two waves from the edges of the cone, in rad.
     """
     away = place.points[:, None, :] - array.position[None, :, :]
     axes, half = _cone((away / np.linalg.norm(away, axis=2, keepdims=True)).reshape(-1, 3))

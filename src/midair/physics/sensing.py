@@ -178,12 +178,8 @@ def sensor_output(model: SensorModel, volts: Array, rate: float, *, rng: np.rand
 def calibration_of(model: SensorModel, *, highest: float = 4000.0, bins: int = 1024) -> Calibration:
     """The model's own response as a calibration, the result of an ideal measurement.
 
-    Parameters
-    ----------
-    highest : float
-        Last frequency, in Hz.
-    bins : int
-        Number of frequencies besides 0 Hz, logarithmic from 1 Hz; 1024 interpolate to better than 3e-5 above 1 Hz.
+    Besides 0 Hz it has `bins` frequencies, logarithmic from 1 Hz to `highest` (Hz); 1024 interpolate to better than
+    3e-5 above 1 Hz.
     """
     frequency = np.concatenate([[0.0], np.geomspace(1.0, positive(highest, "highest", "Hz"), bins)])
     alone = (model.crosstalk == np.eye(model.grid.count)).all()

@@ -41,18 +41,9 @@ def envelope(
 ) -> Complex:
     """Output of the transducers while the drive steps from frame to frame, shape (frame * substeps, transducer).
 
-    The result is exact at every sample, for any number of substeps.
-
-    Parameters
-    ----------
-    q : ndarray of complex, shape (frame, transducer)
-        Drive, held for one frame each.
-    rate : float
-        Frames per second, in Hz.
-    substeps : int
-        Samples per frame; the last one is at the end of the frame.
-    start : ndarray of complex, shape (transducer,), optional
-        Envelope before the first frame; 0 if None.
+    `q`, complex of shape (frame, transducer), is held for one frame each, at `rate` frames per second. There are
+    `substeps` samples per frame, the last one at its end; the result is exact at each, for any number. `start`, shape
+    (transducer,), is the envelope before the first frame; 0 if None.
     """
     if substeps < 1:
         raise InputError(f"substeps: expected 1 or more per frame, got {substeps}")

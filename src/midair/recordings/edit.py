@@ -20,20 +20,11 @@ Fill = Literal["zero", "neighbours"]
 
 
 def cut(recording: Recording, start: float = 0.0, end: float | None = None) -> Recording:
-    """The frames from `start` to `end`; time starts again at 0.
+    """The frames from `start` to `end`, in s (None: the end of the recording); time starts again at 0.
 
-    Both ends are rounded to whole frames and the frame at `end` is not included, so that ``cut(r, 0, t)`` and
-    ``cut(r, t)`` share no frame and lose none.
-
-    Parameters
-    ----------
-    start, end : float
-        Times from the first frame, in s; `end` None means the end of the recording.
-
-    Raises
-    ------
-    InputError
-        If no frame is left, or the part extends beyond the recording by more than half a frame.
+    Both ends are rounded to whole frames and the frame at `end` is not included, so that ``cut(r, 0, t)`` and ``cut(r,
+    t)`` share no frame and lose none. Raises InputError if no frame is left, or the part extends beyond the recording
+    by more than half a frame.
     """
     stop = recording.duration if end is None else end
     first, last = (round(time * recording.rate) if np.isfinite(time) else -1 for time in (start, stop))
@@ -146,19 +137,8 @@ def gain(recording: Recording, factor: ArrayLike) -> Recording:
 def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") -> Recording:
     """Replace channels by 0, or by the mean of their neighbours that are not masked.
 
-    Parameters
-    ----------
-    channels : iterable of int
-        Channel numbers, row by row from 0.
-    fill : {"zero", "neighbours"}
-        The replacement.
-
-    Raises
-    ------
-    ShapeError
-        If a channel does not exist.
-    InputError
-        If the fill is unknown, or a masked channel has no neighbour left.
+    Channels are numbered row by row from 0. Raises ShapeError if a channel does not exist, and InputError if `fill` is
+    unknown or a masked channel has no neighbour left.
     """
     if fill not in get_args(Fill):
         raise InputError(f"mask: expected fill to be one of {', '.join(get_args(Fill))}, got {fill!r}")

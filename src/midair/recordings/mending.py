@@ -46,21 +46,10 @@ class Mended:
 
 
 def mend(samples: Array, rate: float, mending: Mending) -> Mended:
-    """Fill the gaps of all channels; all other values stay equal.
+    """Fill the gaps (NaN or infinite) of all channels in `samples` (frame, channel); all other values stay equal.
 
-    A gap at either end of the recording takes the nearest value.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (frame, channel)
-        Any unit; NaN or infinite where missing.
-    rate : float
-        In Hz.
-
-    Raises
-    ------
-    NonFiniteError
-        If a gap is longer than `mending` allows.
+    A gap at either end of the recording takes the nearest value; `rate` is in Hz. Raises NonFiniteError if a gap is
+    longer than `mending` allows.
     """
     filled = np.array(samples, np.float64)
     journal: list[Event] = []

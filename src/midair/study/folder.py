@@ -41,19 +41,8 @@ def read_design(
 ) -> Design:
     """Parse a design from TOML.
 
-    Parameters
-    ----------
-    text : str
-        TOML text.
-    name, participants, seed
-        Override the text if given (not empty, not 0, not None).
-    trials : str
-        CSV table of trials, see `add_trials`; none if empty.
-
-    Raises
-    ------
-    InputError
-        If the text is no TOML or no valid design; states where.
+    `name`, `participants` and `seed` override the text if given (not empty, not 0, not None); `trials` is a CSV table
+    of trials, see `add_trials`. Raises InputError if the text is no TOML or no valid design; states where.
     """
     try:
         raw: dict[str, Any] = toml_of(text)

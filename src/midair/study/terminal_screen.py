@@ -83,12 +83,7 @@ def keyboard_of_terminal() -> Keyboard | None:
 class TerminalScreen:
     """Screen for participant and experimenter at one terminal; never shows a condition.
 
-    Parameters
-    ----------
-    console : Console
-        Output and line input.
-    keyboard : Keyboard, optional
-        For questions with single-key answers and for sliders; lines are read if None.
+    Questions with single-key answers and sliders use `keyboard`; without one, lines are read from `console`.
     """
 
     def __init__(self, console: Console, keyboard: Keyboard | None = None) -> None:

@@ -12,23 +12,12 @@ SETTINGS = ("kind", "source", "made_from", "share", "code", "duration_s")
 
 
 def add_trials(raw: Mapping[str, Any], text: str, *, name: str = "trials") -> dict[str, Any]:
-    """Add the stimuli and blocks of a CSV table to the content of a design's TOML.
+    """Add the stimuli and blocks of a CSV table to the content `raw` of a design's TOML.
 
-    Parameters
-    ----------
-    raw : mapping
-        Content of the TOML. A block of a name in the table gets its stimuli; other blocks are created and ask all
-        questions but those of the form.
-    text : str
-        Table with a header, separated by commas, semicolons or tabs: `stimulus`, and optionally `block`, settings of
-        the stimulus (`SETTINGS`), and factors. Empty fields are not set.
-    name : str
-        Name of the table in messages.
-
-    Raises
-    ------
-    InputError
-        If the table is invalid; states row and column.
+    The table has a header and is separated by commas, semicolons or tabs: `stimulus`, and optionally `block`, settings
+    of the stimulus (`SETTINGS`), and factors. Empty fields are not set. A block of a name in the table gets its
+    stimuli; other blocks are created and ask all questions but those of the form. `name` is that of the table in
+    messages. Raises InputError if the table is invalid; states row and column.
     """
     stimuli: dict[str, dict[str, Any]] = {one["name"]: dict(one) for one in raw.get("stimuli", [])}
     stated, first = set(stimuli), dict[str, tuple[int, dict[str, str]]]()

@@ -27,12 +27,8 @@ def interpolation_matrix(sensor: SensorGrid, grid: ControlGrid) -> Array:
 def moved_interpolation(cells: Array, sensor: SensorGrid, grid: ControlGrid, offset: Array) -> Array:
     """Interpolate with the pattern displaced in each frame, shape (frame, point); parts outside the grid are lost.
 
-    Parameters
-    ----------
-    cells : ndarray, shape (frame, channel)
-        In any unit, which the result has, too.
-    offset : ndarray, shape (frame, 2)
-        (x, y) of the pattern's displacement, in m.
+    `cells`, shape (frame, channel), has any unit, and the result the same; `offset`, shape (frame, 2), is the
+    displacement (x, y) in m.
     """
     rows = _tents(grid.y - offset[:, 1:], sensor.y, sensor.pitch)
     columns = _tents(grid.x - offset[:, :1], sensor.x, sensor.pitch)

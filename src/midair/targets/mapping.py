@@ -30,17 +30,10 @@ def half_wave(pressure: Array, rate: float = 1.0) -> Array:  # noqa: ARG001, all
 
 
 def constant_offset(pressure: Array, rate: float = 1.0, *, offset: Array | float | None = None) -> Array:  # noqa: ARG001
-    """Pressure plus a constant offset; nothing is cut, so there are no harmonics.
+    """Pressure (frame, ...) in Pa plus a constant offset; nothing is cut, so there are no harmonics.
 
-    Parameters
-    ----------
-    pressure : ndarray, shape (frame, ...)
-        In Pa.
-    rate : float
-        Ignored.
-    offset : ndarray, shape (...), or float, optional
-        In Pa, 0 or more; results below 0 are cut. If None, the magnitude of each cell's minimum, which needs the
-        whole recording.
+    `offset` is one number or one per cell, in Pa, 0 or more; results below 0 are cut. If None, it is the magnitude of
+    each cell's minimum, which needs the whole recording. `rate` is ignored.
     """
     if offset is None:
         lift = np.minimum(pressure.min(axis=0), 0.0)

@@ -325,16 +325,9 @@ class PalmMaps:
 def film_of_palm(
     groups: Sequence[PalmMaps], *, rate: float, title: str = "palm", simulated: bool = True, side: int = 256
 ) -> Film:
-    """Make a film of maps that have the same number of frames.
+    """Make a film of maps, from left to right, that have the same number of frames.
 
-    Parameters
-    ----------
-    groups : sequence of PalmMaps
-        From left to right.
-    rate : float
-        Frame rate in Hz.
-    side : int
-        Side of each map in pixels.
+    `rate` is the frame rate in Hz, `side` the side of each map in pixels.
     """
     frames = min(len(each) for group in groups for each in group.maps.values())
     shown = ViewData(title=title, rate=rate, frames=frames, simulated=simulated)

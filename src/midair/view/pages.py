@@ -62,12 +62,7 @@ def _sounds(showing: ViewData) -> str:
 def show_page(showing: ViewData, *, commands: tuple[str, ...] = (), tables: Tables = ()) -> str:
     """Render a view as HTML that loads nothing from elsewhere, enforced by its content security policy.
 
-    Parameters
-    ----------
-    commands : tuple of str
-        Commands that produce the same page.
-    tables : sequence of (str, rows)
-        Further tables below the view: title, and rows of text cells.
+    `commands` are those that produce the same page; `tables` stand below the view.
     """
     page = render_page(
         "view/show.html.j2",

@@ -53,15 +53,8 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
 def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
     """Read a calibration from its own file or from a recording; None if the recording has none.
 
-    Parameters
-    ----------
-    path : str or PathLike
-        An HDF5 file of midair: a calibration or a recording.
-
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another type, or was written by a newer midair.
+    Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
+    type, or was written by a newer midair.
     """
     with open_file(path) as file:
         if kind_of(file) == "midair calibration":

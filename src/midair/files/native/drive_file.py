@@ -68,21 +68,9 @@ def save_solutions(
 ) -> None:
     """Write a drive block by block as it is solved; the file gets its name after the last block.
 
-    Level, error, iterations and status of each frame stay in memory until then: 25 bytes per frame.
-
-    Parameters
-    ----------
-    parts : iterable of Solution
-        Blocks in order, which differ only in their frames.
-    frames : int
-        Total number of frames.
-    target : AmplitudeFrames, optional
-        The target of all blocks.
-
-    Raises
-    ------
-    UnknownFormatError, MismatchError, FileError
-        As in `save_solution`.
+    The blocks come in order and differ only in their frames; `frames` is the number of all, and `target` that of all.
+    Level, error, iterations and status of each frame stay in memory until the end: 25 bytes per frame. Raises the
+    errors of `save_solution`.
     """
     _check_name(path)
     coming = iter(parts)

@@ -20,11 +20,7 @@ if TYPE_CHECKING:
 def excluded_participants(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
     """Participants whom a rule of the plan excludes.
 
-    Returns
-    -------
-    DataFrame
-        Columns participant, rule, value (measured), limit (allowed by the plan); no rows if all participants are
-        analysed.
+    Columns participant, rule, value (measured), limit (allowed by the plan); no rows if all participants are analysed.
     """
     from pandas import DataFrame
 

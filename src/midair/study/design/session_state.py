@@ -121,25 +121,10 @@ class SessionState:
 
 
 def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int, *, name: str = "log") -> SessionState:
-    """Compute the state of a session from its events.
+    """Compute the state of a participant's session from its events, the lines of the log in order.
 
-    Parameters
-    ----------
-    events : iterable of mapping
-        Lines of the log, in order.
-    plan : Plan
-        Plan that the session follows.
-    participant : int
-        Number of the participant.
-    name : str
-        Name of the log in messages.
-
-    Raises
-    ------
-    MismatchError
-        If the log follows another plan, or belongs to another participant.
-    BrokenFileError
-        If an event is incomplete or invalid.
+    `name` is that of the log in messages. Raises MismatchError if the log follows another plan or belongs to another
+    participant, and BrokenFileError if an event is incomplete or invalid.
     """
     try:
         return _replay_events(events, plan, participant)

@@ -194,18 +194,10 @@ def cohen_kappa(counts: NDArray[Any]) -> float:
 
 
 def mutual_information(counts: NDArray[Any]) -> tuple[float, float]:
-    """Mutual information between answer and object, in bits.
+    """Mutual information between answer and object, in bits, from the number of trials (presented, answered).
 
-    Parameters
-    ----------
-    counts : ndarray, shape (presented, answered)
-        Number of trials.
-
-    Returns
-    -------
-    plain, corrected : float
-        Plug-in estimate, and the estimate minus its bias (r - 1)(c - 1) / (2 n ln 2), at least 0 (Miller, 1955), with r
-        and c the numbers of non-empty rows and columns. The maximum is log2 of the number of objects.
+    Returns the plug-in estimate, and the estimate minus its bias (r - 1)(c - 1) / (2 n ln 2), at least 0 (Miller,
+    1955), with r and c the numbers of non-empty rows and columns. The maximum is log2 of the number of objects.
     """
     joint = np.asarray(counts, float)
     if joint.ndim != 2 or joint.sum() <= 0:

@@ -25,28 +25,12 @@ def ordinal_check(
     within: Sequence[str],
     rng: np.random.Generator,
 ) -> DataFrame:
-    """Repeat an analysis of variance on ranks, with sign-flip p-values.
+    """Repeat an analysis of variance on ranks, with sign-flip p-values, as columns effect, F, p_GG, p_sign.
 
     Answers are ranked within each participant, which removes individual levels and use of the scale. The ranks are
-    analysed by `rm_anova`; `sign_flip` of the contrasts adds a p-value without a distributional assumption. If the two
-    analyses disagree, the result depends on treating ratings as interval data.
-
-    Parameters
-    ----------
-    table, value, participant, within
-        As for `rm_anova`.
-    rng : Generator
-        Draws the random sign flips for more than 13 participants.
-
-    Returns
-    -------
-    DataFrame
-        Columns effect, F, p_GG, p_sign.
-
-    Raises
-    ------
-    InputError, NonFiniteError
-        As for `rm_anova`.
+    analysed by `rm_anova`, which has the same arguments and errors; `sign_flip` of the contrasts adds a p-value without
+    a distributional assumption, by random flips from `rng` for more than 13 participants. If the two analyses disagree,
+    the result depends on treating ratings as interval data.
     """
     from scipy.stats import rankdata
 

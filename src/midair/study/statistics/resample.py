@@ -62,13 +62,8 @@ def sign_flip(z: NDArray[Any], *, rng: np.random.Generator, draws: int = 10_000)
     """Two-sided p-value of a nonzero mean by flipping the signs of whole participants.
 
     `z`, shape (participant,) or (participant, contrast), holds a difference or the contrasts of one effect, symmetric
-    about zero under the null hypothesis. Exact over all 2^n sign patterns for up to 13 participants, `draws` random
-    patterns for more.
-
-    Returns
-    -------
-    float
-        Share of sign patterns for which ``|sum of z|`` is at least as large as observed.
+    about zero under the null hypothesis. The p-value is the share of sign patterns for which ``|sum of z|`` is at least
+    as large as observed: exact over all 2^n patterns for up to 13 participants, `draws` random patterns for more.
     """
     z = np.asarray(z, float).reshape(len(z), -1)
     if len(z) < 2:
