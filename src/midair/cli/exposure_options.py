@@ -21,18 +21,12 @@ from midair.physics import ExposureProfile
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AirOptions:
-    """Air of the room.
-
-    Parameters
-    ----------
-    temperature
-        Air temperature in the room, such as 22C; or a thermometer: lsl:NAME, serial:PORT, file:PATH.
-    humidity
-        Relative humidity of the room, such as 50%; needs --temperature. [default: 50%]
-    """
+    """Air of the room."""
 
     temperature: Annotated[float | None, quantity("C")] = None
+    """Air temperature in the room, such as 22C; or a thermometer: lsl:NAME, serial:PORT, file:PATH."""
     humidity: Annotated[float | None, quantity("%")] = None
+    """Relative humidity of the room, such as 50%; needs --temperature. [default: 50%]"""
 
     def medium(self) -> Medium | None:
         """The stated air; None if neither option is given."""
@@ -52,24 +46,16 @@ def print_air(medium: Medium, *, stated: bool) -> None:
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExposureOptions:
-    """Exposure limits for a real array or its emulator.
-
-    Parameters
-    ----------
-    profile
-        Name of the exposure profile.
-    profiles
-        TOML file of exposure profiles. [default: the profiles of midair]
-    attenuate
-        Reduce the level of drives that exceed the profile until they meet it.
-    override_exposure
-        Play above the profile; give the name of the responsible person, which is logged.
-    """
+    """Exposure limits for a real array or its emulator."""
 
     profile: str = DEFAULT_PROFILE
+    """Name of the exposure profile."""
     profiles: Path | None = None
+    """TOML file of exposure profiles. [default: the profiles of midair]"""
     attenuate: bool = False
+    """Reduce the level of drives that exceed the profile until they meet it."""
     override_exposure: str | None = None
+    """Play above the profile; give the name of the responsible person, which is logged."""
 
     def choices(self, room: Medium | None = None) -> ExposureChoices:
         """The options as one value, with the stated air of the room."""
@@ -116,18 +102,12 @@ def print_check_time_ahead(
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatOptions:
-    """Action if a unit of the array reports that it is too hot.
-
-    Parameters
-    ----------
-    when_hot
-        stop: end with status 1. wait: pause in silence, and continue once all units have been cool for a second.
-    cooling_limit
-        Longest pause of --when-hot wait; playback then ends with status 1.
-    """
+    """Action if a unit of the array reports that it is too hot."""
 
     when_hot: Literal["stop", "wait"] = "stop"
+    """stop: end with status 1. wait: pause in silence, and continue once all units have been cool for a second."""
     cooling_limit: Time = 600.0
+    """Longest pause of --when-hot wait; playback then ends with status 1."""
 
     def cooling(self) -> Cooling | None:
         """Permission to wait; None to stop. Pauses are printed on stderr."""

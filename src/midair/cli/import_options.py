@@ -58,51 +58,39 @@ def parsed(parse: Callable[[str], Any], metavar: str) -> Parameter:
     return Parameter(converter=convert, n_tokens=1, metavar=metavar, accepts_keys=False)
 
 
+_FOOTPRINT = (
+    "Make a field from one channel: a circle, square or line of this size moves over the sensor, such as circle:20mm."
+)
+
+
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileOptions:
-    """Properties that the file does not state.
-
-    Parameters
-    ----------
-    rate
-        Frame rate.
-    unit
-        Unit of the samples.
-    scale
-        Pressure per unit of the file, such as 30Pa: per full scale, per volt, per 1 m/s2.
-    channels
-        Channels to read, by name or by number from 0, separated by commas: accel_x, or 3,2,1,0.
-    stream
-        Which of several to read: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ or MAT.
-    packed
-        Number of channels that are interleaved in one row of numbers, such as 16.
-    layout
-        Rows, columns and pitch of the cells, such as 4x4:11mm.
-    resample
-        Resample to this rate, such as 1kHz.
-    footprint
-        Make a field from one channel: a circle, square or line of this size moves over the sensor, such as circle:20mm.
-    speed
-        Speed of the footprint over the sensor; negative reverses it, 0 keeps it in place.
-    path
-        Direction of the footprint: x, y or diagonal.
-    turn
-        When the footprint has left the sensor: stop, move back, or move over it again.
-    """
+    """Properties that the file does not state."""
 
     rate: Annotated[float | None, quantity("Hz")] = None
+    """Frame rate."""
     unit: Unit | None = None
+    """Unit of the samples."""
     scale: Annotated[float | None, quantity("Pa")] = None
+    """Pressure per unit of the file, such as 30Pa: per full scale, per volt, per 1 m/s2."""
     channels: Annotated[tuple[str, ...] | None, parsed(parse_names, "NAMES")] = None
+    """Channels to read, by name or by number from 0, separated by commas: accel_x, or 3,2,1,0."""
     stream: str | None = None
+    """Which of several to read: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ or MAT."""
     packed: int | None = None
+    """Number of channels that are interleaved in one row of numbers, such as 16."""
     layout: Annotated[SensorGrid | None, parsed(parse_layout, "LAYOUT")] = None
+    """Rows, columns and pitch of the cells, such as 4x4:11mm."""
     resample: Annotated[float | None, quantity("Hz")] = None
-    footprint: Annotated[Patch | None, parsed(parse_patch, "SHAPE:SIZE")] = None
+    """Resample to this rate, such as 1kHz."""
+    footprint: Annotated[Patch | None, parsed(parse_patch, "SHAPE:SIZE"), Parameter(help=_FOOTPRINT)] = None
     speed: Annotated[float, quantity("m/s"), Parameter(allow_leading_hyphen=True)] = 50e-3
+    """Speed of the footprint over the sensor; negative reverses it, 0 keeps it in place."""
     path: Path = "x"
+    """Direction of the footprint: x, y or diagonal."""
     turn: Turn = "stop"
+    """When the footprint has left the sensor: stop, move back, or move over it again."""
 
     @property
     def changes(self) -> bool:

@@ -26,29 +26,20 @@ from midair.settings import Settings
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigOptions(ExposureOptions):
-    """Array and sensor of the loop.
-
-    Parameters
-    ----------
-    device
-        Array to play on: virtual (array and sensor are simulated), or one of midair play, with --sensor.
-    sensor
-        Sensor that re-records a real array: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
-    calibration
-        Calibration of that sensor, a file of midair calibrate.
-    silencer
-        How the array smooths phase steps; auto chooses the least simulated error.
-    seed
-        Random seed of the virtual rig: transducer strengths and noise.
-    """
+    """Array and sensor of the loop."""
 
     device: str = "virtual"
+    """Array to play on: virtual (array and sensor are simulated), or one of midair play, with --sensor."""
     sensor: str | None = None
+    """Sensor that re-records a real array: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS."""
     calibration: Path | None = None
+    """Calibration of that sensor, a file of midair calibrate."""
     silencer: SilencerChoice | None = None
+    """How the array smooths phase steps; auto chooses the least simulated error."""
     placement: Placement = None
     array_calibration: ArrayCalibration = None
     seed: int = 0
+    """Random seed of the virtual rig: transducer strengths and noise."""
 
     def rig(self, settings: Settings, cells: SensorGrid, room: Medium | None) -> OpenRig:
         """Array and sensor, not yet open; a virtual sensor gets the cells and the band of the recording."""
