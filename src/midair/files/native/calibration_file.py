@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from midair.errors import BrokenFileError, UnknownFormatError
-from midair.files.native.axes import sensor_from, sensor_values
+from midair.files.native.axes import array_from, array_values, sensor_from, sensor_values
 from midair.files.native.hdf5 import (
     check_kind,
     kind_of,
@@ -21,7 +21,7 @@ from midair.files.native.hdf5 import (
     write_group,
 )
 from midair.files.native.provenance_json import from_json
-from midair.model import ArrayCalibration, Calibration, Crosstalk, Linearity, Measurement, TransducerArray
+from midair.model import ArrayCalibration, Calibration, Crosstalk, Linearity, Measurement
 
 if TYPE_CHECKING:
     import h5py
@@ -139,19 +139,11 @@ def save_array_calibration(calibration: ArrayCalibration, path: str | os.PathLik
     """
     if not os.fspath(path).lower().endswith(ARRAY_SUFFIX):
         raise UnknownFormatError(f"{path}: expected a name that ends in {ARRAY_SUFFIX} for an array's calibration")
-    array = calibration.array
     values = {
         **signature("array", calibration.provenance),
-        "array_name": array.name,
-        "array_pressure_pa_m": array.pressure,
-        "array_frequency_hz": array.frequency,
+        **array_values(calibration.array),
         "date": calibration.date,
         "level_uncertainty": calibration.level_uncertainty,
-        "transducer": np.arange(array.count),
-        "axis": np.arange(3),
-        "transducer_position": array.position,
-        "transducer_normal": array.normal,
-        "transducer_unit": array.unit,
         "response_real": calibration.response.real,
         "response_imag": calibration.response.imag,
         "pole_real": calibration.pole.real,
@@ -173,14 +165,7 @@ def load_array_calibration(path: str | os.PathLike[str]) -> ArrayCalibration:
         check_kind(file, "array", Path(path))
         values = read_group(file, "array", Path(path))
     return ArrayCalibration(
-        array=TransducerArray(
-            position=values["transducer_position"],
-            normal=values["transducer_normal"],
-            unit=values["transducer_unit"],
-            pressure=values["array_pressure_pa_m"],
-            frequency=values["array_frequency_hz"],
-            name=values["array_name"],
-        ),
+        array=array_from(values),
         response=values["response_real"] + 1j * values["response_imag"],
         pole=values["pole_real"] + 1j * values["pole_imag"],
         dead=values["dead"].astype(bool),
