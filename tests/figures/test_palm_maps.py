@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.evaluate import PressedPalm
-from midair.figures.palm_maps import PalmPanel, palm_figure, strongest_moment
+from midair.figures.maps import PalmPanel, palm_figure, strongest_moment
 from midair.model import PressureFrames
 
 PALM = PressedPalm(

@@ -8,12 +8,11 @@ from .errors import budget_figure as budget_figure
 from .errors import error_figure as error_figure
 from .errors import passes_figure as passes_figure
 from .errors import trials_figure as trials_figure
-from .exposure import exposure_figure as exposure_figure
+from .maps import PalmPanel as PalmPanel
 from .maps import card_figure as card_figure
 from .maps import maps_figure as maps_figure
+from .maps import palm_figure as palm_figure
 from .maps import phase_figure as phase_figure
-from .palm_maps import PalmPanel as PalmPanel
-from .palm_maps import palm_figure as palm_figure
 from .paper_figures import FieldRow as FieldRow
 from .paper_figures import fields_figure as fields_figure
 from .paper_figures import objects_figure as objects_figure
@@ -30,5 +29,6 @@ from .style import plain_axes as plain_axes
 from .style import png_bytes as png_bytes
 from .style import render_page as render_page
 from .traces import beam_figure as beam_figure
+from .traces import exposure_figure as exposure_figure
 from .traces import spectra_figure as spectra_figure
 from .traces import traces_figure as traces_figure

@@ -11,13 +11,13 @@ from .file_locks import NoLocksWarning as NoLocksWarning
 from .file_locks import check_not_recording as check_not_recording
 from .file_locks import lock_or_raise as lock_or_raise
 from .formats import FORMATS as FORMATS
+from .formats import Contents as Contents
+from .formats import contents as contents
 from .formats import format_of as format_of
 from .formats import load as load
 from .formats import open_take as open_take
 from .formats import save as save
 from .importers import load_board as load_board
-from .listing import Contents as Contents
-from .listing import contents as contents
 from .native import ARRAY_SUFFIX as ARRAY_SUFFIX
 from .native import CALIBRATION_SUFFIX as CALIBRATION_SUFFIX
 from .native import DRIVE_SUFFIX as DRIVE_SUFFIX

@@ -2,7 +2,6 @@
 
 from .cell_means import Between as Between
 from .cell_means import cell_weights as cell_weights
-from .directivity import off_axis as off_axis
 from .exposure_level import Exposure as Exposure
 from .exposure_level import exposure as exposure
 from .exposure_level import greatest_exposure as greatest_exposure
@@ -12,8 +11,6 @@ from .exposure_places import Place as Place
 from .exposure_places import cone_points as cone_points
 from .exposure_search import airs_of_room as airs_of_room
 from .exposure_search import searched_points as searched_points
-from .field_error import printed_error as printed_error
-from .field_error import relative_error as relative_error
 from .heating import palm_warming as palm_warming
 from .heating import skin_warming as skin_warming
 from .heating import unit_duty as unit_duty
@@ -31,8 +28,11 @@ from .playback_chain import TransducerState as TransducerState
 from .playback_chain import radiate as radiate
 from .propagation import focus_amplitude as focus_amplitude
 from .propagation import focus_phase as focus_phase
+from .propagation import off_axis as off_axis
+from .propagation import printed_error as printed_error
 from .propagation import propagate as propagate
 from .propagation import quantise_phase as quantise_phase
+from .propagation import relative_error as relative_error
 from .propagation import transfer_matrix as transfer_matrix
 from .propagation import wavenumber as wavenumber
 from .radiation import radiation_pressure as radiation_pressure

@@ -7,10 +7,9 @@ from cyclopts import Parameter
 
 from midair.cli.comparisons import calibrated_part, plain, print_metrics, with_array_calibration
 from midair.cli.console import banner, print_figures, print_json, print_rows, progress_bars, verbosity
-from midair.cli.exposure_options import ExposureOptions, print_air, print_check_time_ahead
+from midair.cli.exposure_options import ExposureOptions, air_watched, print_air, print_check_time_ahead
 from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, Placement, SolveOptions, StartAt
 from midair.cli.output import may_write, warn_level
-from midair.cli.thermometers import air_watched
 from midair.cli.time_estimates import workload_of
 from midair.devices import SilencerChoice
 from midair.errors import InputError

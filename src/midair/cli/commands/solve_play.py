@@ -8,7 +8,14 @@ from cyclopts import Parameter
 
 from midair.cli.comparisons import calibrated_part, with_array_calibration
 from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars
-from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air, print_check_time
+from midair.cli.exposure_options import (
+    AirOptions,
+    ExposureOptions,
+    HeatOptions,
+    air_watched,
+    print_air,
+    print_check_time,
+)
 from midair.cli.options import (
     ArrayCalibration,
     Force,
@@ -22,7 +29,6 @@ from midair.cli.options import (
     Time,
 )
 from midair.cli.output import level_of_file, level_rows, may_write, solve_error, warn_level
-from midair.cli.thermometers import air_watched
 from midair.cli.time_estimates import workload_of
 from midair.devices import (
     ArrayDevice,

@@ -2,10 +2,8 @@
 
 from midair.files.file_format import Format
 
-from .ahap_file import write_ahap
-from .ahap_rendering import read_ahap
-from .hjif_file import write_hjif
-from .hjif_rendering import read_hjif
+from .ahap_file import read_ahap, write_ahap
+from .hjif_file import read_hjif, write_hjif
 
 HJIF = Format(name="MPEG haptics", read=read_hjif, write=write_hjif, memory=4, effect=True)
 AHAP = Format(name="AHAP", read=read_ahap, write=write_ahap, memory=4, effect=True)

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from midair.cli.console import PlainConsole, out, warn_simulated
-from midair.cli.exposure_options import AirOptions, ExposureOptions, print_check_time
+from midair.cli.exposure_options import AirOptions, ExposureOptions, air_watched, print_check_time
 from midair.cli.options import StopInput
-from midair.cli.thermometers import air_watched
 from midair.devices import stop_on_input
 from midair.errors import InputError
 from midair.model import Drive, Medium
