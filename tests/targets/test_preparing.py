@@ -7,15 +7,7 @@ from midair.errors import InputError
 from midair.model import ControlGrid, Medium, PressureFrames, SensorGrid
 from midair.physics import sound_amplitude
 from midair.streaming import LazyFrames
-from midair.targets import (
-    MAPPINGS,
-    Circle,
-    decouple,
-    interpolation_matrix,
-    precompensate,
-    precompensate_sound,
-    prepare,
-)
+from midair.targets import MAPPINGS, Circle, decouple, interpolation_matrix, precompensate, precompensate_sound, prepare
 
 PITCH = 11e-3
 

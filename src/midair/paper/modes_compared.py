@@ -15,16 +15,7 @@ from midair.model import BAND, PressureFrames
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude
 from midair.pipeline import calibrated_pressure, required_lead, target_amplitude
-from midair.rig import (
-    BudgetPlan,
-    Loop,
-    Stage,
-    VirtualRig,
-    capture_recording,
-    error_budget,
-    no_progress,
-    run_loop,
-)
+from midair.rig import BudgetPlan, Loop, Stage, VirtualRig, capture_recording, error_budget, no_progress, run_loop
 from midair.settings import Mode, Settings, paper_mode, with_fewer_points, with_paper_mode
 from midair.targets import add_lead
 

@@ -12,15 +12,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from midair.errors import BrokenFileError, InputError, MissingFileError
 from midair.files import atomic_folder, json_of, read_text, toml_of
-from midair.study.design import (
-    Design,
-    Plan,
-    SessionState,
-    StimulusKind,
-    digest_of,
-    draw_plan,
-    replay,
-)
+from midair.study.design import Design, Plan, SessionState, StimulusKind, digest_of, draw_plan, replay
 
 SETTINGS = ("kind", "source", "made_from", "share", "code", "duration_s")
 """Columns that are settings of the stimulus; all further ones but `stimulus` and `block` are factors."""

@@ -11,14 +11,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from midair.errors import (
-    BrokenFileError,
-    DeviceStateError,
-    InputError,
-    LinkLostError,
-    MismatchError,
-    SilentFramesError,
-)
+from midair.errors import BrokenFileError, DeviceStateError, InputError, LinkLostError, MismatchError, SilentFramesError
 from midair.model import Medium
 from midair.study.design.answers import answers_table
 from midair.study.design.plan import draw_plan
