@@ -39,7 +39,7 @@ def measured_response(asked: Array, heard: Array, rate: float, *, band: Band, re
     """H1 = S_uy / S_uu by Welch's method, the cross-spectra summed over the cells.
 
     Bins with less than 1e-4 of the strongest bin's power contain no information; they take H of the nearest bin with
-    more.
+    more. Raises ShapeError if the shapes differ and InputError if the commanded pressure is zero in the band.
 
     Parameters
     ----------
@@ -51,13 +51,6 @@ def measured_response(asked: Array, heard: Array, rate: float, *, band: Band, re
         (low, high) in Hz; bins outside are ignored.
     resolution : float
         Spacing of the bins, in Hz; H is assumed smooth over it.
-
-    Raises
-    ------
-    ShapeError
-        If the shapes differ.
-    InputError
-        If the commanded pressure is zero in the band.
     """
     from scipy.signal import csd
     from scipy.signal import welch as scipy_welch

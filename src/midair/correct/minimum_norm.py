@@ -49,6 +49,8 @@ class MinimumNorm:
     def corrected(self, drive: Drive, lacking: Array, weights: Array, grid: ControlGrid) -> Drive:
         """The drive with this additional pressure on the cells; silent frames do not change.
 
+        Raises ShapeError if `lacking` or the weights have other frames, cells or points.
+
         Parameters
         ----------
         drive : Drive
@@ -59,11 +61,6 @@ class MinimumNorm:
             From `cell_weights` with between="waves".
         grid : ControlGrid
             Points of the weights.
-
-        Raises
-        ------
-        ShapeError
-            If `lacking` or the weights have other frames, cells or points.
         """
         if lacking.shape != (drive.frames, len(weights)) or weights.shape[1] != grid.count:
             raise ShapeError(

@@ -23,7 +23,8 @@ def am_stimulus(
     """Pressure of the modulated foci of the paper's section 5.2, 0 or more, as an array can present it.
 
     A modulation of frequency f is the raised sinusoid (1 - cos 2 pi f t) / 2. "i": 100 Hz on the first channel; "ii":
-    100 Hz on the first and the last channel; "iii": 25 Hz and 250 Hz in the ratio 3:2 on the first channel.
+    100 Hz on the first and the last channel; "iii": 25 Hz and 250 Hz in the ratio 3:2 on the first channel. Raises
+    InputError if `kind` is unknown and RateError if the rate is too low for the modulation.
 
     Parameters
     ----------
@@ -35,13 +36,6 @@ def am_stimulus(
         In Hz, above twice the highest modulation frequency.
     sensor : SensorGrid, optional
         4 x 4 at 11 mm by default.
-
-    Raises
-    ------
-    InputError
-        If `kind` is unknown.
-    RateError
-        If the rate is too low for the modulation.
     """
     sensor = sensor or SensorGrid()
     parts = _modulation(kind)
@@ -87,7 +81,8 @@ def probe_signal(
     """A vibration of both signs on one cell, with rest before and after it, for measurements of fidelity.
 
     "25+250 Hz": both in the ratio 3:2. "noise": normal noise from 25 to 460 Hz. "bursts": 200 Hz under Gaussians of 8
-    ms standard deviation, 50 ms apart. Each fades in and out over a fifth of `rest`, outside the duration.
+    ms standard deviation, 50 ms apart. Each fades in and out over a fifth of `rest`, outside the duration. Raises
+    InputError if `kind` is unknown.
 
     Parameters
     ----------
@@ -104,11 +99,6 @@ def probe_signal(
     -------
     PressureFrames
         Simulated, in Pa, of duration + 2 rest.
-
-    Raises
-    ------
-    InputError
-        If `kind` is unknown.
     """
     sensor = sensor or SensorGrid()
     time = (
@@ -194,6 +184,8 @@ def taps(
 def binary_patterns(count: int | None = None, *, seed: int = 0, channels: int = 16) -> NDArray[np.int64]:
     """Binary patterns in a random order, so that the first few are a representative sample of all.
 
+    Raises InputError if `count` exceeds the number of patterns, or `channels` is out of range.
+
     Parameters
     ----------
     count : int, optional
@@ -207,11 +199,6 @@ def binary_patterns(count: int | None = None, *, seed: int = 0, channels: int = 
     -------
     ndarray of int, shape (pattern,)
         Bit k is 1 if channel k is loud. Patterns are unique, and none is 0.
-
-    Raises
-    ------
-    InputError
-        If `count` exceeds the number of patterns, or `channels` is out of range.
     """
     if not 1 <= channels <= 16:
         raise InputError(f"channels: expected 1 to 16, got {channels}")

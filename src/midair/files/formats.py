@@ -129,7 +129,8 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
 def open_take(path: Place, given: ImportOptions) -> OpenedTake:
     """Read a recording with its calibration, its journal and a report of all assumptions.
 
-    The content of a file decides what it is; the case of its suffix does not matter.
+    The content of a file decides what it is; the case of its suffix does not matter. Raises MissingFileError,
+    BrokenFileError, UnknownFormatError or InputError as in `load`.
 
     Parameters
     ----------
@@ -140,11 +141,6 @@ def open_take(path: Place, given: ImportOptions) -> OpenedTake:
     -------
     OpenedTake
         Its report has a sentence for each assumption, change, omission or suspicious channel.
-
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError, InputError
-        As in `load`.
     """
     return _opened(path, given)
 
@@ -174,6 +170,8 @@ def save(
 ) -> tuple[FormatLoss, ...]:
     """Write a recording atomically, in the format of the suffix of `path`.
 
+    Raises UnknownFormatError if the suffix is unknown and FileError if the file cannot be written.
+
     Parameters
     ----------
     path : str or PathLike
@@ -189,13 +187,6 @@ def save(
     -------
     tuple of FormatLoss
         One for each fact that the format cannot store.
-
-    Raises
-    ------
-    UnknownFormatError
-        If the suffix is unknown.
-    FileError
-        If the file cannot be written.
     """
     form = format_of(path)
     if form.write is None:

@@ -93,6 +93,8 @@ class StageSetup:
 def check_reached(speed: float, way: float, *, largest: float, growth: float) -> None:
     """Raise unless a machine reaches a speed and keeps it over at least half of a distance.
 
+    Raises InputError if the speed is not reached.
+
     Parameters
     ----------
     speed, largest : float
@@ -101,11 +103,6 @@ def check_reached(speed: float, way: float, *, largest: float, growth: float) ->
         Length of the path, in m.
     growth : float
         Acceleration of the machine, in m/s2; acceleration and braking take speed**2 / growth together.
-
-    Raises
-    ------
-    InputError
-        If the speed is not reached.
     """
     if speed > largest:
         raise InputError(

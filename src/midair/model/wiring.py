@@ -82,15 +82,12 @@ class SensorWiring:
     def arrange(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
         """Assign samples of the source's channels, shape (frame, channel), to the cells.
 
+        Raises ShapeError if the source has too few channels.
+
         Returns
         -------
         ndarray, shape (frame, row, column)
             Samples in the same unit; channels without a cell are dropped.
-
-        Raises
-        ------
-        ShapeError
-            If the source has too few channels.
         """
         if samples.ndim != 2 or samples.shape[1] < self.channels:
             raise ShapeError(

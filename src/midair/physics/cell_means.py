@@ -39,7 +39,7 @@ def cell_weights(
     """Weights that average the pressure at the points of a grid over each cell, shape (channel, point).
 
     The gel spreads the pressure by a Gaussian, and the cell averages over its aperture. Weights are exact integrals:
-    over a grid that covers the plane the weights of each cell sum to 1.
+    over a grid that covers the plane the weights of each cell sum to 1. Raises InputError if the model is unknown.
 
     Parameters
     ----------
@@ -51,11 +51,6 @@ def cell_weights(
         (x, y) of the middle of the sensor, in m.
     between : {"steps", "lines", "waves"}
         Model of the pressure between the points.
-
-    Raises
-    ------
-    InputError
-        If the model is unknown.
     """
     if between not in _SHARES:
         raise InputError(f"between: expected one of {', '.join(_SHARES)}, got {between!r}")

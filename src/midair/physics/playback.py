@@ -30,6 +30,9 @@ def simulate(
 ) -> Array:
     """Radiation pressure in Pa at points, or on cells, at every moment while an array plays a drive.
 
+    Raises RateError if the rate is not a whole multiple of the drive's; ShapeError if G, the weights or the chain's
+    transducers do not match the drive's array or the points.
+
     Parameters
     ----------
     drive : Drive
@@ -51,13 +54,6 @@ def simulate(
     -------
     ndarray, shape (frame * rate / drive.rate, point) or (..., cell)
         Step i is at the end of the i-th interval of 1 / rate; with an ideal hold at its beginning.
-
-    Raises
-    ------
-    RateError
-        If the rate is not a whole multiple of the drive's.
-    ShapeError
-        If G, the weights or the chain's transducers do not match the drive's array or the points.
     """
     chain, acoustics = chain or PlaybackChain(), acoustics or drive.acoustics
     steps = steps_per_frame(drive.rate, rate)

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: float = 4.5e-3) -> Array:
     """Amplitude relative to the axis, 1 on the axis.
 
+    Raises InputError if `kind` is unknown.
+
     Parameters
     ----------
     angle : ndarray, any shape
@@ -25,11 +27,6 @@ def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: floa
         k in rad/m, used by the piston.
     radius : float
         a of the piston, in m.
-
-    Raises
-    ------
-    InputError
-        If `kind` is unknown.
     """
     angle = np.asarray(angle, float)
     if kind == "point":
@@ -87,7 +84,7 @@ def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoust
     """Sound pressure (peak, Pa) at each point for each transducer at full drive and phase 0, paper eq. (3).
 
     G_mn = C D(theta_mn) exp(-beta r_mn) exp(j k r_mn) / r_mn, with C the pressure of one transducer at 1 m. Complex,
-    shape (point, transducer).
+    shape (point, transducer). Raises InputError if a point lies on a transducer.
 
     Parameters
     ----------
@@ -95,11 +92,6 @@ def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoust
         Positions in m.
     acoustics : Acoustics, optional
         Speed and attenuation of the air, and D; the paper's if None.
-
-    Raises
-    ------
-    InputError
-        If a point lies on a transducer.
     """
     acoustics = acoustics or Acoustics()
     places = _places(points)

@@ -131,7 +131,8 @@ def sense(
     H(f) is applied to the spectrum of the pressure, which is assumed band-limited between samples, 0 before the first
     one (so the start is the transient of a sensor at rest), and held after the last one, then faded out. The record is
     padded until the slowest part of H has decayed to 1e-8. Every frequency below half the output rate gets H(f) itself;
-    frequencies above are removed (an ideal anti-alias filter).
+    frequencies above are removed (an ideal anti-alias filter). Raises ShapeError if the shape of the pressure does not
+    match the sensor.
 
     Parameters
     ----------
@@ -148,11 +149,6 @@ def sense(
     -------
     ndarray, shape (ceil(frame / oversample), row, column)
         In V, clipped and quantised. Sample i is at i / rate.
-
-    Raises
-    ------
-    ShapeError
-        If the shape of the pressure does not match the sensor.
     """
     if oversample < 1 or oversample != int(oversample):
         raise InputError(f"oversample: expected a whole number, 1 or more, got {oversample}")

@@ -57,6 +57,8 @@ class SkinMotion:
     ) -> "SkinMotion":
         """Compute the response.
 
+        Raises InputError if the band with its transitions does not fit below half the rate.
+
         Parameters
         ----------
         shape : tuple of int
@@ -71,11 +73,6 @@ class SkinMotion:
             Width of the transition on either side of the band, in Hz.
         settle : float
             Length of the impulse response, in s.
-
-        Raises
-        ------
-        InputError
-            If the band with its transitions does not fit below half the rate.
         """
         positive(pitch, "pitch", "m")
         if not 0 < edge < band[0] < band[1] < rate / 2:

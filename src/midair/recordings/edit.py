@@ -84,7 +84,8 @@ def _rate_of(rate: float, wanted: float) -> float:
 def trim(recording: Recording, *, share: float = 0.05, level: float | None = None, margin: float = 0.05) -> Recording:
     """Remove the silence at both ends; silence in between stays.
 
-    A frame is silent if no channel is further from its median than `level`.
+    A frame is silent if no channel is further from its median than `level`. Raises InputError if the whole recording is
+    silent, or a setting is out of range.
 
     Parameters
     ----------
@@ -94,11 +95,6 @@ def trim(recording: Recording, *, share: float = 0.05, level: float | None = Non
         Absolute level in the unit of the samples, instead of `share`.
     margin : float
         Time to keep before the first and after the last frame that is not silent, in s.
-
-    Raises
-    ------
-    InputError
-        If the whole recording is silent, or a setting is out of range.
     """
     if not 0 <= share < 1:
         raise InputError(f"trim: expected a share of 0 to below 1, got {share:g}")

@@ -92,7 +92,7 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
     """The pressure field of a footprint that presses on a sensor with a waveform of one channel.
 
     The result is marked as simulated, because its positions were not measured. Its unit is that of the waveform: Pa, or
-    the output of a sensor of that shape.
+    the output of a sensor of that shape. Raises ShapeError if the recording has more than one channel.
 
     Parameters
     ----------
@@ -107,11 +107,6 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
     -------
     Recording
         Shape (frame, row, column), at the rate of the waveform.
-
-    Raises
-    ------
-    ShapeError
-        If the recording has more than one channel.
     """
     sensor = sensor or SensorGrid()
     if recording.sensor.count != 1:

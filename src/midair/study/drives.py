@@ -58,6 +58,9 @@ def prepare_drives(
 ) -> list[StudyDrive]:
     """Put every drive of a design into a folder: copied, solved from a recording, or from a virtual stroke.
 
+    Raises MissingFileError, which names them, if drives have no source; BrokenFileError if a file is no drive, or
+    silent in all frames; MismatchError if drives are for different arrays.
+
     Parameters
     ----------
     into : Path
@@ -73,15 +76,6 @@ def prepare_drives(
         Seed of virtual strokes and the virtual sensor.
     stage : callable, optional
         Receives the name of each step and returns its progress callback.
-
-    Raises
-    ------
-    MissingFileError
-        If drives have no source; names all of them.
-    BrokenFileError
-        If a file is no drive, or silent in all frames.
-    MismatchError
-        If drives are for different arrays.
     """
     drives = [one for one in design.stimuli if one.kind == "drive"]
     # If several stimuli share a drive, the one with `made_from` is used.

@@ -94,7 +94,9 @@ def run_sweep(
 
     Each worker writes its results if it can access the store (a shared disk or an object store). Other results are sent
     to this process, which writes them. The command can be stopped at any time and started again: stored results are
-    kept, and missing ones are computed.
+    kept, and missing ones are computed. Raises MismatchError if the store contains another sweep; ClusterError if the
+    cluster cannot be reached, a worker has another midair, a task fails, or no worker responds for 20 s; all results so
+    far are stored.
 
     Parameters
     ----------
@@ -112,14 +114,6 @@ def run_sweep(
     -------
     int
         Number of patterns or frames solved by this call.
-
-    Raises
-    ------
-    MismatchError
-        If the store contains another sweep.
-    ClusterError
-        If the cluster cannot be reached, a worker has another midair, a task fails, or no worker responds for 20 s; all
-        results so far are stored.
     """
     whole = sum(task.count for task in sweep.tasks())
     with open_sweep(where, sweep) as store:

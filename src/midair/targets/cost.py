@@ -40,6 +40,8 @@ class MappingReport:
 def mapping_report(pressure: PressureFrames, mapping: str, *, band: tuple[float, float] = BAND) -> MappingReport:
     """Compute the figures of a mapping for a recording.
 
+    Raises InputError if the mapping is unknown.
+
     Parameters
     ----------
     pressure : PressureFrames
@@ -48,11 +50,6 @@ def mapping_report(pressure: PressureFrames, mapping: str, *, band: tuple[float,
         A name in `MAPPINGS`.
     band : tuple of float
         (low, high) of the recorded part, in Hz.
-
-    Raises
-    ------
-    InputError
-        If the mapping is unknown.
     """
     x = pressure.pressure
     pushed = mapping_of(mapping, band)(x, pressure.rate)

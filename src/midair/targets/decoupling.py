@@ -64,7 +64,7 @@ def decouple(
     """Pressure whose interpolation gives each cell its original reading.
 
     x' = M^-1 x, exact for interpolated pressure and approximate for interpolated amplitude. Apply it before a mapping,
-    which handles the negative values that it adds.
+    which handles the negative values that it adds. Raises InputError if the condition number is higher.
 
     Parameters
     ----------
@@ -76,11 +76,6 @@ def decouple(
         Aperture and spread of the sensor; the usual one on the pressure's cells if None.
     worst : float
         Maximum condition number of M, which bounds the amplification of noise.
-
-    Raises
-    ------
-    InputError
-        If the condition number is higher.
     """
     grid, sensor = grid or ControlGrid(), sensor or SensorModel.usual(pressure.sensor)
     matrix = coupling(sensor, grid)

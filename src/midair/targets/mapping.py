@@ -131,7 +131,8 @@ class MappingStream:
     """One mapping of a stream of frames; all blocks together equal the mapping of the whole recording.
 
     `push` takes blocks of any length and returns the frames that are ready, `delay` frames late; `finish` returns the
-    rest.
+    rest. Raises InputError if the mapping is unknown, or an offset is missing for "constant-offset" or given for
+    another.
 
     Parameters
     ----------
@@ -143,11 +144,6 @@ class MappingStream:
         The constant offset in Pa, since a stream does not know the later minimum of its cells.
     band : tuple of float, optional
         (low, high) in Hz, which determines a slow bias; from 20 Hz on if None.
-
-    Raises
-    ------
-    InputError
-        If the mapping is unknown, or an offset is missing for "constant-offset" or given for another.
     """
 
     def __init__(

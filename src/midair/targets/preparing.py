@@ -63,7 +63,8 @@ def prepare(
 
     Pressure is made positive, converted to peak sound amplitude, surrounded by one ring of zeros at the sensor's pitch
     (4 x 4 -> 6 x 6) and interpolated linearly to the control points (paper, 4.1). The centre of the sensor is placed at
-    the centre of the grid.
+    the centre of the grid. Raises InputError if the mapping or the kind of interpolation is unknown, or the gain is not
+    above zero.
 
     Parameters
     ----------
@@ -81,11 +82,6 @@ def prepare(
         Factor on the pressure, to correct the gain of a beam.
     circle : Circle, optional
         Moves the pattern on a slow circle; not validated on people.
-
-    Raises
-    ------
-    InputError
-        If the mapping or the kind of interpolation is unknown, or the gain is not above zero.
     """
     to_push = mapping_of(mapping, pressure.band)
     if interpolate not in get_args(Interpolated):

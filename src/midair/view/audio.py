@@ -40,6 +40,8 @@ def channel_sound(
 ) -> ChannelSound:
     """Convert a channel to sound, without its mean, with 10 ms fades at both ends and its peak near full scale.
 
+    Raises InputError if there is no such channel.
+
     Parameters
     ----------
     rate, sound_rate : float
@@ -47,11 +49,6 @@ def channel_sound(
     full_scale : float, optional
         Full scale in the unit of the channel, for comparable loudness; larger values are clipped. If None, the loudest
         sample is at 0.9 of full scale.
-
-    Raises
-    ------
-    InputError
-        If there is no such channel.
     """
     channels.check(channel)
     heard = channels.values[:, channel] - channels.values[:, channel].mean()

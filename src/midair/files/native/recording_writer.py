@@ -136,6 +136,8 @@ class RecordingWriter:
     def append(self, block: ArrayLike, played: Mapping[str, np.ndarray] | None = None) -> None:
         """Append frames.
 
+        Raises FileError if the file is closed, or the disk is full or fails.
+
         Parameters
         ----------
         block : array_like, shape (frame, row, column)
@@ -143,11 +145,6 @@ class RecordingWriter:
         played : mapping, optional
             With `array`: ``phase_steps``, ``intensity``, ``instant`` and ``state`` of these frames, as in
             `PlayedTouch`.
-
-        Raises
-        ------
-        FileError
-            If the file is closed, or the disk is full or fails.
         """
         samples = frozen_array(block, "block", ("frame", *self.sensor.shape))
         if self.stored == "f4" and single(samples) is samples:

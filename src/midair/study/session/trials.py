@@ -28,6 +28,9 @@ AGAIN = "The device interrupted the last presentation. It will be repeated from 
 class Session:
     """Session of one participant; a context manager that silences the presenter on every exit.
 
+    Raises MismatchError on entering, if the log follows another plan; BrokenFileError on entering, if the log was
+    changed after it was written.
+
     Parameters
     ----------
     plan : Plan
@@ -51,13 +54,6 @@ class Session:
         Further fields of the "open" event, such as the masking noise.
     markers : EventMarkers, optional
         Open outputs that get a marker at each trial and answer; stimuli are marked by a `MarkedPresenter`.
-
-    Raises
-    ------
-    MismatchError
-        On entering, if the log follows another plan.
-    BrokenFileError
-        On entering, if the log was changed after it was written.
     """
 
     def __init__(

@@ -148,7 +148,8 @@ def rm_anova(
       manipulated. 90 % limits of np2 from the noncentral F, with degrees of freedom times eps_GG; they exclude 0 if
       p_GG < 0.05. Those of ges are converted from them with the observed ratio of the error sums of squares.
 
-    Several answers in one cell are averaged first.
+    Several answers in one cell are averaged first. Raises InputError if there are fewer participants than groups + 1, a
+    cell or group is empty, a factor has one level, a participant is in two groups, or all answers are equal.
 
     Parameters
     ----------
@@ -167,12 +168,6 @@ def rm_anova(
         One row per effect; columns effect, df1, df2, F, p, eps_GG, p_GG, eps_HF, p_HF, W, p_W, np2, ges, np2_low,
         np2_high, ges_low, ges_high, note. An effect with one contrast is spherical: its epsilons and W are 1. A value
         that is undefined is NaN, and `note` gives the reason.
-
-    Raises
-    ------
-    InputError
-        If there are fewer participants than groups + 1, a cell or group is empty, a factor has one level, a participant
-        is in two groups, or all answers are equal.
     """
     from pandas import DataFrame
 

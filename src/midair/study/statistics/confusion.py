@@ -69,6 +69,9 @@ def confusion_matrix(
 ) -> Confusion:
     """Count the answers to each object by participant.
 
+    Raises ShapeError if the lengths differ or are 0; InputError if an object was never presented, or an answer is no
+    known object.
+
     Parameters
     ----------
     presented, answered : sequence, length trial
@@ -79,13 +82,6 @@ def confusion_matrix(
         Objects in the wanted order; by default those presented, in order of appearance.
     foils : sequence
         Possible answers that are never correct; they count as wrong.
-
-    Raises
-    ------
-    ShapeError
-        If the lengths differ or are 0.
-    InputError
-        If an object was never presented, or an answer is no known object.
     """
     truth, answer = np.asarray(presented), np.asarray(answered)
     who = np.zeros(len(truth), int) if participant is None else np.asarray(participant)

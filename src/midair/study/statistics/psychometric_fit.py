@@ -171,6 +171,9 @@ def fit_psychometric(
 ) -> PsychometricFit:
     """Fit threshold, slope and lapse by maximum likelihood (Wichmann and Hill, 2001).
 
+    Raises ShapeError if the lengths differ; InputError if there are fewer than three levels, or the answers do not
+    increase with the level.
+
     Parameters
     ----------
     level : sequence of float
@@ -187,13 +190,6 @@ def fit_psychometric(
         Simulated data sets for the deviance.
     limit_draws : int
         Simulated data sets per threshold for the limits; 0 for no limits.
-
-    Raises
-    ------
-    ShapeError
-        If the lengths differ.
-    InputError
-        If there are fewer than three levels, or the answers do not increase with the level.
     """
     x, k, n = _merge_levels(level, correct, total)
     if len(x) < 3:

@@ -97,7 +97,8 @@ def limits_over_people(
     0.98 near a share of 1); and if fewer answers are wrong (or correct) than there are participants, the limits are at
     least as wide as those of independent answers (otherwise the coverage is 0.92). For F with five participants the
     coverage of a nominal 0.95 is 0.94 to 0.97; a bootstrap over participants (BCa) reaches 0.83 to 0.86
-    (docs/decisions/0034-analysis.md).
+    (docs/decisions/0034-analysis.md). Raises InputError if there are fewer than five participants, where the coverage
+    is too low, or the scale is unknown.
 
     Parameters
     ----------
@@ -120,11 +121,6 @@ def limits_over_people(
     -------
     Interval
         With the shape of the statistic; NaN if the statistic is at its bound or equal without any participant.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than five participants, where the coverage is too low, or the scale is unknown.
     """
     from scipy.stats import t as t_distribution
 
