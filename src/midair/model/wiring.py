@@ -80,14 +80,9 @@ class SensorWiring:
         return replace(self, order=tuple(order))
 
     def arrange(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Assign samples of the source's channels, shape (frame, channel), to the cells.
+        """Assign samples of the source's channels, (frame, channel), to the cells, (frame, row, column).
 
-        Raises ShapeError if the source has too few channels.
-
-        Returns
-        -------
-        ndarray, shape (frame, row, column)
-            Samples in the same unit; channels without a cell are dropped.
+        The unit stays; channels without a cell are dropped. Raises ShapeError if the source has too few channels.
         """
         if samples.ndim != 2 or samples.shape[1] < self.channels:
             raise ShapeError(

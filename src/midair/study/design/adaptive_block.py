@@ -46,14 +46,9 @@ def thresholds_of(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame | N
     """Thresholds of every adaptive block in every session; None if the plan has no such block.
 
     A threshold uses the scored rows of `answers_table`, so that exports and reports have the same trials. It is
-    estimated by `ThresholdModel`, with the levels of the block and the lapse limit of the plan.
-
-    Returns
-    -------
-    DataFrame
-        Columns participant, block, threshold, sd, low, high (95 % limits), trials (analysed answers), bias, lapse,
-        p_misfit, note. Where a threshold is excluded or refused, threshold, sd, low and high are NaN and `note` gives
-        the reason.
+    estimated by `ThresholdModel`, with the levels of the block and the lapse limit of the plan. Columns: participant,
+    block, threshold, sd, low, high (95 % limits), trials (analysed answers), bias, lapse, p_misfit, note. Where a
+    threshold is excluded or refused, threshold, sd, low and high are NaN and `note` gives the reason.
     """
     from pandas import DataFrame
 

@@ -80,14 +80,11 @@ def _share_correct(plan: Plan, session: SessionState, role: str) -> float | None
 def answers_table(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
     """Table of all valid answers, without those to private questions (they stay in the log).
 
-    Returns
-    -------
-    DataFrame
-        One row per answer, in the order of asking, with columns participant, session, trial, block, group, repetition,
-        stimulus, role, scored, excluded (rule of the plan that excludes the answer or its participant; excluded answers
-        are not scored), question, kind, answer, right (correct answer), correct (1, 0, or -1 for questions without a
-        correct answer), reaction_s, reaction_by, failed_plays, time (s from the beginning of the session), simulated,
-        one column per question of the form, and one per factor, "n/a" where a factor has no level.
+    One row per answer, in the order of asking, with columns participant, session, trial, block, group, repetition,
+    stimulus, role, scored, excluded (rule of the plan that excludes the answer or its participant; excluded answers are
+    not scored), question, kind, answer, right (correct answer), correct (1, 0, or -1 for questions without a correct
+    answer), reaction_s, reaction_by, failed_plays, time (s from the beginning of the session), simulated, one column
+    per question of the form, and one per factor, "n/a" where a factor has no level.
     """
     from pandas import DataFrame
 

@@ -117,12 +117,9 @@ def f_measure(counts: NDArray[Any]) -> Array:
 def scores(confusion: Confusion, *, level: float = 0.95) -> DataFrame:
     """Precision, recall and F of each object.
 
-    Returns
-    -------
-    DataFrame
-        Columns object, presented, answered, precision, recall, recall_low, recall_high, F, note. The interval of recall
-        is Wilson's, which assumes independent trials; see `limits_over_people` for intervals over participants. The
-        precision of an object that was never answered is NaN, and `note` says so.
+    Columns object, presented, answered, precision, recall, recall_low, recall_high, F, note. The interval of recall is
+    Wilson's, which assumes independent trials; see `limits_over_people` for intervals over participants. The precision
+    of an object that was never answered is NaN, and `note` says so.
     """
     from pandas import DataFrame
 

@@ -111,13 +111,8 @@ def d_prime_same_different(hits: int, different: int, false_alarms: int, same: i
     """D' of a same-different task, for an observer with the differencing rule.
 
     P("different" | same) = 2 Phi(-k / sqrt 2); P("different" | different) = Phi((d' - k) / sqrt 2) + Phi((-d' - k) /
-    sqrt 2). Macmillan and Creelman, chapter 9; 1/2 is added to counts and 1 to totals.
-
-    Returns
-    -------
-    Sensitivity
-        `criterion` is the distance k; d' is 0 if the hit rate does not exceed the false-alarm rate. The limits are NaN:
-        use `limits_over_people`.
+    sqrt 2). Macmillan and Creelman, chapter 9; 1/2 is added to counts and 1 to totals. `criterion` is the distance k;
+    d' is 0 if the hit rate does not exceed the false-alarm rate. The limits are NaN: use `limits_over_people`.
     """
     from scipy.optimize import brentq
     from scipy.stats import norm

@@ -137,12 +137,8 @@ def logistic_posterior(
 ) -> DataFrame:
     """Fit the random-intercept model with statsmodels: a variational posterior with normal priors.
 
+    Columns term, mean, sd, in logits; the last row is the logarithm of the standard deviation between participants.
     Raises MissingExtraError if statsmodels is not installed and InputError as `logistic_mixed`.
-
-    Returns
-    -------
-    DataFrame
-        Columns term, mean, sd, in logits; the last row is the logarithm of the standard deviation between participants.
     """
     from pandas import DataFrame
 
