@@ -5,8 +5,6 @@ from .atomic import atomic_folder as atomic_folder
 from .atomic import collect_written_files as collect_written_files
 from .atomic import parse_errors as parse_errors
 from .atomic import writable_path as writable_path
-from .file_format import Format as Format
-from .file_format import FormatLoss as FormatLoss
 from .file_locks import NoLocksWarning as NoLocksWarning
 from .file_locks import check_not_recording as check_not_recording
 from .file_locks import lock_or_raise as lock_or_raise
@@ -35,6 +33,8 @@ from .native import save_pressure as save_pressure
 from .native import save_solution as save_solution
 from .native import save_solutions as save_solutions
 from .native import to_json as to_json
+from .opened_take import Format as Format
+from .opened_take import FormatLoss as FormatLoss
 from .opened_take import ImportOptions as ImportOptions
 from .opened_take import OpenedTake as OpenedTake
 from .size_limits import check_memory_for as check_memory_for

@@ -12,7 +12,6 @@ import numpy as np
 
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import existing_file, parse_errors
-from midair.files.file_format import Format, FormatLoss
 from midair.files.native import (
     ARRAY_SUFFIX,
     CALIBRATION_SUFFIX,
@@ -28,7 +27,7 @@ from midair.files.native import (
     stored_dataset,
     write_recording,
 )
-from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
 from midair.files.size_limits import check_memory_for
 from midair.model import Calibration, Event, PressureFrames, Recording, Solution
 from midair.recordings import suspicious

@@ -17,8 +17,7 @@ import numpy as np
 
 from midair.errors import ClusterError, MissingExtraError
 from midair.model import Progress
-from midair.sweep.region import SweepAddress
-from midair.sweep.store import open_sweep
+from midair.sweep.store import SweepAddress, open_sweep
 from midair.sweep.task import Job, Result, Sweep, Task
 from midair.version import __version__
 

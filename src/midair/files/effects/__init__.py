@@ -1,6 +1,6 @@
 """Effects of other makers, AHAP and MPEG haptics: recordings written as effects, and effects rendered to waves."""
 
-from midair.files.file_format import Format
+from midair.files.opened_take import Format
 
 from .ahap_file import read_ahap, write_ahap
 from .hjif_file import read_hjif, write_hjif

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
 from midair.files.atomic import atomic_file
-from midair.files.file_format import FormatLoss, calibration_lost
-from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
 from midair.model import Calibration, Recording
 from midair.streaming import medians, read_frames, with_cache
 

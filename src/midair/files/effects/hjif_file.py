@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError
 from midair.files.atomic import atomic_file
 from midair.files.effects.ahap_file import CLICK, LONGEST, RATE
-from midair.files.file_format import FormatLoss, calibration_lost
-from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
 from midair.model import Calibration, Recording
 from midair.streaming import block_ranges, medians, moments, read_frames
 from midair.version import __version__

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.errors import BrokenFileError, MismatchError
-from midair.files.file_format import Format, FormatLoss
 from midair.files.native.axes import check_time, sensor_from, sensor_values, single, time_values
 from midair.files.native.calibration_file import read_calibration, write_calibration
 from midair.files.native.checksums import Ranges
@@ -30,7 +29,7 @@ from midair.files.native.hdf5_recovery import is_unclosed
 from midair.files.native.played_group import load_played, write_played
 from midair.files.native.provenance_json import from_json
 from midair.files.native.schema import NETCDF
-from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
 from midair.model import Calibration, Event, PlayedTouch, PressureFrames, Recording
 from midair.streaming import LazyFrames, block_ranges
 from midair.version import __version__

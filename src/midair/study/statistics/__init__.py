@@ -1,5 +1,6 @@
 """Statistics of choices, ratings and thresholds as pure functions of arrays and tables."""
 
+from .anova import ordinal_check as ordinal_check
 from .anova import rm_anova as rm_anova
 from .choice_limits import d_prime_limits as d_prime_limits
 from .choice_limits import f_limits as f_limits
@@ -29,7 +30,6 @@ from .detection import d_prime_yes_no as d_prime_yes_no
 from .detection import proportion_correct as proportion_correct
 from .mixed import logistic_mixed as logistic_mixed
 from .mixed import logistic_posterior as logistic_posterior
-from .ordinal import ordinal_check as ordinal_check
 from .pair_comparisons import pairwise as pairwise
 from .paired import Equivalence as Equivalence
 from .paired import PairedT as PairedT
