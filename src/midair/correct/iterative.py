@@ -104,18 +104,8 @@ class IterativeCorrection:
     def change(self, lacking: Array, rate: float, response: Response, *, band: Band, step: float) -> Array:
         """Change of the commanded pressure: ``g conj(H) / (|H|^2 + eps)`` applied to the error, within the band.
 
-        Parameters
-        ----------
-        lacking : ndarray, shape (frame, row, column)
-            Y_target - Y, at the same times, in Pa.
-        rate : float
-            In Hz.
-        response : Response
-            H.
-        band : tuple of float
-            (low, high), in Hz, with the usual soft edges.
-        step : float
-            g.
+        `lacking`, shape (frame, row, column), is Y_target - Y at the same times, in Pa; `rate` and the `band` (low,
+        high), with the usual soft edges, are in Hz; `response` is H and `step` is g.
         """
         edges = band_edges(band, rate)
         within = (response.frequency >= band[0]) & (response.frequency <= band[1])

@@ -47,20 +47,11 @@ class MinimumNorm:
         positive(self.floor, "floor of the correction", "Pa")
 
     def corrected(self, drive: Drive, lacking: Array, weights: Array, grid: ControlGrid) -> Drive:
-        """The drive with this additional pressure on the cells; silent frames do not change.
+        """The drive that was played, with more pressure on the cells; silent frames do not change.
 
-        Raises ShapeError if `lacking` or the weights have other frames, cells or points.
-
-        Parameters
-        ----------
-        drive : Drive
-            The drive that was played.
-        lacking : ndarray, shape (frame, cell)
-            Pressure to add, in Pa.
-        weights : ndarray, shape (cell, point)
-            From `cell_weights` with between="waves".
-        grid : ControlGrid
-            Points of the weights.
+        `lacking`, shape (frame, cell), is the pressure to add, in Pa; `weights`, shape (cell, point), are those of
+        `cell_weights` with between="waves" for the points of `grid`. Raises ShapeError if frames, cells or points
+        differ.
         """
         if lacking.shape != (drive.frames, len(weights)) or weights.shape[1] != grid.count:
             raise ShapeError(

@@ -182,23 +182,10 @@ def taps(
 
 
 def binary_patterns(count: int | None = None, *, seed: int = 0, channels: int = 16) -> NDArray[np.int64]:
-    """Binary patterns in a random order, so that the first few are a representative sample of all.
+    """Binary patterns, shape (pattern,), in a random order, so that the first few are a representative sample of all.
 
-    Raises InputError if `count` exceeds the number of patterns, or `channels` is out of range.
-
-    Parameters
-    ----------
-    count : int, optional
-        All 2^channels - 1 patterns if None.
-    seed : int
-        Seed of the order.
-    channels : int
-        At most 16.
-
-    Returns
-    -------
-    ndarray of int, shape (pattern,)
-        Bit k is 1 if channel k is loud. Patterns are unique, and none is 0.
+    Bit k is 1 if channel k of at most 16 is loud. Patterns are unique, and none is 0; there are 2^channels - 1, all if
+    `count` is None. Raises InputError if `count` exceeds that number, or `channels` is out of range.
     """
     if not 1 <= channels <= 16:
         raise InputError(f"channels: expected 1 to 16, got {channels}")

@@ -68,14 +68,8 @@ def stimuli_figure(
 ) -> Figure:
     """Draw rms map and traces of each stimulus (column pairs), for the original and each mode (rows).
 
-    Parameters
-    ----------
-    stimuli : mapping of str to mapping of str to PressureFrames
-        For each stimulus, the original and the re-recording of each reproduction, by name.
-    channels : sequence of int
-        Drawn in black, solid and dotted; the others are grey, as in the paper's Fig. 4.
-    shown : float
-        Length of the traces in s.
+    `stimuli` holds for each stimulus the original and the re-recording of each reproduction, by name. Two channels are
+    drawn in black, solid and dotted, the others in grey, as in the paper's Fig. 4; traces are `shown` seconds long.
     """
     style = style or Style()
     rows = list(next(iter(stimuli.values())))

@@ -91,18 +91,10 @@ class StageSetup:
 
 
 def check_reached(speed: float, way: float, *, largest: float, growth: float) -> None:
-    """Raise unless a machine reaches a speed and keeps it over at least half of a distance.
+    """Raise InputError unless a machine reaches a speed and keeps it over at least half of a distance `way`.
 
-    Raises InputError if the speed is not reached.
-
-    Parameters
-    ----------
-    speed, largest : float
-        Requested speed, and the maximum of the machine along that path, in m/s.
-    way : float
-        Length of the path, in m.
-    growth : float
-        Acceleration of the machine, in m/s2; acceleration and braking take speed**2 / growth together.
+    `largest` is the maximum speed of the machine along that path, `growth` its acceleration, in m/s2; acceleration and
+    braking take speed**2 / growth together.
     """
     if speed > largest:
         raise InputError(

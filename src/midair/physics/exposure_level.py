@@ -179,16 +179,10 @@ def exposure(
     acoustics: Acoustics | tuple[Acoustics, ...] | None = None,
     steps: int | None = None,
 ) -> Exposure:
-    """Compute the sound levels of a drive at the places of a profile, for every frame.
+    """Compute the sound levels of a drive, played `repeats` times, at the places of a profile, for every frame.
 
-    Parameters
-    ----------
-    repeats : int
-        Number of times that the drive is played.
-    acoustics : Acoustics or tuple of Acoustics, optional
-        If None, that of the drive; for several airs the highest level of each frame counts.
-    steps : int, optional
-        Number of phase steps per turn to which units round; no rounding if None.
+    The acoustics are by default those of the drive; for several airs the highest level of each frame counts. `steps` is
+    the number of phase steps per turn to which units round; no rounding if None.
     """
     airs = acoustics if isinstance(acoustics, tuple) else (acoustics or drive.acoustics,)
     # Only these two arrays grow with the length of the drive.

@@ -22,25 +22,12 @@ Complex = NDArray[np.complex128]
 def channel_volts(
     model: SensorModel, number: int, every: Callable[[int], Array], steps: int, rate: float, *, oversample: int
 ) -> Array:
-    """Output of one channel in V before amplifier, noise and converter, shape (ceil(steps / oversample),), as in
-    `sense`.
+    """Output of one channel in V before amplifier, noise and converter, as in `sense`, every `oversample`-th step.
 
     The spectrum below half the output rate is the sum of those of every `oversample`-th step with all offsets
     (decimation in time: Cooley and Tukey, Math. Comp. 19 (1965)), so memory grows with the output, not with the
-    pressure.
-
-    Parameters
-    ----------
-    number : int
-        Index of the channel.
-    every : callable
-        Takes the first step; returns every `oversample`-th pressure on the cell from there on, in Pa.
-    steps : int
-        Total number of steps of pressure.
-    rate : float
-        Sampling rate of the output, in Hz.
-    oversample : int
-        Steps of pressure per frame of the output.
+    pressure. `every` takes the first of `steps` steps, and returns every `oversample`-th pressure on the cell from
+    there on, in Pa; `rate` is that of the output, in Hz. The shape is (ceil(steps / oversample),).
     """
     from scipy.fft import irfft, next_fast_len, rfft
 

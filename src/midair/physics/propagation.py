@@ -123,12 +123,7 @@ def _rows(places: NDArray[np.float64], array: TransducerArray, acoustics: Acoust
 def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = None) -> Complex:
     """The steady-state field of each frame of a drive, p = G q, paper eq. (1); complex, peak, in Pa, (frame, point).
 
-    Parameters
-    ----------
-    points : ControlGrid or ndarray, shape (point, 3)
-        Positions in m.
-    acoustics : Acoustics, optional
-        If None, those that the drive was solved for.
+    Points are a grid or positions (point, 3) in m. The acoustics are by default those that the drive was solved for.
     """
     return drive.q @ transfer_matrix(points, drive.array, acoustics=acoustics or drive.acoustics).T
 
@@ -174,15 +169,9 @@ Field = NDArray[np.complex128] | NDArray[np.float64]
 def relative_error(field: Field, amplitude: Array) -> Array:
     """The paper's error of each frame, shape (frame,): ``E = || |G q| - p || / || p ||``.
 
-    At the best phases u of the target, ``|| G q - diag(p) u || = || |G q| - p ||``, so this is the residual of eq. (5)
-    over the target's norm. 0 where target and field are both silent; infinite where only the target is.
-
-    Parameters
-    ----------
-    field : ndarray, shape (frame, point)
-        G q, complex or its magnitude, peak, in Pa.
-    amplitude : ndarray, shape (frame, point)
-        Target p, peak, in Pa.
+    `field`, G q or its magnitude, and `amplitude`, the target p, are peak values in Pa, shape (frame, point). At the
+    best phases u of the target, ``|| G q - diag(p) u || = || |G q| - p ||``, so this is the residual of eq. (5) over
+    the target's norm. 0 where target and field are both silent; infinite where only the target is.
     """
     if np.shape(field) != np.shape(amplitude):
         raise ShapeError(f"field: expected the target's shape {np.shape(amplitude)}, got {np.shape(field)}")

@@ -82,19 +82,11 @@ def _rate_of(rate: float, wanted: float) -> float:
 
 
 def trim(recording: Recording, *, share: float = 0.05, level: float | None = None, margin: float = 0.05) -> Recording:
-    """Remove the silence at both ends; silence in between stays.
+    """Remove the silence at both ends but for `margin` seconds; silence in between stays.
 
-    A frame is silent if no channel is further from its median than `level`. Raises InputError if the whole recording is
-    silent, or a setting is out of range.
-
-    Parameters
-    ----------
-    share : float
-        The level relative to the largest distance of any channel from its median, 0 to 1.
-    level : float, optional
-        Absolute level in the unit of the samples, instead of `share`.
-    margin : float
-        Time to keep before the first and after the last frame that is not silent, in s.
+    A frame is silent if no channel is further from its median than `level`, in the unit of the samples, or else than
+    the part `share`, 0 to 1, of the largest such distance. Raises InputError if the whole recording is silent, or a
+    setting is out of range.
     """
     if not 0 <= share < 1:
         raise InputError(f"trim: expected a share of 0 to below 1, got {share:g}")

@@ -38,18 +38,9 @@ class MappingReport:
 
 
 def mapping_report(pressure: PressureFrames, mapping: str, *, band: tuple[float, float] = BAND) -> MappingReport:
-    """Compute the figures of a mapping for a recording.
+    """Compute the figures of a mapping for a recording at the rate at which it is mapped.
 
-    Raises InputError if the mapping is unknown.
-
-    Parameters
-    ----------
-    pressure : PressureFrames
-        At the rate at which it is mapped.
-    mapping : str
-        A name in `MAPPINGS`.
-    band : tuple of float
-        (low, high) of the recorded part, in Hz.
+    `band` (low, high) is that of the recorded part, in Hz. Raises InputError if the mapping is unknown.
     """
     x = pressure.pressure
     pushed = mapping_of(mapping, band)(x, pressure.rate)

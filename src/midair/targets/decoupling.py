@@ -61,21 +61,11 @@ def decouple(
     sensor: SensorModel | None = None,
     worst: float = 100.0,
 ) -> PressureFrames:
-    """Pressure whose interpolation gives each cell its original reading.
+    """Pressure whose interpolation to the grid (by default the paper's) gives each cell its original reading.
 
     x' = M^-1 x, exact for interpolated pressure and approximate for interpolated amplitude. Apply it before a mapping,
-    which handles the negative values that it adds. Raises InputError if the condition number is higher.
-
-    Parameters
-    ----------
-    pressure : PressureFrames
-        Readings of the cells.
-    grid : ControlGrid, optional
-        Control points; the paper's if None.
-    sensor : SensorModel, optional
-        Aperture and spread of the sensor; the usual one on the pressure's cells if None.
-    worst : float
-        Maximum condition number of M, which bounds the amplification of noise.
+    which handles the negative values that it adds. `sensor` gives aperture and spread; the usual ones if None. Raises
+    InputError if the condition number of M, which amplifies noise, is higher than `worst`.
     """
     grid, sensor = grid or ControlGrid(), sensor or SensorModel.usual(pressure.sensor)
     matrix = coupling(sensor, grid)

@@ -51,18 +51,10 @@ class Tile:
 
 
 class Film:
-    """The pictures of a film, computed one after another.
+    """The pictures of a film, computed one after another: sound fields and cells of the sensor.
 
-    Parameters
-    ----------
-    showing : ViewData
-        Sound fields and cells of the sensor, where it has them.
-    side : int
-        Side of each map in pixels.
-    groups : sequence of sequences of Tile, optional
-        Maps that share a scale, instead of those of `showing`.
-    table : str
-        Name for `colour_table`.
+    `side` is that of each map in pixels, `table` a name for `colour_table`; `groups` are maps that share a scale, in
+    place of those of `showing`.
     """
 
     def __init__(

@@ -134,17 +134,11 @@ class RecordingWriter:
         importlib.import_module("h5py")
 
     def append(self, block: ArrayLike, played: Mapping[str, np.ndarray] | None = None) -> None:
-        """Append frames.
+        """Append frames in the unit of the recording, shape (frame, row, column).
 
-        Raises FileError if the file is closed, or the disk is full or fails.
-
-        Parameters
-        ----------
-        block : array_like, shape (frame, row, column)
-            In the unit of the recording; an invalid block raises InputError and nothing is written.
-        played : mapping, optional
-            With `array`: ``phase_steps``, ``intensity``, ``instant`` and ``state`` of these frames, as in
-            `PlayedTouch`.
+        With `array`, `played` holds ``phase_steps``, ``intensity``, ``instant`` and ``state`` of these frames, as in
+        `PlayedTouch`. An invalid block raises InputError and nothing is written. Raises FileError if the file is
+        closed, or the disk is full or fails.
         """
         samples = frozen_array(block, "block", ("frame", *self.sensor.shape))
         if self.stored == "f4" and single(samples) is samples:

@@ -241,14 +241,9 @@ def point_search(points: Array, array: TransducerArray, airs: Airs) -> PointSear
 
 
 def searched_points(place: Place, array: TransducerArray, airs: Airs, *, among: tuple[Place, ...] = ()) -> Array:
-    """The points of a place's cube at which a drive is evaluated, shape (point, 3), in m.
+    """The points of a place's cube at which a drive is evaluated in every air, shape (point, 3), in m.
 
-    Parameters
-    ----------
-    airs : tuple of Acoustics
-        Each point is evaluated in every air.
-    among : tuple of Place
-        All places that are evaluated at once, this one included: mirrored places share their points.
+    `among` are all places that are evaluated at once, this one included: mirrored places share their points.
     """
     pair = pair_of(among, array)
     if pair is not None and place in (beside := [among[number] for number in pair.numbers]):
