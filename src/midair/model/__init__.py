@@ -6,6 +6,9 @@ from .array_calibration import ArrayCalibration as ArrayCalibration
 from .board import Board as Board
 from .board import array_of_boards as array_of_boards
 from .calibration import Calibration as Calibration
+from .calibration import Crosstalk as Crosstalk
+from .calibration import Linearity as Linearity
+from .calibration import Measurement as Measurement
 from .defaults import BAND as BAND
 from .defaults import HEIGHT as HEIGHT
 from .defaults import HEIGHTS as HEIGHTS
@@ -19,9 +22,6 @@ from .frames import PressureFrames as PressureFrames
 from .geometry import ControlGrid as ControlGrid
 from .geometry import SensorGrid as SensorGrid
 from .geometry import TransducerArray as TransducerArray
-from .measurement import Crosstalk as Crosstalk
-from .measurement import Linearity as Linearity
-from .measurement import Measurement as Measurement
 from .medium import Acoustics as Acoustics
 from .medium import Directivity as Directivity
 from .medium import Medium as Medium

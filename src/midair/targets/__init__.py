@@ -2,8 +2,6 @@
 
 from .compensation import precompensate as precompensate
 from .compensation import precompensate_sound as precompensate_sound
-from .cost import MappingReport as MappingReport
-from .cost import mapping_report as mapping_report
 from .decoupling import coupling as coupling
 from .decoupling import decouple as decouple
 from .decoupling import interpolation_matrix as interpolation_matrix
@@ -13,11 +11,13 @@ from .lead import default_lead as default_lead
 from .lead import frames_without_lead as frames_without_lead
 from .lead import remove_lead as remove_lead
 from .mapping import MAPPINGS as MAPPINGS
+from .mapping import MappingReport as MappingReport
 from .mapping import MappingStream as MappingStream
 from .mapping import SlowBias as SlowBias
 from .mapping import constant_offset as constant_offset
 from .mapping import half_wave as half_wave
 from .mapping import mapping_of as mapping_of
+from .mapping import mapping_report as mapping_report
 from .mapping import slow_bias as slow_bias
 from .preparing import Circle as Circle
 from .preparing import Interpolated as Interpolated
