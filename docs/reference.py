@@ -11,7 +11,7 @@ from pathlib import Path
 
 import midair
 
-CLOSED = {"__main__", "blas", "cli", "progress", "ram", "version", "validation"}
+CLOSED = {"__main__", "array_types", "blas", "cli", "progress", "ram", "version", "validation"}
 """Internal modules without a reference page."""
 
 

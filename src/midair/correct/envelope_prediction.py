@@ -23,6 +23,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Single
 from midair.errors import InputError
 from midair.model import AmplitudeFrames, ControlGrid, Drive, Provenance, Solution
 from midair.physics import (
@@ -36,8 +37,6 @@ from midair.physics import (
 from midair.streaming import read_frames
 from midair.validation import positive
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 Waves = NDArray[np.complex64]
 
 

@@ -10,13 +10,11 @@ Control Systems 26(3), 2006), regularised where H is small.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.dsp import band_edges, band_window, filter_response
 from midair.errors import InputError, ShapeError
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Band = tuple[float, float]
 
 

@@ -19,12 +19,12 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import fft_frequencies, resample
 from midair.errors import InputError, RateError
 from midair.model import RATE, PressureFrames, Provenance, SensorGrid
 from midair.validation import positive
 
-Array = NDArray[np.float64]
 Object = Literal["brush", "sponge", "towel"]
 
 

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import Calibration, Crosstalk, Linearity, Measurement
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 def calibration_figure(calibration: Calibration, *, style: Style | None = None) -> Figure:

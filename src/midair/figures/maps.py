@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.evaluate import PerceptualFigure, PerceptualMetrics, PressedPalm
 from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import ControlGrid, Drive, PressureFrames, SensorGrid
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
     from matplotlib.image import AxesImage
-
-Array = NDArray[np.float64]
 
 
 def maps_figure(

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import welch
 from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import PressureFrames
@@ -15,8 +15,6 @@ from midair.physics import Exposure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 def traces_figure(

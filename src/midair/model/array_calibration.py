@@ -6,14 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import InputError, MismatchError
 from midair.model.geometry import TransducerArray
 from midair.model.provenance import Provenance
 from midair.model.reprs import counted, from_source, summary
 from midair.validation import frozen_array
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

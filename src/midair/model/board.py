@@ -5,12 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model.geometry import TransducerArray, centred
 from midair.model.reprs import clipped, summary
 from midair.validation import frozen_array
-
-Array = NDArray[np.float64]
 
 SIDE = 16
 """Number of transducers along one side of a board."""

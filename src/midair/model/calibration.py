@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import SensorGrid
 from midair.model.provenance import Provenance
@@ -18,8 +19,6 @@ from midair.model.recording import Unit
 from midair.model.reprs import clipped, counted, from_source, span, summary
 from midair.model.svg_pictures import curve, framed
 from midair.validation import frozen_array
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

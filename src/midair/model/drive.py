@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import TransducerArray
 from midair.model.medium import Acoustics, Medium
@@ -15,8 +16,6 @@ from midair.model.reprs import clipped, counted, frames_and_duration, from_sourc
 from midair.model.svg_pictures import curve, dots, framed
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
-
-Array = NDArray[np.float64]
 
 Status = Literal["converged", "iterations", "stalled", "silent"]
 """How the solver ended a frame: step or gradient below its tolerance; maximum of iterations reached; no step of any

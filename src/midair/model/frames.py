@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model.geometry import ControlGrid, SensorGrid
 from midair.model.provenance import Provenance
@@ -12,8 +12,6 @@ from midair.model.reprs import frames_and_duration, from_source, span, summary
 from midair.model.svg_pictures import framed, heat_map, sparklines
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

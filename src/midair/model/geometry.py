@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.defaults import HEIGHT, HEIGHTS
 from midair.model.reprs import clipped, counted, summary
 from midair.model.svg_pictures import dots, framed
 from midair.validation import PITCHES, frozen_array, length, positive
 
-Array = NDArray[np.float64]
 _UNKNOWN = np.zeros(0, np.complex128)
 """Response of transducers that have not been measured."""
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.datasets import channel_amplitudes
 from midair.evaluate import Leak, leak, printed_error, relative_error
 from midair.figures import FieldRow, fields_figure, png_bytes
@@ -27,8 +27,6 @@ from midair.pipeline import solve_with
 from midair.progress import report_progress
 from midair.settings import MODES, Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import interpolation_matrix
-
-Array = NDArray[np.float64]
 
 PATTERNS: Mapping[str, int] = MappingProxyType(
     {

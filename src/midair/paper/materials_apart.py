@@ -15,6 +15,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration import CausalInverse
 from midair.datasets import Object, stroke
 from midair.devices import check_exposure
@@ -31,7 +32,6 @@ from midair.rig import Stage, VirtualRig, capture_recording, default_exposure, n
 from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import add_lead
 
-Array = NDArray[np.float64]
 LIVE = "live"
 """The mode that inverts the sensor causally, as `midair live` does."""
 

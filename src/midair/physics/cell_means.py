@@ -18,13 +18,12 @@ from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import ControlGrid
 from midair.physics.sensing import SensorModel
 
-Array = NDArray[np.float64]
 Between = Literal["steps", "lines", "waves"]
 """Model of the pressure between two points."""
 

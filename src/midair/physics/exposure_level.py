@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics.exposure_places import ExposureProfile, Place
@@ -21,9 +22,6 @@ from midair.physics.propagation import transfer_matrix
 from midair.physics.radiation import radiation_pressure
 from midair.progress import report_progress
 from midair.validation import frozen_array
-
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 
 BLOCK = 256
 """Frames that are computed at once."""

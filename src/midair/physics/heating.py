@@ -3,11 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model import Acoustics, Drive
 from midair.physics.propagation import transfer_matrix
 from midair.streaming import blocks
-
-Array = NDArray[np.float64]
 
 MINUTE = 60.0
 """Time over which the level of a unit is averaged, and longest time for which the palm keeps heat, in s."""

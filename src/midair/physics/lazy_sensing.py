@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.physics.sensing import (
     SensorModel,
     cell_pressure,
@@ -14,9 +14,6 @@ from midair.physics.sensing import (
     settling_frames,
 )
 from midair.streaming import LazyFrames, Stored, TempChannels, TempFrames, each_frame
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def channel_volts(

@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.dsp import resample
 from midair.errors import RateError, ShapeError
 from midair.model import Acoustics, Drive, Medium
 from midair.physics.playback_chain import PlaybackChain, Precision, Waves, radiate
 from midair.physics.radiation import radiation_pressure
 from midair.physics.transducers import TransducerDynamics
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def simulate(

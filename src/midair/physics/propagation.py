@@ -5,10 +5,9 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import InputError, ShapeError
 from midair.model import Acoustics, ControlGrid, Directivity, Drive, Medium, TransducerArray
-
-Array = NDArray[np.float64]
 
 
 def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: float = 4.5e-3) -> Array:
@@ -71,7 +70,6 @@ def _t4010a1(degrees: Array) -> Array:
     return a + x * (b + x * (c + x * d))
 
 
-Complex = NDArray[np.complex128]
 Points = ControlGrid | NDArray[np.float64]
 
 

@@ -15,14 +15,11 @@ defaults are plausible, not measured.
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import InputError, ShapeError
 from midair.model import Calibration, Crosstalk, Provenance, SensorGrid
 from midair.validation import frozen_array, positive
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

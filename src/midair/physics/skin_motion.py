@@ -17,13 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import InputError, ShapeError
 from midair.model import BAND
 from midair.physics.skin import Tissue, skin_compliance
 from midair.validation import positive
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Numbers = NDArray[Any]
 
 

@@ -9,13 +9,11 @@ nominal one of pole p0 and strength 1: another resonance means another amplitude
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Complex
 from midair.errors import InputError
 from midair.model import ArrayCalibration
 from midair.validation import frozen_array, positive
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,15 +5,14 @@ from dataclasses import replace
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from midair import dsp
+from midair.array_types import Array
 from midair.errors import InputError, MismatchError, ShapeError
 from midair.model import Provenance, Recording, Setting, Step
 from midair.streaming import LazyFrames, blocks, concatenate_lazy, each_frame, medians, moments
 from midair.validation import frozen_array, positive
-
-Array = NDArray[np.float64]
 
 Fill = Literal["zero", "neighbours"]
 """Replacement of a masked channel: 0, or the mean of the cells beside, above and below it."""

@@ -15,14 +15,12 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model import Recording, SensorGrid, Setting
 from midair.streaming import LazyFrames
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 Shape = Literal["circle", "square", "line"]
 """Disc of diameter `size`, square of side `size` parallel to the cells, or long bar of width `size` across the path."""

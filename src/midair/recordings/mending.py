@@ -11,11 +11,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, NonFiniteError
 from midair.model import Event
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 GapFill = Literal["spectrum", "line"]
 """Autoregressive interpolation, or a straight line."""

@@ -14,10 +14,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.progress import report_progress
 
-Array = NDArray[np.float64]
 Stored = Literal["f4", "f8"]
 """Precision of the stored numbers: values read from float32 fit into float32."""
 

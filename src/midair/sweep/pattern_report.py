@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.datasets import channel_amplitudes
 from midair.errors import InputError
 from midair.figures import (
@@ -25,7 +26,6 @@ from midair.progress import report_progress
 from midair.sweep.pattern_sweep import Condition, PatternSweep, problem_of, solve_patterns
 from midair.sweep.store import SweepResults, store_errors_raised
 
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 PUBLISHED = (0.05, 0.15)

@@ -10,8 +10,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import AmplitudeFrames, PressureFrames, Provenance, TransducerArray
 from midair.physics import check_frame_rate, focus_amplitude, propagate, quantise_phase, relative_error
@@ -21,8 +21,6 @@ from midair.solvers import Glide, Piece, pieces, read_solver_blocks, solve_piece
 from midair.solvers import solver as solver_of
 from midair.streaming import blocks
 from midair.sweep.task import Coordinate, Found, Job, Task, settings_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import BrokenFileError, MidairError, MismatchError, MissingFileError
 from midair.files import check_memory_for, parse_errors, to_json
 from midair.sweep.storage import SweepStorage, storage_of, zarr
@@ -69,7 +70,6 @@ def store_errors_raised() -> Generator[None]:
         ) from wrong
 
 
-Array = NDArray[np.float64]
 _BEGUN = {"midair": __version__}
 """Attributes of a group in an object store until it is complete."""
 

@@ -3,14 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import ControlGrid, PressureFrames, SensorGrid
 from midair.physics import SensorModel, cell_weights
 from midair.streaming import each_frame
-
-Array = NDArray[np.float64]
 
 
 def interpolation_matrix(sensor: SensorGrid, grid: ControlGrid) -> Array:

@@ -3,15 +3,12 @@
 from dataclasses import replace
 from typing import cast
 
-import numpy as np
-from numpy.typing import NDArray
-
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import BAND, PressureFrames, Provenance
 from midair.streaming import pad_with_fade
 from midair.targets.mapping import SlowBias, mapping_of
 
-Array = NDArray[np.float64]
 Band = tuple[float, float]
 
 LONGEST = 10.0

@@ -15,15 +15,13 @@ from types import MappingProxyType
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import band_edges, band_window, filter_response
 from midair.errors import DeviceStateError, InputError, ShapeError
 from midair.model import BAND, PressureFrames
 from midair.streaming import LazyFrames, each_frame, with_context
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 
 def half_wave(pressure: Array, rate: float = 1.0) -> Array:  # noqa: ARG001, all mappings are called alike

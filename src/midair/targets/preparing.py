@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Literal, cast, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, SensorGrid, Setting
 from midair.physics import sound_amplitude
@@ -13,8 +13,6 @@ from midair.streaming import LazyFrames
 from midair.targets.decoupling import interpolation_matrix, moved_interpolation
 from midair.targets.mapping import mapping_of
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,12 +6,10 @@ import wave
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import resample
 from midair.view.view_data import Channels, ViewData
-
-Array = NDArray[np.float64]
 
 RATE = 48000.0
 """Sampling rate of the sound in Hz; players refuse the rates of sensors."""

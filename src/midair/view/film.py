@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, MissingExtraError
 from midair.model import SensorGrid
 from midair.validation import frozen_array
@@ -20,7 +21,6 @@ from midair.view.view_data import Channels, Sound, ViewData
 if TYPE_CHECKING:
     from PIL import Image
 
-Array = NDArray[np.float64]
 Report = Callable[[int, int], None]
 
 PICTURES_A_SECOND = 50

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import InputError, RateError
 from midair.model import AmplitudeFrames, ControlGrid, Drive, PressureFrames, Recording, SensorGrid, Solution
 from midair.physics import transfer_matrix
@@ -14,8 +14,6 @@ from midair.streaming import read_frames
 from midair.validation import frozen_array
 from midair.view.interpolated_field import InterpolatedField, fit_interpolation
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Part = tuple[float, float | None]
 """Start in s and duration in s; to the end if the duration is None."""
 

@@ -13,15 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import BrokenFileError
 from midair.files.atomic import atomic_file
 from midair.files.opened_take import FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
 from midair.model import Calibration, Recording
 from midair.streaming import medians, read_frames, with_cache
-
-Array = NDArray[np.float64]
 
 STEP = 0.025
 """Time between two points of a curve, in s."""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import BrokenFileError
 from midair.files.atomic import atomic_file
 from midair.files.effects.ahap_file import CLICK, LONGEST, RATE
@@ -163,7 +164,6 @@ def _losses(recording: Recording, peak: float, shifted: bool, timescale: int) ->
     return tuple(found)
 
 
-Array = NDArray[np.float64]
 Plain = Mapping[str, Any]
 
 

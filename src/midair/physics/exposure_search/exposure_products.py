@@ -7,9 +7,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Single
 from midair.model import Drive
-
-Single = NDArray[np.float32]
 
 
 class Workspace:
@@ -69,7 +68,6 @@ def power_of(field: Single) -> Single:
     return np.add(field[0], field[1], out=field[0])
 
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 

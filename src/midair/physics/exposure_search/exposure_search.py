@@ -17,6 +17,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Single
 from midair.model import Acoustics, TransducerArray
 from midair.physics.exposure_places import Place
 from midair.physics.exposure_search.exposure_grid import bands, slow_field, stacks
@@ -25,8 +26,6 @@ from midair.physics.exposure_search.exposure_modes import FieldByModes, field_by
 from midair.physics.exposure_search.exposure_products import Product, Workspace, power_of
 from midair.physics.propagation import transfer_matrix
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 Complex = NDArray[np.complex64]
 Airs = tuple[Acoustics, ...]
 

@@ -4,15 +4,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.design.blocks import Block
 from midair.study.design.stimulus import right_answer
 from midair.study.design.study_design import Design
 from midair.study.statistics import CurveShape, sigmoid
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

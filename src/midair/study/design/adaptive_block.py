@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.study.design.adaptive import Staircase, correct_answer, stimulus_levels
 from midair.study.design.answers import answer_exclusion, answers_table, excluded_participants
 from midair.study.design.blocks import Block
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 History = list[tuple[int, bool]]
 """Index of the stimulus level and whether the answer was correct, in order of presentation."""
 

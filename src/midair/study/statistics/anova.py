@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.statistics.columns import CellMeans, cell_means, column, frame_of, levels, numbers
 from midair.study.statistics.resample import sign_flip
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pandas import DataFrame
-
-Array = NDArray[np.float64]
 
 
 def sphericity(covariance: Array, df: int) -> tuple[dict[str, float], str]:

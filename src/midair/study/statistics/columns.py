@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, NonFiniteError, ShapeError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pandas import DataFrame, Series
-
-Array = NDArray[np.float64]
 
 
 def frame_of(table: DataFrame | Mapping[str, Any]) -> DataFrame:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.study.statistics.columns import levels
 from midair.study.statistics.resample import Chance, percentile_p
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 

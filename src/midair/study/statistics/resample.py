@@ -7,9 +7,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 
-Array = NDArray[np.float64]
 Scale = Literal["plain", "share", "positive", "correlation"]
 """Unbounded values; between 0 and 1; above 0; between -1 and 1."""
 
