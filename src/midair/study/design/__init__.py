@@ -14,8 +14,6 @@ from .analysis_plan import UnpresentedAnswers as UnpresentedAnswers
 from .answers import answers_table as answers_table
 from .answers import excluded_participants as excluded_participants
 from .blocks import Block as Block
-from .blocks import Criterion as Criterion
-from .blocks import Extra as Extra
 from .plan import Plan as Plan
 from .plan import Trial as Trial
 from .plan import balanced_latin_square as balanced_latin_square
@@ -25,7 +23,6 @@ from .plan import digest_of as digest_of
 from .plan import draw_plan as draw_plan
 from .question import Question as Question
 from .session_state import Policy as Policy
-from .session_state import SentMarker as SentMarker
 from .session_state import SessionState as SessionState
 from .session_state import markers_table as markers_table
 from .session_state import replay as replay

@@ -9,15 +9,11 @@ from .presenters import ArrayPresenter as ArrayPresenter
 from .presenters import ExperimenterPresenter as ExperimenterPresenter
 from .presenters import MarkedPresenter as MarkedPresenter
 from .presenters import MaskedPresenter as MaskedPresenter
-from .presenters import Masking as Masking
 from .presenters import Presenter as Presenter
 from .presenters import SilentPresenter as SilentPresenter
 from .presenters import TextPresenter as TextPresenter
-from .steps import Clock as Clock
 from .steps import InstantClock as InstantClock
 from .steps import Reply as Reply
-from .steps import Screen as Screen
-from .steps import SystemClock as SystemClock
 from .steps import TrialStep as TrialStep
 from .trials import Session as Session
 from .trials import run as run

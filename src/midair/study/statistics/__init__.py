@@ -60,6 +60,4 @@ from .resample import Scale as Scale
 from .resample import limits_over_people as limits_over_people
 from .resample import sign_flip as sign_flip
 from .threshold_model import PRIORS as PRIORS
-from .threshold_model import ThresholdEstimate as ThresholdEstimate
 from .threshold_model import ThresholdModel as ThresholdModel
-from .threshold_model import ThresholdTask as ThresholdTask
