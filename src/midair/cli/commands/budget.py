@@ -7,7 +7,7 @@ from rich.table import Table
 from midair.cli.comparisons import calibrated_part, print_palm, with_array_calibration
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
-from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, SolveOptions, StartAt
+from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, Seed, SolveOptions, StartAt
 from midair.cli.output import may_write
 from midair.cli.time_estimates import workload_of
 from midair.devices import SilencerChoice
@@ -29,7 +29,7 @@ def budget_command(
     silencer: SilencerChoice = "auto",
     lead: Lead = None,
     array_calibration: ArrayCalibration = None,
-    seed: int = 0,
+    seed: Seed = 0,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -46,8 +46,6 @@ def budget_command(
         Write a waterfall chart of the stages to this PNG file.
     silencer
         How the array smooths phase steps; auto is the setting that midair uses on any array.
-    seed
-        Random seed of the virtual rig.
 
     Examples
     --------

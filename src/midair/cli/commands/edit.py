@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from midair import recordings
 from midair.cli.import_options import parse_names, parsed
-from midair.cli.options import Force, Frequency, Json, OptionalTime, Time
+from midair.cli.options import Force, Frequency, Json, OptionalTime, Output, Source, Time
 from midair.cli.output import may_write, print_written, recording_figures, recording_rows
 from midair.errors import InputError
 from midair.files import contents, open_take, save
@@ -22,7 +22,7 @@ Names = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
 
 
 def cut_command(
-    source: Path,
+    source: Source,
     output: Path,
     /,
     *,
@@ -35,8 +35,6 @@ def cut_command(
 
     Parameters
     ----------
-    source
-        Recording to read.
     output
         File to write, in any format that midair can write.
     start
@@ -74,16 +72,12 @@ def join_command(*files: Path, force: Force = False, json: Json = False) -> None
 
 
 def resample_command(
-    source: Path, output: Path, /, *, rate: Frequency, force: Force = False, json: Json = False
+    source: Source, output: Output, /, *, rate: Frequency, force: Force = False, json: Json = False
 ) -> None:
     """Change the frame rate of a recording.
 
     Parameters
     ----------
-    source
-        Recording to read.
-    output
-        File to write.
     rate
         New frame rate.
 
@@ -98,8 +92,8 @@ def resample_command(
 
 
 def trim_command(
-    source: Path,
-    output: Path,
+    source: Source,
+    output: Output,
     /,
     *,
     share: float = 0.05,
@@ -111,10 +105,6 @@ def trim_command(
 
     Parameters
     ----------
-    source
-        Recording to read.
-    output
-        File to write.
     share
         Silence threshold as a fraction of the largest change of any channel.
     margin
@@ -134,8 +124,8 @@ def trim_command(
 
 
 def gain_command(
-    source: Path,
-    output: Path,
+    source: Source,
+    output: Output,
     /,
     *,
     by: Annotated[str, Parameter(allow_leading_hyphen=True)],
@@ -147,10 +137,6 @@ def gain_command(
 
     Parameters
     ----------
-    source
-        Recording to read.
-    output
-        File to write.
     by
         Factor, such as 2 or 0.5, or level change, such as 6dB.
     channels
@@ -170,8 +156,8 @@ def gain_command(
 
 
 def mask_command(
-    source: Path,
-    output: Path,
+    source: Source,
+    output: Output,
     /,
     *,
     channels: Names,
@@ -183,10 +169,6 @@ def mask_command(
 
     Parameters
     ----------
-    source
-        Recording to read.
-    output
-        File to write.
     channels
         Channels to replace: numbers from 0, row by row, separated by commas.
     fill

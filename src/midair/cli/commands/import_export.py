@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair.cli.console import out, print_rows
 from midair.cli.import_options import FileOptions, calibration_from_options, import_recording, scale_by
-from midair.cli.options import Force, Json, Peak, Sensitivity, Time
+from midair.cli.options import Force, Json, Peak, Sensitivity, Source, Time
 from midair.cli.output import (
     as_recording,
     calibration_figures,
@@ -176,7 +176,7 @@ def _sample_notes(name: str) -> tuple[str, ...]:
 
 
 def export_command(
-    source: Path, output: Path, /, *, pressure: bool = False, force: Force = False, json: Json = False
+    source: Source, output: Path, /, *, pressure: bool = False, force: Force = False, json: Json = False
 ) -> None:
     """Convert a recording to another file format.
 
@@ -184,8 +184,6 @@ def export_command(
 
     Parameters
     ----------
-    source
-        Recording to read.
     output
         File to write: NAME.csv, .wav, .npz, .mat, .nc (NetCDF), .hjif (MPEG haptics), .ahap (Apple) or .h5.
     pressure
