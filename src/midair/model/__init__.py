@@ -3,8 +3,6 @@
 from midair.progress import Progress as Progress
 
 from .array_calibration import ArrayCalibration as ArrayCalibration
-from .board import Board as Board
-from .board import array_of_boards as array_of_boards
 from .calibration import Calibration as Calibration
 from .calibration import Crosstalk as Crosstalk
 from .calibration import Linearity as Linearity
@@ -19,9 +17,11 @@ from .drive import Solution as Solution
 from .drive import Status as Status
 from .frames import AmplitudeFrames as AmplitudeFrames
 from .frames import PressureFrames as PressureFrames
+from .geometry import Board as Board
 from .geometry import ControlGrid as ControlGrid
 from .geometry import SensorGrid as SensorGrid
 from .geometry import TransducerArray as TransducerArray
+from .geometry import array_of_boards as array_of_boards
 from .medium import Acoustics as Acoustics
 from .medium import Directivity as Directivity
 from .medium import Medium as Medium

@@ -1,7 +1,5 @@
 """Physical models as pure functions: radiation pressure, propagation, transducers, sensors, exposure, skin."""
 
-from .cell_means import Between as Between
-from .cell_means import cell_weights as cell_weights
 from .exposure_level import Exposure as Exposure
 from .exposure_level import exposure as exposure
 from .exposure_level import greatest_exposure as greatest_exposure
@@ -37,9 +35,11 @@ from .propagation import transfer_matrix as transfer_matrix
 from .propagation import wavenumber as wavenumber
 from .radiation import radiation_pressure as radiation_pressure
 from .radiation import sound_amplitude as sound_amplitude
+from .sensing import Between as Between
 from .sensing import SensorModel as SensorModel
 from .sensing import calibration_of as calibration_of
 from .sensing import cell_pressure as cell_pressure
+from .sensing import cell_weights as cell_weights
 from .sensing import channel_response as channel_response
 from .sensing import sense as sense
 from .sensing import sensor_output as sensor_output

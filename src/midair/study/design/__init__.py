@@ -13,7 +13,6 @@ from .analysis_plan import PowerTest as PowerTest
 from .analysis_plan import UnpresentedAnswers as UnpresentedAnswers
 from .answers import answers_table as answers_table
 from .answers import excluded_participants as excluded_participants
-from .blocks import Block as Block
 from .plan import Plan as Plan
 from .plan import Trial as Trial
 from .plan import balanced_latin_square as balanced_latin_square
@@ -30,6 +29,7 @@ from .session_state import right_answer_of_trial as right_answer_of_trial
 from .stimulus import Stimulus as Stimulus
 from .stimulus import StimulusKind as StimulusKind
 from .stimulus import right_answer as right_answer
+from .study_design import Block as Block
 from .study_design import Design as Design
 from .study_design import MarkerOutputs as MarkerOutputs
 from .study_design import MaskingNoise as MaskingNoise

@@ -7,9 +7,8 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.errors import InputError
-from midair.study.design.blocks import Block
 from midair.study.design.stimulus import right_answer
-from midair.study.design.study_design import Design
+from midair.study.design.study_design import Block, Design
 from midair.study.statistics import CurveShape, sigmoid
 
 
