@@ -62,10 +62,6 @@ def _line(axis: Axes, frequency: Array, values: Array, colour: Array) -> None:
     )
 
 
-def _band(axis: Axes, frequency: Array, low: Array, high: Array, colour: Array, alpha: float) -> None:
-    axis.fill_between(frequency, low, high, color=tuple(colour), alpha=alpha, linewidth=0)
-
-
 def _heard(calibration: Calibration) -> tuple[Array, list[int]]:
     """Magnitude, shape (channel, bin), and the channels that respond at all frequencies."""
     size = _curves(np.abs(calibration.response))
@@ -101,7 +97,7 @@ def _response(axis: Axes, calibration: Calibration, style: Style) -> None:
         if wide is not None:
             # A logarithmic axis has no 0: bands end just above it.
             low, high = size[channel] * (1 - np.minimum(wide[channel], 0.99)), size[channel] * (1 + wide[channel])
-            _band(axis, calibration.frequency, low, high, colours[channel], 0.15)
+            axis.fill_between(calibration.frequency, low, high, color=tuple(colours[channel]), alpha=0.15, linewidth=0)
     axis.set_yscale("log")
     axis.set_title("magnitude", fontsize=8, loc="left")
     _name_channels(axis, colours, heard)

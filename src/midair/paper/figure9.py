@@ -41,7 +41,8 @@ def figure_9(
     for surface, name in report_progress(every, len(every)):
         strokes = [_stroke(name, surface, modes["paper"], seed) for seed in range(takes)]
         for which, settings in modes.items():
-            pushed = [_mapped(stroke, settings.target.mapping) for stroke in strokes]
+            push = MAPPINGS[settings.target.mapping]
+            pushed = [replace(stroke, pressure=push(stroke.pressure, stroke.rate)) for stroke in strokes]
             shown.setdefault(f"{surface}, {settings.target.mapping}", {})[name] = pushed[0]
             levels = {
                 f"level_{band}_db": float(10 * np.log10(np.mean([_power(each, BANDS[band]) for each in pushed])))
@@ -63,10 +64,6 @@ def _stroke(name: str, surface: str, settings: Settings, seed: int) -> PressureF
     rig = VirtualRig(seed=seed)
     with rig.touched_by(name + ("+groove" if surface == "groove" else "")) as sensor:
         return calibrated_pressure(capture_recording(sensor, 1.26), sensor.calibration, settings)
-
-
-def _mapped(stroke: PressureFrames, mapping: str) -> PressureFrames:
-    return replace(stroke, pressure=MAPPINGS[mapping](stroke.pressure, stroke.rate))
 
 
 def _power(pushed: PressureFrames, band: tuple[float, float]) -> float:

@@ -102,18 +102,15 @@ def _predict(wave: Array, missing: NDArray[np.bool_], first: int, last: int) -> 
     around = wave[begin:end]
     mean = float(around[~missing[begin:end]].mean())
     x = around - mean
+    gap = np.arange(first - begin, last - begin)
     inside = slice(first - begin, last - begin)
     for _ in range(5):
         errors = _prediction_errors(x, order)
-        rest = np.delete(errors, np.arange(inside.start, inside.stop), axis=1) @ np.delete(x, np.arange(*_span(inside)))
+        rest = np.delete(errors, gap, axis=1) @ np.delete(x, gap)
         # A small ridge, so that a silent neighbourhood is solvable.
         gram = errors[:, inside].T @ errors[:, inside] + 1e-12 * np.eye(last - first)
         x[inside] = np.linalg.solve(gram, -errors[:, inside].T @ rest)
     wave[first:last] = x[inside] + mean
-
-
-def _span(inside: slice) -> tuple[int, int]:
-    return int(inside.start), int(inside.stop)
 
 
 def _prediction_errors(x: Array, order: int) -> Array:

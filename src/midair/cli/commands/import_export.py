@@ -141,7 +141,8 @@ def _convert(
         OpenedTake(recording=sample(name)) if ready else import_recording(file, options, streamed=True, mending=mending)
     )
     if name in SAMPLES:
-        imported, notes = _credited(name, imported), (*notes, *_sample_notes(name))
+        imported = replace(imported, recording=with_credits(name, imported.recording))
+        notes = (*notes, *_sample_notes(name))
     calibration = imported.calibration
     stated = calibration_from_options(imported.recording, sensitivity, peak)
     pressure = load_pressure(file, streamed=True) if imported.stored and stated is None else None
@@ -159,10 +160,6 @@ def _convert(
     print_written(
         rows, figures, (*notes, *imported.report), lost, simulated=imported.recording.provenance.simulated, json=json
     )
-
-
-def _credited(name: str, taken: OpenedTake) -> OpenedTake:
-    return replace(taken, recording=with_credits(name, taken.recording))
 
 
 def _sample_notes(name: str) -> tuple[str, ...]:

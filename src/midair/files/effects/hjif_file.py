@@ -34,7 +34,8 @@ def write_hjif(recording: Recording, path: Path, calibration: Calibration | None
     """Write the deviation of every cell from its median as a curve from -1 to 1, relative to the largest deviation."""
     still, found = medians(recording.samples), moments(recording.samples)
     peak = float(np.maximum(found.greatest - still, still - found.least).max())
-    timescale = _timescale(recording.rate)
+    # Ticks per second, chosen so that frames fall on ticks if possible.
+    timescale = round(recording.rate) if recording.rate == round(recording.rate) else 1_000_000
     plain: dict[str, Any] = {
         "version": VERSION,
         "profile": "Main",
@@ -130,12 +131,6 @@ def _key_frames(cell: NDArray[np.float64]) -> NDArray[np.bool_]:
     steady = np.zeros(len(cell), bool)
     steady[1:-1] = (cell[1:-1] == cell[:-2]) & (cell[1:-1] == cell[2:])
     return ~steady
-
-
-def _timescale(rate: float) -> int:
-    """Ticks per second, chosen so that frames fall on ticks if possible."""
-    whole = round(rate)
-    return whole if whole == rate else 1_000_000
 
 
 def _description(recording: Recording, peak: float) -> str:

@@ -110,7 +110,10 @@ def with_stage(
     if not stamps:
         return provenance
     strokes = [event for event in events if event.kind == "stroke"]
-    speeds = [speed_of([one for one in stamps if _during(one, event, rate)]) for event in strokes]
+    speeds = [
+        speed_of([one for one in stamps if event.frame <= one.time * rate <= event.frame + event.frames])
+        for event in strokes
+    ]
     settings: dict[str, Setting] = {
         "strokes": len(strokes),
         "speed_m_s": tuple(speeds),
@@ -118,7 +121,3 @@ def with_stage(
         "stamps": tuple((one.time, *one.position, one.feed) for one in stamps[:LISTED_STAMPS]),
     }
     return provenance.then("stage", settings)
-
-
-def _during(stamp: StageStamp, stroke: Event, rate: float) -> bool:
-    return stroke.frame <= stamp.time * rate <= stroke.frame + stroke.frames

@@ -158,7 +158,7 @@ class Session:
         stimulus = self._due(trial)
         try:
             self._clock.wait(trial.wait_s, self._stopped)
-            self._present_members(stimulus, step.text, cue or _ignore_cue)
+            self._present_members(stimulus, step.text, cue or (lambda _: None))
         except DeviceError as wrong:
             self._failed(step, wrong)
             return
@@ -261,10 +261,6 @@ class Session:
         for marker in self._markers.take() if self._markers is not None else ():
             self._log.append({"event": "marker", **marker})
         self._log.append({"event": event, **fields, "time": self._clock.now()})
-
-
-def _ignore_cue(_text: str) -> None:
-    """Default for sessions without a screen."""
 
 
 def run(session: Session, screen: Screen) -> TrialStep:
