@@ -13,7 +13,7 @@ from pathlib import Path
 import midair
 from midair.settings import format_value
 
-CLOSED = {"__main__", "blas", "cli", "progress", "ram", "version", "validation"}
+CLOSED = {"__main__", "array_types", "blas", "cli", "progress", "ram", "version", "validation"}
 """Internal modules without a reference page."""
 
 

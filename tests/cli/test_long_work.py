@@ -11,7 +11,7 @@ from rich.progress import Progress
 
 from midair.cli import app, run
 from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of
-from midair.cli.waiting import BusyBar
+from midair.cli.console import BusyBar
 from midair.files import save
 from midair.model import Calibration, Recording, SensorGrid
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.correct.envelope_tracking import EnvelopeTracking
+from midair.correct.envelope_prediction import EnvelopeTracking
 from midair.model import ControlGrid, Drive, SensorGrid, TransducerArray
 from midair.physics import PlaybackChain, SensorModel, Transducers, cell_weights, simulate, transfer_matrix
 

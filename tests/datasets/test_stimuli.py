@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
-from midair.datasets import am_stimulus
+from midair.datasets import am_stimulus, taps
+from midair.datasets.stimuli import binary_patterns, channel_amplitudes
 from midair.errors import InputError, RateError
+from midair.model import SensorGrid
 
 
 @pytest.mark.parametrize(
@@ -34,3 +36,64 @@ def test_an_invalid_stimulus_is_refused():
         am_stimulus("i", peak=0.0)
     with pytest.raises(InputError, match="duration"):
         am_stimulus("i", duration=-1.0)
+
+
+def test_each_cell_is_tapped_in_its_own_second():
+    made = taps(every=1.0, quiet=1.0, peak=30.0, spread=0.25, rate=1000.0)
+    assert made.provenance.simulated
+    cells = made.pressure.reshape(len(made.pressure), 16)
+    assert not cells[:1000].any()
+    seconds = cells[1000:17_000].reshape(16, 1000, 16).max(axis=1)
+    np.testing.assert_array_equal(seconds.argmax(axis=1), np.arange(16))
+    own = np.diag(seconds)
+    assert 10 <= own.min() < own.max() <= 30
+    assert seconds[0, 1] == seconds[0, 4] == pytest.approx(0.25 * own[0])
+    assert seconds[0, 5] == pytest.approx(0.0625 * own[0])
+    assert seconds[0, 15] == 0
+
+
+def test_a_tap_is_a_half_sine_of_20_ms():
+    made = taps(sensor=SensorGrid(rows=1, columns=1), rate=8000.0, seed=3)
+    push = made.pressure[:, 0, 0]
+    (pressed,) = np.nonzero(push)
+    assert np.ptp(pressed) + 1 == 159, "160 steps, of which the first is 0"
+    np.testing.assert_allclose(push[pressed], push.max() * np.sin(np.pi * np.arange(1, 160) / 160))
+
+
+def test_the_seed_determines_the_taps():
+    np.testing.assert_array_equal(taps(seed=1).pressure, taps(seed=1).pressure)
+    assert (taps(seed=1).pressure != taps(seed=2).pressure).any()
+
+
+@pytest.mark.parametrize("wrong", [{"every": 0.0}, {"rate": -1.0}, {"peak": 0.0}])
+def test_invalid_taps_are_refused(wrong):
+    with pytest.raises(InputError):
+        taps(**wrong)
+
+
+def test_every_pattern_once_and_never_silence():
+    assert np.array_equal(np.sort(binary_patterns()), np.arange(1, 65536))
+
+
+def test_the_first_patterns_do_not_depend_on_the_count():
+    assert np.array_equal(binary_patterns(100, seed=5), binary_patterns(seed=5)[:100])
+    assert not np.array_equal(binary_patterns(100, seed=5), binary_patterns(100, seed=6))
+
+
+def test_the_first_few_are_a_fair_sample():
+    """Half of the channels are loud, within four standard errors of a binomial distribution."""
+    loud = channel_amplitudes(binary_patterns(1024, seed=1)).mean()
+    assert abs(loud - 0.5) < 4 * 0.5 / np.sqrt(1024 * 16)
+
+
+def test_bit_k_is_channel_k():
+    amplitude = channel_amplitudes([0x0001, 0x8001, 0x0660])
+    assert np.flatnonzero(amplitude[0]).tolist() == [0]
+    assert np.flatnonzero(amplitude[1]).tolist() == [0, 15]
+    assert np.flatnonzero(amplitude[2]).tolist() == [5, 6, 9, 10]
+
+
+@pytest.mark.parametrize(("count", "channels"), [(0, 16), (65536, 16), (4, 2), (1, 17)])
+def test_too_many_patterns_are_refused(count, channels):
+    with pytest.raises(InputError, match="expected 1 to"):
+        binary_patterns(count, channels=channels)

@@ -3,8 +3,7 @@ import base64
 import pytest
 from jinja2 import UndefinedError
 
-from midair.figures.page import Picture, render_page
-from midair.figures.style import new_figure, png_bytes
+from midair.figures.style import Picture, new_figure, png_bytes, render_page
 
 
 @pytest.mark.parametrize("simulated", [True, False])

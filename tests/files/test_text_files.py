@@ -1,10 +1,23 @@
+import csv
+import io
+import json
 import os
 
 import pytest
 
 from midair.errors import BrokenFileError, MidairError, MissingFileError
-from midair.files import load_placement, load_profiles, load_sensor
-from midair.files.text_files import LARGEST, json_of, read_text, read_toml, toml_of
+from midair.files import csv_text, for_json, load, load_placement, load_profiles, load_sensor, save
+from midair.files.text_files import (
+    LARGEST,
+    json_of,
+    no_formula,
+    printable,
+    read_text,
+    read_toml,
+    toml_of,
+    without_formulas,
+)
+from midair.model import Provenance, Recording, SensorGrid
 from midair.settings import Settings
 
 READERS = {
@@ -63,3 +76,57 @@ def test_deep_json_is_a_wrong_value():
 def test_usual_dotted_keys_are_accepted():
     text = 'a.b."c.d".e = "one.two.three' + ".x" * 25 + '"'
     assert toml_of(text)["a"]["b"]["c.d"]["e"].startswith("one.two")
+
+
+def test_control_characters_are_escaped():
+    assert printable("towel é µ, 2 x 3") == "towel é µ, 2 x 3"
+    assert printable("a\x1b]52;c;aGk=\x07b") == "a\\x1b]52;c;aGk=\\x07b"
+    assert printable("evil\u202egpj.h5\r\x9b2J") == "evil\\u202egpj.h5\\r\\x9b2J"
+    assert printable("one\n\ttwo") == "one\n\ttwo"
+    assert printable("\udcff.h5").encode() == b"\\udcff.h5"
+
+
+def test_text_is_no_formula_and_numbers_stay():
+    for text in ("=cmd|' /C calc'!A0", "+1+1", "-2+3", "@SUM(A1)", "\t=1", "\r=1"):
+        assert no_formula(text) == f"'{text}"
+    for value in (-1.5, -3, "-1.5", "+2e-3", "-inf", "towel", "a=b", None, ""):
+        assert no_formula(value) == value
+
+
+def test_rows_of_a_report_are_no_formulas():
+    (row,) = csv.DictReader(io.StringIO(csv_text([{"recording": "=1+1", "level": -2.5, "count": -3}])))
+    assert row == {"recording": "'=1+1", "level": "-2.5", "count": "-3"}
+
+
+def test_json_means_the_same_without_formulas():
+    plain = {"notes": {"a": "x,=1;-2,@y\t+3", "b": [1, -2, "=1"]}}
+    text = without_formulas(json.dumps(plain))
+    assert json.loads(text) == plain
+    assert not any(part.startswith(("=", "+", "@")) for part in text.split(","))
+
+
+def test_the_first_line_of_a_csv_is_no_formula_wherever_it_is_cut(tmp_path):
+    notes = {"object": "towel,=cmd|' /C calc'!A0;=1,-1+1"}
+    recording = Recording(
+        samples=[[[1.0]], [[2.0]]],
+        rate=100.0,
+        sensor=SensorGrid(rows=1, columns=1),
+        unit="V",
+        provenance=Provenance(source="x,=1", notes=notes),
+    )
+    save(recording, tmp_path / "a.csv")
+    first = (tmp_path / "a.csv").read_text().splitlines()[0]
+    for mark in ",;\t":
+        assert not any(part.startswith(("=", "+", "-", "@")) for part in first.split(mark))
+    assert load(tmp_path / "a.csv").provenance == recording.provenance
+
+
+def test_rows_become_lines_with_six_digits():
+    rows = [{"a": 1, "b": 0.123456789, "c": "x,y"}, {"a": 2, "b": float("inf"), "c": None}]
+    assert csv_text(rows) == 'a,b,c\n1,0.123457,"x,y"\n2,inf,\n'
+
+
+def test_non_finite_numbers_become_null_at_every_depth():
+    value = {"a": float("nan"), "b": [1.0, float("inf"), ("x", float("-inf"))], 3: {"c": None}}
+    assert for_json(value) == {"a": None, "b": [1.0, None, ["x", None]], "3": {"c": None}}
+    json.dumps(for_json(value), allow_nan=False)

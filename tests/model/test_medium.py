@@ -1,7 +1,12 @@
+"""Properties of air compared with the figures in their sources."""
+
+import math
+
 import pytest
 
 from midair.errors import InputError
 from midair.model import Medium
+from midair.model.medium import attenuation, check_air, density, speed_of_sound, temperature_of, vapour_fraction
 
 
 def test_the_papers_air():
@@ -75,3 +80,110 @@ def test_air_at_any_pressure_is_what_it_says(temperature, humidity, pressure):
 def test_a_temperature_that_does_not_go_with_the_speed_is_refused(wrong, says):
     with pytest.raises(InputError, match=says):
         Medium(**wrong)
+
+
+# Cramer (1993), figure 1, read off: temperature (C), humidity, speed (m/s); dry air at three pressures below.
+FIGURE_1 = [
+    (0, 0.0047393, 331.5079),
+    (0, 0.60032, 331.7063),
+    (0, 0.99526, 331.9048),
+    (10, 0.30332, 337.6984),
+    (10, 0.9921, 338.1746),
+    (20, 0.0078989, 343.3333),
+    (20, 0.6019, 344.1667),
+    (20, 0.98736, 344.6825),
+    (30, 0.0047393, 349.1667),
+    (30, 0.6019, 350.5556),
+    (30, 0.98894, 351.5079),
+]
+PRESSURES = [(0, 75265.49, 331.4732), (10, 85088.5, 337.4554), (20, 95017.7, 343.3929), (30, 75053.1, 349.1)]
+
+# ISO 9613-1:1993, table 1: temperature (C), frequency (Hz, exact midband), humidity, dB/km.
+TABLE_1 = [
+    (-20, 50, 0.10, 0.589),
+    (-20, 800, 0.30, 4.92),
+    (10, 100, 0.10, 0.585),
+    (10, 1000, 0.10, 21.6),
+    (20, 5000, 0.10, 133),
+    (20, 5000, 0.80, 30.6),
+    (20, 6300, 0.15, 175),
+    (35, 4000, 0.60, 25.8),
+    (50, 1000, 0.70, 8.03),
+]
+
+
+@pytest.mark.parametrize(("temperature", "humidity", "speed"), FIGURE_1)
+def test_speed_of_sound_as_cramer_draws_it(temperature, humidity, speed):
+    assert speed_of_sound(temperature, humidity) == pytest.approx(speed, abs=0.15)  # 300 ppm, and reading the figure
+
+
+@pytest.mark.parametrize(("temperature", "pressure", "speed"), PRESSURES)
+def test_speed_of_sound_at_other_pressures(temperature, pressure, speed):
+    assert speed_of_sound(temperature, 0.0, pressure) == pytest.approx(speed, abs=0.1)
+
+
+def test_dry_air_at_zero_is_the_reference_of_the_paper():
+    # Cramer, section IV: 331.46 m/s +- 0.05 for standard dry air; 106 ppm more carbon dioxide take .009 of it.
+    assert speed_of_sound(0.0, 0.0) == pytest.approx(331.46, abs=0.02)
+
+
+@pytest.mark.parametrize(("temperature", "nominal", "humidity", "printed"), TABLE_1)
+def test_attenuation_as_the_standard_tabulates_it(temperature, nominal, humidity, printed):
+    exact = 1000 * 10 ** (round(10 * math.log10(nominal / 1000)) / 10)  # note 5 of 6.4: the table is of these
+    decibels = attenuation(exact, temperature, humidity) * 20 / math.log(10) * 1000
+    assert decibels == pytest.approx(printed, rel=4e-3)  # three digits are printed
+
+
+def test_attenuation_of_ultrasound_is_the_papers_in_its_room():
+    # .15 Np/m at 40 kHz is the constant of `Medium`: 20 C at 50 %, 25 C at 60 %.
+    assert attenuation(40e3, 20, 0.5) == pytest.approx(0.152, abs=5e-4)
+    assert attenuation(40e3, 25, 0.6) == pytest.approx(0.151, abs=5e-4)
+
+
+def test_density_of_moist_air():
+    # Davis (1992) gives 1.19929 kg/m3 at 20 C, 50 %, 101325 Pa with 400 ppm of carbon dioxide.
+    assert density(20, 0.5) == pytest.approx(1.1993, rel=5e-4)
+    assert density(20, 1.0) < density(20, 0.0)
+
+
+def test_half_of_saturation_is_half_the_vapour():
+    assert vapour_fraction(22, 0.5) == pytest.approx(vapour_fraction(22, 1.0) / 2, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("air", "says"),
+    [
+        ((-1, 0.5, 101e3), "temperature: expected 0 to 50"),
+        ((22, 50, 101e3), "humidity: expected 0 to 1"),
+        ((22, 0.5, 101.325), "pressure: expected 60000"),
+        ((float("nan"), 0.5, 101e3), "temperature"),
+    ],
+)
+def test_refuses_air_outside_of_the_formulas(air, says):
+    with pytest.raises(InputError, match=says):
+        check_air(*air)
+
+
+def test_a_medium_at_a_temperature_has_all_of_it():
+    medium = Medium.at(temperature=22.0, humidity=0.5)
+    assert (medium.temperature, medium.humidity) == (22.0, 0.5)
+    assert medium.speed == speed_of_sound(22, 0.5)
+    assert medium.attenuation == attenuation(40e3, 22, 0.5)
+    assert medium.density == density(22, 0.5)
+    assert medium.alpha == 2.0
+
+
+def test_the_papers_medium_stays():
+    assert Medium() == Medium(density=1.25, speed=340.0, attenuation=0.15, alpha=2.0)
+    assert Medium().temperature is None
+
+
+@pytest.mark.parametrize(("temperature", "humidity", "speed"), FIGURE_1)
+def test_a_speed_tells_the_temperature_that_figure_1_has_it_at(temperature, humidity, speed):
+    assert temperature_of(speed, humidity) == pytest.approx(
+        temperature, abs=0.3
+    )  # stated to .1 m/s, and read off to as much
+
+
+def test_a_speed_that_no_air_has_ends_at_the_range():
+    assert (temperature_of(1e-3), temperature_of(1500.0)) == (pytest.approx(-50), pytest.approx(100))

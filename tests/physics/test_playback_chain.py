@@ -7,13 +7,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.model import Drive, TransducerArray
-from midair.physics import (
-    PlaybackChain,
-    TransducerDynamics,
-    Transducers,
-    envelope,
-    radiate,
-)
+from midair.physics import PlaybackChain, TransducerDynamics, Transducers, envelope, radiate
 
 ARRAY = TransducerArray(
     position=np.random.default_rng(9).uniform(-0.05, 0.05, (12, 3)) * [1, 1, 0], normal=np.tile([0, 0, 1.0], (12, 1))

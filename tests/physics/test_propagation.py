@@ -10,9 +10,12 @@ from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import (
     focus_amplitude,
     focus_phase,
+    off_axis,
+    printed_error,
     propagate,
     quantise_phase,
     radiation_pressure,
+    relative_error,
     transfer_matrix,
     wavenumber,
 )
@@ -163,3 +166,112 @@ def test_temporary_memory_of_a_matrix_is_constant(array):
         sizes.append(tracemalloc.get_traced_memory()[1] - matrix.nbytes)
         tracemalloc.stop()
     assert sizes[1] < 1.1 * sizes[0] < 20e6
+
+
+KINDS = ("point", "piston", "t4010a1")
+K = 2 * np.pi * 40e3 / 340
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_axis_is_one(kind):
+    assert off_axis(np.zeros(3), kind, wavenumber=K) == pytest.approx(np.ones(3))
+
+
+def test_a_point_radiates_evenly():
+    assert off_axis(np.linspace(0, np.pi, 50), "point", wavenumber=K).tolist() == [1.0] * 50
+
+
+@pytest.mark.parametrize(("degrees", "value"), [(20, 0.847), (30, 0.692), (40, 0.528)])
+def test_the_piston_at_hand_computed_angles(degrees, value):
+    assert off_axis(np.radians([degrees]), "piston", wavenumber=K)[0] == pytest.approx(value, abs=5e-4)
+
+
+def test_the_piston_has_its_first_zero_where_the_bessel_function_has():
+    # j_1,1 = 3.8317; a source of 9 mm radius is large enough for it to lie before 90 degrees
+    angle = np.arcsin(3.8317060 / (K * 9e-3))
+    assert off_axis(np.array([angle]), "piston", wavenumber=K, radius=9e-3)[0] == pytest.approx(0, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "value"),
+    [(0, 1), (20, 1), (30, 0.891), (40, 0.708), (50, 0.501), (60, 0.355), (70, 0.251), (80, 0.200)],
+)
+def test_the_measured_table_at_its_knots(degrees, value):
+    assert off_axis(np.radians([degrees]), "t4010a1", wavenumber=K)[0] == pytest.approx(value, abs=5e-4)
+
+
+def test_the_measured_table_joins_its_pieces():
+    knots = np.arange(10, 90, 10)
+    below, above = (off_axis(np.radians(knots + step), "t4010a1", wavenumber=K) for step in (-1e-6, 1e-6))
+    assert below == pytest.approx(above, abs=1e-6)
+
+
+@given(st.floats(0, np.pi / 2))
+def test_the_back_of_the_measured_table_mirrors_its_front(angle):
+    front, back = off_axis(np.array([angle, np.pi - angle]), "t4010a1", wavenumber=K)
+    assert back == pytest.approx(front, abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(angle=st.floats(0, np.pi / 2))
+def test_nothing_is_louder_than_the_axis(kind, angle):
+    assert abs(off_axis(np.array([angle]), kind, wavenumber=K)[0]) <= 1 + 1e-9
+
+
+def test_any_shape_is_kept():
+    angles = np.linspace(0, 1.5, 24).reshape(2, 3, 4)
+    for kind in KINDS:
+        whole = off_axis(angles, kind, wavenumber=K)
+        assert whole.shape == angles.shape
+        assert whole.ravel() == pytest.approx(off_axis(angles.ravel(), kind, wavenumber=K))
+
+
+def test_an_unknown_kind_is_refused():
+    with pytest.raises(InputError, match=r"point, piston, t4010a1.*'horn'"):
+        off_axis(np.zeros(1), "horn", wavenumber=K)
+
+
+def test_by_hand():
+    error = relative_error(np.array([[3j, 1.0]]), np.array([[3.0, 4.0]]))
+    assert error == pytest.approx([3 / 5])
+
+
+def test_phase_of_the_field_does_not_matter():
+    amplitude = np.array([[1.0, 2.0, 0.5]])
+    turned = amplitude * np.exp(1j * np.array([0.3, -2.0, 1.0]))
+    assert relative_error(turned, amplitude) == pytest.approx([0.0], abs=1e-15)
+
+
+@given(st.floats(1e-6, 1e6))
+def test_scale_of_both_does_not_matter(scale):
+    field, amplitude = np.array([[1.0, 2.0]]), np.array([[1.5, 2.5]])
+    assert relative_error(scale * field, scale * amplitude) == pytest.approx(relative_error(field, amplitude))
+
+
+def test_best_phases_turn_the_paper_s_residual_into_it():
+    """|| G q - diag(p) u || over || p || at u = the field's own phases, and no other phases do better."""
+    rng = np.random.default_rng(0)
+    field = rng.standard_normal(20) + 1j * rng.standard_normal(20)
+    p = rng.random(20)
+    best = np.exp(1j * np.angle(field))
+    residual = np.linalg.norm(field - p * best) / np.linalg.norm(p)
+    assert relative_error(field[None], p[None])[0] == pytest.approx(residual)
+    others = np.exp(1j * rng.uniform(0, 2 * np.pi, (100, 20)))
+    assert (np.linalg.norm(field - p * others, axis=1) / np.linalg.norm(p) >= residual).all()
+
+
+def test_silence():
+    silent, loud = np.zeros((1, 3)), np.ones((1, 3))
+    assert relative_error(silent, silent) == [0.0]
+    assert relative_error(loud, silent) == [np.inf]
+    assert relative_error(silent, loud) == [1.0]
+
+
+def test_as_printed_is_a_mth_of_it():
+    field, amplitude = np.ones((1, 256)), 1.1 * np.ones((1, 256))
+    assert printed_error(field, amplitude) == pytest.approx(relative_error(field, amplitude) / 256)
+
+
+def test_wrong_shape():
+    with pytest.raises(ShapeError, match="target's shape"):
+        relative_error(np.ones((1, 3)), np.ones((1, 4)))

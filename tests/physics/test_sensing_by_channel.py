@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from midair.physics.lazy_sensing import channel_volts
 from midair.physics.sensing import SensorModel, sense
-from midair.physics.sensing_by_channel import channel_volts
 
 # Steps of the converter far below the rounding of the sums.
 FINE = SensorModel(bits=32, full_scale=1e-3, noise=0.0, delay=np.linspace(0, 3e-4, 16).reshape(4, 4)).with_spread(

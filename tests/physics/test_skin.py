@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.physics import SKINS, Tissue, skin_compliance
+from midair.physics import SKINS, TOUCH_CHANNELS, Tissue, skin_compliance
 
 SLOW = 2 * np.pi * 0.5
 
@@ -81,3 +81,17 @@ def test_tissue_that_is_none_is_refused():
         Tissue(poisson=0.6)
     with pytest.raises(InputError, match="depth of the tissue"):
         Tissue(depth=0.0)
+
+
+def test_each_channel_is_whole_where_it_feels_best():
+    assert TOUCH_CHANNELS["P"].weight(np.array([250.0])) == pytest.approx([1.0])
+    assert TOUCH_CHANNELS["NP I"].weight(np.array([10.0, 25.0, 40.0])) == pytest.approx([1.0, 1.0, 1.0])
+
+
+def test_an_octave_away_pacinian_corpuscles_take_up_a_quarter_below_and_a_third_above():
+    # 12 dB and 9 dB.
+    assert TOUCH_CHANNELS["P"].weight(np.array([125.0, 500.0])) == pytest.approx([0.2512, 0.3548], abs=1e-4)
+
+
+def test_static_displacement_has_no_weight():
+    assert [channel.weight(np.zeros(1))[0] for channel in TOUCH_CHANNELS.values()] == [0.0, 0.0]

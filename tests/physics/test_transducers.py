@@ -1,8 +1,11 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from midair.errors import InputError, ShapeError
-from midair.physics import TransducerDynamics, Transducers
+from midair.physics import TransducerDynamics, Transducers, envelope
 
 NOMINAL = complex(-1 / 188e-6, 2 * np.pi * 205)
 
@@ -53,3 +56,86 @@ def test_impossible_settings_are_refused():
         Transducers(pole=-np.ones(2, complex), response=np.ones(3, complex))
     with pytest.raises(InputError, match="0 or more"):
         Transducers.varied(2, seed=0, gain_spread=-0.1)
+
+
+RATE = 1000.0
+
+
+def drive(*phases):
+    return np.exp(1j * np.array(phases))[:, None]
+
+
+def test_one_step_is_an_exponential():
+    still = TransducerDynamics(time_constant=200e-6, detuning=0.0)
+    response = envelope(np.ones((1, 1), complex), RATE, 10, still)[:, 0]
+    assert response == pytest.approx(1 - np.exp(-np.arange(1, 11) * 1e-4 / 200e-6), rel=1e-12)
+
+
+def test_agrees_with_its_differential_equation():
+    dynamics = TransducerDynamics()
+    frames = np.random.default_rng(0).uniform(-np.pi, np.pi, 4)
+    levels = np.array([1.0, 0.4, 0.9, 0.1])
+    q = (levels * np.exp(1j * frames))[:, None]
+    pole = -1 / dynamics.time_constant + 1j * dynamics.detuning
+
+    # dq/dt = pole (q - c), with a new c every millisecond
+    state = np.zeros(1, complex)
+    wanted = []
+    for target in q[:, 0]:
+        run = solve_ivp(
+            lambda _, now, target=target: pole * (now - target),
+            (0, 1e-3),
+            state,
+            t_eval=np.arange(1, 6) / 5 * 1e-3,
+            rtol=1e-10,
+            atol=1e-12,
+        )
+        wanted.extend(run.y[0])
+        state = run.y[:, -1]
+    assert envelope(q, RATE, 5, dynamics)[:, 0] == pytest.approx(np.array(wanted), abs=1e-8)
+
+
+@pytest.mark.parametrize("step", [np.pi / 4, np.pi / 2, 2.5])
+def test_a_phase_step_dips_to_the_cosine_of_its_half(step):
+    # without detuning the envelope goes straight from 1 to exp(j step): its nearest point to 0 is cos(step / 2)
+    still = TransducerDynamics(detuning=0.0)
+    path = envelope(drive(step), RATE, 5000, still, start=np.ones(1, complex))[:, 0]
+    assert np.abs(path).min() == pytest.approx(np.cos(step / 2), abs=1e-4)
+
+
+@pytest.mark.parametrize(("step", "intensity"), [(np.pi, 0.63), (np.pi / 2, 0.81), (np.pi / 4, 0.945)])
+def test_mean_intensity_of_a_frame_after_a_phase_step(step, intensity):
+    still = TransducerDynamics(detuning=0.0)
+    path = envelope(drive(step), RATE, 2000, still, start=np.ones(1, complex))[:, 0]
+    assert np.mean(np.abs(path) ** 2) == pytest.approx(intensity, abs=0.01)
+
+
+@settings(deadline=None)
+@given(st.integers(1, 8), st.integers(1, 8), st.integers(0, 2**32 - 1))
+def test_frame_ends_do_not_depend_on_the_substeps(few, many, seed):
+    q = np.random.default_rng(seed).standard_normal((5, 3, 2)) @ np.array([1, 1j])
+    coarse = envelope(q, RATE, few, TransducerDynamics())[few - 1 :: few]
+    fine = envelope(q, RATE, many, TransducerDynamics())[many - 1 :: many]
+    assert coarse == pytest.approx(fine, abs=1e-10)
+
+
+def test_is_linear_and_goes_on_from_where_it_stopped():
+    rng = np.random.default_rng(1)
+    a, b = rng.standard_normal((2, 6, 4, 2)) @ np.array([1, 1j])
+    dynamics = TransducerDynamics()
+    both = envelope(2 * a - 1j * b, RATE, 3, dynamics)
+    assert both == pytest.approx(2 * envelope(a, RATE, 3, dynamics) - 1j * envelope(b, RATE, 3, dynamics), abs=1e-10)
+    first = envelope(a[:2], RATE, 3, dynamics)
+    rest = envelope(a[2:], RATE, 3, dynamics, start=first[-1])
+    assert np.concatenate([first, rest]) == pytest.approx(envelope(a, RATE, 3, dynamics), abs=1e-12)
+
+
+def test_a_held_drive_is_reached():
+    assert envelope(drive(*[1.0] * 5), RATE, 4, TransducerDynamics())[-1, 0] == pytest.approx(np.exp(1j), abs=1e-9)
+
+
+def test_needs_a_substep_and_a_time_constant():
+    with pytest.raises(InputError, match="1 or more per frame, got 0"):
+        envelope(drive(0.0), RATE, 0, TransducerDynamics())
+    with pytest.raises(InputError, match="time constant"):
+        TransducerDynamics(time_constant=0.0)

@@ -13,10 +13,9 @@ from midair.model import ControlGrid, Drive, Solution, TransducerArray
 from midair.physics import focus_phase
 from midair.rig import VirtualRig, record
 from midair.settings import Settings
-from midair.study.design.blocks import Block
 from midair.study.design.question import Question
 from midair.study.design.stimulus import Stimulus
-from midair.study.design.study_design import Design
+from midair.study.design.study_design import Block, Design
 from midair.study.drives import check_digests, digest_of_file, prepare_drives
 
 QUICK = Settings().but(grid=ControlGrid(rows=4, columns=4, pitch=11e-3), method="naive")

@@ -3,14 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from midair.study import (
-    analyse,
-    analysis_notebook,
-    data_of_columns,
-    load_table,
-    read_csv,
-    write_csv,
-)
+from midair.study import analyse, analysis_notebook, data_of_columns, load_table, read_csv, write_csv
 
 OBJECTS = ["brush", "sponge", "towel"]
 COLUMNS = {

@@ -9,9 +9,8 @@ import pytest
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.study.design.answers import answers_table
 from midair.study.folder import StudyFolder, paper_design_text, read_design
-from midair.study.session.participant import SimulatedParticipant
+from midair.study.session.participant import SimulatedParticipant, SimulatedScreen
 from midair.study.session.presenters import SilentPresenter
-from midair.study.session.simulated_screen import SimulatedScreen
 from midair.study.session.trials import Session, run
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv
 

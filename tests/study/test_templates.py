@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from midair.study.design.adaptive_block import thresholds_of
-from midair.study.design.answers import answers_table
-from midair.study.design.exclusions import excluded_participants
+from midair.study.design.answers import answers_table, excluded_participants
 from midair.study.design.plan import draw_plan
 from midair.study.drives import prepare_drives
 from midair.study.findings import analyse, data_of_answers

@@ -9,7 +9,7 @@ from midair.datasets import am_stimulus
 from midair.errors import InputError
 from midair.model import ControlGrid
 from midair.settings import Settings
-from midair.sweep.recording_report import trial_report, write_trial_report
+from midair.sweep.pattern_report import trial_report, write_trial_report
 from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
 from midair.sweep.store import load_sweep, open_sweep
 

@@ -6,7 +6,7 @@ import pytest
 
 from midair.errors import BrokenFileError, MismatchError
 from midair.sweep.pattern_sweep import PatternSweep
-from midair.sweep.settings_check import check_settings
+from midair.sweep.store import check_settings
 
 SWEEP = PatternSweep(count=10)
 STORED = {"kind": "patterns", "settings": SWEEP.settings()}

@@ -5,9 +5,8 @@ from dataclasses import replace
 import pytest
 
 from midair.errors import BrokenFileError
-from midair.sweep.pattern_report import PatternResults, report_of
+from midair.sweep.pattern_report import PatternResults, report_of, trial_report
 from midair.sweep.pattern_sweep import PatternSweep
-from midair.sweep.recording_report import trial_report
 
 SWEEP = PatternSweep(count=8, curve_count=0, chunk=8, method="naive", strengths=(0.1,))
 

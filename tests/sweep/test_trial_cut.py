@@ -21,7 +21,7 @@ from midair.pipeline import reproduce_stream
 from midair.settings import Settings
 from midair.solvers import Glide
 from midair.streaming import LazyFrames
-from midair.sweep.recording_report import trial_report
+from midair.sweep.pattern_report import trial_report
 from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
 from midair.sweep.run import do, run_sweep
 from midair.sweep.store import load_sweep, open_sweep

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from midair.errors import InputError
 from midair.model import ControlGrid, Medium, PressureFrames, SensorGrid
 from midair.physics import SensorModel, cell_weights, radiation_pressure
-from midair.targets import coupling, decouple, prepare
+from midair.targets import coupling, decouple, interpolation_matrix, moved_interpolation, prepare
 
 
 def frames(pressure):
@@ -46,3 +46,32 @@ def test_points_that_do_not_tell_cells_apart_are_refused():
 def test_any_sensor():
     few = PressureFrames(pressure=np.ones((2, 2, 3)), rate=1000.0, sensor=SensorGrid(rows=2, columns=3, pitch=9e-3))
     assert decouple(few).pressure.shape == (2, 2, 3)
+
+
+SENSOR, GRID = SensorGrid(), ControlGrid()
+
+
+def test_a_pattern_that_stays_is_the_constant_matrix():
+    cells = np.random.default_rng(0).random((5, 16))
+    still = moved_interpolation(cells, SENSOR, GRID, np.zeros((5, 2)))
+    np.testing.assert_allclose(still, cells @ interpolation_matrix(SENSOR, GRID).T, atol=1e-12)
+
+
+def test_one_point_to_the_right_is_one_column_to_the_right():
+    cells = np.random.default_rng(1).random((3, 16))
+    still = (cells @ interpolation_matrix(SENSOR, GRID).T).reshape(3, 16, 16)
+    moved = moved_interpolation(cells, SENSOR, GRID, np.tile([GRID.pitch, 0.0], (3, 1))).reshape(3, 16, 16)
+    np.testing.assert_allclose(moved[:, :, 1:], still[:, :, :-1], atol=1e-12)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(-5e-3, 5e-3), st.floats(-5e-3, 5e-3), st.integers(0, 15))
+def test_the_middle_of_a_moved_cell_lies_where_it_was_moved_to(x, y, channel):
+    """The centroid of one cell's tent on a grid wide enough to hold it."""
+    wide = ControlGrid(rows=81, columns=81, pitch=1e-3)
+    cells = np.zeros((1, 16))
+    cells[0, channel] = 1
+    tent = moved_interpolation(cells, SENSOR, wide, np.array([[x, y]])).reshape(81, 81)
+    place = SENSOR.channel_position(channel)
+    np.testing.assert_allclose((tent.sum(axis=0) @ wide.x) / tent.sum(), place[0] + x, atol=1e-4)
+    np.testing.assert_allclose((tent.sum(axis=1) @ wide.y) / tent.sum(), place[1] + y, atol=1e-4)

@@ -4,8 +4,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import maximum_filter1d
 
-from midair.errors import InputError
-from midair.targets import MAPPINGS, SlowBias, constant_offset, half_wave, mapping_of, slow_bias
+from midair.errors import DeviceStateError, InputError, ShapeError
+from midair.model import PressureFrames
+from midair.targets import (
+    MAPPINGS,
+    MappingStream,
+    SlowBias,
+    constant_offset,
+    half_wave,
+    mapping_of,
+    mapping_report,
+    slow_bias,
+)
 
 RATES = st.sampled_from([500.0, 1000.0, 4000.0])
 
@@ -136,3 +146,123 @@ def test_settings_that_make_no_sense_are_refused():
         SlowBias(window=0.0)
     with pytest.raises(InputError, match="corner of the bias"):
         SlowBias(corner=-8.0)
+
+
+def wave(frequency=50.0, amplitude=10.0, rate=4000.0, duration=1.0):
+    pressure = np.zeros((int(duration * rate), 4, 4))
+    pressure[:, 1, 2] = amplitude * np.sin(2 * np.pi * frequency * np.arange(len(pressure)) / rate)
+    return PressureFrames(pressure=pressure, rate=rate)
+
+
+def test_half_wave_of_a_sine_by_hand():
+    """x+ = A (1/pi + sin / 2 - 2/pi sum cos(2 k w t) / (4 k^2 - 1)): gain 1/2, mean A / pi, peak A, on half the time.
+
+    Harmonics of 50 Hz in 20-470 Hz: 100, 200, 300, 400 Hz of 2/pi (1/3, 1/15, 1/35, 1/63). Against 1/2:
+    SDR = 10 log10(.25 / (.2122^2 + .0424^2 + .0182^2 + .0101^2)) = 7.22 dB.
+    """
+    report = mapping_report(wave(duration=4.0), "half-wave")
+    assert report.gain == pytest.approx(0.5, rel=1e-3)
+    assert report.distortion_ratio == pytest.approx(7.22, abs=0.03)
+    assert report.mean == pytest.approx(10 / np.pi, rel=1e-3)
+    assert report.peak == pytest.approx(10, rel=1e-3)
+    assert report.wanted == pytest.approx(0.5 / np.sqrt(2), rel=1e-2)
+    assert report.on == pytest.approx(0.5, abs=0.01)
+    assert report.exposure == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("mapping", ["constant-offset", "slow-bias"])
+def test_a_lifted_sine_by_hand(mapping):
+    """P = A (1 + sin): gain 1, mean A, peak 2 A; per wanted part pi / 2 of the half wave's mean: 1.96 dB."""
+    report = mapping_report(wave(), mapping)
+    assert report.gain == pytest.approx(1, rel=1e-3)
+    assert report.distortion_ratio > 45
+    assert report.mean == pytest.approx(10, rel=2e-3)  # the bias rises and falls at the ends
+    assert report.peak == pytest.approx(20, rel=1e-3)
+    assert report.wanted == pytest.approx(0.5 / np.sqrt(2), rel=1e-2)
+    assert report.on == pytest.approx(1, abs=0.03)
+    assert report.exposure == pytest.approx(10 * np.log10(np.pi / 2), abs=0.02)
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS)
+def test_silence_costs_nothing(mapping):
+    report = mapping_report(PressureFrames(pressure=np.zeros((400, 4, 4)), rate=1000.0), mapping)
+    assert (report.gain, report.mean, report.peak, report.on, report.exposure) == (0, 0, 0, 0, 0)
+    assert set(report.figures()) >= {"mapping", "gain", "distortion_ratio", "exposure"}
+
+
+def test_an_unknown_mapping_is_refused():
+    with pytest.raises(InputError, match="mapping: expected one of"):
+        mapping_report(wave(duration=0.1), "full-wave")
+
+
+OFFSET = {"constant-offset": {"offset": 2.5}}
+BLOCKS = st.lists(st.integers(1, 200), min_size=1, max_size=6)
+
+
+def stream(name, rate=1000.0):
+    return MappingStream(name, rate, **OFFSET.get(name, {}))
+
+
+def offline(name, pressure, rate=1000.0):
+    return constant_offset(pressure, **OFFSET[name]) if name in OFFSET else MAPPINGS[name](pressure, rate)
+
+
+@pytest.mark.parametrize("name", MAPPINGS)
+@settings(max_examples=25, deadline=None)
+@given(blocks=BLOCKS, seed=st.integers(0, 2**32 - 1))
+def test_all_blocks_together_equal_the_whole(name, blocks, seed):
+    pressure = np.random.default_rng(seed).normal(size=(sum(blocks), 2, 2))
+    one = stream(name)
+    ends = np.cumsum(blocks)
+    out = [one.push(pressure[end - size : end]) for end, size in zip(ends, blocks, strict=True)]
+    np.testing.assert_array_equal(np.concatenate([*out, one.finish()]), offline(name, pressure))
+
+
+@pytest.mark.parametrize(("name", "delay"), [("half-wave", 0), ("constant-offset", 0), ("slow-bias", 90)])
+def test_frames_go_out_exactly_the_stated_delay_later(name, delay):
+    pressure = np.random.default_rng(1).normal(size=(300, 1, 1))
+    one = stream(name)
+    assert one.delay == delay
+    out = np.concatenate([one.push(frame[None]) for frame in pressure])
+    np.testing.assert_array_equal(out, offline(name, pressure)[: 300 - delay])
+
+
+def test_the_delay_in_seconds_does_not_depend_on_the_rate():
+    assert stream("slow-bias", 4000.0).delay == pytest.approx(0.09 * 4000, abs=2)
+
+
+def test_in_a_lower_band_it_is_as_much_later_and_the_same():
+    band, pressure = (5.0, 100.0), np.random.default_rng(4).normal(size=(900, 1, 1))
+    one = MappingStream("slow-bias", 500.0, band=band)
+    assert one.delay == 180
+    out = np.concatenate([one.push(pressure[:500]), one.push(pressure[500:]), one.finish()])
+    np.testing.assert_array_equal(out, mapping_of("slow-bias", band)(pressure, 500.0))
+
+
+def test_the_offset_of_the_whole_recording_streams_to_the_same():
+    pressure = np.random.default_rng(2).normal(size=(100, 2, 2))
+    offset = np.maximum(-pressure.min(axis=0), 0)
+    one = MappingStream("constant-offset", 1000.0, offset=offset)
+    out = np.concatenate([one.push(pressure[:40]), one.push(pressure[40:]), one.finish()])
+    np.testing.assert_allclose(out, constant_offset(pressure), atol=1e-12)
+
+
+def test_after_finish_it_begins_again():
+    pressure = np.random.default_rng(3).normal(size=(200, 1, 1))
+    one = stream("slow-bias")
+    first = np.concatenate([one.push(pressure), one.finish()])
+    again = np.concatenate([one.push(pressure), one.finish()])
+    np.testing.assert_array_equal(first, again)
+
+
+def test_mappings_that_cannot_be_streamed_are_refused():
+    with pytest.raises(InputError, match="got none for constant-offset; measure it"):
+        MappingStream("constant-offset", 1000.0)
+    with pytest.raises(InputError, match="got one for half-wave"):
+        MappingStream("half-wave", 1000.0, offset=1.0)
+    with pytest.raises(InputError, match="mapping: expected one of half-wave"):
+        MappingStream("full-wave", 1000.0)
+    with pytest.raises(ShapeError, match="at least one frame"):
+        stream("half-wave").push(np.zeros((0, 4, 4)))
+    with pytest.raises(DeviceStateError, match="push before finish"):
+        stream("slow-bias").finish()

@@ -47,13 +47,13 @@ def test_widget_has_metadata_frames_and_playhead():
 
 
 def test_without_anywidget_one_line_says_what_to_install(monkeypatch):
-    from midair.view import widget
+    from midair.view import pages
 
     monkeypatch.setitem(sys.modules, "anywidget", None)
-    widget._widget_class.cache_clear()
+    pages._widget_class.cache_clear()
     with pytest.raises(MissingExtraError, match=r"midair\[notebook\]"):
         in_notebook(focus())
-    widget._widget_class.cache_clear()
+    pages._widget_class.cache_clear()
 
 
 def test_framed_page_loads_nothing():

@@ -1,6 +1,7 @@
-"""Options for the air of the room and the exposure limits, and messages about both."""
+"""Options for the air of the room, typed or measured, and the exposure limits, and messages about both."""
 
 import time
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,28 +12,46 @@ from cyclopts import Parameter
 from midair.cli.console import err, print_note
 from midair.cli.options import Time
 from midair.cli.quantities import quantity
-from midair.devices import Cooling, ExposureChoices, measure_exposure
+from midair.devices import Cooling, ExposureChoices, Thermometer, measure_exposure
 from midair.errors import InputError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import ExposureProfile
+from midair.rig import thermometer_named, watch_air
+
+
+class MeasuredTemperature(float):
+    """A temperature in degrees Celsius, with the thermometer that measured it."""
+
+    thermometer: Thermometer
+
+    @classmethod
+    def read(cls, name: str) -> "MeasuredTemperature":
+        """Read the thermometer of a name, and print the temperature on stderr."""
+        thermometer = thermometer_named(name)
+        made = cls(round(thermometer.read(), 2))
+        made.thermometer = thermometer
+        print_note(f"air: {name} measures {made:g} °C")
+        return made
+
+
+def air_watched(
+    temperature: float | None, solved: Medium, *, advice: str, device: str = ""
+) -> AbstractContextManager[None]:
+    """While inside, a warning is printed if the thermometer drifts; nothing happens for a typed temperature."""
+    thermometer = temperature.thermometer if isinstance(temperature, MeasuredTemperature) else None
+    return watch_air(thermometer, solved, lambda line: print_note(line, warn=True), advice=advice, device=device)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AirOptions:
-    """Air of the room.
-
-    Parameters
-    ----------
-    temperature
-        Air temperature in the room, such as 22C; or a thermometer: lsl:NAME, serial:PORT, file:PATH.
-    humidity
-        Relative humidity of the room, such as 50%; needs --temperature. [default: 50%]
-    """
+    """Air of the room."""
 
     temperature: Annotated[float | None, quantity("C")] = None
+    """Air temperature in the room, such as 22C; or a thermometer: lsl:NAME, serial:PORT, file:PATH."""
     humidity: Annotated[float | None, quantity("%")] = None
+    """Relative humidity of the room, such as 50%; needs --temperature. [default: 50%]"""
 
     def medium(self) -> Medium | None:
         """The stated air; None if neither option is given."""
@@ -52,24 +71,16 @@ def print_air(medium: Medium, *, stated: bool) -> None:
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExposureOptions:
-    """Exposure limits for a real array or its emulator.
-
-    Parameters
-    ----------
-    profile
-        Name of the exposure profile.
-    profiles
-        TOML file of exposure profiles. [default: the profiles of midair]
-    attenuate
-        Reduce the level of drives that exceed the profile until they meet it.
-    override_exposure
-        Play above the profile; give the name of the responsible person, which is logged.
-    """
+    """Exposure limits for a real array or its emulator."""
 
     profile: str = DEFAULT_PROFILE
+    """Name of the exposure profile."""
     profiles: Path | None = None
+    """TOML file of exposure profiles. [default: the profiles of midair]"""
     attenuate: bool = False
+    """Reduce the level of drives that exceed the profile until they meet it."""
     override_exposure: str | None = None
+    """Play above the profile; give the name of the responsible person, which is logged."""
 
     def choices(self, room: Medium | None = None) -> ExposureChoices:
         """The options as one value, with the stated air of the room."""
@@ -116,18 +127,12 @@ def print_check_time_ahead(
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatOptions:
-    """Action if a unit of the array reports that it is too hot.
-
-    Parameters
-    ----------
-    when_hot
-        stop: end with status 1. wait: pause in silence, and continue once all units have been cool for a second.
-    cooling_limit
-        Longest pause of --when-hot wait; playback then ends with status 1.
-    """
+    """Action if a unit of the array reports that it is too hot."""
 
     when_hot: Literal["stop", "wait"] = "stop"
+    """stop: end with status 1. wait: pause in silence, and continue once all units have been cool for a second."""
     cooling_limit: Time = 600.0
+    """Longest pause of --when-hot wait; playback then ends with status 1."""
 
     def cooling(self) -> Cooling | None:
         """Permission to wait; None to stop. Pauses are printed on stderr."""

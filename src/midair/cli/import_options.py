@@ -62,33 +62,22 @@ def parsed(parse: Callable[[str], Any], metavar: str) -> Parameter:
 @options_from(ImportOptions, "rate", "unit", "scale", "stream", "packed")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileOptions:
-    """Properties that the file does not state.
-
-    Parameters
-    ----------
-    channels
-        Channels to read, by name or by number from 0, separated by commas: accel_x, or 3,2,1,0.
-    layout
-        Rows, columns and pitch of the cells, such as 4x4:11mm.
-    resample
-        Resample to this rate, such as 1kHz.
-    footprint
-        Make a field from one channel: a circle, square or line of this size moves over the sensor, such as circle:20mm.
-    speed
-        Speed of the footprint over the sensor; negative reverses it, 0 keeps it in place.
-    path
-        Direction of the footprint: x, y or diagonal.
-    turn
-        When the footprint has left the sensor: stop, move back, or move over it again.
-    """
+    """Properties that the file does not state."""
 
     channels: Annotated[tuple[str, ...] | None, parsed(parse_names, "NAMES")] = None
+    """Channels to read, by name or by number from 0, separated by commas: accel_x, or 3,2,1,0."""
     layout: Annotated[SensorGrid | None, parsed(parse_layout, "LAYOUT")] = None
+    """Rows, columns and pitch of the cells, such as 4x4:11mm."""
     resample: Annotated[float | None, quantity("Hz")] = None
+    """Resample to this rate, such as 1kHz."""
     footprint: Annotated[Patch | None, parsed(parse_patch, "SHAPE:SIZE")] = None
+    """Make a field from one channel: a shape of this size moves over the sensor: circle:20mm, square:, line:."""
     speed: Annotated[float, quantity("m/s"), Parameter(allow_leading_hyphen=True)] = 50e-3
+    """Speed of the footprint over the sensor; negative reverses it, 0 keeps it in place."""
     path: Path = "x"
+    """Direction of the footprint: x, y or diagonal."""
     turn: Turn = "stop"
+    """When the footprint has left the sensor: stop, move back, or move over it again."""
 
     @property
     def changes(self) -> bool:

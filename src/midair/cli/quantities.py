@@ -88,7 +88,7 @@ def _value(text: str, unit: str) -> float:
     """Value of a text; a temperature may also be the name of a thermometer, which is read."""
     if unit != "C" or ":" not in text:
         return parse_quantity(text, unit)
-    from midair.cli.thermometers import MeasuredTemperature
+    from midair.cli.exposure_options import MeasuredTemperature
 
     return MeasuredTemperature.read(text)
 

@@ -23,24 +23,16 @@ Stopped = Callable[[], bool]
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StageOptions:
-    """Motion stage that moves the object over the sensor.
-
-    Parameters
-    ----------
-    stage
-        Move the object with a Grbl 1.1 machine at grbl:PORT, one stroke per take at --speed. Prints its plan first.
-    stroke
-        Length of a stroke.
-    stage_file
-        TOML file of the stage: start of the strokes, contact height, approach, return, travel.
-    home
-        Home the stage with its limit switches first. The stage moves.
-    """
+    """Motion stage that moves the object over the sensor."""
 
     stage: str | None = None
+    """Move the object with a Grbl 1.1 machine at grbl:PORT, one stroke per take at --speed. Prints its plan first."""
     stroke: Annotated[float | None, quantity("m")] = None
+    """Length of a stroke."""
     stage_file: Path = Path("stage.toml")
+    """TOML file of the stage: start of the strokes, contact height, approach, return, travel."""
     home: bool = False
+    """Home the stage with its limit switches first. The stage moves."""
 
     def drawing(self, speed: float | None) -> "Drawing | None":
         """The requested strokes, checked before a device opens; None without --stage."""

@@ -13,15 +13,9 @@ from midair.streaming import LazyFrames
 def correct_air(drive: Drive, room: Medium, centre: NDArray[np.float64]) -> Drive:
     """Change the phases of a drive so that its waves arrive at one point as they do in the air it was solved for.
 
-    ``phase_i - (k_room - k_solved) d_i``, with d_i the distance of transducer i from the point and k = 2 pi f / c. The
-    correction is exact at the point and approximate around it; levels do not change.
-
-    Parameters
-    ----------
-    room : Medium
-        Air in which the drive is played; the result is a drive for this air.
-    centre : ndarray, shape (3,)
-        The point in m, such as the centre of the control points.
+    ``phase_i - (k_room - k_solved) d_i``, with d_i the distance of transducer i from the point `centre` (m), such as
+    the centre of the control points, and k = 2 pi f / c. The correction is exact at the point and approximate around
+    it; levels do not change. The result is a drive for the air of the room.
     """
     change = wavenumber(drive.array, room) - wavenumber(drive.array, drive.acoustics.medium)
     shift = change * np.linalg.norm(drive.array.position - centre, axis=1)

@@ -15,25 +15,147 @@ becomes small with very small phase changes. It is minimised in blocks of frames
 frames before a block fixed and the first ones after it as they were solved.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.correct.descent import descend
-from midair.correct.envelope_tracking import EnvelopeTracking
+from midair.array_types import Array, Single
 from midair.errors import InputError
-from midair.model import AmplitudeFrames, Drive, Provenance, Solution
-from midair.physics import SensorModel, TransducerDynamics, Transducers, cell_weights, radiation_pressure
+from midair.model import AmplitudeFrames, ControlGrid, Drive, Provenance, Solution
+from midair.physics import (
+    SensorModel,
+    TransducerDynamics,
+    Transducers,
+    cell_weights,
+    radiation_pressure,
+    transfer_matrix,
+)
 from midair.streaming import read_frames
 from midair.validation import positive
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 Waves = NDArray[np.complex64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EnvelopeTracking:
+    """Map from phases to the pressure at the end of each frame, in single precision."""
+
+    G: Waves  # Field of each transducer at full drive in Pa, shape (transducer, point)
+    back: Waves  # Conjugate transpose of the field, shape (point, transducer)
+    weights: Single  # Radiation pressure at each place of 1 Pa of sound at each point, in Pa, shape (point, place)
+    stays: Waves  # Remainder of a transducer's output after one frame, shape (transducer,)
+    comes: Waves  # Output after one frame of a drive of 1, shape (transducer,)
+
+    @classmethod
+    def of(
+        cls,
+        drive: Drive,
+        transducers: Transducers,
+        grid: ControlGrid,
+        weights: Array,
+    ) -> "EnvelopeTracking":
+        """Make it for a drive's array and air, these transducers, and weights (place, point) of places on a grid."""
+        G = transfer_matrix(grid, drive.array.nominal, acoustics=drive.acoustics)
+        unit = float(radiation_pressure(np.ones(1), drive.acoustics.medium)[0])
+        stays = np.exp(transducers.pole / drive.rate)
+        return cls(
+            G=np.ascontiguousarray(G.T, np.complex64),
+            back=np.ascontiguousarray(G.conj(), np.complex64),
+            weights=np.ascontiguousarray(unit * weights.T, np.float32),
+            stays=stays.astype(np.complex64),
+            comes=((1 - stays) * transducers.response).astype(np.complex64),
+        )
+
+    def radiated(self, command: Waves, start: Waves) -> Waves:
+        """Output of each transducer at the end of each frame, (frame, transducer); `start` before the first."""
+        q, now = self.comes * command, start
+        for frame in q:
+            frame += self.stays * now
+            now = frame
+        return q
+
+    def cost(self, command: Waves, start: Waves, wanted: Single, metric: Single) -> tuple[float, Single]:
+        """The cost ``sum((P - P') * metric (P - P')) / 2``, and its gradient by the phases, (frame, transducer).
+
+        `command` (frame, transducer) is c as a fraction of full drive; `start` (transducer,) the output before the
+        first frame; `wanted` (frame, place) P' in Pa; `metric` (frame, frame) the symmetric weights.
+        """
+        y = self.radiated(command, start) @ self.G
+        missed = (y.real**2 + y.imag**2) @ self.weights - wanted
+        felt = metric @ missed
+        # Backward in time, with the slope of the cost by the output in each frame.
+        slope: Any = ((2 * (felt @ self.weights.T)) * y) @ self.back
+        later, stays = np.zeros_like(start), self.stays.conj()
+        for frame in slope[::-1]:
+            frame += stays * later
+            later = frame
+        slope *= self.comes.conj()
+        turned = slope.imag * command.real - slope.real * command.imag
+        return 0.5 * float(np.vdot(missed.astype(np.float64), felt)), turned
+
+
+Function = Callable[[Single], tuple[float, Single]]
+"""x -> cost and gradient."""
+
+
+def descend(
+    function: Function, x: Single, *, scale: Single, first: float, iterations: int, memory: int, shrink: float = 0.3
+) -> Single:
+    """The x with the least cost after this number of evaluations, besides two, found by L-BFGS.
+
+    Nocedal & Wright, "Numerical Optimization", 2nd edition, algorithm 7.4, with one evaluation per step: a step that
+    fails the Armijo test is rejected, and a shorter one is tried next.
+
+    `scale`, of a shape that broadcasts to `x`, is the relative inverse curvature of each variable; its unit is
+    determined by a first step of root mean square `first`. `memory` is the number of pairs kept, `shrink` the factor on
+    the step length after a rejection.
+    """
+    cost, gradient = function(x)
+    step = scale * gradient
+    size = float(np.sqrt(np.mean(step**2)))
+    if not size > 0:
+        return x
+    pairs: list[tuple[Single, Single]] = []
+    probe = np.asarray(-(first / size) * step, np.float32)
+    _remember(pairs, probe, function(x + probe)[1] - gradient, memory)
+    length = 1.0
+    for _ in range(iterations):
+        direction = _direction(pairs, gradient, scale)
+        moved = np.asarray(length * direction, np.float32)
+        trial, slope = function(x + moved)
+        better = trial <= cost + 1e-4 * float(np.vdot(moved, gradient))
+        _remember(pairs, moved, slope - gradient, memory)
+        if better:
+            x, cost, gradient, length = x + moved, trial, slope, 1.0
+        else:
+            length *= shrink
+    return x
+
+
+def _remember(pairs: list[tuple[Single, Single]], step: Single, change: Single, memory: int) -> None:
+    """Keep a pair unless its curvature is not positive, which could make later directions uphill."""
+    if float(np.vdot(step, change)) > 1e-10 * float(np.vdot(change, change)):
+        pairs.append((step, change))
+        del pairs[:-memory]
+
+
+def _direction(pairs: list[tuple[Single, Single]], gradient: Single, scale: Single) -> Single:
+    """Two-loop recursion: minus the approximate inverse Hessian times the gradient."""
+    d, parts = -gradient, list[float]()
+    for step, change in reversed(pairs):
+        parts.append(float(np.vdot(step, d) / np.vdot(step, change)))
+        d = d - np.float32(parts[-1]) * change
+    d = scale * d
+    if pairs:
+        step, change = pairs[-1]
+        d *= np.float32(np.vdot(step, change) / np.vdot(change, scale * change))
+    for (step, change), part in zip(pairs, reversed(parts), strict=True):
+        d += np.float32(part - float(np.vdot(change, d) / np.vdot(step, change))) * step
+    return d
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

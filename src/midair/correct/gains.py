@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model import RATE, Acoustics, Drive, Provenance, TransducerArray
 from midair.physics import focus_phase, radiation_pressure, transfer_matrix
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,18 +91,8 @@ def commanded_pressure(
 def sine_amplitude(signal: Array, rate: float, *, frequency: float, parts: int) -> Array:
     """Amplitude of a sine of `frequency` in each of `parts` equal parts of a signal, shape (part,), half peak to peak.
 
-    Correlation with a complex sine over whole cycles; the first quarter of each part is left out as settling time.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (frame,)
-        Signal of one channel.
-    rate : float
-        In Hz.
-    frequency : float
-        In Hz.
-    parts : int
-        Number of parts; remaining frames at the end are ignored.
+    Correlation with a complex sine over whole cycles; the first quarter of each part is left out as settling time, and
+    remaining frames at the end are ignored. `signal`, shape (frame,), is one channel; `rate` and `frequency` are in Hz.
     """
     length = len(signal) // parts
     period = rate / frequency
@@ -119,15 +107,8 @@ def sine_amplitude(signal: Array, rate: float, *, frequency: float, parts: int) 
 def beam_gain(commanded: Array, measured: Array) -> BeamGain:
     """Fit a line to measured over commanded pressure, with its error and curvature.
 
-    Parameters
-    ----------
-    commanded, measured : ndarray, shape (level,)
-        Amplitude of the pressure's oscillation at each level, in Pa; at least five levels.
-
-    Raises
-    ------
-    InputError
-        With fewer than five levels, or a gain that is not above zero.
+    Both are the amplitude of the pressure's oscillation at each level, shape (level,), in Pa. Raises InputError with
+    fewer than five levels, or a gain that is not above zero.
     """
     commanded, measured = np.asarray(commanded, float), np.asarray(measured, float)
     if commanded.shape != measured.shape or commanded.ndim != 1:
@@ -160,12 +141,8 @@ def amplitude_gain(measured_gain: float, *, limit: float = 4.0) -> float:
     """Factor on the pressure that corrects a reproduction of gain `measured_gain`.
 
     The paper corrects once: 1 / gain, for `prepare(gain=...)`. It is limited to 1/limit and limit, so that a very weak
-    reproduction does not lead to extreme levels.
-
-    Raises
-    ------
-    InputError
-        If the gain is not above zero: then the level is not the problem.
+    reproduction does not lead to extreme levels. Raises InputError if the gain is not above zero: then the level is not
+    the problem.
     """
     if not measured_gain > 0:
         raise InputError(

@@ -10,13 +10,11 @@ Control Systems 26(3), 2006), regularised where H is small.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.dsp import band_edges, band_window, filter_response
 from midair.errors import InputError, ShapeError
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Band = tuple[float, float]
 
 
@@ -39,7 +37,7 @@ def measured_response(asked: Array, heard: Array, rate: float, *, band: Band, re
     """H1 = S_uy / S_uu by Welch's method, the cross-spectra summed over the cells.
 
     Bins with less than 1e-4 of the strongest bin's power contain no information; they take H of the nearest bin with
-    more.
+    more. Raises ShapeError if the shapes differ and InputError if the commanded pressure is zero in the band.
 
     Parameters
     ----------
@@ -51,13 +49,6 @@ def measured_response(asked: Array, heard: Array, rate: float, *, band: Band, re
         (low, high) in Hz; bins outside are ignored.
     resolution : float
         Spacing of the bins, in Hz; H is assumed smooth over it.
-
-    Raises
-    ------
-    ShapeError
-        If the shapes differ.
-    InputError
-        If the commanded pressure is zero in the band.
     """
     from scipy.signal import csd
     from scipy.signal import welch as scipy_welch
@@ -111,18 +102,8 @@ class IterativeCorrection:
     def change(self, lacking: Array, rate: float, response: Response, *, band: Band, step: float) -> Array:
         """Change of the commanded pressure: ``g conj(H) / (|H|^2 + eps)`` applied to the error, within the band.
 
-        Parameters
-        ----------
-        lacking : ndarray, shape (frame, row, column)
-            Y_target - Y, at the same times, in Pa.
-        rate : float
-            In Hz.
-        response : Response
-            H.
-        band : tuple of float
-            (low, high), in Hz, with the usual soft edges.
-        step : float
-            g.
+        `lacking`, shape (frame, row, column), is Y_target - Y at the same times, in Pa; `rate` and the `band` (low,
+        high), with the usual soft edges, are in Hz; `response` is H and `step` is g.
         """
         edges = band_edges(band, rate)
         within = (response.frequency >= band[0]) & (response.frequency <= band[1])

@@ -21,15 +21,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import ShapeError
 from midair.model import ControlGrid, Drive
 from midair.physics import TransducerDynamics, envelope, radiation_pressure, transfer_matrix
 from midair.validation import positive
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,23 +44,11 @@ class MinimumNorm:
         positive(self.floor, "floor of the correction", "Pa")
 
     def corrected(self, drive: Drive, lacking: Array, weights: Array, grid: ControlGrid) -> Drive:
-        """The drive with this additional pressure on the cells; silent frames do not change.
+        """The drive that was played, with more pressure on the cells; silent frames do not change.
 
-        Parameters
-        ----------
-        drive : Drive
-            The drive that was played.
-        lacking : ndarray, shape (frame, cell)
-            Pressure to add, in Pa.
-        weights : ndarray, shape (cell, point)
-            From `cell_weights` with between="waves".
-        grid : ControlGrid
-            Points of the weights.
-
-        Raises
-        ------
-        ShapeError
-            If `lacking` or the weights have other frames, cells or points.
+        `lacking`, shape (frame, cell), is the pressure to add, in Pa; `weights`, shape (cell, point), are those of
+        `cell_weights` with between="waves" for the points of `grid`. Raises ShapeError if frames, cells or points
+        differ.
         """
         if lacking.shape != (drive.frames, len(weights)) or weights.shape[1] != grid.count:
             raise ShapeError(

@@ -33,8 +33,7 @@ class Sample:
     """Object of a synthetic recording."""
     peak: float | None = None
     """Largest pressure in Pa; None for the default of the object. For a real recording it is the largest change of any
-    channel, chosen so that it can be felt, not measured.
-    """
+    channel, chosen so that it can be felt, not measured."""
     faster: float = 1.0
     """Factor by which it is faster than the original."""
     notes: Mapping[str, str] = field(default_factory=dict[str, str])
@@ -108,10 +107,7 @@ def samples() -> tuple[Sample, ...]:
 def sample(name: str) -> Recording:
     """Load or generate a sample by name; its provenance contains source and licence.
 
-    Raises
-    ------
-    InputError
-        If the name is unknown.
+    Raises InputError if the name is unknown.
     """
     about = _sample_named(name)
     return _with_notes(_generated(about) if about.stroke is not None else _read(about), about)
@@ -166,10 +162,7 @@ def _sample_named(name: str) -> Sample:
 def sample_path(name: str) -> Path:
     """The original file of a sample, byte by byte as its authors published it.
 
-    Raises
-    ------
-    InputError
-        If the name is unknown, or the sample is synthetic.
+    Raises InputError if the name is unknown, or the sample is synthetic.
     """
     if not _sample_named(name).file:
         raise InputError(f"sample: expected one that has a file, got {name!r}, which is made by sample()")

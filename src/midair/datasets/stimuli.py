@@ -1,9 +1,9 @@
-"""Synthetic pressure signals: the modulated foci of the paper's section 5.2, and probe signals."""
+"""Synthetic pressure signals: the paper's modulated foci (5.2) and binary patterns (5.1), taps, probe signals."""
 
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from midair.errors import InputError, RateError
 from midair.model import RATE, PressureFrames, Provenance, SensorGrid
@@ -23,7 +23,8 @@ def am_stimulus(
     """Pressure of the modulated foci of the paper's section 5.2, 0 or more, as an array can present it.
 
     A modulation of frequency f is the raised sinusoid (1 - cos 2 pi f t) / 2. "i": 100 Hz on the first channel; "ii":
-    100 Hz on the first and the last channel; "iii": 25 Hz and 250 Hz in the ratio 3:2 on the first channel.
+    100 Hz on the first and the last channel; "iii": 25 Hz and 250 Hz in the ratio 3:2 on the first channel. Raises
+    InputError if `kind` is unknown and RateError if the rate is too low for the modulation.
 
     Parameters
     ----------
@@ -35,13 +36,6 @@ def am_stimulus(
         In Hz, above twice the highest modulation frequency.
     sensor : SensorGrid, optional
         4 x 4 at 11 mm by default.
-
-    Raises
-    ------
-    InputError
-        If `kind` is unknown.
-    RateError
-        If the rate is too low for the modulation.
     """
     sensor = sensor or SensorGrid()
     parts = _modulation(kind)
@@ -87,7 +81,8 @@ def probe_signal(
     """A vibration of both signs on one cell, with rest before and after it, for measurements of fidelity.
 
     "25+250 Hz": both in the ratio 3:2. "noise": normal noise from 25 to 460 Hz. "bursts": 200 Hz under Gaussians of 8
-    ms standard deviation, 50 ms apart. Each fades in and out over a fifth of `rest`, outside the duration.
+    ms standard deviation, 50 ms apart. Each fades in and out over a fifth of `rest`, outside the duration. Raises
+    InputError if `kind` is unknown.
 
     Parameters
     ----------
@@ -104,11 +99,6 @@ def probe_signal(
     -------
     PressureFrames
         Simulated, in Pa, of duration + 2 rest.
-
-    Raises
-    ------
-    InputError
-        If `kind` is unknown.
     """
     sensor = sensor or SensorGrid()
     time = (
@@ -142,3 +132,70 @@ def _probe(kind: str, time: NDArray[np.float64], rate: float, rng: np.random.Gen
         spectrum[(frequency < 25) | (frequency > 460)] = 0
         return np.asarray(np.fft.irfft(spectrum, len(time)), np.float64)
     raise InputError(f"probe: expected one of {', '.join(get_args(Probe))}, got {kind!r}")
+
+
+def taps(
+    *,
+    every: float = 1.0,
+    quiet: float = 1.0,
+    peak: float = 30.0,
+    spread: float = 0.25,
+    rate: float = RATE,
+    seed: int = 0,
+    sensor: SensorGrid | None = None,
+) -> PressureFrames:
+    """A half sine of 20 ms on each cell, row by row, with random strengths; the neighbouring cells get a part of it.
+
+    Parameters
+    ----------
+    every : float
+        Time between two taps, in s, with a random delay of 0.2 to 0.4 of it.
+    quiet : float
+        Time before the first tap, in s.
+    peak : float
+        Upper limit of the peak pressure of a tap, in Pa; the lower limit is a third of it.
+    spread : float
+        Share of the pressure on the cells beside a tapped one; its square on the diagonal ones.
+    rate : float
+        In Hz.
+    sensor : SensorGrid, optional
+        4 x 4 at 11 mm by default.
+    """
+    sensor, rng = sensor or SensorGrid(), np.random.default_rng(seed)
+    every, rate = positive(every, "time between taps", "s"), positive(rate, "rate", "Hz")
+    push = np.sin(np.pi * np.arange(round(0.02 * rate)) / (0.02 * rate))
+    pressure = np.zeros((round((quiet + every * sensor.count) * rate) + len(push), *sensor.shape))
+    rows, columns = np.mgrid[: sensor.rows, : sensor.columns]
+    for cell in range(sensor.count):
+        row, column = divmod(cell, sensor.columns)
+        away = np.abs(rows - row) + np.abs(columns - column)
+        begin = round((quiet + every * (cell + rng.uniform(0.2, 0.4))) * rate)
+        strength = positive(peak, "peak", "Pa") * rng.uniform(1 / 3, 1)
+        pressure[begin : begin + len(push)] += strength * push[:, None, None] * np.where(away < 3, spread**away, 0)
+    settings = {"every_s": every, "quiet_s": quiet, "peak_pa": float(peak), "spread": float(spread), "seed": seed}
+    return PressureFrames(
+        pressure=pressure,
+        rate=rate,
+        sensor=sensor,
+        provenance=Provenance(source="virtual:taps", simulated=True).then("taps", settings),
+    )
+
+
+def binary_patterns(count: int | None = None, *, seed: int = 0, channels: int = 16) -> NDArray[np.int64]:
+    """Binary patterns, shape (pattern,), in a random order, so that the first few are a representative sample of all.
+
+    Bit k is 1 if channel k of at most 16 is loud. Patterns are unique, and none is 0; there are 2^channels - 1, all if
+    `count` is None. Raises InputError if `count` exceeds that number, or `channels` is out of range.
+    """
+    if not 1 <= channels <= 16:
+        raise InputError(f"channels: expected 1 to 16, got {channels}")
+    every = 2**channels - 1
+    if count is not None and not 1 <= count <= every:
+        raise InputError(f"count of patterns: expected 1 to {every}, got {count}")
+    return np.random.default_rng(seed).permutation(np.arange(1, every + 1))[:count]
+
+
+def channel_amplitudes(patterns: ArrayLike, sensor: SensorGrid | None = None) -> NDArray[np.float64]:
+    """Amplitude, 0 or 1, of each channel in each pattern, shape (pattern, channel); bit k of a pattern is channel k."""
+    bits = np.asarray(patterns, np.int64)[:, None] >> np.arange((sensor or SensorGrid()).count)
+    return (bits & 1).astype(np.float64)

@@ -19,12 +19,12 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import fft_frequencies, resample
 from midair.errors import InputError, RateError
 from midair.model import RATE, PressureFrames, Provenance, SensorGrid
 from midair.validation import positive
 
-Array = NDArray[np.float64]
 Object = Literal["brush", "sponge", "towel"]
 
 
@@ -113,7 +113,8 @@ def stroke(
     """Pressure on the cells while an object slides down one column, without any sensor model.
 
     It is generated at 8 kHz and resampled to `rate`: the same seed gives the same stroke at every rate. The strokes of
-    an object on the two surfaces differ only by the grooves.
+    an object on the two surfaces differ only by the grooves. Raises RateError if the rate is above 8000 Hz; InputError
+    if the object is unknown, or the column or a quantity is out of range.
 
     Parameters
     ----------
@@ -140,13 +141,6 @@ def stroke(
     PressureFrames
         Simulated, in Pa; 0 without contact. Where the contact releases for an instant, the band limit causes ringing
         down to -2 Pa at most.
-
-    Raises
-    ------
-    RateError
-        If the rate is above 8000 Hz.
-    InputError
-        If the object is unknown, or the column or a quantity is out of range.
     """
     sensor = sensor or SensorGrid()
     fine = 8000.0

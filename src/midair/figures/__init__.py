@@ -1,20 +1,18 @@
 """Matplotlib figures and HTML pages with units on every axis; nothing here writes files."""
 
 from .calibration_sheet import calibration_figure as calibration_figure
-from .card_maps import card_figure as card_figure
 from .confusion_matrices import ConfusionPanel as ConfusionPanel
 from .confusion_matrices import confusion_figures as confusion_figures
-from .correction_passes import passes_figure as passes_figure
-from .error_budget import budget_figure as budget_figure
-from .error_spread import ErrorSpread as ErrorSpread
-from .error_spread import trials_figure as trials_figure
-from .exposure import exposure_figure as exposure_figure
+from .errors import ErrorSpread as ErrorSpread
+from .errors import budget_figure as budget_figure
+from .errors import error_figure as error_figure
+from .errors import passes_figure as passes_figure
+from .errors import trials_figure as trials_figure
+from .maps import PalmPanel as PalmPanel
+from .maps import card_figure as card_figure
 from .maps import maps_figure as maps_figure
+from .maps import palm_figure as palm_figure
 from .maps import phase_figure as phase_figure
-from .page import Picture as Picture
-from .page import render_page as render_page
-from .palm_maps import PalmPanel as PalmPanel
-from .palm_maps import palm_figure as palm_figure
 from .paper_figures import FieldRow as FieldRow
 from .paper_figures import fields_figure as fields_figure
 from .paper_figures import objects_figure as objects_figure
@@ -24,11 +22,13 @@ from .pattern_curves import Example as Example
 from .pattern_curves import curve_figure as curve_figure
 from .pattern_curves import examples_figure as examples_figure
 from .pattern_curves import histogram_figure as histogram_figure
-from .solve_errors import error_figure as error_figure
+from .style import Picture as Picture
 from .style import Style as Style
 from .style import new_figure as new_figure
 from .style import plain_axes as plain_axes
 from .style import png_bytes as png_bytes
+from .style import render_page as render_page
 from .traces import beam_figure as beam_figure
+from .traces import exposure_figure as exposure_figure
 from .traces import spectra_figure as spectra_figure
 from .traces import traces_figure as traces_figure

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import Calibration, Crosstalk, Linearity, Measurement
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 def calibration_figure(calibration: Calibration, *, style: Style | None = None) -> Figure:
@@ -64,10 +62,6 @@ def _line(axis: Axes, frequency: Array, values: Array, colour: Array) -> None:
     )
 
 
-def _band(axis: Axes, frequency: Array, low: Array, high: Array, colour: Array, alpha: float) -> None:
-    axis.fill_between(frequency, low, high, color=tuple(colour), alpha=alpha, linewidth=0)
-
-
 def _heard(calibration: Calibration) -> tuple[Array, list[int]]:
     """Magnitude, shape (channel, bin), and the channels that respond at all frequencies."""
     size = _curves(np.abs(calibration.response))
@@ -103,7 +97,7 @@ def _response(axis: Axes, calibration: Calibration, style: Style) -> None:
         if wide is not None:
             # A logarithmic axis has no 0: bands end just above it.
             low, high = size[channel] * (1 - np.minimum(wide[channel], 0.99)), size[channel] * (1 + wide[channel])
-            _band(axis, calibration.frequency, low, high, colours[channel], 0.15)
+            axis.fill_between(calibration.frequency, low, high, color=tuple(colours[channel]), alpha=0.15, linewidth=0)
     axis.set_yscale("log")
     axis.set_title("magnitude", fontsize=8, loc="left")
     _name_channels(axis, colours, heard)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import welch
 from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import ControlGrid, PressureFrames, SensorGrid
@@ -16,8 +16,6 @@ from midair.model import ControlGrid, PressureFrames, SensorGrid
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,14 +66,8 @@ def stimuli_figure(
 ) -> Figure:
     """Draw rms map and traces of each stimulus (column pairs), for the original and each mode (rows).
 
-    Parameters
-    ----------
-    stimuli : mapping of str to mapping of str to PressureFrames
-        For each stimulus, the original and the re-recording of each reproduction, by name.
-    channels : sequence of int
-        Drawn in black, solid and dotted; the others are grey, as in the paper's Fig. 4.
-    shown : float
-        Length of the traces in s.
+    `stimuli` holds for each stimulus the original and the re-recording of each reproduction, by name. Two channels are
+    drawn in black, solid and dotted, the others in grey, as in the paper's Fig. 4; traces are `shown` seconds long.
     """
     style = style or Style()
     rows = list(next(iter(stimuli.values())))
@@ -119,12 +111,8 @@ def objects_figure(
 ) -> Figure:
     """Draw power spectra of objects at some channels, one row per surface and mode, as in the paper's Fig. 9.
 
-    Parameters
-    ----------
-    rows : mapping of str to mapping of str to PressureFrames
-        For each row its objects, and their positive pressure, by name.
-    channels : sequence of int
-        By default the four of the paper, over which the objects passed.
+    `rows` holds the positive pressure of the objects of each row by name. The default channels are the four of the
+    paper, over which the objects passed.
     """
     style = style or Style()
     colours = (style.before, "#009e73", style.reproduced)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import ControlGrid, SensorGrid
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,14 +45,9 @@ class Curve:
 def histogram_figure(
     errors: Sequence[tuple[str, Array]], *, published: tuple[float, float], style: Style | None = None
 ) -> Figure:
-    """Draw the distribution of E over patterns.
+    """Draw the distribution of E over the patterns of each named condition.
 
-    Parameters
-    ----------
-    errors : sequence of (str, ndarray of shape (pattern,))
-        Name of a condition, and E of each pattern.
-    published : tuple of float
-        Range of the average E that the paper reports, shaded.
+    The range `published` of the average E that the paper reports is shaded.
     """
     style = style or Style()
     figure = new_figure(7.0, 3.0, simulated=True, style=style)

@@ -1,10 +1,12 @@
-"""Common style of figures: one palette, and a mark SIMULATED on simulated data."""
+"""Common style of figures and pages: one palette, a mark SIMULATED on simulated data, one layout of HTML."""
 
 from __future__ import annotations
 
+import base64
 import io
+import struct
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,3 +61,36 @@ def png_bytes(figure: Figure, *, dpi: int = 130) -> bytes:
     out = io.BytesIO()
     figure.savefig(out, format="png", dpi=dpi)
     return out.getvalue()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A figure of a page as PNG, with title and caption."""
+
+    title: str
+    caption: str = ""
+    data: bytes
+
+    @property
+    def source(self) -> str:
+        """The picture as a data URL, for an ``img`` element."""
+        return "data:image/png;base64," + base64.b64encode(self.data).decode()
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels, from the PNG header (PNG specification, 11.2.2)."""
+        width, height = struct.unpack(">II", self.data[16:24])
+        return width, height
+
+
+def render_page(template: str, **values: Any) -> str:
+    """Render a template that extends page.html.j2 of this folder; all values that it uses must be given.
+
+    `template` is a path below the package, such as ``rig/correction/report.html.j2``.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("midair", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    return environment.get_template(template).render(values)

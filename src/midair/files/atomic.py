@@ -93,14 +93,9 @@ def atomic_file(path: str | os.PathLike[str]) -> Generator[Path]:
     """Write a file atomically: yields a temporary name beside `path`, which replaces `path` if the block succeeds.
 
     The data are on the disk (fsync) before the file is renamed (os.replace): other programs see the old file or the new
-    one, never a part. A file that is being recorded is not replaced. On failure the temporary file is deleted.
-
-    Raises
-    ------
-    MissingFileError
-        If the folder does not exist.
-    FileError
-        If the file cannot be written, or a program is recording into it.
+    one, never a part. A file that is being recorded is not replaced. On failure the temporary file is deleted. Raises
+    MissingFileError if the folder does not exist; FileError if the file cannot be written, or a program is recording
+    into it.
     """
     target = writable_path(path)
     check_not_recording(target)
@@ -136,12 +131,8 @@ def check_disk_space(folder: Path, needed: int, path: str | os.PathLike[str]) ->
 def atomic_folder(path: str | os.PathLike[str]) -> Generator[Path]:
     """Write a folder atomically: yields a temporary folder, which is renamed to `path` if the block succeeds.
 
-    `path` must be new or an empty folder; parent folders are created.
-
-    Raises
-    ------
-    FileError
-        If `path` exists and is not an empty folder, or cannot be written.
+    `path` must be new or an empty folder; parent folders are created. Raises FileError if `path` exists and is not an
+    empty folder, or cannot be written.
     """
     target = Path(path).resolve()
     partial = target.with_name(f".midair-{secrets.token_hex(4)}.part")
@@ -168,12 +159,7 @@ def atomic_folder(path: str | os.PathLike[str]) -> Generator[Path]:
 def writable_path(path: str | os.PathLike[str]) -> Path:
     """Return `path` with links resolved, if a file can have that name.
 
-    Raises
-    ------
-    MissingFileError
-        If the folder does not exist.
-    BrokenFileError
-        If it is the name of a folder.
+    Raises MissingFileError if the folder does not exist and BrokenFileError if it is the name of a folder.
     """
     try:
         target = Path(path).resolve()

@@ -30,21 +30,8 @@ class NoLocksWarning(UserWarning):
 def lock_or_raise(handle: int, refusal: str) -> None:
     """Lock an open file or folder until the handle is closed or the process ends.
 
-    On a file system without locks it issues a `NoLocksWarning` and continues.
-
-    Parameters
-    ----------
-    handle : int
-        Descriptor of the open file or folder.
-    refusal : str
-        Message of the error when another program holds the lock.
-
-    Raises
-    ------
-    DeviceStateError
-        If another program holds the lock.
-    FileError
-        If the lock fails for a reason other than a file system without locks.
+    On a file system without locks it issues a `NoLocksWarning` and continues. Raises DeviceStateError with the message
+    `refusal` if another program holds the lock, and FileError if the lock fails for any other reason.
     """
     if fcntl is None:
         return

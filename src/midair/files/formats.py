@@ -1,27 +1,33 @@
-"""Supported file formats by file name suffix, and the functions `open_take`, `load` and `save`."""
+"""Supported file formats by file name suffix, and the functions `open_take`, `load`, `save` and `contents`."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import wraps
 from inspect import signature
 from pathlib import Path
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import Concatenate, ParamSpec, TypeVar, get_args
 
 import numpy as np
 
-from midair.errors import InputError, UnknownFormatError
+from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import existing_file, parse_errors
-from midair.files.file_format import Format, FormatLoss
 from midair.files.native import (
     ARRAY_SUFFIX,
     CALIBRATION_SUFFIX,
     DRIVE_SUFFIX,
     HDF5,
+    Kind,
+    check_kind,
+    has_checksums,
+    kind_of,
     load_solution,
+    open_file,
+    plain_text,
+    stored_dataset,
     write_recording,
 )
-from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
 from midair.files.size_limits import check_memory_for
 from midair.model import Calibration, Event, PressureFrames, Recording, Solution
 from midair.recordings import suspicious
@@ -122,7 +128,8 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
 def open_take(path: Place, given: ImportOptions) -> OpenedTake:
     """Read a recording with its calibration, its journal and a report of all assumptions.
 
-    The content of a file decides what it is; the case of its suffix does not matter.
+    The content of a file decides what it is; the case of its suffix does not matter. Raises MissingFileError,
+    BrokenFileError, UnknownFormatError or InputError as in `load`.
 
     Parameters
     ----------
@@ -133,11 +140,6 @@ def open_take(path: Place, given: ImportOptions) -> OpenedTake:
     -------
     OpenedTake
         Its report has a sentence for each assumption, change, omission or suspicious channel.
-
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError, InputError
-        As in `load`.
     """
     return _opened(path, given)
 
@@ -167,6 +169,8 @@ def save(
 ) -> tuple[FormatLoss, ...]:
     """Write a recording atomically, in the format of the suffix of `path`.
 
+    Raises UnknownFormatError if the suffix is unknown and FileError if the file cannot be written.
+
     Parameters
     ----------
     path : str or PathLike
@@ -182,13 +186,6 @@ def save(
     -------
     tuple of FormatLoss
         One for each fact that the format cannot store.
-
-    Raises
-    ------
-    UnknownFormatError
-        If the suffix is unknown.
-    FileError
-        If the file cannot be written.
     """
     form = format_of(path)
     if form.write is None:
@@ -210,10 +207,7 @@ def save(
 def format_of(path: str | os.PathLike[str]) -> Format:
     """Format by the suffix of a file name.
 
-    Raises
-    ------
-    UnknownFormatError
-        If the suffix is unknown, or is not that of a recording.
+    Raises UnknownFormatError if the suffix is unknown, or is not that of a recording.
     """
     name = os.fspath(path).lower()
     for ending, other in OTHERS.items():
@@ -230,3 +224,53 @@ def format_of(path: str | os.PathLike[str]) -> Format:
 def _listed(given: ImportOptions) -> str:
     values = {field.name: getattr(given, field.name) for field in fields(given)}
     return ", ".join(f"{name}={value!r}" for name, value in values.items() if value not in (None, False))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contents:
+    """Summary of an HDF5 file of midair."""
+
+    kind: Kind
+    created: str
+    """ISO 8601, UTC."""
+    created_by: str
+    """Program and version."""
+    frames: int | None
+    """None for a calibration of a sensor or an array."""
+    finished: bool
+    """False if the program ended before it closed the file."""
+    checksums: bool
+    """False if flipped bits of the samples cannot be detected: an early version recorded the file."""
+    parts: tuple[str, ...]
+    """Other contents: "calibration" and "pressure" of a recording, "target" of a drive."""
+
+
+_NUMBERS: dict[Kind, str] = {"recording": "samples", "drive": "phase"}
+
+
+def contents(path: str | os.PathLike[str]) -> Contents:
+    """Summary of an HDF5 file of midair.
+
+    Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
+    program, or was written by a newer midair.
+    """
+    with open_file(path) as file:
+        kind = _kind(kind_of(file), path)
+        check_kind(file, kind, Path(path))
+        return Contents(
+            kind=kind,
+            created=plain_text(file.attrs.get("created")),
+            created_by=plain_text(file.attrs.get("created_by")),
+            frames=None if kind in ("calibration", "array") else int(stored_dataset(file, "time").shape[0]),
+            finished=kind != "recording" or bool(stored_dataset(file, "finished")[()]),
+            checksums=has_checksums(stored_dataset(file, _NUMBERS.get(kind, "response_real"))),
+            parts=tuple(part for part in ("calibration", "pressure", "target") if part in file),
+        )
+
+
+def _kind(text: str, path: str | os.PathLike[str]) -> Kind:
+    kinds: tuple[Kind, ...] = get_args(Kind)
+    for kind in kinds:
+        if text == f"midair {kind}":
+            return kind
+    raise BrokenFileError(f"{path}: expected a file of midair, got {text or 'an HDF5 file of another program'}")

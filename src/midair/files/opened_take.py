@@ -1,9 +1,10 @@
-"""Result of reading a recording file, and the options that complete files of other programs."""
+"""File formats of recordings: the result of reading one, options for files of other programs, losses of writing."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,8 +65,7 @@ class ImportOptions(Declared):
     streamed: bool = False
     """Whether to return lazy samples where the format supports it (HDF5 of midair, WAV) and gaps are not filled: a
     recording of any length then needs the memory of one block. Checks for suspicious channels are then left to
-    `midair.recordings.suspicious`.
-    """
+    `midair.recordings.suspicious`."""
 
     def __post_init__(self) -> None:
         if self.packed is not None and self.packed < 1:
@@ -294,3 +294,44 @@ def of_two(scale: float) -> bool:
 def _sha256(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+Lost = Literal[
+    "calibration", "pressure", "provenance", "sensor", "scale", "rate", "channels", "waveform", "band", "sign", "length"
+]
+"""Kinds of lost information, as keys for programs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FormatLoss:
+    """Information that a file does not contain, or that only midair can read from it."""
+
+    what: Lost
+    text: str
+    """Description in one sentence."""
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def calibration_lost(calibration: Calibration | None, form: str) -> tuple[FormatLoss, ...]:
+    """Loss report of a format that cannot store a calibration."""
+    if calibration is None:
+        return ()
+    advice = "save_calibration() writes it to a file of its own"
+    return (FormatLoss(what="calibration", text=f"{form} holds no calibration: it was left out; {advice}."),)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Format:
+    """A file format of recordings, registered under the endings of its names."""
+
+    name: str
+    read: Callable[[Path, ImportOptions], OpenedTake]
+    """Read a file with what the user states about it."""
+    write: Callable[[Recording, Path, Calibration | None], tuple[FormatLoss, ...]] | None = None
+    """Write a recording; returns what the format cannot store. None if it is only read."""
+    memory: float = 0
+    """Least number of bytes that reading takes for each byte of the file; 0 if it is read in parts."""
+    effect: bool = False
+    """Whether it holds effects that are rendered, so that reading does not return the samples that were written."""

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import RateError
 from midair.streaming import blocks
-
-Array = NDArray[np.float64]
 
 FILLED = 10
 """Maximum number of interpolated frames in gaps per recorded row."""

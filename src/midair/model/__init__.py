@@ -2,13 +2,12 @@
 
 from midair.progress import Progress as Progress
 
-from .acoustics import Acoustics as Acoustics
-from .acoustics import Directivity as Directivity
 from .array_calibration import POSE_AIMS as POSE_AIMS
 from .array_calibration import ArrayCalibration as ArrayCalibration
-from .board import Board as Board
-from .board import array_of_boards as array_of_boards
 from .calibration import Calibration as Calibration
+from .calibration import Crosstalk as Crosstalk
+from .calibration import Linearity as Linearity
+from .calibration import Measurement as Measurement
 from .defaults import BAND as BAND
 from .defaults import HEIGHT as HEIGHT
 from .defaults import HEIGHTS as HEIGHTS
@@ -19,12 +18,13 @@ from .drive import Solution as Solution
 from .drive import Status as Status
 from .frames import AmplitudeFrames as AmplitudeFrames
 from .frames import PressureFrames as PressureFrames
+from .geometry import Board as Board
 from .geometry import ControlGrid as ControlGrid
 from .geometry import SensorGrid as SensorGrid
 from .geometry import TransducerArray as TransducerArray
-from .measurement import Crosstalk as Crosstalk
-from .measurement import Linearity as Linearity
-from .measurement import Measurement as Measurement
+from .geometry import array_of_boards as array_of_boards
+from .medium import Acoustics as Acoustics
+from .medium import Directivity as Directivity
 from .medium import Medium as Medium
 from .palm import Palm as Palm
 from .placement import UNIT as UNIT
@@ -32,10 +32,10 @@ from .placement import Placement as Placement
 from .provenance import Provenance as Provenance
 from .provenance import Setting as Setting
 from .provenance import Step as Step
+from .recording import Event as Event
+from .recording import EventKind as EventKind
 from .recording import Recording as Recording
 from .recording import Unit as Unit
-from .recording_events import Event as Event
-from .recording_events import EventKind as EventKind
 from .stage import Heading as Heading
 from .stage import Place as Place
 from .stage import StageSetup as StageSetup

@@ -6,14 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import InputError, MismatchError
 from midair.model.geometry import TransducerArray
 from midair.model.provenance import Provenance
 from midair.model.reprs import counted, from_source, summary
 from midair.validation import frozen_array
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 POSE_AIMS = np.array([*[1e-4] * 3, *np.radians([0.1] * 3), 50e-9])
 """Accuracy to which the position in m, rotation in rad and time offset in s of a unit should be known."""
@@ -31,8 +29,7 @@ class ArrayCalibration:
     """Complex, shape (transducer,): steady sound pressure at full drive divided by the nominal one; 0 for a dead
     transducer.
 
-    The common phase cannot be measured: the mean phase is 0.
-    """
+    The common phase cannot be measured: the mean phase is 0."""
     pole: Complex
     """Complex, shape (transducer,): -1 / time constant + j (resonance - drive frequency), in rad/s."""
     strength_uncertainty: Array
@@ -141,10 +138,7 @@ class ArrayCalibration:
     def applied(self, array: TransducerArray) -> TransducerArray:
         """The same array with the measured response of its transducers, for use in a solver.
 
-        Raises
-        ------
-        MismatchError
-            If the transducers of `array` are at other positions.
+        Raises MismatchError if the transducers of `array` are at other positions.
         """
         if not array.same_as(self.array):
             raise MismatchError(

@@ -7,17 +7,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
-from midair.model.acoustics import Acoustics
 from midair.model.geometry import TransducerArray
-from midair.model.medium import Medium
+from midair.model.medium import Acoustics, Medium
 from midair.model.provenance import Provenance
 from midair.model.reprs import clipped, counted, frames_and_duration, from_source, span, summary
 from midair.model.svg_pictures import curve, dots, framed
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
-
-Array = NDArray[np.float64]
 
 Status = Literal["converged", "iterations", "stalled", "silent"]
 """How the solver ended a frame: step or gradient below its tolerance; maximum of iterations reached; no step of any

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model.geometry import ControlGrid, SensorGrid
 from midair.model.provenance import Provenance
@@ -12,8 +12,6 @@ from midair.model.reprs import frames_and_duration, from_source, span, summary
 from midair.model.svg_pictures import framed, heat_map, sparklines
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,10 +60,7 @@ class PressureFrames:
     def cut(self, start: float = 0.0, duration: float | None = None) -> "PressureFrames":
         """The frames from `start` on, for `duration` seconds or to the end; time begins again at 0.
 
-        Raises
-        ------
-        InputError
-            If no frame is left.
+        Raises InputError if no frame is left.
         """
         first, whole = round(start * self.rate), self.frames / self.rate
         last = self.frames if duration is None else min(self.frames, first + round(duration * self.rate))

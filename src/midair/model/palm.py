@@ -5,12 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import ControlGrid, centred
 from midair.model.reprs import clipped, summary
 from midair.validation import frozen_array, positive
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -23,8 +22,7 @@ class Palm:
     """Distance between the points, in m.
 
     Radiation pressure varies over half a wavelength or more, so that two points per period (2.1 mm at 40 kHz) sample
-    any field; 2.5 mm suffice for the field of four units at 20 cm.
-    """
+    any field; 2.5 mm suffice for the field of four units at 20 cm."""
     name: str = "palm"
 
     def __post_init__(self) -> None:
@@ -49,15 +47,8 @@ class Palm:
     def within(cls, outline: Array, *, pitch: float = 2.5e-3, name: str = "palm") -> "Palm":
         """The area inside a closed outline.
 
-        Parameters
-        ----------
-        outline : ndarray, shape (corner, 2)
-            x and y of the corners relative to the centre of the array, in m; the last is joined to the first.
-
-        Raises
-        ------
-        ShapeError
-            If there are fewer than three corners.
+        `outline`, shape (corner, 2), holds x and y of the corners relative to the centre of the array, in m; the last
+        is joined to the first. Raises ShapeError if there are fewer than three corners.
         """
         corners = frozen_array(outline, "outline of the palm", ("corner", 2))
         if len(corners) < 3:
@@ -70,10 +61,7 @@ class Palm:
     def of_rows(cls, rows: tuple[str, ...], *, pitch: float = 2.5e-3, name: str = "palm") -> "Palm":
         """The palm that `rows` of text describe (see `rows`).
 
-        Raises
-        ------
-        ShapeError
-            If the rows differ in length.
+        Raises ShapeError if the rows differ in length.
         """
         if len({len(row) for row in rows}) > 1:
             raise ShapeError(f"palm: expected rows of one length, got {min(map(len, rows))} to {max(map(len, rows))}")

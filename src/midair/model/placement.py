@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model.geometry import TransducerArray
 from midair.model.reprs import clipped
 from midair.validation import frozen_array
-
-Array = NDArray[np.float64]
 
 UNIT = TransducerArray.autd3(columns=1, rows=1).count
 """Number of transducers of one unit."""

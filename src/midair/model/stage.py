@@ -91,21 +91,10 @@ class StageSetup:
 
 
 def check_reached(speed: float, way: float, *, largest: float, growth: float) -> None:
-    """Raise unless a machine reaches a speed and keeps it over at least half of a distance.
+    """Raise InputError unless a machine reaches a speed and keeps it over at least half of a distance `way`.
 
-    Parameters
-    ----------
-    speed, largest : float
-        Requested speed, and the maximum of the machine along that path, in m/s.
-    way : float
-        Length of the path, in m.
-    growth : float
-        Acceleration of the machine, in m/s2; acceleration and braking take speed**2 / growth together.
-
-    Raises
-    ------
-    InputError
-        If the speed is not reached.
+    `largest` is the maximum speed of the machine along that path, `growth` its acceleration, in m/s2; acceleration and
+    braking take speed**2 / growth together.
     """
     if speed > largest:
         raise InputError(
@@ -121,15 +110,10 @@ def check_reached(speed: float, way: float, *, largest: float, growth: float) ->
 
 
 def speed_of(stamps: Sequence[StageStamp]) -> float | None:
-    """Speed over the middle half of a path, in m/s; None with fewer than three positions in it.
+    """Speed over the middle half of a straight path, in m/s; None with fewer than three positions in it.
 
-    The median slope of all pairs of positions at least half of that interval apart (Theil-Sen estimator), which a late
-    time stamp hardly affects.
-
-    Parameters
-    ----------
-    stamps : sequence of StageStamp
-        In the order of time, along one straight path.
+    The median slope of all pairs of positions, in the order of time, at least half of that interval apart (Theil-Sen
+    estimator), which a late time stamp hardly affects.
     """
     time = np.array([stamp.time for stamp in stamps])
     way = _way(np.array([stamp.position for stamp in stamps]).reshape(-1, 3))

@@ -11,9 +11,8 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model.reprs import short, span
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

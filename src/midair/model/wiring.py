@@ -28,8 +28,7 @@ class SensorWiring:
     full_scale: float | None = None
     """Magnitude in `unit` at which the source clips.
 
-    It scales sources that report only fractions of full scale (audio) or counts (serial).
-    """
+    It scales sources that report only fractions of full scale (audio) or counts (serial)."""
     sensitivity: float | None = None
     """Nominal output per pressure, the same for all cells, in `unit` per Pa."""
 
@@ -81,17 +80,9 @@ class SensorWiring:
         return replace(self, order=tuple(order))
 
     def arrange(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Assign samples of the source's channels, shape (frame, channel), to the cells.
+        """Assign samples of the source's channels, (frame, channel), to the cells, (frame, row, column).
 
-        Returns
-        -------
-        ndarray, shape (frame, row, column)
-            Samples in the same unit; channels without a cell are dropped.
-
-        Raises
-        ------
-        ShapeError
-            If the source has too few channels.
+        The unit stays; channels without a cell are dropped. Raises ShapeError if the source has too few channels.
         """
         if samples.ndim != 2 or samples.shape[1] < self.channels:
             raise ShapeError(

@@ -5,8 +5,8 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.datasets import channel_amplitudes
 from midair.evaluate import Leak, leak, printed_error, relative_error
 from midair.figures import FieldRow, fields_figure, png_bytes
@@ -28,8 +28,6 @@ from midair.progress import report_progress
 from midair.settings import MODES, Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import interpolation_matrix
 
-Array = NDArray[np.float64]
-
 PATTERNS: Mapping[str, int] = MappingProxyType(
     {
         "one corner": 0b0000_0000_0000_0001,
@@ -48,14 +46,8 @@ def figure_3(
 ) -> PaperResult:
     """Solve patterns in both modes, from a cold start and for point sources without attenuation as in the paper.
 
-    Parameters
-    ----------
-    strength : float
-        Target over the peak of a single focus of the whole array. The paper does not state it.
-    paper, best : Settings, optional
-        The two modes; only their grid, solver and terms are used.
-    mode : {"paper", "best", "quick", "finest"}
-        Mode to compare with the paper's.
+    `strength` is the target over the peak of a single focus of the whole array, which the paper does not state. Of the
+    settings of the paper and of the `mode` to compare, only grid, solver and terms are used.
     """
     array, sensor = TransducerArray.autd3(), SensorGrid()
     acoustics = Acoustics(medium=Medium(attenuation=0.0), directivity="point")

@@ -30,15 +30,9 @@ def figure_9(
 ) -> PaperResult:
     """Record strokes of the three objects and show the spectra of each mode's target pressure.
 
-    Parameters
-    ----------
-    takes : int
-        Strokes of each object and surface, with seeds 0, 1, ...; the paper has five. The first is drawn; the numbers
-        are mean powers over all.
-    paper, best : Settings, optional
-        The two modes; only their mappings are used.
-    mode : {"paper", "best", "quick", "finest"}
-        Mode to compare with the paper's.
+    Each object strokes each surface `takes` times, with seeds 0, 1, ...; the paper has five. The first is drawn; the
+    numbers are mean powers over all. Of the settings of the paper and of the `mode` to compare, only the mappings are
+    used.
     """
     modes = with_paper_mode(mode, paper or paper_mode(), best)
     rows: list[Row] = []
@@ -47,7 +41,8 @@ def figure_9(
     for surface, name in report_progress(every, len(every)):
         strokes = [_stroke(name, surface, modes["paper"], seed) for seed in range(takes)]
         for which, settings in modes.items():
-            pushed = [_mapped(stroke, settings.target.mapping) for stroke in strokes]
+            push = MAPPINGS[settings.target.mapping]
+            pushed = [replace(stroke, pressure=push(stroke.pressure, stroke.rate)) for stroke in strokes]
             shown.setdefault(f"{surface}, {settings.target.mapping}", {})[name] = pushed[0]
             levels = {
                 f"level_{band}_db": float(10 * np.log10(np.mean([_power(each, BANDS[band]) for each in pushed])))
@@ -69,10 +64,6 @@ def _stroke(name: str, surface: str, settings: Settings, seed: int) -> PressureF
     rig = VirtualRig(seed=seed)
     with rig.touched_by(name + ("+groove" if surface == "groove" else "")) as sensor:
         return calibrated_pressure(record(sensor, 1.26).recording, sensor.calibration, settings)
-
-
-def _mapped(stroke: PressureFrames, mapping: str) -> PressureFrames:
-    return replace(stroke, pressure=MAPPINGS[mapping](stroke.pressure, stroke.rate))
 
 
 def _power(pushed: PressureFrames, band: tuple[float, float]) -> float:

@@ -15,6 +15,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration import CausalInverse
 from midair.datasets import Object, stroke
 from midair.devices import check_exposure
@@ -31,7 +32,6 @@ from midair.rig import Stage, VirtualRig, default_exposure, no_progress, record,
 from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import add_lead
 
-Array = NDArray[np.float64]
 LIVE = "live"
 """The mode that inverts the sensor causally, as `midair live` does."""
 
@@ -75,8 +75,7 @@ class MaterialsPlan:
 
     folder: Path | None = None
     """Recordings of one stroke each, in a folder for each material or named MATERIAL_anything; synthetic strokes
-    of brush, sponge and towel if None.
-    """
+    of brush, sponge and towel if None."""
     strokes: int = 12
     """Number of strokes of each synthetic object, with seeds 0, 1, ..."""
     duration: float = 0.3
@@ -85,8 +84,7 @@ class MaterialsPlan:
     """Peak of each target over a single focus of the whole array, in every mode."""
     paper: Settings = field(default_factory=lambda: paper_mode().but(method="glide"))
     """The paper's mode; the other modes use its air. Its recordings are solved as a whole, which gives about the
-    error of frame-by-frame solving in a fortieth of the time.
-    """
+    error of frame-by-frame solving in a fortieth of the time."""
     mode: Mode = "best"
     """Mode to compare with the paper's and the live mode."""
     rig: VirtualRig = field(default_factory=VirtualRig)
@@ -105,12 +103,8 @@ class MaterialsPlan:
 def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = no_progress) -> PaperResult:
     """Reproduce every stroke in every mode, and classify it with two classifiers; call `stage` with each stage's name.
 
-    Raises
-    ------
-    InputError
-        If there are fewer than two materials, or fewer than three strokes of one.
-    MissingExtraError
-        If scikit-learn is not installed.
+    Raises InputError if there are fewer than two materials, or fewer than three strokes of one; MissingExtraError if
+    scikit-learn is not installed.
     """
     plan = plan or MaterialsPlan()
     check_classifier()

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics.exposure_places import ExposureProfile, Place
@@ -21,9 +22,6 @@ from midair.physics.propagation import transfer_matrix
 from midair.physics.radiation import radiation_pressure
 from midair.progress import report_progress
 from midair.validation import frozen_array
-
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 
 BLOCK = 256
 """Frames that are computed at once."""
@@ -107,10 +105,7 @@ class Exposure:
     def worst(self) -> tuple[Place, int]:
         """The enforced place with the highest level relative to its limit, and its loudest frame.
 
-        Raises
-        ------
-        InputError
-            If the profile has no enforced limit.
+        Raises InputError if the profile has no enforced limit.
         """
         margins = [
             (float(self.peak[number]) - place.limit, number)
@@ -182,16 +177,10 @@ def exposure(
     acoustics: Acoustics | tuple[Acoustics, ...] | None = None,
     steps: int | None = None,
 ) -> Exposure:
-    """Compute the sound levels of a drive at the places of a profile, for every frame.
+    """Compute the sound levels of a drive, played `repeats` times, at the places of a profile, for every frame.
 
-    Parameters
-    ----------
-    repeats : int
-        Number of times that the drive is played.
-    acoustics : Acoustics or tuple of Acoustics, optional
-        If None, that of the drive; for several airs the highest level of each frame counts.
-    steps : int, optional
-        Number of phase steps per turn to which units round; no rounding if None.
+    The acoustics are by default those of the drive; for several airs the highest level of each frame counts. `steps` is
+    the number of phase steps per turn to which units round; no rounding if None.
     """
     airs = acoustics if isinstance(acoustics, tuple) else (acoustics or drive.acoustics,)
     # Only these two arrays grow with the length of the drive.

@@ -3,11 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model import Acoustics, Drive
 from midair.physics.propagation import transfer_matrix
 from midair.streaming import blocks
-
-Array = NDArray[np.float64]
 
 MINUTE = 60.0
 """Time over which the level of a unit is averaged, and longest time for which the palm keeps heat, in s."""
@@ -18,8 +17,7 @@ PUBLISHED_RISE, PUBLISHED_TIME = 5.4, 5.0
 STRONG_FOCUS = 2.5e5
 """Intensity of that focus in W/m2: an assumption of midair, since the abstract states none.
 
-10 kPa rms, the linear field of two by two AUTD3 units at full drive, 0.2 m above them.
-"""
+10 kPa rms, the linear field of two by two AUTD3 units at full drive, 0.2 m above them."""
 
 BIN = 0.1
 """Time over which levels and intensities are averaged first, in s."""

@@ -1,13 +1,61 @@
-"""Sensor output for a pressure that does not fit into memory, with intermediate results on disk."""
+"""Sensor output for a pressure that does not fit into memory: channel by channel, with intermediate results on disk."""
+
+from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from midair.physics.sensing import SensorModel, cell_pressure, sensor_output
-from midair.physics.sensing_by_channel import channel_volts
+from midair.array_types import Array, Complex
+from midair.physics.sensing import (
+    SensorModel,
+    cell_pressure,
+    channel_response,
+    fade_window,
+    sensor_output,
+    settling_frames,
+)
 from midair.streaming import LazyFrames, Stored, TempChannels, TempFrames, each_frame
 
-Array = NDArray[np.float64]
+
+def channel_volts(
+    model: SensorModel, number: int, every: Callable[[int], Array], steps: int, rate: float, *, oversample: int
+) -> Array:
+    """Output of one channel in V before amplifier, noise and converter, as in `sense`, every `oversample`-th step.
+
+    The spectrum below half the output rate is the sum of those of every `oversample`-th step with all offsets
+    (decimation in time: Cooley and Tukey, Math. Comp. 19 (1965)), so memory grows with the output, not with the
+    pressure. `every` takes the first of `steps` steps, and returns every `oversample`-th pressure on the cell from
+    there on, in Pa; `rate` is that of the output, in Hz. The shape is (ceil(steps / oversample),).
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    frames, settle = -(-steps // oversample), settling_frames(model, rate)
+    length = next_fast_len(frames + 2 * settle, real=True)
+    # After the end the last pressure is held and faded out; it belongs to the offset of the last step.
+    last, fade = float(every((steps - 1) % oversample)[-1]), fade_window(settle * oversample)
+    turn = np.exp(-2j * np.pi * np.arange(length // 2 + 1) / (length * oversample))
+    spectrum = np.zeros(length // 2 + 1, np.complex128)
+    for phase in reversed(range(oversample)):
+        part = np.concatenate([every(phase), last * fade[(phase - steps) % oversample :: oversample]])
+        # Horner's scheme in the phase factor of one step.
+        spectrum *= turn
+        spectrum += rfft(part, length, overwrite_x=True)
+    spectrum *= _response(model, number, length, rate) / oversample
+    return np.asarray(irfft(spectrum, length, overwrite_x=True)[:frames], np.float64)
+
+
+def _response(model: SensorModel, number: int, length: int, rate: float) -> Complex:
+    """Response of one channel at every bin, shape (bin,)."""
+    frequency = np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64)
+    row, column = divmod(number, model.grid.columns)
+    parts = [
+        channel_response(model, frequency[first : first + _BINS])[:, row, column]
+        for first in range(0, len(frequency), _BINS)
+    ]
+    return np.concatenate(parts)
+
+
+_BINS = 2**13
+"""Bins whose responses are computed at once, for all channels."""
 
 
 def sense_lazily(

@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.dsp import resample
 from midair.errors import RateError, ShapeError
 from midair.model import Acoustics, Drive, Medium
-from midair.physics.dynamics import TransducerDynamics
 from midair.physics.playback_chain import PlaybackChain, Precision, Waves, radiate
 from midair.physics.radiation import radiation_pressure
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from midair.physics.transducers import TransducerDynamics
 
 
 def simulate(
@@ -29,6 +27,9 @@ def simulate(
     progress: Callable[[int, int], None] | None = None,
 ) -> Array:
     """Radiation pressure in Pa at points, or on cells, at every moment while an array plays a drive.
+
+    Raises RateError if the rate is not a whole multiple of the drive's; ShapeError if G, the weights or the chain's
+    transducers do not match the drive's array or the points.
 
     Parameters
     ----------
@@ -51,13 +52,6 @@ def simulate(
     -------
     ndarray, shape (frame * rate / drive.rate, point) or (..., cell)
         Step i is at the end of the i-th interval of 1 / rate; with an ideal hold at its beginning.
-
-    Raises
-    ------
-    RateError
-        If the rate is not a whole multiple of the drive's.
-    ShapeError
-        If G, the weights or the chain's transducers do not match the drive's array or the points.
     """
     chain, acoustics = chain or PlaybackChain(), acoustics or drive.acoustics
     steps = steps_per_frame(drive.rate, rate)
@@ -117,10 +111,7 @@ def steps_per_frame(drive_rate: float, rate: float) -> int:
 def check_frame_rate(rate: float, frequency: float = 40e3) -> int:
     """Periods of the ultrasound per frame: an array can change frames only after whole periods.
 
-    Raises
-    ------
-    RateError
-        If `rate` is not `frequency` over a whole number; the message names the nearest valid rates.
+    Raises RateError if `rate` is not `frequency` over a whole number; the message names the nearest valid rates.
     """
     periods = frequency / rate
     if periods >= 1 and abs(periods - round(periods)) <= 1e-6 * periods:

@@ -11,14 +11,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import InputError
 from midair.model import Drive
 from midair.physics.propagation import quantise_phase
 from midair.physics.transducers import Transducers
 from midair.streaming import read_frames
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Waves = NDArray[np.complexfloating[Any, Any]]
 Hold = Literal["step", "ideal"]
 Precision = Literal["single", "double"]

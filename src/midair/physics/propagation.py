@@ -1,13 +1,75 @@
-"""The sound field of the array: p = G q (paper, 2.2)."""
+"""The sound field of the array, p = G q (paper, 2.2): directivity D(theta) of eq. (3), and relative error E (5.1)."""
+
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import InputError, ShapeError
-from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
-from midair.physics.directivity import off_axis
+from midair.model import Acoustics, ControlGrid, Directivity, Drive, Medium, TransducerArray
 
-Complex = NDArray[np.complex128]
+
+def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: float = 4.5e-3) -> Array:
+    """Amplitude relative to the axis, 1 on the axis.
+
+    Raises InputError if `kind` is unknown.
+
+    Parameters
+    ----------
+    angle : ndarray, any shape
+        Angle between the transducer's normal and the point, in rad, 0 to pi.
+    kind : {"point", "piston", "t4010a1"}
+        "point": 1 everywhere. "piston": 2 J1(x) / x, x = k a sin(theta), a circular piston in a baffle. "t4010a1":
+        the measured table of AUTD3's transducer.
+    wavenumber : float
+        k in rad/m, used by the piston.
+    radius : float
+        a of the piston, in m.
+    """
+    angle = np.asarray(angle, float)
+    if kind == "point":
+        return np.ones_like(angle)
+    if kind == "piston":
+        return _piston(wavenumber * radius * np.sin(angle))
+    if kind == "t4010a1":
+        return _t4010a1(np.degrees(angle))
+    raise InputError(f"directivity: expected one of {', '.join(get_args(Directivity))}, got {kind!r}")
+
+
+def _piston(x: Array) -> Array:
+    """2 J1(x) / x; Kinsler et al., Fundamentals of Acoustics, 7.4."""
+    from scipy.special import j1
+
+    # On the axis the quotient is 0 / 0; its limit is 1.
+    small = np.abs(x) < 1e-8
+    return np.where(small, 1.0, 2 * j1(x) / np.where(small, 1.0, x))
+
+
+def _t4010a1(degrees: Array) -> Array:
+    """The table of the AUTD3 SDK: cubic pieces of 10 degrees, 0 to 90. Angles above 90 are mirrored."""
+    # Each row: coefficients of one piece, constant term first.
+    table = np.array(
+        [
+            (1, 0, 0, 0),
+            (1, 0, 0, 0),
+            (1, -0.00459648054721, -7.87968093807e-4, 1.60125528528e-5),
+            (0.891250938, -0.0155520765675, -3.07591508224e-4, 2.9747624976e-6),
+            (0.707945784, -0.0208114779827, -2.18348633296e-4, 2.31910931569e-5),
+            (0.501187234, -0.0182211227016, 4.7738416141e-4, -1.1901034125e-5),
+            (0.354813389, -0.0122437497109, 1.20353137658e-4, 6.77743734332e-6),
+            (0.251188643, -0.00780345575475, 3.23676257958e-4, -5.99548024824e-6),
+            (0.199526231, -0.00312857467007, 1.43850511e-4, -4.79372835035e-6),
+        ]
+    )
+    front = np.where(degrees > 90, 180 - degrees, degrees)
+    # A multiple of 10 degrees belongs to the piece below it, as in the SDK.
+    piece = np.clip(np.ceil(front / 10).astype(int) - 1, 0, 8)
+    x = front - 10 * piece
+    a, b, c, d = table[piece].transpose(-1, *range(piece.ndim))
+    return a + x * (b + x * (c + x * d))
+
+
 Points = ControlGrid | NDArray[np.float64]
 
 
@@ -20,7 +82,7 @@ def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoust
     """Sound pressure (peak, Pa) at each point for each transducer at full drive and phase 0, paper eq. (3).
 
     G_mn = C D(theta_mn) exp(-beta r_mn) exp(j k r_mn) / r_mn, with C the pressure of one transducer at 1 m. Complex,
-    shape (point, transducer).
+    shape (point, transducer). Raises InputError if a point lies on a transducer.
 
     Parameters
     ----------
@@ -28,11 +90,6 @@ def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoust
         Positions in m.
     acoustics : Acoustics, optional
         Speed and attenuation of the air, and D; the paper's if None.
-
-    Raises
-    ------
-    InputError
-        If a point lies on a transducer.
     """
     acoustics = acoustics or Acoustics()
     places = _places(points)
@@ -64,12 +121,7 @@ def _rows(places: NDArray[np.float64], array: TransducerArray, acoustics: Acoust
 def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = None) -> Complex:
     """The steady-state field of each frame of a drive, p = G q, paper eq. (1); complex, peak, in Pa, (frame, point).
 
-    Parameters
-    ----------
-    points : ControlGrid or ndarray, shape (point, 3)
-        Positions in m.
-    acoustics : Acoustics, optional
-        If None, those that the drive was solved for.
+    Points are a grid or positions (point, 3) in m. The acoustics are by default those that the drive was solved for.
     """
     return drive.q @ transfer_matrix(points, drive.array, acoustics=acoustics or drive.acoustics).T
 
@@ -107,3 +159,30 @@ def _places(points: Points) -> NDArray[np.float64]:
     if places.ndim != 2 or places.shape[1] != 3:
         raise ShapeError(f"points: expected shape (point, 3), got {places.shape}")
     return places
+
+
+Field = NDArray[np.complex128] | NDArray[np.float64]
+
+
+def relative_error(field: Field, amplitude: Array) -> Array:
+    """The paper's error of each frame, shape (frame,): ``E = || |G q| - p || / || p ||``.
+
+    `field`, G q or its magnitude, and `amplitude`, the target p, are peak values in Pa, shape (frame, point). At the
+    best phases u of the target, ``|| G q - diag(p) u || = || |G q| - p ||``, so this is the residual of eq. (5) over
+    the target's norm. 0 where target and field are both silent; infinite where only the target is.
+    """
+    if np.shape(field) != np.shape(amplitude):
+        raise ShapeError(f"field: expected the target's shape {np.shape(amplitude)}, got {np.shape(field)}")
+    missed = np.linalg.norm(np.abs(field) - amplitude, axis=-1)
+    wanted = np.linalg.norm(amplitude, axis=-1)
+    unwanted = np.where(missed > 0, np.inf, 0.0)
+    return np.divide(missed, wanted, out=unwanted, where=wanted > 0)
+
+
+def printed_error(field: Field, amplitude: Array) -> Array:
+    """The error as the paper prints it, (1/M) sqrt(||G q - p||^2 / ||p||^2), with M the number of points.
+
+    The factor 1/M must be a misprint: with M = 256 an error of 10 % would be .04 %, and the paper reports 5 to 15 %.
+    Use `relative_error`; this function exists so that both can be quoted.
+    """
+    return relative_error(field, amplitude) / np.shape(amplitude)[-1]

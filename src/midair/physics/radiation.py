@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import NegativePressureError
 from midair.model import Medium
-
-Array = NDArray[np.float64]
 
 
 def sound_amplitude(pressure: Array, medium: Medium) -> Array:

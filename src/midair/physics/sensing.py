@@ -12,17 +12,18 @@ saturation of the amplifier. Then follow noise, clipping and quantisation. The p
 defaults are plausible, not measured.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
+from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import InputError, ShapeError
-from midair.model import Calibration, Crosstalk, Provenance, SensorGrid
+from midair.model import Calibration, ControlGrid, Crosstalk, Provenance, SensorGrid
 from midair.validation import frozen_array, positive
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,7 +132,8 @@ def sense(
     H(f) is applied to the spectrum of the pressure, which is assumed band-limited between samples, 0 before the first
     one (so the start is the transient of a sensor at rest), and held after the last one, then faded out. The record is
     padded until the slowest part of H has decayed to 1e-8. Every frequency below half the output rate gets H(f) itself;
-    frequencies above are removed (an ideal anti-alias filter).
+    frequencies above are removed (an ideal anti-alias filter). Raises ShapeError if the shape of the pressure does not
+    match the sensor.
 
     Parameters
     ----------
@@ -148,11 +150,6 @@ def sense(
     -------
     ndarray, shape (ceil(frame / oversample), row, column)
         In V, clipped and quantised. Sample i is at i / rate.
-
-    Raises
-    ------
-    ShapeError
-        If the shape of the pressure does not match the sensor.
     """
     if oversample < 1 or oversample != int(oversample):
         raise InputError(f"oversample: expected a whole number, 1 or more, got {oversample}")
@@ -178,12 +175,8 @@ def sensor_output(model: SensorModel, volts: Array, rate: float, *, rng: np.rand
 def calibration_of(model: SensorModel, *, highest: float = 4000.0, bins: int = 1024) -> Calibration:
     """The model's own response as a calibration, the result of an ideal measurement.
 
-    Parameters
-    ----------
-    highest : float
-        Last frequency, in Hz.
-    bins : int
-        Number of frequencies besides 0 Hz, logarithmic from 1 Hz; 1024 interpolate to better than 3e-5 above 1 Hz.
+    Besides 0 Hz it has `bins` frequencies, logarithmic from 1 Hz to `highest` (Hz); 1024 interpolate to better than
+    3e-5 above 1 Hz.
     """
     frequency = np.concatenate([[0.0], np.geomspace(1.0, positive(highest, "highest", "Hz"), bins)])
     alone = (model.crosstalk == np.eye(model.grid.count)).all()
@@ -238,3 +231,94 @@ def _convert(model: SensorModel, volts: Array) -> Array:
     """Clip and round to the codes -2^(bits-1) to 2^(bits-1) - 1."""
     half = 2.0 ** (model.bits - 1)
     return np.clip(np.rint(volts / model.step), -half, half - 1) * model.step
+
+
+Between = Literal["steps", "lines", "waves"]
+"""Model of the pressure between two points."""
+
+
+def cell_weights(
+    model: SensorModel,
+    points: ControlGrid,
+    *,
+    centre: tuple[float, float] = (0.0, 0.0),
+    between: Between = "steps",
+) -> Array:
+    """Weights that average the pressure at the points of a grid over each cell, shape (channel, point).
+
+    The gel spreads the pressure by a Gaussian, and the cell averages over its aperture. Weights are exact integrals:
+    over a grid that covers the plane the weights of each cell sum to 1. The pressure outside the grid is 0; `centre` is
+    the middle (x, y) of the sensor, in m. Raises InputError if the model `between` is unknown.
+
+    There are three models of the pressure between the points. With d the distance of a point from the middle of a cell,
+    h the pitch of the points, a the aperture of the cell and s the spread of the gel, the weight of a point along one
+    axis is
+
+    - steps: box_h * box_a * gauss_s / a, constant pressure on a square around each point;
+    - lines: box_h * box_h * box_a * gauss_s / (a h), linear interpolation between the points;
+    - waves: interpolation band-limited below 1 / (2 h), as for a sound field: the integral of 2 h sinc(f a) exp(-2 (pi
+      f s)^2) cos(2 pi f d) over 0 <= f <= 1 / (2 h).
+
+    The squared field has no detail below half a wavelength, and less for sound from a limited cone: with points 11/3 mm
+    apart, means over 8 mm of the field of four units at 20 cm are exact to .1 %.
+    """
+    if between not in _SHARES:
+        raise InputError(f"between: expected one of {', '.join(_SHARES)}, got {between!r}")
+    shares = _SHARES[between]
+    along_x = shares(model, points.x + points.centre[0] - (model.grid.x + centre[0])[:, None], points.pitch)
+    along_y = shares(model, points.y + points.centre[1] - (model.grid.y + centre[1])[:, None], points.pitch)
+    weights = np.einsum("ry,cx->rcyx", along_y, along_x)
+    return weights.reshape(model.grid.count, points.count)
+
+
+def _steps(model: SensorModel, offset: Array, pitch: float) -> Array:
+    """Weights along one axis for constant pressure around each point, (cell, point) like `offset`."""
+    return _boxes(offset, (pitch, model.aperture), model.spread, _ramp) / model.aperture
+
+
+def _lines(model: SensorModel, offset: Array, pitch: float) -> Array:
+    """Weights along one axis for linear interpolation."""
+    return _boxes(offset, (pitch, pitch, model.aperture), model.spread, _bow) / (model.aperture * pitch)
+
+
+def _waves(model: SensorModel, offset: Array, pitch: float) -> Array:
+    """Weights along one axis for band-limited interpolation."""
+    top = 0.5 / pitch
+    # More than pi nodes per cycle at the highest frequency and the farthest point: exact to rounding.
+    nodes, weight = np.polynomial.legendre.leggauss(32 + 4 * int(np.ceil(np.abs(offset).max() / pitch)))
+    frequency = top * (nodes + 1) / 2
+    window = np.sinc(frequency * model.aperture) * np.exp(-2 * (np.pi * frequency * model.spread) ** 2)
+    waves = np.cos(2 * np.pi * offset[..., None] * frequency)
+    return np.asarray(pitch * top * (waves @ (window * weight)), np.float64)
+
+
+_SHARES: Mapping[str, Callable[[SensorModel, Array, float], Array]] = MappingProxyType(
+    {"steps": _steps, "lines": _lines, "waves": _waves}
+)
+
+
+def _boxes(offset: Array, sides: tuple[float, ...], spread: float, integral: Callable[[Array, float], Array]) -> Array:
+    """A Gaussian of unit area convolved with boxes of height 1: differences of its repeated integral."""
+    ends = product((0.5, -0.5), repeat=len(sides))
+    parts = [np.prod(np.sign(signs)) * integral(offset + np.dot(signs, sides), spread) for signs in ends]
+    return np.sum(parts, axis=0)
+
+
+def _ramp(x: Array, spread: float) -> Array:
+    """The Gaussian integrated twice: x Phi(x / s) + s phi(x / s)."""
+    cumulated, density = _gauss(x, spread)
+    return x * cumulated + spread**2 * density
+
+
+def _bow(x: Array, spread: float) -> Array:
+    """The Gaussian integrated three times: ((x^2 + s^2) Phi(x / s) + x s phi(x / s)) / 2."""
+    cumulated, density = _gauss(x, spread)
+    return ((x**2 + spread**2) * cumulated + x * spread**2 * density) / 2
+
+
+def _gauss(x: Array, spread: float) -> tuple[Array, Array]:
+    """Phi(x / s), and the density phi(x / s) / s."""
+    from scipy.special import ndtr
+
+    z = x / spread
+    return np.asarray(ndtr(z), np.float64), np.exp(-(z**2) / 2) / (spread * np.sqrt(2 * np.pi))

@@ -16,16 +16,48 @@ under ultrasound.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import InputError
 from midair.validation import positive
 
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchChannel:
+    """Frequency weighting of skin displacement with a plateau of highest sensitivity and slopes on both sides."""
+
+    best: tuple[float, float]
+    """Lowest and highest frequency of the plateau, in Hz."""
+    below: float
+    """Slope below the plateau, in dB per octave."""
+    above: float
+    """Slope above the plateau, in dB per octave."""
+
+    def weight(self, frequency: Array) -> Array:
+        """Factor on a displacement, 1 on the plateau, same shape as `frequency` (Hz); 0 at 0 Hz."""
+        f = np.asarray(frequency, float)
+        with np.errstate(divide="ignore"):
+            under, over = np.log2(np.maximum(self.best[0] / f, 1)), np.log2(np.maximum(f / self.best[1], 1))
+        return 10 ** (-(self.below * under + self.above * over) / 20)
+
+
+TOUCH_CHANNELS: dict[Literal["NP I", "P"], TouchChannel] = {
+    "NP I": TouchChannel(best=(10.0, 40.0), below=12.0, above=12.0),
+    "P": TouchChannel(best=(250.0, 250.0), below=12.0, above=9.0),
+}
+"""Tactile channels by their names in psychophysics.
+
+Pacinian corpuscles (P) respond from 40 to 800 Hz, best at about 250 Hz; the channel NP I determines thresholds from 10
+to 40 Hz (Forta, Griffin and Morioka, Somatosens. Mot. Res. 29(1), 2012, a review). The slopes of P are Verrillo's (J.
+Acoust. Soc. Am. 35(12), 1963). Assumed: NP I is flat from 10 to 40 Hz, and has the low-frequency slope of P on both
+sides. None of this was measured on people with this array."""
+
+
 Numbers = NDArray[Any]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,8 +100,7 @@ SKINS: Mapping[str, Tissue] = MappingProxyType(
 Soft: surface waves at 2.9 m/s, as on pigs' skin (3 m/s; Kirkpatrick et al. 2004), elastic modulus 30 kPa (forearms: 14
 to 25 kPa by ultrasound), viscosity of the same forearms, 3.2 Pa s. Stiff: surface waves at 6.6 m/s, faster with
 frequency, as on fingers (up to 7 m/s; Manfredi et al. 2012). Assumed: viscosity 5 Pa s of the stiff skin, 10 mm to the
-bone in both layers, and incompressibility.
-"""
+bone in both layers, and incompressibility."""
 
 
 def skin_compliance(tissue: Tissue, k: Numbers, omega: Numbers) -> Complex:

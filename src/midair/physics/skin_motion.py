@@ -17,13 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import InputError, ShapeError
 from midair.model import BAND
 from midair.physics.skin import Tissue, skin_compliance
 from midair.validation import positive
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Numbers = NDArray[Any]
 
 
@@ -33,8 +32,7 @@ class SkinMotion:
 
     response: NDArray[np.complex64]
     """In m/Pa, shape (bin, row + 1, column + 1): the first quadrant of the factor on the two-dimensional spectrum of a
-    zero-padded map; the others are its mirror images.
-    """
+    zero-padded map; the others are its mirror images."""
     rows: int
     columns: int
     bins: slice
@@ -58,6 +56,8 @@ class SkinMotion:
     ) -> "SkinMotion":
         """Compute the response.
 
+        Raises InputError if the band with its transitions does not fit below half the rate.
+
         Parameters
         ----------
         shape : tuple of int
@@ -72,11 +72,6 @@ class SkinMotion:
             Width of the transition on either side of the band, in Hz.
         settle : float
             Length of the impulse response, in s.
-
-        Raises
-        ------
-        InputError
-            If the band with its transitions does not fit below half the rate.
         """
         positive(pitch, "pitch", "m")
         if not 0 < edge < band[0] < band[1] < rate / 2:

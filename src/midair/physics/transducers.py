@@ -1,22 +1,58 @@
-"""Transducers that differ in resonance, quality factor and strength.
+"""Envelope of transducers, which differ in resonance, quality factor and strength, after a change of the drive.
 
 Near resonance a transducer follows dq/dt = p (q - s c), with c the drive, p = -1/tau + j dw its pole and s c its steady
-state (see `dynamics`). In its manufacturer's circuit, inductance L and resistance R in series, tau = 2 L / R, and the
-driving force does not depend on R. So a transducer of pole p has the steady state s = p0 / p relative to a nominal one
-of pole p0 and strength 1: another resonance means another amplitude and phase.
+state (see `TransducerDynamics`). In its manufacturer's circuit, inductance L and resistance R in series, tau = 2 L / R,
+and the driving force does not depend on R. So a transducer of pole p has the steady state s = p0 / p relative to a
+nominal one of pole p0 and strength 1: another resonance means another amplitude and phase.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Complex
 from midair.errors import InputError
 from midair.model import ArrayCalibration
-from midair.physics.dynamics import TransducerDynamics
-from midair.validation import frozen_array
+from midair.validation import frozen_array, positive
 
-Complex = NDArray[np.complex128]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TransducerDynamics:
+    """Envelope of one transducer after a change of its drive, as that of a resonant circuit.
+
+    Near resonance the Butterworth-Van Dyke circuit of the T4010A1 (39.80 kHz, Q about 23.5) responds to a change of the
+    complex drive with one exponential: q(t + dt) = c + (q(t) - c) exp((-1/tau + j dw) dt), with c the drive, tau the
+    time constant and dw the detuning between drive and resonance.
+    """
+
+    time_constant: float = 188e-6
+    """tau in s; 2 Q / omega_0."""
+    detuning: float = 2 * np.pi * 205
+    """dw, resonance minus drive frequency, in rad/s."""
+
+    def __post_init__(self) -> None:
+        positive(self.time_constant, "time constant", "s")
+
+
+def envelope(
+    q: Complex, rate: float, substeps: int, dynamics: TransducerDynamics, *, start: Complex | None = None
+) -> Complex:
+    """Output of the transducers while the drive steps from frame to frame, shape (frame * substeps, transducer).
+
+    `q`, complex of shape (frame, transducer), is held for one frame each, at `rate` frames per second. There are
+    `substeps` samples per frame, the last one at its end; the result is exact at each, for any number. `start`, shape
+    (transducer,), is the envelope before the first frame; 0 if None.
+    """
+    if substeps < 1:
+        raise InputError(f"substeps: expected 1 or more per frame, got {substeps}")
+    step = 1 / (rate * substeps)
+    decay = np.exp((-1 / dynamics.time_constant + 1j * dynamics.detuning) * step * np.arange(1, substeps + 1))
+    out = np.empty((len(q), substeps, q.shape[1]), complex)
+    now = np.zeros(q.shape[1], complex) if start is None else start
+    for frame, drive in enumerate(q):
+        out[frame] = drive + (now - drive) * decay[:, None]
+        now = out[frame, -1]
+    return out.reshape(-1, q.shape[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -5,35 +5,25 @@ from dataclasses import replace
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from midair import dsp
+from midair.array_types import Array
 from midair.errors import InputError, MismatchError, ShapeError
 from midair.model import Provenance, Recording, Setting, Step
 from midair.streaming import LazyFrames, blocks, concatenate_lazy, each_frame, medians, moments
 from midair.validation import frozen_array, positive
-
-Array = NDArray[np.float64]
 
 Fill = Literal["zero", "neighbours"]
 """Replacement of a masked channel: 0, or the mean of the cells beside, above and below it."""
 
 
 def cut(recording: Recording, start: float = 0.0, end: float | None = None) -> Recording:
-    """The frames from `start` to `end`; time starts again at 0.
+    """The frames from `start` to `end`, in s (None: the end of the recording); time starts again at 0.
 
-    Both ends are rounded to whole frames and the frame at `end` is not included, so that ``cut(r, 0, t)`` and
-    ``cut(r, t)`` share no frame and lose none.
-
-    Parameters
-    ----------
-    start, end : float
-        Times from the first frame, in s; `end` None means the end of the recording.
-
-    Raises
-    ------
-    InputError
-        If no frame is left, or the part extends beyond the recording by more than half a frame.
+    Both ends are rounded to whole frames and the frame at `end` is not included, so that ``cut(r, 0, t)`` and ``cut(r,
+    t)`` share no frame and lose none. Raises InputError if no frame is left, or the part extends beyond the recording
+    by more than half a frame.
     """
     stop = recording.duration if end is None else end
     first, last = (round(time * recording.rate) if np.isfinite(time) else -1 for time in (start, stop))
@@ -47,14 +37,8 @@ def join(recordings: Sequence[Recording]) -> Recording:
     """Concatenate recordings without a gap or a fade between them.
 
     Leading steps that all provenances share are kept as steps. The setting ``parts`` of the step "join" holds the rest:
-    the source, the number of frames and the own steps of each part. Notes are kept where they agree.
-
-    Raises
-    ------
-    InputError
-        If the sequence is empty.
-    MismatchError
-        If two recordings differ in sensor, rate or unit.
+    the source, the number of frames and the own steps of each part. Notes are kept where they agree. Raises InputError
+    if the sequence is empty; MismatchError if two recordings differ in sensor, rate or unit.
     """
     if not recordings:
         raise InputError("join: expected at least one recording, got none")
@@ -75,12 +59,8 @@ def resample(recording: Recording, rate: float) -> Recording:
     """The same band-limited signal at another rate in Hz (`midair.dsp.resample`); frame 0 stays at time 0.
 
     Flat to 0.1 % up to 94 % of half the lower rate. The ratio of the rates is rounded to the nearest fraction with a
-    denominator up to 1000; where that error exceeds 1e-6, the result has the rate of the fraction.
-
-    Raises
-    ------
-    InputError
-        If the rate is not above 0.
+    denominator up to 1000; where that error exceeds 1e-6, the result has the rate of the fraction. Raises InputError if
+    the rate is not above 0.
     """
     rate = positive(rate, "rate", "Hz")
     exact = _rate_of(recording.rate, rate)
@@ -101,23 +81,11 @@ def _rate_of(rate: float, wanted: float) -> float:
 
 
 def trim(recording: Recording, *, share: float = 0.05, level: float | None = None, margin: float = 0.05) -> Recording:
-    """Remove the silence at both ends; silence in between stays.
+    """Remove the silence at both ends but for `margin` seconds; silence in between stays.
 
-    A frame is silent if no channel is further from its median than `level`.
-
-    Parameters
-    ----------
-    share : float
-        The level relative to the largest distance of any channel from its median, 0 to 1.
-    level : float, optional
-        Absolute level in the unit of the samples, instead of `share`.
-    margin : float
-        Time to keep before the first and after the last frame that is not silent, in s.
-
-    Raises
-    ------
-    InputError
-        If the whole recording is silent, or a setting is out of range.
+    A frame is silent if no channel is further from its median than `level`, in the unit of the samples, or else than
+    the part `share`, 0 to 1, of the largest such distance. Raises InputError if the whole recording is silent, or a
+    setting is out of range.
     """
     if not 0 <= share < 1:
         raise InputError(f"trim: expected a share of 0 to below 1, got {share:g}")
@@ -140,12 +108,8 @@ def trim(recording: Recording, *, share: float = 0.05, level: float | None = Non
 def gain(recording: Recording, factor: ArrayLike) -> Recording:
     """Multiply the samples by one factor, or by a factor for each channel, shape (row, column).
 
-    The sensor's calibration does not change: calibrated pressure grows by the same factor.
-
-    Raises
-    ------
-    ShapeError, NonFiniteError
-        If the factors do not match the sensor, or one is not finite.
+    The sensor's calibration does not change: calibrated pressure grows by the same factor. Raises ShapeError or
+    NonFiniteError if the factors do not match the sensor, or one is not finite.
     """
     shape = np.shape(factor)
     if shape not in ((), recording.sensor.shape):
@@ -160,19 +124,8 @@ def gain(recording: Recording, factor: ArrayLike) -> Recording:
 def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") -> Recording:
     """Replace channels by 0, or by the mean of their neighbours that are not masked.
 
-    Parameters
-    ----------
-    channels : iterable of int
-        Channel numbers, row by row from 0.
-    fill : {"zero", "neighbours"}
-        The replacement.
-
-    Raises
-    ------
-    ShapeError
-        If a channel does not exist.
-    InputError
-        If the fill is unknown, or a masked channel has no neighbour left.
+    Channels are numbered row by row from 0. Raises ShapeError if a channel does not exist, and InputError if `fill` is
+    unknown or a masked channel has no neighbour left.
     """
     if fill not in get_args(Fill):
         raise InputError(f"mask: expected fill to be one of {', '.join(get_args(Fill))}, got {fill!r}")

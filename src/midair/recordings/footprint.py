@@ -15,14 +15,12 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model import Recording, SensorGrid, Setting
 from midair.streaming import LazyFrames
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 Shape = Literal["circle", "square", "line"]
 """Disc of diameter `size`, square of side `size` parallel to the cells, or long bar of width `size` across the path."""
@@ -92,7 +90,7 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
     """The pressure field of a footprint that presses on a sensor with a waveform of one channel.
 
     The result is marked as simulated, because its positions were not measured. Its unit is that of the waveform: Pa, or
-    the output of a sensor of that shape.
+    the output of a sensor of that shape. Raises ShapeError if the recording has more than one channel.
 
     Parameters
     ----------
@@ -107,11 +105,6 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
     -------
     Recording
         Shape (frame, row, column), at the rate of the waveform.
-
-    Raises
-    ------
-    ShapeError
-        If the recording has more than one channel.
     """
     sensor = sensor or SensorGrid()
     if recording.sensor.count != 1:

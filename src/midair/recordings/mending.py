@@ -11,11 +11,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, NonFiniteError
 from midair.model import Event
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 GapFill = Literal["spectrum", "line"]
 """Autoregressive interpolation, or a straight line."""
@@ -46,21 +45,10 @@ class Mended:
 
 
 def mend(samples: Array, rate: float, mending: Mending) -> Mended:
-    """Fill the gaps of all channels; all other values stay equal.
+    """Fill the gaps (NaN or infinite) of all channels in `samples` (frame, channel); all other values stay equal.
 
-    A gap at either end of the recording takes the nearest value.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (frame, channel)
-        Any unit; NaN or infinite where missing.
-    rate : float
-        In Hz.
-
-    Raises
-    ------
-    NonFiniteError
-        If a gap is longer than `mending` allows.
+    A gap at either end of the recording takes the nearest value; `rate` is in Hz. Raises NonFiniteError if a gap is
+    longer than `mending` allows.
     """
     filled = np.array(samples, np.float64)
     journal: list[Event] = []
@@ -114,18 +102,15 @@ def _predict(wave: Array, missing: NDArray[np.bool_], first: int, last: int) -> 
     around = wave[begin:end]
     mean = float(around[~missing[begin:end]].mean())
     x = around - mean
+    gap = np.arange(first - begin, last - begin)
     inside = slice(first - begin, last - begin)
     for _ in range(5):
         errors = _prediction_errors(x, order)
-        rest = np.delete(errors, np.arange(inside.start, inside.stop), axis=1) @ np.delete(x, np.arange(*_span(inside)))
+        rest = np.delete(errors, gap, axis=1) @ np.delete(x, gap)
         # A small ridge, so that a silent neighbourhood is solvable.
         gram = errors[:, inside].T @ errors[:, inside] + 1e-12 * np.eye(last - first)
         x[inside] = np.linalg.solve(gram, -errors[:, inside].T @ rest)
     wave[first:last] = x[inside] + mean
-
-
-def _span(inside: slice) -> tuple[int, int]:
-    return int(inside.start), int(inside.stop)
 
 
 def _prediction_errors(x: Array, order: int) -> Array:

@@ -16,12 +16,7 @@ def dead_channels(recording: Recording) -> NDArray[np.bool_]:
 def at_limit(samples: NDArray[np.float64], full_scale: float) -> NDArray[np.bool_]:
     """True for samples at the limit of their converter, same shape; all checks for clipping use this rule.
 
-    Parameters
-    ----------
-    samples : ndarray, any shape
-        In the unit of `full_scale`.
-    full_scale : float
-        Limit of the converter on either side.
+    `full_scale` is the limit on either side, in the unit of the samples.
     """
     # The largest code of a converter is one step below its limit; 1e-4 is more than a step of 14 bits.
     return np.abs(samples) >= full_scale * (1 - 1e-4)

@@ -7,8 +7,7 @@ from typing import Any
 
 from midair.errors import InputError
 from midair.model import Medium
-from midair.settings.mode import MODES, Mode
-from midair.settings.settings import Settings
+from midair.settings.settings import MODES, Mode, Settings
 from midair.solvers import Term, name_of, registered_terms
 from midair.targets import Circle
 

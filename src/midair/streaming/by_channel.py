@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.streaming.lazy_frames import LazyFrames, blocks, moments
-
-Array = NDArray[np.float64]
 
 _BINS = 2**14
 _FEW = 2**16

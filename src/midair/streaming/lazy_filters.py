@@ -8,14 +8,10 @@ from collections.abc import Callable
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import ShapeError
 from midair.streaming.lazy_frames import BYTES, LazyFrames, cached_blocks
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-
 
 LEAST = 2048
 """Minimum number of context frames on either side of a segment: two seconds of a drive."""

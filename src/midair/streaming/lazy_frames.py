@@ -14,10 +14,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.progress import report_progress
 
-Array = NDArray[np.float64]
 Stored = Literal["f4", "f8"]
 """Precision of the stored numbers: values read from float32 fit into float32."""
 
@@ -26,16 +26,10 @@ BYTES = 2**21
 
 
 class LazyFrames:
-    """A read-only array of (frame, ...) that keeps no frames in memory.
+    """A read-only array of `shape` (frame, ...) that keeps no frames in memory.
 
-    Parameters
-    ----------
-    read : callable
-        Takes (first, last); returns these frames, shape (last - first, ...), as float64.
-    shape : tuple of int
-        Shape of the whole array: (frame, ...).
-    stored : {"f4", "f8"}
-        "f4" if float32 holds every number of it exactly.
+    `read` takes (first, last) and returns these frames as float64; `stored` is "f4" if float32 holds every number
+    exactly.
     """
 
     def __init__(self, read: Callable[[int, int], Array], shape: tuple[int, ...], *, stored: Stored = "f8") -> None:

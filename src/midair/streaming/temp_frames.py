@@ -7,12 +7,10 @@ from types import TracebackType
 from typing import IO, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import FileError
 from midair.streaming.lazy_frames import LazyFrames, blocks
-
-Array = NDArray[np.float64]
 
 
 @contextmanager

@@ -177,7 +177,7 @@ class StudioState:
             answer["error"], answer["kind"] = str(wrong), type(wrong).__name__
         except OSError as wrong:
             answer["error"] = f"{wrong.strerror or type(wrong).__name__}"
-        except Exception as wrong:  # a page must never wait for an answer that does not come
+        except Exception as wrong:  # noqa: BLE001  # a page must not wait for an answer that does not come
             traceback.print_exc()
             answer["error"] = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
         self._queue(page, json.dumps(answer))

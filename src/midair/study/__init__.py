@@ -26,7 +26,10 @@ from .design import replay as replay
 from .design import thresholds_of as thresholds_of
 from .drives import StudyDrive as StudyDrive
 from .drives import check_digests as check_digests
+from .drives import media_type as media_type
 from .drives import prepare_drives as prepare_drives
+from .drives import prepare_media as prepare_media
+from .drives import sound_duration as sound_duration
 from .event_markers import EventMarkers as EventMarkers
 from .event_markers import measure_markers as measure_markers
 from .findings import Report as Report
@@ -40,10 +43,6 @@ from .folder import paper_design_text as paper_design_text
 from .folder import read_design as read_design
 from .folder import template_text as template_text
 from .headphones import Headphones as Headphones
-from .keyboard import keyboard_of_terminal as keyboard_of_terminal
-from .media import media_type as media_type
-from .media import prepare_media as prepare_media
-from .media import sound_duration as sound_duration
 from .psych_ds import write_psych_ds as write_psych_ds
 from .registration import plan_page as plan_page
 from .session import ArrayPresenter as ArrayPresenter
@@ -122,6 +121,7 @@ from .tables import read_csv as read_csv
 from .tables import write_bids as write_bids
 from .tables import write_csv as write_csv
 from .terminal_screen import TerminalScreen as TerminalScreen
+from .terminal_screen import keyboard_of_terminal as keyboard_of_terminal
 from .terminal_screen import stop_on_signals as stop_on_signals
 from .verification import Verification as Verification
 from .verification import data_of_study as data_of_study

@@ -1,4 +1,4 @@
-"""The drives of a study: copied or solved when the plan is drawn, then identified by their SHA-256."""
+"""Drives, pictures and sounds of a study: copied or solved when the plan is drawn, then identified by SHA-256."""
 
 import shutil
 from collections.abc import Callable, Mapping
@@ -7,7 +7,7 @@ from hashlib import file_digest
 from pathlib import Path
 from typing import Literal
 
-from midair.errors import BrokenFileError, MismatchError, MissingFileError
+from midair.errors import BrokenFileError, FileError, MismatchError, MissingFileError
 from midair.files import load_solution, open_take, save_solutions
 from midair.model import PressureFrames, Progress, TransducerArray
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
@@ -58,6 +58,9 @@ def prepare_drives(
 ) -> list[StudyDrive]:
     """Put every drive of a design into a folder: copied, solved from a recording, or from a virtual stroke.
 
+    Raises MissingFileError, which names them, if drives have no source; BrokenFileError if a file is no drive, or
+    silent in all frames; MismatchError if drives are for different arrays.
+
     Parameters
     ----------
     into : Path
@@ -73,15 +76,6 @@ def prepare_drives(
         Seed of virtual strokes and the virtual sensor.
     stage : callable, optional
         Receives the name of each step and returns its progress callback.
-
-    Raises
-    ------
-    MissingFileError
-        If drives have no source; names all of them.
-    BrokenFileError
-        If a file is no drive, or silent in all frames.
-    MismatchError
-        If drives are for different arrays.
     """
     drives = [one for one in design.stimuli if one.kind == "drive"]
     # If several stimuli share a drive, the one with `made_from` is used.
@@ -113,12 +107,8 @@ def prepare_drives(
 def check_digests(folder: Path, drives: Mapping[str, str], stimuli: tuple[Stimulus, ...]) -> None:
     """Check that every drive is the one for which the plan was drawn.
 
-    Raises
-    ------
-    MissingFileError
-        If the plan was drawn without drives, or a drive is missing.
-    MismatchError
-        If a drive was changed after the plan was drawn.
+    Raises MissingFileError if the plan was drawn without drives, or a drive is missing; MismatchError if a drive was
+    changed after the plan was drawn.
     """
     for source, kind in {one.source: one.kind for one in stimuli if one.kind in ("drive", "picture", "sound")}.items():
         if source not in drives:
@@ -186,3 +176,70 @@ def _check_same_array(paths: list[Path]) -> None:
                 f"{name}: expected a drive for {first.name} with {first.count} transducers like the others, got one "
                 f"for {array.name} with {array.count}; solve all drives for one array"
             )
+
+
+LARGEST = 20_000_000
+"""Largest file, in bytes."""
+
+
+def prepare_media(design: Design, into: Path, *, found_in: Path | None) -> dict[str, str]:
+    """Copy every picture and sound of a design from a folder into another one; return the SHA-256 of each.
+
+    Raises MissingFileError if a file does not exist, or no folder is given; FileError if a file is larger than
+    `LARGEST`; BrokenFileError if a file is no picture or no sound.
+    """
+    digests: dict[str, str] = {}
+    for one in design.stimuli:
+        if one.kind not in ("picture", "sound") or one.source in digests:
+            continue
+        if found_in is None or not (found := found_in / one.source).is_file():
+            raise MissingFileError(
+                f"{one.source}: expected the {one.kind} in {found_in or 'a folder'}, found none; put it beside the"
+                " TOML, or name its folder with --drives"
+            )
+        if (size := found.stat().st_size) > LARGEST:
+            raise FileError(f"{one.source}: expected at most {LARGEST / 1e6:g} MB, got {size / 1e6:.1f} MB; reduce it")
+        _ = sound_duration(found) if one.kind == "sound" else _check_picture(found)
+        target = into / one.source
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(found, target)
+        target.chmod(0o600)
+        digests[one.source] = digest_of_file(target)
+    return digests
+
+
+def sound_duration(path: Path) -> float:
+    """Duration of a sound file in s; raises BrokenFileError if it is none."""
+    import soundfile
+
+    try:
+        return float(soundfile.info(path).duration)
+    except soundfile.LibsndfileError as wrong:
+        raise BrokenFileError(f"{path.name}: expected a sound such as WAV, FLAC or MP3, got: {wrong}") from wrong
+
+
+def media_type(path: Path) -> str:
+    """Type of a picture or sound by its ending, such as ``image/png``; empty for other files."""
+    return _TYPES.get(path.suffix.lower(), "")
+
+
+_TYPES: Mapping[str, str] = {
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".jpeg": "image/jpeg",
+    ".webp": "image/webp",
+    ".wav": "audio/wav",
+    ".flac": "audio/flac",
+    ".mp3": "audio/mpeg",
+    ".ogg": "audio/ogg",
+}
+
+
+def _check_picture(path: Path) -> None:
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            picture.verify()
+    except (OSError, SyntaxError) as wrong:
+        raise BrokenFileError(f"{path.name}: expected a picture, got: {wrong}") from wrong

@@ -29,11 +29,6 @@ class EventMarkers:
     """Open marker outputs; a context manager.
 
     Sent markers are collected until `take` returns them for the log, so that writing to disk delays no marker.
-
-    Parameters
-    ----------
-    outputs : MarkerOutputs
-        Name of the stream, port and speed.
     """
 
     def __init__(self, outputs: MarkerOutputs) -> None:

@@ -14,14 +14,8 @@ from midair.study.design import MaskingNoise
 class Headphones:
     """Sound output with white noise; a context manager that is silent on exit.
 
-    The samples are uniform, equal in all channels and new in every frame.
-
-    Parameters
-    ----------
-    noise : MaskingNoise
-        Level and ramp.
-    device : str
-        Name of the sound output or part of it; "default" for the system's choice.
+    The samples are uniform, equal in all channels and new in every frame. `device` is the name of the sound output or
+    part of it; "default" for the system's choice.
     """
 
     def __init__(

@@ -22,28 +22,9 @@ SCHEMA = "Psych-DS 1.5.0"
 def write_psych_ds(answers: DataFrame, design: Design, folder: Path, *, files: str = "") -> list[Path]:
     """Write answers as a Psych-DS dataset: ``data/sub-NN/study-NAME_subject-NN_data.csv`` for each participant.
 
-    Parameters
-    ----------
-    answers : DataFrame
-        Result of `answers_table`.
-    design : Design
-        Texts and factors for the description of the columns.
-    folder : Path
-        New or empty folder.
-    files : str
-        Result of the check of the study's files, for the README.
-
-    Returns
-    -------
-    list of Path
-        Written files.
-
-    Raises
-    ------
-    FileError
-        If the folder is not empty.
-    InputError
-        If there are no answers.
+    `answers` is the result of `answers_table`; texts and factors of the design describe the columns. `files`, the
+    result of the check of the study's files, goes to the README. Returns the written files. Raises FileError if the
+    folder is not empty, and InputError if there are no answers.
     """
     if answers.empty:
         raise InputError("export: expected answers, got none; run a participant first")

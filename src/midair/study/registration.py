@@ -83,7 +83,11 @@ def plan_parts(plan: Plan, *, runs: int = 500) -> list[PlanPart]:
         ),
         PlanPart(title="Exclusions", lines=exclusions_in_words(design.exclusions)),
         PlanPart(title="Planned analyses", lines=analysis_in_words(design.analysis)),
-        PlanPart(title="Power", lines=_power(design, runs)),
+        PlanPart(
+            title="Power",
+            lines=tuple(_power_in_words(one, design, runs) for one in design.power)
+            or ("No power analysis is stated.",),
+        ),
         PlanPart(
             title="Drives",
             lines=() if plan.drives else ("The plan was drawn without drives.",),
@@ -163,10 +167,6 @@ def _block_row(plan: Plan, block: Block) -> tuple[str, ...]:
 
 def _answers(question: Question) -> str:
     return f"{question.low} to {question.high}" if question.kind == "slider" else ", ".join(question.answers)
-
-
-def _power(design: Design, runs: int) -> tuple[str, ...]:
-    return tuple(_power_in_words(one, design, runs) for one in design.power) or ("No power analysis is stated.",)
 
 
 def _power_in_words(power: PlannedPower, design: Design, runs: int) -> str:

@@ -104,17 +104,8 @@ def open_stimulus_rig(
 def open_markers(plan: Plan, *, serial: str = "") -> Generator[EventMarkers | None]:
     """Open the marker outputs of a plan; None if it has none.
 
-    Parameters
-    ----------
-    plan : Plan
-        Plan of the study.
-    serial : str
-        Port in place of that of the plan; "none" for no serial markers.
-
-    Raises
-    ------
-    DeviceError
-        If the port cannot be opened.
+    `serial` replaces the port of the plan; "none" for no serial markers. Raises DeviceError if the port cannot be
+    opened.
     """
     outputs = plan.design.markers
     if outputs is not None and serial == "none":

@@ -102,7 +102,8 @@ def write_bids(
 ) -> list[Path]:
     """Write answers as a BIDS dataset: ``sub-NN/beh/sub-NN_task-NAME_beh.tsv`` with a JSON sidecar per participant.
 
-    With several sessions: ``sub-NN/ses-MM/beh/sub-NN_ses-MM_task-NAME_beh.tsv``.
+    With several sessions: ``sub-NN/ses-MM/beh/sub-NN_ses-MM_task-NAME_beh.tsv``. Raises FileError if the folder is not
+    empty and InputError if there are no answers.
 
     Parameters
     ----------
@@ -123,13 +124,6 @@ def write_bids(
     -------
     list of Path
         Written files.
-
-    Raises
-    ------
-    FileError
-        If the folder is not empty.
-    InputError
-        If there are no answers.
     """
     if answers.empty:
         raise InputError("export: expected answers, got none; run a participant first")

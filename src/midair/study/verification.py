@@ -106,14 +106,8 @@ def verify_study(folder: StudyFolder, *, noted: Mapping[str, Sequence[str]] | No
 def data_of_study(folder: StudyFolder) -> StudyData:
     """Read, check and sort the answers of a study for `analyse`.
 
-    Raises
-    ------
-    BrokenFileError
-        If the plan or a log was changed after it was written.
-    MismatchError
-        If a log belongs to another participant or another study.
-    InputError
-        If no answer is scored.
+    Raises BrokenFileError if the plan or a log was changed after it was written, MismatchError if a log belongs to
+    another participant or another study, and InputError if no answer is scored.
     """
     plan, sessions = folder.plan(), folder.sessions()
     verified = verify_study(folder)

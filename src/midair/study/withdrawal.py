@@ -45,19 +45,8 @@ def withdraw(folder: StudyFolder, participant: int) -> list[str]:
 
     Rows and folders of the participant are removed from datasets and tables, which keep all others. Reports are
     deleted, since their figures contain all participants. After an interruption, call it again to complete the
-    deletion.
-
-    Returns
-    -------
-    list of str
-        Deleted files and remaining manual steps, one line each.
-
-    Raises
-    ------
-    InputError
-        If no log exists for this participant.
-    DeviceStateError
-        If the session is running.
+    deletion. Returns one line for each deleted file and each remaining manual step. Raises InputError if no log exists
+    for this participant, and DeviceStateError if the session is running.
     """
     log, person = folder.log(participant), f"sub-{participant:02d}"
     before = participant in withdrawn(folder)

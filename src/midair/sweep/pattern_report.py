@@ -1,4 +1,4 @@
-"""Report of a sweep over patterns: tables in CSV, figures in PNG."""
+"""Reports of sweeps over patterns and over recordings: tables in CSV, figures in PNG."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -8,16 +8,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.datasets import channel_amplitudes
 from midair.errors import InputError
-from midair.figures import Curve, Example, curve_figure, examples_figure, histogram_figure, png_bytes
+from midair.figures import (
+    Curve,
+    ErrorSpread,
+    Example,
+    curve_figure,
+    examples_figure,
+    histogram_figure,
+    png_bytes,
+    trials_figure,
+)
 from midair.files import atomic_file, csv_text
 from midair.progress import report_progress
 from midair.sweep.pattern_sweep import Condition, PatternSweep, problem_of, solve_patterns
-from midair.sweep.store import SweepResults
-from midair.sweep.store_errors import store_errors_raised
+from midair.sweep.store import SweepResults, store_errors_raised
 
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 PUBLISHED = (0.05, 0.15)
@@ -248,3 +256,86 @@ def _curves(rows: Sequence[Row], key: str, other: str) -> list[Curve]:
             x, mean, low, high = (np.array([row[name] for row in along]) for name in (key, "mean", "p5", "p95"))
             curves.append(Curve(name=spell(value), x=x, mean=mean, low=low, high=high))
     return curves
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialReport:
+    """Figures of a sweep over recordings."""
+
+    rows: tuple[Row, ...]
+    """One row per trial with results."""
+    words: str
+    """Progress and cost of the sweep."""
+
+    def plain(self) -> Row:
+        """Values for JSON."""
+        return {"simulated": True, "trials": list(self.rows), "words": self.words}
+
+
+@store_errors_raised()
+def trial_report(results: SweepResults) -> TrialReport:
+    """Compute the figures of a sweep over recordings that may be incomplete; silent frames do not count.
+
+    Raises an InputError for a sweep over something else, or if nothing is solved yet.
+    """
+    if results.kind != "recordings":
+        raise InputError(f"sweep: expected one over recordings, got one over {results.kind}")
+    rows = tuple(_row(results, number, trial) for number, trial in enumerate(results.settings["trials"]))
+    done = tuple(row for row in rows if row)
+    if not done:
+        raise InputError("sweep: expected solved recordings, got none so far; continue with midair sweep recordings")
+    frames = sum(row["frames"] for row in done)
+    known = np.isfinite(results.error).sum(axis=1)
+    whole = sum(count == trial["frames"] for count, trial in zip(known, results.settings["trials"], strict=True))
+    partly = f", {len(done) - whole} in part" if len(done) > whole else ""
+    words = (
+        f"{whole} of {len(rows)} trials solved{partly}, {frames} frames with something to play, "
+        f"{results.seconds:.0f} s of processor time, {1e3 * results.seconds / max(frames, 1):.2f} ms a frame."
+    )
+    return TrialReport(rows=done, words=words)
+
+
+def write_trial_report(results: SweepResults, folder: Path) -> list[Path]:
+    """Write trials.csv and trials.png into a folder, which is created if necessary; return the paths."""
+    report = trial_report(results)
+    spreads = [
+        ErrorSpread(
+            name=f"{row['recording']} {row['variant']}".strip(),
+            low=row["p5"],
+            middle=row["mean"],
+            high=row["p95"],
+            worst=row["worst"],
+            strength=row["strength"],
+        )
+        for row in report.rows
+    ]
+    folder.mkdir(parents=True, exist_ok=True)
+    content = {"trials.csv": csv_text(report.rows).encode(), "trials.png": png_bytes(trials_figure(spreads))}
+    for name, data in content.items():
+        with atomic_file(folder / name) as partial:
+            partial.write_bytes(data)
+    return [folder / name for name in content]
+
+
+def _row(results: SweepResults, number: int, trial: dict[str, Any]) -> Row:
+    there = np.isfinite(results.error[number])
+    known = results.error[number][there]
+    if not len(known):
+        return {}
+    # E is 0 by definition for a silent target, and never exactly 0 otherwise.
+    plays = known > 0
+    error = known[plays] if plays.any() else np.zeros(1)
+    rounded = results.rounded_error[number][there][plays] if plays.any() else np.zeros(1)
+    low, high = np.percentile(error, [5, 95])
+    return {
+        "recording": trial["recording"],
+        "variant": trial["variant"],
+        "frames": int(plays.sum()),
+        "strength": float(np.nanmax(results.strength[number])),
+        "mean": float(error.mean()),
+        "p5": float(low),
+        "p95": float(high),
+        "worst": float(error.max()),
+        "mean_rounded": float(rounded.mean()),
+        "worst_rounded": float(rounded.max()),
+    }

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.datasets import binary_patterns, channel_amplitudes
 from midair.errors import InputError
 from midair.files import from_plain
@@ -17,8 +18,6 @@ from midair.solvers import solver as solver_of
 from midair.sweep.task import Coordinate, Found, Task, settings_of
 from midair.targets import interpolation_matrix
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Run a sweep with Dask, on a local cluster or on an existing one."""
+"""Run a sweep with Dask, on a local cluster or on an existing one, and detect a cluster without live workers."""
 
 import hashlib
 import signal
@@ -13,16 +13,72 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from midair.errors import ClusterError, MissingExtraError
 from midair.model import Progress
-from midair.sweep.region import SweepAddress
-from midair.sweep.store import open_sweep
+from midair.sweep.store import SweepAddress, open_sweep
 from midair.sweep.task import Job, Result, Sweep, Task
-from midair.sweep.worker_monitor import WorkerMonitor
 from midair.version import __version__
 
 if TYPE_CHECKING:
     from distributed import Client
+
+
+class WorkerMonitor:
+    """Monitor of the workers' heartbeats through their scheduler.
+
+    Workers send heartbeats to their scheduler every half second or few seconds, also while they solve. The monitor only
+    checks that the latest heartbeat changes within `patience` seconds of this process's own clock, so that a suspended
+    computer or a wrong clock does not count as a failure.
+    """
+
+    def __init__(self, client: "Client", *, patience: float = 20.0) -> None:
+        self._client = client
+        self._patience = patience
+        self._latest: object = None
+        self._since = time.monotonic()
+        self._threads, self._asked = 0, -np.inf
+
+    def reset(self) -> None:
+        """Restart the time limit after a response of a worker."""
+        self._since = time.monotonic()
+
+    def threads(self) -> int:
+        """Number of threads of all workers, updated every two seconds because workers come and go."""
+        if time.monotonic() - self._asked > 2:
+            identity, self._asked = self._identity(), time.monotonic()
+            if identity is not None:
+                self._threads = sum(worker["nthreads"] for worker in identity["workers"].values())
+        return self._threads
+
+    def look(self) -> None:
+        """Query the scheduler; raise a ClusterError if there was no heartbeat for too long."""
+        latest = self._ask()
+        if latest is not None and latest != self._latest:
+            self._latest = latest
+            self.reset()
+        elif time.monotonic() - self._since > self._patience:
+            raise ClusterError(
+                f"sweep: expected running workers, got no heartbeat for {self._patience:.0f} s; all results so far "
+                "are stored; start workers (dask worker) and repeat the command to continue"
+            )
+
+    def _ask(self) -> float | None:
+        """Time of the latest heartbeat on the scheduler's clock; None without an answer or workers."""
+        found = self._identity()
+        return None if found is None else max((one["last_seen"] for one in found["workers"].values()), default=None)
+
+    def _identity(self) -> Any:
+        """Identity of the scheduler and its workers; None without an answer."""
+
+        async def identity() -> Any:
+            return await self._client.scheduler.identity()  # pyright: ignore[reportOptionalMemberAccess]
+
+        try:
+            return self._client.sync(identity, callback_timeout=5)
+        except (OSError, TimeoutError, AttributeError):  # the scheduler is gone, or hangs
+            return None
 
 
 def run_sweep(
@@ -37,7 +93,9 @@ def run_sweep(
 
     Each worker writes its results if it can access the store (a shared disk or an object store). Other results are sent
     to this process, which writes them. The command can be stopped at any time and started again: stored results are
-    kept, and missing ones are computed.
+    kept, and missing ones are computed. Raises MismatchError if the store contains another sweep; ClusterError if the
+    cluster cannot be reached, a worker has another midair, a task fails, or no worker responds for 20 s; all results so
+    far are stored.
 
     Parameters
     ----------
@@ -55,14 +113,6 @@ def run_sweep(
     -------
     int
         Number of patterns or frames solved by this call.
-
-    Raises
-    ------
-    MismatchError
-        If the store contains another sweep.
-    ClusterError
-        If the cluster cannot be reached, a worker has another midair, a task fails, or no worker responds for 20 s; all
-        results so far are stored.
     """
     whole = sum(task.count for task in sweep.tasks())
     with open_sweep(where, sweep) as store:

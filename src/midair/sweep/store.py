@@ -6,22 +6,70 @@ import math
 import secrets
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import BrokenFileError, MismatchError, MissingFileError
+from midair.array_types import Array
+from midair.errors import BrokenFileError, MidairError, MismatchError, MissingFileError
 from midair.files import check_memory_for, parse_errors, to_json
-from midair.sweep.region import SweepAddress, write_region
-from midair.sweep.settings_check import check_settings
 from midair.sweep.storage import SweepStorage, storage_of, zarr
-from midair.sweep.task import Result, Sweep, Task
+from midair.sweep.task import Found, Result, Sweep, Task
 from midair.version import __version__
 
-Array = NDArray[np.float64]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepAddress:
+    """Location of the store for workers."""
+
+    place: str
+    """Absolute folder, or address for fsspec."""
+    token: str
+    """Random token; differs for a store of the same name on another machine, and for a new store."""
+
+    def take(self, result: Result) -> Result:
+        """Store the result of a task if this machine can access the store; return what is still to be stored."""
+        place = storage_of(self.place)
+        if result.found is None or not place.exists():
+            return result
+        group = place.group("r+")
+        if group.attrs.get("token") != self.token:
+            return result
+        write_region(group, result.task, result.found, result.seconds)
+        return replace(result, found=None)
+
+
+def write_region(group: Any, task: Task, found: Found, seconds: float) -> None:
+    """Write the numbers, then the flag, so that after a crash in between only this task is repeated.
+
+    Zarr writes each chunk to its own object, or to a file that it renames when it is complete.
+    """
+    error = group["error"]
+    place = task.condition, task.first // error.chunks[1]
+    error[task.condition, task.first : task.last] = found.error
+    group["rounded_error"][task.condition, task.first : task.last] = found.rounded_error
+    group["target_strength"][place] = found.strength
+    group["seconds"][place] = seconds
+    group["done"][place] = True
+
+
+@contextmanager
+def store_errors_raised() -> Generator[None]:
+    """Turn errors from invalid settings, coordinates or results of a store into a BrokenFileError."""
+    try:
+        yield
+    except MidairError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as wrong:
+        cause = " ".join(f"{type(wrong).__name__}: {wrong}".split())[:120]
+        raise BrokenFileError(
+            f"sweep: expected settings and results of midair, got others ({cause}); the store is damaged"
+        ) from wrong
+
+
 _BEGUN = {"midair": __version__}
 """Attributes of a group in an object store until it is complete."""
 
@@ -99,12 +147,8 @@ def open_sweep(where: Path | str, sweep: Sweep) -> Generator[SweepStore]:
 def load_sweep(where: Path | str) -> SweepResults:
     """Load the results so far, also while other processes are writing.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError
-        If the name does not exist, or is not a sweep.
-    FileError
-        If the object store cannot be reached.
+    Raises MissingFileError or BrokenFileError if the name does not exist, or is not a sweep; FileError if the object
+    store cannot be reached.
     """
     place = storage_of(where)
     if not place.exists():
@@ -241,3 +285,36 @@ def _array(group: Any, name: str, **layout: Any) -> None:
     if name not in group:
         codec = zarr().codecs.ZstdCodec(level=0, checksum=True)
         group.create_array(name, compressors=codec, **layout)
+
+
+def check_settings(path: object, attrs: Mapping[str, Any], sweep: Sweep) -> None:
+    """Raise a MismatchError that names the first different setting, or a BrokenFileError without settings."""
+    with parse_errors(str(path), "a sweep of midair"):
+        stored = dict(attrs["settings"]) | {"kind": attrs["kind"]}
+        asked = sweep.settings() | {"kind": sweep.kind}
+    different = _difference(stored, asked)
+    if different is not None:
+        name, there, wanted = different
+        raise MismatchError(
+            f"{path}: expected {name} {wanted}, got a sweep with {there}; use its settings to continue it, or a new "
+            "name"
+        )
+
+
+def _difference(stored: Any, asked: Any, name: str = "") -> tuple[str, str, str] | None:
+    """Name and both values of the first setting that differs."""
+    if isinstance(stored, Mapping) and isinstance(asked, Mapping):
+        pairs = [(str(key), stored.get(key), asked.get(key)) for key in sorted({*stored, *asked})]
+    elif isinstance(stored, list) and isinstance(asked, list) and len(stored) == len(asked):
+        pairs = [(str(number), *pair) for number, pair in enumerate(zip(stored, asked, strict=True))]
+    elif stored == asked:
+        return None
+    else:
+        return name, _short(stored), _short(asked)
+    found = (_difference(there, wanted, f"{name} {key}".strip()) for key, there, wanted in pairs)
+    return next((one for one in found if one is not None), None)
+
+
+def _short(value: Any) -> str:
+    """Text of a value; long lists and mappings are replaced by their length."""
+    return f"{len(value)} of them" if isinstance(value, list | Mapping) and len(str(value)) > 80 else str(value)

@@ -62,17 +62,9 @@ def precompensate_sound(
 ) -> AmplitudeFrames:
     """Sound amplitude filtered by the inverse of the hold of frames and the transducers' envelope.
 
-    1 / [sinc(f / R) sinc(f T) H(f)] up to half the frame rate. Negative results, where a target changes faster than the
-    transducers can follow, are set to 0.
-
-    Parameters
-    ----------
-    target : AmplitudeFrames
-        At the frame rate of playback.
-    dynamics, ramp
-        As in `precompensate`.
-    reach : float
-        Half length of the filter's impulse response, in s.
+    1 / [sinc(f / R) sinc(f T) H(f)] up to half the frame rate, which is that of playback. Negative results, where a
+    target changes faster than the transducers can follow, are set to 0. `dynamics` and `ramp` are as in
+    `precompensate`; `reach` is half the length of the filter's impulse response, in s.
     """
     dynamics = dynamics or TransducerDynamics()
 

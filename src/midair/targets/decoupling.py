@@ -1,17 +1,44 @@
-"""Compensate the overlap between cells: a cell also measures pressure that is played for its neighbours."""
+"""Interpolate from cells to control points, and compensate their overlap: a cell measures its neighbours too."""
 
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
-from midair.model import ControlGrid, PressureFrames
+from midair.model import ControlGrid, PressureFrames, SensorGrid
 from midair.physics import SensorModel, cell_weights
 from midair.streaming import each_frame
-from midair.targets.interpolation import interpolation_matrix
 
-Array = NDArray[np.float64]
+
+def interpolation_matrix(sensor: SensorGrid, grid: ControlGrid) -> Array:
+    """Weight of each channel at each control point, shape (point, channel): a triangle of one pitch around each cell.
+
+    Linear interpolation over rows and columns of the sensor's values with a ring of zeros around them is a constant
+    matrix; points outside the ring have weight 0. The centres of sensor and grid coincide for any `grid.centre`: moving
+    the grid moves the pattern.
+    """
+    rows, columns = _tents(grid.y, sensor.y, sensor.pitch), _tents(grid.x, sensor.x, sensor.pitch)
+    return np.einsum("ai,bj->abij", rows, columns).reshape(grid.count, sensor.count)
+
+
+def moved_interpolation(cells: Array, sensor: SensorGrid, grid: ControlGrid, offset: Array) -> Array:
+    """Interpolate with the pattern displaced in each frame, shape (frame, point); parts outside the grid are lost.
+
+    `cells`, shape (frame, channel), has any unit, and the result the same; `offset`, shape (frame, 2), is the
+    displacement (x, y) in m.
+    """
+    rows = _tents(grid.y - offset[:, 1:], sensor.y, sensor.pitch)
+    columns = _tents(grid.x - offset[:, :1], sensor.x, sensor.pitch)
+    maps = np.asarray(cells, float).reshape(-1, *sensor.shape)
+    moved = rows @ maps @ columns.transpose(0, 2, 1)
+    return moved.reshape(len(maps), grid.count)
+
+
+def _tents(points: Array, cells: Array, pitch: float) -> Array:
+    """max(0, 1 - |distance| / pitch), shape (..., point, cell); values at rounding level are 0."""
+    weight = 1 - np.abs(points[..., None] - cells) / pitch
+    return np.where(weight > 1e-12, weight, 0.0)
 
 
 def coupling(sensor: SensorModel, grid: ControlGrid) -> Array:
@@ -32,26 +59,11 @@ def decouple(
     sensor: SensorModel | None = None,
     worst: float = 100.0,
 ) -> PressureFrames:
-    """Pressure whose interpolation gives each cell its original reading.
+    """Pressure whose interpolation to the grid (by default the paper's) gives each cell its original reading.
 
     x' = M^-1 x, exact for interpolated pressure and approximate for interpolated amplitude. Apply it before a mapping,
-    which handles the negative values that it adds.
-
-    Parameters
-    ----------
-    pressure : PressureFrames
-        Readings of the cells.
-    grid : ControlGrid, optional
-        Control points; the paper's if None.
-    sensor : SensorModel, optional
-        Aperture and spread of the sensor; the usual one on the pressure's cells if None.
-    worst : float
-        Maximum condition number of M, which bounds the amplification of noise.
-
-    Raises
-    ------
-    InputError
-        If the condition number is higher.
+    which handles the negative values that it adds. `sensor` gives aperture and spread; the usual ones if None. Raises
+    InputError if the condition number of M, which amplifies noise, is higher than `worst`.
     """
     grid, sensor = grid or ControlGrid(), sensor or SensorModel.usual(pressure.sensor)
     matrix = coupling(sensor, grid)

@@ -3,15 +3,12 @@
 from dataclasses import replace
 from typing import cast
 
-import numpy as np
-from numpy.typing import NDArray
-
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import BAND, PressureFrames, Provenance
 from midair.streaming import pad_with_fade
 from midair.targets.mapping import SlowBias, mapping_of
 
-Array = NDArray[np.float64]
 Band = tuple[float, float]
 
 LONGEST = 10.0
@@ -30,10 +27,7 @@ def default_lead(mapping: str, band: Band) -> float:
 def add_lead(pressure: PressureFrames, lead: float) -> PressureFrames:
     """Add `lead` seconds on both sides: silence, then a fade to the first frame. Lazy frames stay lazy.
 
-    Raises
-    ------
-    InputError
-        If the lead is below 0 or not below 10 s.
+    Raises InputError if the lead is below 0 or not below 10 s.
     """
     if not 0 <= lead < LONGEST:
         raise InputError(f"lead: expected 0 to {LONGEST:g} s, got {lead:g} s")

@@ -1,4 +1,4 @@
-"""How signed pressure is made positive, cell by cell.
+"""How signed pressure is made positive, cell by cell, while it is recorded too, and what a mapping costs.
 
 Radiation pressure is never negative (paper, 4.1). There are three mappings, each a pure function of (frame, ...) in Pa
 and the frame rate:
@@ -10,18 +10,18 @@ and the frame rate:
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from midair.errors import InputError
+from midair.array_types import Array
+from midair.dsp import band_edges, band_window, filter_response
+from midair.errors import DeviceStateError, InputError, ShapeError
+from midair.model import BAND, PressureFrames
 from midair.streaming import LazyFrames, each_frame, with_context
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 
 def half_wave(pressure: Array, rate: float = 1.0) -> Array:  # noqa: ARG001, all mappings are called alike
@@ -30,17 +30,10 @@ def half_wave(pressure: Array, rate: float = 1.0) -> Array:  # noqa: ARG001, all
 
 
 def constant_offset(pressure: Array, rate: float = 1.0, *, offset: Array | float | None = None) -> Array:  # noqa: ARG001
-    """Pressure plus a constant offset; nothing is cut, so there are no harmonics.
+    """Pressure (frame, ...) in Pa plus a constant offset; nothing is cut, so there are no harmonics.
 
-    Parameters
-    ----------
-    pressure : ndarray, shape (frame, ...)
-        In Pa.
-    rate : float
-        Ignored.
-    offset : ndarray, shape (...), or float, optional
-        In Pa, 0 or more; results below 0 are cut. If None, the magnitude of each cell's minimum, which needs the
-        whole recording.
+    `offset` is one number or one per cell, in Pa, 0 or more; results below 0 are cut. If None, it is the magnitude of
+    each cell's minimum, which needs the whole recording. `rate` is ignored.
     """
     if offset is None:
         lift = np.minimum(pressure.min(axis=0), 0.0)
@@ -126,12 +119,147 @@ MAPPINGS: Mapping[str, Callable[[Array, float], Array]] = MappingProxyType(
 def mapping_of(name: str, band: tuple[float, float] | None = None) -> Callable[[Array, float], Array]:
     """The mapping of this name for a band in Hz; from 20 Hz on if None.
 
-    Raises
-    ------
-    InputError
-        If the name is unknown.
+    Raises InputError if the name is unknown.
     """
     if name not in MAPPINGS:
         raise InputError(f"mapping: expected one of {', '.join(MAPPINGS)}, got {name!r}")
     chosen = MAPPINGS[name]
     return SlowBias.below(band) if band is not None and isinstance(chosen, SlowBias) else chosen
+
+
+class MappingStream:
+    """One mapping of a stream of frames; all blocks together equal the mapping of the whole recording.
+
+    `push` takes blocks of any length and returns the frames that are ready, `delay` frames late; `finish` returns the
+    rest. Raises InputError if the mapping is unknown, or an offset is missing for "constant-offset" or given for
+    another.
+
+    Parameters
+    ----------
+    mapping : {"half-wave", "constant-offset", "slow-bias"}
+        Name of the mapping.
+    rate : float
+        Frames per second, in Hz.
+    offset : ndarray, shape (row, column), or float, optional
+        The constant offset in Pa, since a stream does not know the later minimum of its cells.
+    band : tuple of float, optional
+        (low, high) in Hz, which determines a slow bias; from 20 Hz on if None.
+    """
+
+    def __init__(
+        self,
+        mapping: str,
+        rate: float,
+        *,
+        offset: Array | float | None = None,
+        band: tuple[float, float] | None = None,
+    ) -> None:
+        chosen = mapping_of(mapping, band)
+        if (mapping == "constant-offset") != (offset is not None):
+            raise InputError(
+                "offset: expected one in Pa for constant-offset and none for the others, got "
+                f"{'none' if offset is None else 'one'} for {mapping}; measure it on an earlier recording"
+            )
+        self.mapping = mapping
+        self._rate, self._offset = positive(rate, "rate", "Hz"), offset
+        self._bias = chosen if isinstance(chosen, SlowBias) else None
+        self._kept: Array | None = None
+
+    @property
+    def delay(self) -> int:
+        """Delay in frames: 0 except for the slow bias, 90 ms for 20 Hz."""
+        return 0 if self._bias is None else self._bias.reach(self._rate)
+
+    def push(self, block: Array) -> Array:
+        """The frames that are ready after this block, shape (frame, ...), in Pa; possibly none."""
+        block = np.asarray(block, float)
+        if block.ndim < 1 or not len(block):
+            raise ShapeError(f"block: expected at least one frame, got shape {block.shape}")
+        before = np.repeat(block[:1], self.delay, axis=0) if self._kept is None else self._kept
+        have = np.concatenate([before, block])
+        # The next frame needs `delay` frames on either side.
+        self._kept = have[max(0, len(have) - 2 * self.delay) :]
+        if self._bias is not None:
+            return self._bias.lift(have, self._rate) if len(have) > 2 * self.delay else have[:0]
+        return half_wave(block) if self._offset is None else constant_offset(block, offset=self._offset)
+
+    def finish(self) -> Array:
+        """The remaining frames; the stream can then be used again."""
+        if self._kept is None:
+            raise DeviceStateError("stream: expected at least one push before finish, got none")
+        held = np.repeat(self._kept[-1:], self.delay, axis=0)
+        rest = self.push(held) if len(held) else self._kept
+        self._kept = None
+        return rest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MappingReport:
+    """Figures of one mapping of one recording, over all cells."""
+
+    mapping: str
+    gain: float
+    """Least-squares factor from the recorded to the mapped pressure, in the band."""
+    distortion_ratio: float
+    """Recorded part over all other parts of the mapped pressure in the band, in dB."""
+    wanted: float
+    """rms of the recorded part in the strongest cell over the highest mapped pressure."""
+    mean: float
+    """Mapped pressure averaged over time in the cell with the highest average, in Pa."""
+    peak: float
+    """Highest mapped pressure in Pa."""
+    on: float
+    """Fraction of frames that are not silent: with equal amplitudes the array is at full power in all of them."""
+    exposure: float
+    """Change of the mean sound level relative to the half-wave mapping with the same gain, in dB."""
+
+    def figures(self) -> dict[str, str | float]:
+        """All figures by name."""
+        return asdict(self)
+
+
+def mapping_report(pressure: PressureFrames, mapping: str, *, band: tuple[float, float] = BAND) -> MappingReport:
+    """Compute the figures of a mapping for a recording at the rate at which it is mapped.
+
+    `band` (low, high) is that of the recorded part, in Hz. Raises InputError if the mapping is unknown.
+    """
+    x = pressure.pressure
+    pushed = mapping_of(mapping, band)(x, pressure.rate)
+    wanted, got = _in_band(x, pressure.rate, band), _in_band(pushed, pressure.rate, band)
+    power = float((wanted**2).sum())
+    gain = float((wanted * got).sum()) / power if power else 0.0
+    rest = float(((got - gain * wanted) ** 2).sum())
+    peak = float(pushed.max())
+    reference = float(half_wave(x).sum())
+    # The half-wave mapping keeps about half of the recorded part, so it needs twice the pressure for the same gain.
+    return MappingReport(
+        mapping=mapping,
+        gain=gain,
+        distortion_ratio=_decibels(gain**2 * power, rest),
+        wanted=float(gain * np.sqrt((wanted**2).mean(axis=0).max()) / peak) if peak else 0.0,
+        mean=float(pushed.mean(axis=0).max()),
+        peak=peak,
+        on=float(np.mean((pushed > 0).reshape(len(pushed), -1).any(axis=1))),
+        exposure=_decibels(float(pushed.sum()) * _half_wave_gain(x, wanted, pressure.rate, band), reference * gain),
+    )
+
+
+def _half_wave_gain(x: Array, wanted: Array, rate: float, band: tuple[float, float]) -> float:
+    power = float((wanted**2).sum())
+    return float((wanted * _in_band(half_wave(x), rate, band)).sum()) / power if power else 0.0
+
+
+def _in_band(x: Array, rate: float, band: tuple[float, float]) -> Array:
+    edges = band_edges(band, rate)
+    # Two periods of the lower transition, which is half as wide as `low` and has the longest impulse response.
+    return filter_response(x, rate, lambda f: _column(band_window(f, band, edges=edges), x.ndim), reach=4 / band[0])
+
+
+def _column(values: Array, axes: int) -> Array:
+    return values.reshape(-1, *[1] * (axes - 1))
+
+
+def _decibels(signal: float, rest: float) -> float:
+    if signal <= 0:
+        return float("-inf") if rest > 0 else 0.0
+    return float(10 * np.log10(signal / rest)) if rest > 0 else float("inf")

@@ -1,20 +1,47 @@
 """Convert the pressure on a few cells to target sound amplitudes at the control points (paper, 4.1)."""
 
+from dataclasses import dataclass
 from typing import Literal, cast, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, SensorGrid, Setting
 from midair.physics import sound_amplitude
 from midair.streaming import LazyFrames
-from midair.targets.interpolation import interpolation_matrix, moved_interpolation
+from midair.targets.decoupling import interpolation_matrix, moved_interpolation
 from midair.targets.mapping import mapping_of
-from midair.targets.motion import Circle
 from midair.validation import positive
 
-Array = NDArray[np.float64]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circle:
+    """Slow circular motion of the pattern, to be felt as pressure below 20 Hz, which the sensor does not measure.
+
+    Steady radiation pressure is hardly felt; a focus that circles a few millimetres at 5 Hz is felt as steady pressure
+    (Morisaki et al., 2022 and 2023, on single foci). Here the whole pattern is moved. This has not been validated on
+    people.
+    """
+
+    radius: float = 3e-3
+    """In m."""
+    frequency: float = 5.0
+    """In Hz, below 20; at higher frequencies it is felt as vibration."""
+
+    def __post_init__(self) -> None:
+        positive(self.radius, "radius of the circle", "m")
+        if positive(self.frequency, "frequency of the circle", "Hz") >= 20:
+            raise InputError(f"frequency of the circle: expected below 20 Hz, got {self.frequency:g} Hz")
+
+    def offset(self, time: Array) -> Array:
+        """Displacement (x, y) of the pattern, shape (frame, 2), in m; at time 0 along x."""
+        turn = 2 * np.pi * self.frequency * time
+        return self.radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+    def __str__(self) -> str:
+        return f"circle of {1e3 * self.radius:g} mm at {self.frequency:g} Hz, not validated on people"
+
 
 Interpolated = Literal["amplitude", "pressure"]
 """Quantity that is interpolated between the cells: sound amplitude, as in the paper, or pressure."""
@@ -34,7 +61,8 @@ def prepare(
 
     Pressure is made positive, converted to peak sound amplitude, surrounded by one ring of zeros at the sensor's pitch
     (4 x 4 -> 6 x 6) and interpolated linearly to the control points (paper, 4.1). The centre of the sensor is placed at
-    the centre of the grid.
+    the centre of the grid. Raises InputError if the mapping or the kind of interpolation is unknown, or the gain is not
+    above zero.
 
     Parameters
     ----------
@@ -52,11 +80,6 @@ def prepare(
         Factor on the pressure, to correct the gain of a beam.
     circle : Circle, optional
         Moves the pattern on a slow circle; not validated on people.
-
-    Raises
-    ------
-    InputError
-        If the mapping or the kind of interpolation is unknown, or the gain is not above zero.
     """
     to_push = mapping_of(mapping, pressure.band)
     if interpolate not in get_args(Interpolated):

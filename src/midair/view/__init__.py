@@ -6,7 +6,9 @@ from .audio import comparison_sounds as comparison_sounds
 from .colours import TABLES as TABLES
 from .colours import colour_table as colour_table
 from .film import Film as Film
+from .film import PalmMaps as PalmMaps
 from .film import ffmpeg as ffmpeg
+from .film import film_of_palm as film_of_palm
 from .film import write_gif as write_gif
 from .film import write_mp4 as write_mp4
 from .frame_encoding import Kind as Kind
@@ -23,13 +25,13 @@ from .page_payload import metadata as metadata
 from .page_payload import sections as sections
 from .page_payload import size_of as size_of
 from .pages import WEB as WEB
+from .pages import iframe_page as iframe_page
+from .pages import in_notebook as in_notebook
 from .pages import one_module as one_module
 from .pages import page_parts as page_parts
 from .pages import show_page as show_page
 from .pages import style as style
 from .pages import with_content_policy as with_content_policy
-from .palm_film import PalmMaps as PalmMaps
-from .palm_film import film_of_palm as film_of_palm
 from .view_data import Channels as Channels
 from .view_data import Part as Part
 from .view_data import Sound as Sound
@@ -39,5 +41,3 @@ from .view_data import show_comparison as show_comparison
 from .view_data import show_drive as show_drive
 from .view_data import show_recording as show_recording
 from .view_data import show_target as show_target
-from .widget import iframe_page as iframe_page
-from .widget import in_notebook as in_notebook

@@ -6,12 +6,10 @@ import wave
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import resample
 from midair.view.view_data import Channels, ViewData
-
-Array = NDArray[np.float64]
 
 RATE = 48000.0
 """Sampling rate of the sound in Hz; players refuse the rates of sensors."""
@@ -40,6 +38,8 @@ def channel_sound(
 ) -> ChannelSound:
     """Convert a channel to sound, without its mean, with 10 ms fades at both ends and its peak near full scale.
 
+    Raises InputError if there is no such channel.
+
     Parameters
     ----------
     rate, sound_rate : float
@@ -47,11 +47,6 @@ def channel_sound(
     full_scale : float, optional
         Full scale in the unit of the channel, for comparable loudness; larger values are clipped. If None, the loudest
         sample is at 0.9 of full scale.
-
-    Raises
-    ------
-    InputError
-        If there is no such channel.
     """
     channels.check(channel)
     heard = channels.values[:, channel] - channels.values[:, channel].mean()

@@ -2,7 +2,7 @@
 
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, MissingExtraError
 from midair.model import SensorGrid
+from midair.validation import frozen_array
 from midair.view.colours import colour_table
 from midair.view.view_data import Channels, Sound, ViewData
 
 if TYPE_CHECKING:
     from PIL import Image
 
-Array = NDArray[np.float64]
 Report = Callable[[int, int], None]
 
 PICTURES_A_SECOND = 50
@@ -50,18 +51,10 @@ class Tile:
 
 
 class Film:
-    """The pictures of a film, computed one after another.
+    """The pictures of a film, computed one after another: sound fields and cells of the sensor.
 
-    Parameters
-    ----------
-    showing : ViewData
-        Sound fields and cells of the sensor, where it has them.
-    side : int
-        Side of each map in pixels.
-    groups : sequence of sequences of Tile, optional
-        Maps that share a scale, instead of those of `showing`.
-    table : str
-        Name for `colour_table`.
+    `side` is that of each map in pixels, `table` a name for `colour_table`; `groups` are maps that share a scale, in
+    place of those of `showing`.
     """
 
     def __init__(
@@ -186,10 +179,7 @@ _GROUND, _LINE = (13, 17, 23), (110, 115, 120)
 def write_gif(film: Film, path: Path, *, progress: Report | None = None) -> None:
     """Write the film as a looping GIF.
 
-    Raises
-    ------
-    InputError
-        If it has more than 2000 pictures.
+    Raises InputError if it has more than 2000 pictures.
     """
     if len(film) > MOST_OF_A_GIF:
         raise InputError(
@@ -204,12 +194,7 @@ def write_gif(film: Film, path: Path, *, progress: Report | None = None) -> None
 def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None:
     """Write the film as a video with ffmpeg.
 
-    Raises
-    ------
-    MissingExtraError
-        If ffmpeg is not installed.
-    InputError
-        If ffmpeg fails, with its message.
+    Raises MissingExtraError if ffmpeg is not installed; InputError if ffmpeg fails, with its message.
     """
     program = ffmpeg()
     wide, high = film.picture(0).size
@@ -233,10 +218,7 @@ def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None
 def ffmpeg() -> str:
     """Return the path of ffmpeg.
 
-    Raises
-    ------
-    MissingExtraError
-        If it is not installed.
+    Raises MissingExtraError if it is not installed.
     """
     found = shutil.which("ffmpeg")
     if found is None:
@@ -312,3 +294,55 @@ def _cells(channels: Channels, sensor: SensorGrid, top: float) -> Tile:
 def _short(value: float) -> str:
     """Format three digits without an exponent."""
     return f"{float(f'{value:.3g}'):g}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PalmMaps:
+    """Maps of one quantity on one colour scale."""
+
+    maps: Mapping[str, Array]
+    """Signed values in `unit` by title, shape (frame, row, column); NaN where there is no skin."""
+    unit: str
+    pitch: float
+    """Distance of the points in m."""
+    square: tuple[float, float]
+    """Half the sides (x, y) of the area that the sensor covers, in m."""
+
+    def __post_init__(self) -> None:
+        shape = ("frame", "row", "column")
+        frozen = {name: frozen_array(each, name, shape, finite=False) for name, each in self.maps.items()}
+        object.__setattr__(self, "maps", frozen)
+
+
+def film_of_palm(
+    groups: Sequence[PalmMaps], *, rate: float, title: str = "palm", simulated: bool = True, side: int = 256
+) -> Film:
+    """Make a film of maps, from left to right, that have the same number of frames.
+
+    `rate` is the frame rate in Hz, `side` the side of each map in pixels.
+    """
+    frames = min(len(each) for group in groups for each in group.maps.values())
+    shown = ViewData(title=title, rate=rate, frames=frames, simulated=simulated)
+    # Red is positive, blue negative pressure. Leakage may be many times stronger than the target: on a square-root
+    # scale both are visible.
+    return Film(shown, side=side, groups=[_tiles(group) for group in groups], table="RdBu_r")
+
+
+def _tiles(group: PalmMaps) -> list[Tile]:
+    top = max(float(np.nanmax(np.abs(each))) for each in group.maps.values())
+    return [_tile(name, each, group, top) for name, each in group.maps.items()]
+
+
+def _tile(name: str, frames: Array, group: PalmMaps, top: float) -> Tile:
+    rows, columns = frames.shape[1:]
+    side = max(rows, columns)
+    above, left = (side - rows) // 2, (side - columns) // 2
+    beside = ((above, side - rows - above), (left, side - columns - left))
+
+    def values(frame: int) -> Array:
+        roots = np.sign(frames[frame]) * np.sqrt(np.abs(frames[frame]) * top)
+        # Padded to a square, so that the map keeps its aspect ratio.
+        return np.pad(roots, beside, constant_values=np.nan)
+
+    unit, width = f"{group.unit},\nsquare root", side * group.pitch
+    return Tile(title=name, values=values, top=top, low=-top, unit=unit, width=width, square=group.square)

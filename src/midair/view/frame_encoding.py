@@ -76,10 +76,7 @@ class Section:
 def pack(sections: Iterable[Section]) -> bytes:
     """Encode sections as bytes.
 
-    Raises
-    ------
-    InputError
-        If a number does not fit into the header.
+    Raises InputError if a number does not fit into the header.
     """
     return b"".join(_packed(section) for section in sections)
 
@@ -87,27 +84,16 @@ def pack(sections: Iterable[Section]) -> bytes:
 def unpack(data: bytes | bytearray | memoryview) -> list[Section]:
     """Decode sections.
 
-    Raises
-    ------
-    InputError
-        If version, kind or type is unknown, or the data is incomplete.
+    Raises InputError if version, kind or type is unknown, or the data is incomplete.
     """
     return list(_sections(memoryview(data)))
 
 
 def encode_counts(values: NDArray[Any], kind: Kind, *, dtype: str = "<i2", first: int = 0, rate: float) -> Section:
-    """Encode values as integer counts; the unit is the smallest in which the largest value fits.
+    """Encode values (frame, value) as integer counts; the unit is the smallest in which the largest value fits.
 
-    Parameters
-    ----------
-    values : ndarray, shape (frame, value)
-        Real or complex values; complex numbers become pairs.
-    dtype : {"i1", "<i2", "<f4", "u1"}
-        Type of the counts; the largest error is half a count ("<f4": rounding only).
-    first : int
-        Number of the first frame.
-    rate : float
-        Frame rate in Hz: frame i is at i / rate.
+    Complex numbers become pairs. The largest error is half a count of `dtype` ("i1", "<i2", "u1"), or that of rounding
+    ("<f4"). Frame i, counted from `first`, is at i / rate.
     """
     pairs = np.ascontiguousarray(values, np.complex128).view(np.float64) if np.iscomplexobj(values) else values
     time, kept = (first + len(values) - 1) / rate, np.dtype(dtype)

@@ -39,7 +39,8 @@ def metadata(showing: ViewData) -> dict[str, object]:
         "sensor": None,
     }
     if showing.sensor is not None:
-        data["sensor"] = _cells(showing.sensor.rows, showing.sensor.columns, showing.sensor.pitch)
+        cells = showing.sensor
+        data["sensor"] = {"rows": cells.rows, "columns": cells.columns, "pitch": 1e3 * cells.pitch}
     if showing.sound is not None:
         data.update(_plane(showing.sound))
     return data
@@ -77,10 +78,7 @@ def size_of(showing: ViewData) -> int:
 def check_size(showing: ViewData, *, most: int = 64 * 2**20) -> None:
     """Check that a view fits into one page.
 
-    Raises
-    ------
-    InputError
-        If its frames are more than `most` bytes.
+    Raises InputError if its frames are more than `most` bytes.
     """
     size = size_of(showing)
     if size > most:
@@ -123,10 +121,6 @@ def _plane(sound: Sound) -> dict[str, object]:
 
 def _place(grid: ControlGrid) -> dict[str, float]:
     return {"pitch": 1e3 * grid.pitch, "x": 1e3 * grid.centre[0], "y": 1e3 * grid.centre[1]}
-
-
-def _cells(rows: int, columns: int, pitch: float) -> dict[str, float]:
-    return {"rows": rows, "columns": columns, "pitch": 1e3 * pitch}
 
 
 def _matrices(finer: InterpolatedField | None) -> dict[str, str]:

@@ -1,13 +1,16 @@
-"""Standalone HTML pages of a view, which load nothing from elsewhere."""
+"""Standalone HTML pages of a view, which load nothing from elsewhere, and the view as a notebook widget."""
 
 import base64
 import hashlib
 import json
 import re
 from collections.abc import Sequence
+from functools import cache
 from html import escape
 from pathlib import Path
+from typing import Any
 
+from midair.errors import MissingExtraError
 from midair.figures import render_page
 from midair.view.audio import comparison_sounds
 from midair.view.page_payload import metadata, sections
@@ -59,12 +62,7 @@ def _sounds(showing: ViewData) -> str:
 def show_page(showing: ViewData, *, commands: tuple[str, ...] = (), tables: Tables = ()) -> str:
     """Render a view as HTML that loads nothing from elsewhere, enforced by its content security policy.
 
-    Parameters
-    ----------
-    commands : tuple of str
-        Commands that produce the same page.
-    tables : sequence of (str, rows)
-        Further tables below the view: title, and rows of text cells.
+    `commands` are those that produce the same page; `tables` stand below the view.
     """
     page = render_page(
         "view/show.html.j2",
@@ -96,3 +94,36 @@ def with_content_policy(page: str) -> str:
     policy += f"; script-src {scripts}" if scripts else ""
     head = '<meta charset="utf-8">'
     return page.replace(head, f'{head}\n<meta http-equiv="Content-Security-Policy" content="{policy}">', 1)
+
+
+def in_notebook(showing: ViewData) -> Any:
+    """Return a widget for the last line of a cell; its attribute `frame` is the playhead, readable and writable.
+
+    Raises MissingExtraError if anywidget is not installed.
+    """
+    return _widget_class()(about=metadata(showing), tracks=sections(showing))
+
+
+def iframe_page(showing: ViewData, *, height: int = 900) -> str:
+    """Return the page of a view in an iframe, for notebooks without widgets, such as exported ones."""
+    page = escape(show_page(showing), quote=True)
+    return f'<iframe srcdoc="{page}" sandbox="allow-scripts" width="100%" height="{height}" style="border: 0"></iframe>'
+
+
+@cache
+def _widget_class() -> Any:
+    """Create the widget class on demand, since anywidget is optional."""
+    try:
+        import anywidget
+        import traitlets
+    except ImportError as wrong:
+        raise MissingExtraError("a widget needs the package anywidget: pip install 'midair[notebook]'") from wrong
+
+    class ViewWidget(anywidget.AnyWidget):
+        _esm = one_module("widget.js")
+        _css = style()
+        about = traitlets.Dict().tag(sync=True)
+        tracks = traitlets.Dict().tag(sync=True)
+        frame = traitlets.Int(0).tag(sync=True)
+
+    return ViewWidget

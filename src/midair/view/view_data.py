@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import InputError, RateError
 from midair.model import AmplitudeFrames, ControlGrid, Drive, PressureFrames, Recording, SensorGrid, Solution
 from midair.physics import transfer_matrix
@@ -14,8 +14,6 @@ from midair.streaming import read_frames
 from midair.validation import frozen_array
 from midair.view.interpolated_field import InterpolatedField, fit_interpolation
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Part = tuple[float, float | None]
 """Start in s and duration in s; to the end if the duration is None."""
 
@@ -179,10 +177,7 @@ def show_comparison(
 ) -> ViewData:
     """View of a re-recording over its original, with the sound field between them if given.
 
-    Raises
-    ------
-    RateError
-        If the rates differ.
+    Raises RateError if the rates differ.
     """
     if not np.isclose(original.rate, again.rate, rtol=1e-9):
         raise RateError(f"comparison: expected both at one rate, got {original.rate:g} and {again.rate:g} Hz")

@@ -44,6 +44,7 @@ def holding(*words):
         (f"{AUTD3}:eth0", AUTD3),
         (f"serial:/dev/{AUTD3}", f"serial:/dev/{AUTD3}"),
     ],
+    ids=["one interface", "all and one", "one and all", "a port"],
 )
 def test_the_second_program_is_refused_and_the_first_one_named(held, asked):
     with holding(held) as process:
@@ -57,7 +58,9 @@ def test_the_second_program_is_refused_and_the_first_one_named(held, asked):
 
 
 @pytest.mark.parametrize(
-    ("held", "asked"), [(f"{AUTD3}:eth0", f"{AUTD3}:eth1"), (AUTD3, f"{AUTD3}0"), (f"{AUTD3}/b", AUTD3)]
+    ("held", "asked"),
+    [(f"{AUTD3}:eth0", f"{AUTD3}:eth1"), (AUTD3, f"{AUTD3}0"), (f"{AUTD3}/b", AUTD3)],
+    ids=["another interface", "a longer name", "another path"],
 )
 def test_other_devices_are_free(held, asked):
     with device_lock(held), device_lock(asked):

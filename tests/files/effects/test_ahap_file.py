@@ -1,11 +1,13 @@
 """AHAP: intensity and sharpness of known signals, within the limits of Core Haptics."""
 
 import json
+import time
 
 import numpy as np
 import pytest
 
-from midair.files import save
+from midair.errors import BrokenFileError, InputError
+from midair.files import load, open_take, save
 from midair.files.effects.ahap_file import envelope
 from midair.model import Provenance, Recording
 
@@ -83,3 +85,122 @@ def test_reports_that_simulated_data_loses_its_mark(tmp_path):
 def test_short_and_silent_recordings_make_a_pattern(frames, tmp_path):
     pattern, _ = exported(Recording(samples=np.ones((frames, 4, 4)), rate=1000), tmp_path / "a.ahap")
     assert (points(pattern, "HapticIntensityControl")[:, 1] == 0).all()
+
+
+def event(kind, time, *, duration=None, **parameters):
+    told = [{"ParameterID": name, "ParameterValue": value} for name, value in parameters.items()]
+    held = {} if duration is None else {"EventDuration": duration}
+    return {"Event": {"Time": time, "EventType": kind, "EventParameters": told, **held}}
+
+
+@pytest.fixture
+def pattern(tmp_path):
+    def written(*entries):
+        path = tmp_path / "effect.ahap"
+        path.write_text(json.dumps({"Version": 1.0, "Pattern": list(entries)}))
+        return path
+
+    return written
+
+
+def wave(path, **more):
+    return load(path, scale=10.0, **more).samples.ravel() / 10
+
+
+def frequency(part, rate):
+    return np.fft.rfftfreq(8 * len(part), 1 / rate)[
+        np.abs(np.fft.rfft(part * np.hanning(len(part)), 8 * len(part))).argmax()
+    ]
+
+
+@pytest.mark.parametrize(("sharpness", "hertz"), [(0.0, 80), (0.5, 155), (1.0, 230)])
+def test_a_continuous_event_is_a_sine_of_its_intensity_and_sharpness(sharpness, hertz, pattern):
+    made = wave(pattern(event("HapticContinuous", 0.1, duration=0.5, HapticIntensity=0.6, HapticSharpness=sharpness)))
+    assert len(made) == 4800
+    assert not made[:800].any()
+    assert made[800:].max() == pytest.approx(0.6, abs=0.01)
+    assert frequency(made[800:], 8000) == pytest.approx(hertz, abs=1)
+
+
+def test_a_curve_is_linear_and_holds_its_last_value(pattern):
+    points = [{"Time": 0.0, "ParameterValue": 0.0}, {"Time": 0.2, "ParameterValue": 1.0}]
+    curve = {
+        "ParameterCurve": {"ParameterID": "HapticIntensityControl", "Time": 0.1, "ParameterCurveControlPoints": points}
+    }
+    made = np.abs(wave(pattern(event("HapticContinuous", 0.0, duration=0.6, HapticSharpness=1.0), curve)))
+    loud = [made[round(8000 * at) - 60 : round(8000 * at) + 60].max() for at in (0.05, 0.15, 0.25, 0.5)]
+    assert loud == pytest.approx([1.0, 0.25, 0.75, 1.0], abs=0.06)
+
+
+def test_a_step_lasts_until_the_next(pattern):
+    steps = [
+        {"Parameter": {"ParameterID": "HapticIntensityControl", "Time": at, "ParameterValue": value}}
+        for at, value in ((0.2, 0.5), (0.4, 0.0))
+    ]
+    made = np.abs(wave(pattern(event("HapticContinuous", 0.0, duration=0.6), *steps)))
+    assert [made[first : first + 800].max() for first in (400, 2000, 3600)] == pytest.approx([1, 0.5, 0], abs=0.02)
+
+
+def test_of_overlapping_curves_the_one_that_begins_last_holds(pattern):
+    def curve(at, *points):
+        listed = [{"Time": when, "ParameterValue": value} for when, value in points]
+        name = {"ParameterID": "HapticIntensityControl", "Time": at, "ParameterCurveControlPoints": listed}
+        return {"ParameterCurve": name}
+
+    # The second one is in the list last and begins before the first point of the other.
+    curves = curve(0.1, (0.3, 0.2), (0.5, 0.2)), curve(0.2, (0.0, 0.5), (0.1, 0.5)), curve(0.05)
+    made = np.abs(wave(pattern(event("HapticContinuous", 0.0, duration=0.8, HapticSharpness=1.0), *curves)))
+    assert [made[first : first + 400].max() for first in (400, 2000, 5000)] == pytest.approx([1, 0.5, 0.5], abs=0.02)
+
+
+@pytest.mark.long
+def test_a_recording_of_ten_minutes_is_read_back(tmp_path):
+    frames = np.random.default_rng(0).normal(size=(120_000, 4, 4))
+    save(Recording(samples=frames, rate=200.0, unit="V"), tmp_path / "a.ahap")
+    began = time.process_time()
+    short = wave(tmp_path / "a.ahap")
+    assert len(short) == 8000 * 600
+    # Each of 3200 curves once changed all samples behind it, which took minutes.
+    assert time.process_time() - began < 30
+
+
+def test_attack_and_release_are_lines(pattern):
+    made = np.abs(wave(pattern(event("HapticContinuous", 0, duration=0.4, AttackTime=0.2, ReleaseTime=0.2))))
+    assert len(made) == 4800
+    loud = [made[round(8000 * at) - 60 : round(8000 * at) + 60].max() for at in (0.1, 0.3, 0.5)]
+    assert loud == pytest.approx([0.5, 1.0, 0.5], abs=0.05)
+
+
+def test_a_transient_is_a_click_at_its_time(pattern):
+    made = np.abs(wave(pattern(event("HapticTransient", 0.05, HapticIntensity=0.8), event("HapticTransient", 0.2))))
+    assert not made[:400].any()
+    assert 0.4 < made[400:480].max() <= 0.8
+    assert made[800:1590].max() < 0.01
+    assert made[1600:1700].max() > 0.5
+
+
+def test_ignored_events_are_reported(pattern):
+    told = open_take(pattern(event("AudioCustom", 0.0), event("HapticTransient", 0.0)), scale=1.0).report
+    assert any("1 events of sound" in line for line in told)
+    assert any("80 to 230 Hz" in line for line in told)
+
+
+def test_the_rate_can_be_chosen(pattern):
+    found = load(pattern(event("HapticContinuous", 0.0, duration=0.5)), scale=1.0, rate=1000.0)
+    assert (found.rate, found.frames) == (1000.0, 500)
+
+
+@pytest.mark.parametrize("entries", [(), ({"Event": {"Time": 0, "EventType": "AudioContinuous"}},)])
+def test_a_file_without_haptic_events_is_refused(entries, pattern):
+    with pytest.raises(BrokenFileError, match="haptic event"):
+        load(pattern(*entries), scale=1.0)
+
+
+def test_a_very_long_effect_is_refused_before_rendering(pattern):
+    with pytest.raises(BrokenFileError, match="up to 600 s"):
+        load(pattern(event("HapticContinuous", 0.0, duration=1e9)), scale=1.0)
+
+
+def test_the_unit_of_full_intensity_is_required(pattern):
+    with pytest.raises(InputError, match="unit"):
+        load(pattern(event("HapticTransient", 0.0)))

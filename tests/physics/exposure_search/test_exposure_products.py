@@ -1,8 +1,12 @@
 """Three real products give the complex product, and arrays are reused."""
 
-import numpy as np
+from types import SimpleNamespace
 
-from midair.physics.exposure_search.exposure_products import Product, Workspace, power_of
+import numpy as np
+import pytest
+
+from midair.model import Drive, TransducerArray
+from midair.physics.exposure_search.exposure_products import Product, Workspace, drive_parts, power_of
 
 
 def random(*shape):
@@ -29,3 +33,41 @@ def test_an_array_of_a_name_is_the_same_memory_again():
 def test_the_power_at_some_points():
     there = np.array([[[3, 0, 0], [1, 1, 0]], [[4, 0, 2], [1, 0, -1]]], np.float32)
     np.testing.assert_allclose(power_of(there), [[25, 0, 4], [2, 1, 1]])
+
+
+ARRAY = TransducerArray.autd3(columns=1, rows=1)
+RNG = np.random.default_rng(0)
+
+
+def drive(phase, level):
+    return Drive(phase=phase, level=level, rate=1000.0, array=ARRAY)
+
+
+@pytest.mark.parametrize("order", [None, RNG.permutation(ARRAY.count)], ids=["own order", "another"])
+@pytest.mark.parametrize("turns", [0, 10**7])
+def test_levels_of_transducers_are_in_the_parts(order, turns):
+    phase = RNG.uniform(-9, 9, (7, ARRAY.count)) + 2 * np.pi * turns
+    told = drive(phase, RNG.random((7, ARRAY.count)))
+    parts, level = drive_parts(told, slice(2, 6), Workspace(), order)
+    true = told.q[2:6] if order is None else told.q[2:6][:, order]
+    np.testing.assert_allclose(parts, [true.real, true.imag, true.real + true.imag], atol=1e-6 if turns == 0 else 1e-5)
+    np.testing.assert_array_equal(level, told.level[2:6])
+
+
+def test_a_level_of_a_frame_is_not():
+    told = drive(np.zeros((3, ARRAY.count)), np.array([0.1, 0.2, 0.3]))
+    parts, level = drive_parts(told, np.array([0, 2]), Workspace())
+    assert (parts[0] == 1).all()
+    np.testing.assert_array_equal(level, [[0.1], [0.3]])
+
+
+def test_a_phase_beyond_single_precision_is_a_phase():
+    phase = np.full((1, ARRAY.count), 1e300)
+    parts, _ = drive_parts(drive(phase, np.ones(1)), slice(None), Workspace())
+    np.testing.assert_allclose(parts[0], np.cos(np.remainder(1e300, 2 * np.pi)), atol=1e-6)
+
+
+def test_nan_phases_stay_nan():
+    """A drive rejects NaN; if one passes nevertheless, it must not count as silence."""
+    said = SimpleNamespace(phase=np.full((1, 3), np.nan), level=np.ones(1))
+    assert np.isnan(drive_parts(said, slice(None), Workspace())[0]).all()

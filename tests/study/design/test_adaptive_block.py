@@ -5,23 +5,20 @@ import pytest
 
 from midair.errors import InputError
 from midair.study import proportion_correct
+from midair.study.design.adaptive import stimulus_levels
 from midair.study.design.adaptive_block import next_stimulus, scored_history, thresholds_of
-from midair.study.design.adaptive_levels import stimulus_levels
 from midair.study.design.analysis_plan import Analysis, Exclusions
-from midair.study.design.answers import answers_table
-from midair.study.design.blocks import Block, Extra
-from midair.study.design.exclusions import excluded_participants
+from midair.study.design.answers import answers_table, excluded_participants
 from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question
 from midair.study.design.session_state import GivenAnswer, SessionState, replay
 from midair.study.design.stimulus import Stimulus
-from midair.study.design.study_design import Design
+from midair.study.design.study_design import Block, Design, Extra
 from midair.study.findings.analysis import analyse
 from midair.study.findings.study_data import data_of_answers
 from midair.study.session.event_log import read_events
-from midair.study.session.participant import SimulatedParticipant
+from midair.study.session.participant import SimulatedParticipant, SimulatedScreen
 from midair.study.session.presenters import SilentPresenter
-from midair.study.session.simulated_screen import SimulatedScreen
 from midair.study.session.trials import Session, run
 
 STRENGTHS = [0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0]

@@ -10,12 +10,7 @@ from midair.errors import ExposureError, InputError, SilentFramesError
 from midair.model import Drive, Placement, TransducerArray
 from midair.rig import default_exposure
 from midair.study.design.stimulus import Stimulus
-from midair.study.session.presenters import (
-    ArrayPresenter,
-    ExperimenterPresenter,
-    MaskedPresenter,
-    SilentPresenter,
-)
+from midair.study.session.presenters import ArrayPresenter, ExperimenterPresenter, MaskedPresenter, SilentPresenter
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 TONE = Stimulus(name="a", source="a.drive.h5")

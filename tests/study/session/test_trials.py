@@ -11,23 +11,15 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from midair.errors import (
-    BrokenFileError,
-    DeviceStateError,
-    InputError,
-    LinkLostError,
-    MismatchError,
-    SilentFramesError,
-)
+from midair.errors import BrokenFileError, DeviceStateError, InputError, LinkLostError, MismatchError, SilentFramesError
 from midair.model import Medium
 from midair.study.design.answers import answers_table
 from midair.study.design.plan import draw_plan
 from midair.study.design.session_state import replay
 from midair.study.folder import StudyFolder, paper_design_text, read_design
 from midair.study.session.event_log import EventLog, read_events
-from midair.study.session.participant import SimulatedParticipant
+from midair.study.session.participant import SimulatedParticipant, SimulatedScreen
 from midair.study.session.presenters import ExperimenterPresenter, SilentPresenter
-from midair.study.session.simulated_screen import SimulatedScreen
 from midair.study.session.trials import AGAIN, Reply, Session, run
 
 
@@ -341,7 +333,7 @@ CHILD = """
 import os, sys, json
 from pathlib import Path
 from midair.study.session.presenters import SilentPresenter
-from midair.study.session.simulated_screen import SimulatedScreen
+from midair.study.session.participant import SimulatedScreen
 from midair.study.folder import StudyFolder
 from midair.study.session.trials import Session, run
 from midair.study.session.participant import SimulatedParticipant

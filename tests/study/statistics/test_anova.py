@@ -6,10 +6,11 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import ncf, nct
 
 from midair.errors import InputError, NonFiniteError
-from midair.study import rm_anova
-from midair.study.statistics.anova import contrasts, effects
+from midair.study import ordinal_check, rm_anova
+from midair.study.statistics.anova import contrasts, effects, eta_squared_limits, noncentral_t_limits
 
 HERE = Path(__file__).parent / "anova"
 DESIGNS = {  # within- and between-subject factors
@@ -184,3 +185,54 @@ def test_too_few_people_for_mauchly_has_a_note():
     assert np.isnan(row["W"])
     assert "4 or more participants beyond one" in row["note"]
     assert np.isfinite([row["F"], row["p_GG"], row["p_HF"]]).all()
+
+
+@pytest.mark.parametrize(("t", "df"), [(2.5, 9), (-5.0, 7), (0.0, 5), (40.0, 30), (900.0, 1), (3.0, 1000)])
+def test_limits_of_t_have_the_tails_of_the_noncentral_t(t, df):
+    low, high = noncentral_t_limits(t, df)
+    assert nct.cdf(t, df, low) == pytest.approx(0.975, abs=1e-6)
+    assert nct.cdf(t, df, high) == pytest.approx(0.025, abs=1e-6)
+
+
+def test_limits_of_eta_squared_have_the_tails_of_the_noncentral_f():
+    low, high = eta_squared_limits(6.0, 2, 18)
+    for limit, tail in ((low, 0.95), (high, 0.05)):
+        assert ncf.cdf(6.0, 2, 18, 18 * limit / (1 - limit)) == pytest.approx(tail, abs=1e-6)
+    assert eta_squared_limits(0.1, 2, 18)[0] == 0
+    assert np.isnan(eta_squared_limits(np.nan, 2, 18)).all()
+
+
+def test_limits_continue_to_very_large_values():
+    for function, step in ((noncentral_t_limits, 1000.0), (lambda f, df: eta_squared_limits(f, 2, df), 1e6)):
+        assert function(step * 1.0001, 3) == pytest.approx(function(step, 3), rel=1e-3)
+    assert noncentral_t_limits(1e7, 9)[0] > 1e6
+
+
+TWO = {"value": "score", "participant": "participant"}
+
+
+@pytest.fixture
+def ratings():
+    with open(Path(__file__).parent / "anova" / "two_way.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    return table | {"score": table["score"].astype(float)}
+
+
+def test_only_the_order_of_each_persons_answers_counts(ratings):
+    plain = ordinal_check(ratings, **TWO, within=["surface", "object"], rng=np.random.default_rng(0))
+    level = {who: i for i, who in enumerate(np.unique(ratings["participant"]))}
+    scale = np.array([1 + level[who] for who in ratings["participant"]])
+    bent = np.exp(ratings["score"]) * scale
+    other = ordinal_check(ratings | {"score": bent}, **TWO, within=["surface", "object"], rng=np.random.default_rng(0))
+    assert other["F"].tolist() == pytest.approx(plain["F"].tolist())
+    assert other["p_sign"].tolist() == plain["p_sign"].tolist()
+    assert plain["effect"].tolist() == ["surface", "object", "surface:object"]
+    assert plain.set_index("effect").loc["object", "p_sign"] < 0.02
+
+
+def test_two_levels_without_ties_is_a_sign_test():
+    table = {"y": [1.0, 2, 3, 5, 2, 7, 1, 8, 4, 6], "who": np.repeat(range(5), 2), "x": [0, 1] * 5}
+    row = ordinal_check(table, value="y", participant="who", within=["x"], rng=np.random.default_rng(0)).iloc[0]
+    assert row["p_sign"] == pytest.approx(2 / 2**5)
+    assert np.isnan(row["F"])  # everyone has the same ranks

@@ -4,7 +4,7 @@ import pytest
 
 from midair.errors import InputError, NonFiniteError, ShapeError
 from midair.study import ordinal_check, rm_anova
-from midair.study.statistics.columns import column, frame_of, levels, numbers
+from midair.study.statistics.columns import cell_means, column, frame_of, levels, numbers
 
 RATINGS = {"y": [1.0, 2, 3, 4, 6, 5], "who": list("aabbcc"), "x": list("ststst")}
 NAMES = {"value": "y", "participant": "who", "within": ["x"]}
@@ -66,3 +66,10 @@ def test_a_missing_column_is_an_error():
         numbers(frame_of({}), "z")
     with pytest.raises(InputError, match="an empty table"):
         numbers(frame_of({"z": []}), "z")
+
+
+def test_trials_are_averaged():
+    table = {"v": [1.0, 3, 5, 7, 9, 11], "who": list("aaabbb"), "x": list("sstsst")}
+    cells = cell_means(table, value="v", participant="who", within=["x"])
+    assert cells.mean.tolist() == [[2, 5], [8, 11]]
+    assert (cells.participants, cells.levels) == (("a", "b"), (("s", "t"),))

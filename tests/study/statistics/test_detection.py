@@ -4,13 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import InputError
-from midair.study import (
-    choice_model,
-    d_prime_choice,
-    d_prime_same_different,
-    d_prime_yes_no,
-    proportion_correct,
-)
+from midair.study import choice_model, d_prime_choice, d_prime_same_different, d_prime_yes_no, proportion_correct
 
 
 def test_three_alternatives():

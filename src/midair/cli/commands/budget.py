@@ -7,7 +7,7 @@ from rich.table import Table
 from midair.cli.comparisons import calibrated_part, print_palm, print_ratios, with_array_calibration
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
-from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, SolveOptions, Spread, StartAt
+from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, Seed, SolveOptions, Spread, StartAt
 from midair.cli.output import may_write
 from midair.cli.time_estimates import workload_of
 from midair.devices import SilencerChoice
@@ -30,7 +30,7 @@ def budget_command(
     lead: Lead = None,
     array_calibration: ArrayCalibration = None,
     spread: Spread = "default",
-    seed: int = 0,
+    seed: Seed = 0,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -47,8 +47,6 @@ def budget_command(
         Write a waterfall chart of the stages to this PNG file.
     silencer
         How the array smooths phase steps; auto is the setting that midair uses on any array.
-    seed
-        Random seed of the virtual rig.
 
     Examples
     --------

@@ -9,7 +9,7 @@ from pathlib import Path
 from midair.cli.comparisons import print_palm, print_side_by_side
 from midair.cli.console import banner, err, out, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
-from midair.cli.options import Force, SolveOptions, Time, mode_name, paper_options
+from midair.cli.options import Force, Seed, SolveOptions, Time, mode_name, paper_options
 from midair.cli.output import level_rows
 from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
@@ -53,7 +53,7 @@ def demo_command(
     start_at: Time = 0.4,
     duration: Time = 0.5,
     options: SolveOptions | None = None,
-    seed: int = 0,
+    seed: Seed = 0,
     force: Force = False,
 ) -> None:
     """Record a virtual towel stroke, reproduce it in the best mode and in the paper's, and write a report.
@@ -73,8 +73,6 @@ def demo_command(
         Start of the part to reproduce; at the default the object has reached the second row of cells.
     duration
         Length of the part to reproduce.
-    seed
-        Random seed of the virtual rig.
 
     Examples
     --------

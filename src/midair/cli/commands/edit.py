@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from midair import recordings
 from midair.cli.import_options import parse_names, parsed
-from midair.cli.options import Force, Frequency, Json, OptionalTime, Time
+from midair.cli.options import Force, Frequency, Json, OptionalTime, Output, Source, Time
 from midair.cli.output import may_write, print_written, recording_figures, recording_rows
 from midair.errors import InputError
 from midair.files import contents, open_take, save
@@ -19,8 +19,6 @@ from midair.model import Calibration, Recording
 HIGHEST = 1e6
 """Highest rate that `resample` accepts, in Hz."""
 
-Source = Annotated[Path, Parameter(help="Recording to read.")]
-Output = Annotated[Path, Parameter(help="File to write, in any format that midair can write.")]
 Names = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair.cli.console import out, print_rows
 from midair.cli.import_options import FileOptions, calibration_from_options, import_recording, scale_by
-from midair.cli.options import Force, Json, Peak, Sensitivity, Time
+from midair.cli.options import Force, Json, Peak, Sensitivity, Source, Time
 from midair.cli.output import (
     as_recording,
     calibration_figures,
@@ -141,7 +141,8 @@ def _convert(
         OpenedTake(recording=sample(name)) if ready else import_recording(file, options, streamed=True, mending=mending)
     )
     if name in SAMPLES:
-        imported, notes = _credited(name, imported), (*notes, *_sample_notes(name))
+        imported = replace(imported, recording=with_credits(name, imported.recording))
+        notes = (*notes, *_sample_notes(name))
     calibration = imported.calibration
     stated = calibration_from_options(imported.recording, sensitivity, peak)
     pressure = load_pressure(file, streamed=True) if imported.stored and stated is None else None
@@ -161,10 +162,6 @@ def _convert(
     )
 
 
-def _credited(name: str, taken: OpenedTake) -> OpenedTake:
-    return replace(taken, recording=with_credits(name, taken.recording))
-
-
 def _sample_notes(name: str) -> tuple[str, ...]:
     """Licence, origin and notes of a sample, one per line."""
     about = SAMPLES[name]
@@ -176,7 +173,7 @@ def _sample_notes(name: str) -> tuple[str, ...]:
 
 
 def export_command(
-    source: Path, output: Path, /, *, pressure: bool = False, force: Force = False, json: Json = False
+    source: Source, output: Path, /, *, pressure: bool = False, force: Force = False, json: Json = False
 ) -> None:
     """Convert a recording to another file format.
 
@@ -184,8 +181,6 @@ def export_command(
 
     Parameters
     ----------
-    source
-        Recording to read.
     output
         File to write: NAME.csv, .wav, .npz, .mat, .nc (NetCDF), .hjif (MPEG haptics), .ahap (Apple) or .h5.
     pressure

@@ -9,11 +9,10 @@ from rich.live import Live as Screen
 from rich.text import Text
 
 from midair.cli.console import banner, err, print_json, print_rows, verbosity
-from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air
+from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, air_watched, print_air
 from midair.cli.keys import Signals, signals_noted
 from midair.cli.options import Json, StopInput, options_from, settings_from
 from midair.cli.output import may_write
-from midair.cli.thermometers import air_watched
 from midair.devices import stop_on_input
 from midair.errors import InputError
 from midair.model import Acoustics, Medium

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair.cli.comparisons import calibrated_part, plain, print_metrics, print_ratios, with_array_calibration
 from midair.cli.console import banner, out, print_figures, print_json, print_rows, progress_bars, verbosity
-from midair.cli.exposure_options import ExposureOptions, print_air, print_check_time_ahead
+from midair.cli.exposure_options import ExposureOptions, air_watched, print_air, print_check_time_ahead
 from midair.cli.options import (
     ArrayCalibration,
     Force,
@@ -18,7 +18,6 @@ from midair.cli.options import (
     settings_from,
 )
 from midair.cli.output import may_write, warn_level
-from midair.cli.thermometers import air_watched
 from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
 from midair.headroom import level_of

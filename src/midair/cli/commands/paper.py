@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, print_air
-from midair.cli.options import Force, Json, Time
+from midair.cli.options import Force, Json, Seed, Time
 from midair.cli.output import may_write
 from midair.model import Acoustics
 from midair.paper import (
@@ -43,7 +43,7 @@ def paper_command(
     duration: Time = 0.12,
     iterate: int = 6,
     air: AirOptions | None = None,
-    seed: int = 0,
+    seed: Seed = 0,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -83,8 +83,6 @@ def paper_command(
         Maximum number of iterative corrections in --fidelity; figure 4 makes at most one in the best mode.
     air
         Air for figure 4 and --fidelity, in both modes. [default: the paper's 340 m/s]
-    seed
-        Random seed of the virtual rig.
 
     Examples
     --------

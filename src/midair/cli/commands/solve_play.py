@@ -7,7 +7,14 @@ import numpy as np
 
 from midair.cli.comparisons import calibrated_part, unreproduced_rows, with_array_calibration, with_unreproduced
 from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars
-from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air, print_check_time
+from midair.cli.exposure_options import (
+    AirOptions,
+    ExposureOptions,
+    HeatOptions,
+    air_watched,
+    print_air,
+    print_check_time,
+)
 from midair.cli.options import (
     ArrayCalibration,
     Force,
@@ -21,7 +28,6 @@ from midair.cli.options import (
     settings_from,
 )
 from midair.cli.output import level_of_file, level_rows, may_write, solve_error, warn_level
-from midair.cli.thermometers import air_watched
 from midair.cli.time_estimates import workload_of
 from midair.devices import ArrayDevice, ExposureClearance, PlayReport, check_exposure, stop_on_input
 from midair.errors import InputError

@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from midair.cli.options import StopInput
+from midair.cli.options import Seed, StopInput
 from midair.devices import stop_on_input
 from midair.errors import MissingExtraError
 
@@ -16,7 +16,7 @@ def studio_command(
     no_browser: bool = False,
     device: str = "virtual",
     sensor: str = "virtual:towel",
-    seed: int = 0,
+    seed: Seed = 0,
     stop_input: StopInput = None,
 ) -> None:
     """Open the studio in the browser: record, solve, play and compare.
@@ -36,8 +36,6 @@ def studio_command(
         Array, as in midair play.
     sensor
         Sensor, as in midair record.
-    seed
-        Random seed of the virtual rig.
 
     Examples
     --------

@@ -1,11 +1,9 @@
 """Effects of other makers, AHAP and MPEG haptics: recordings written as effects, and effects rendered to waves."""
 
-from midair.files.file_format import Format
+from midair.files.opened_take import Format
 
-from .ahap_file import write_ahap
-from .ahap_rendering import read_ahap
-from .hjif_file import write_hjif
-from .hjif_rendering import read_hjif
+from .ahap_file import read_ahap, write_ahap
+from .hjif_file import read_hjif, write_hjif
 
 HJIF = Format(name="MPEG haptics", read=read_hjif, write=write_hjif, memory=4, effect=True)
 AHAP = Format(name="AHAP", read=read_ahap, write=write_ahap, memory=4, effect=True)

@@ -8,12 +8,11 @@ import numpy as np
 
 from midair.errors import BrokenFileError
 from midair.files.atomic import atomic_file
-from midair.files.file_format import Format, FormatLoss, calibration_lost
 from midair.files.importers import fabricslide
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.importers.text_table import TextTable, read_table
-from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
-from midair.files.safe_text import without_formulas
+from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
+from midair.files.text_files import without_formulas
 from midair.files.timestamps import to_fixed_rate
 from midair.model import Calibration, Recording, Unit
 from midair.streaming import blocks

@@ -7,12 +7,11 @@ import numpy as np
 
 from midair.errors import BrokenFileError, FileError
 from midair.files.atomic import atomic_file, reason
-from midair.files.file_format import Format, FormatLoss, calibration_lost
 from midair.files.importers.header import header_of
 from midair.files.importers.mat5 import is_mat5, read_mat5, write_frames
 from midair.files.importers.named_arrays import from_arrays
 from midair.files.native import open_plain
-from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake, calibration_lost
 from midair.model import Calibration, Recording
 
 

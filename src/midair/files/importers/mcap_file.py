@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
 from midair.files.atomic import reason
-from midair.files.file_format import Format
-from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 from midair.files.size_limits import check_expansion
 from midair.files.text_files import json_of
 from midair.files.timestamps import to_fixed_rate

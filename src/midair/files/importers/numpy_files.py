@@ -9,10 +9,9 @@ import numpy as np
 
 from midair.errors import BrokenFileError
 from midair.files.atomic import atomic_file, check_disk_space
-from midair.files.file_format import Format, FormatLoss, calibration_lost
 from midair.files.importers.header import header_of
 from midair.files.importers.named_arrays import from_arrays
-from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake, calibration_lost
 from midair.files.size_limits import check_expansion
 from midair.model import Calibration, Recording
 from midair.streaming import blocks

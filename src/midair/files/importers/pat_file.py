@@ -23,12 +23,8 @@ LARGEST = 65_536
 def load_board(path: str | os.PathLike[str]) -> Board:
     """Read a board file of OpenMPD.
 
-    Raises
-    ------
-    MissingFileError
-        If the file does not exist.
-    BrokenFileError
-        If it is not a board file, or a number is out of range.
+    Raises MissingFileError if the file does not exist; BrokenFileError if it is not a board file, or a number is out of
+    range.
     """
     serial, *lines = _lines(Path(path))
     count, steps = (_numbers(line, path, 1)[0] for line in lines[:2])

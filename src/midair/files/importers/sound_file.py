@@ -11,10 +11,17 @@ import numpy as np
 
 from midair.errors import BrokenFileError, FileError, UnitError
 from midair.files.atomic import atomic_file, check_disk_space
-from midair.files.file_format import Format, FormatLoss, calibration_lost
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.importers.riff import CHUNK, append_chunk, chunks, content
-from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake, of_two
+from midair.files.opened_take import (
+    Format,
+    FormatLoss,
+    ImportedData,
+    ImportOptions,
+    OpenedTake,
+    calibration_lost,
+    of_two,
+)
 from midair.model import Calibration, Recording, Unit
 from midair.streaming import LazyFrames, blocks, each_frame, moments
 from midair.validation import check_finite

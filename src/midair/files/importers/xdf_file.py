@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
-from midair.files.file_format import Format
 from midair.files.importers.units import known_unit
-from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 from midair.files.timestamps import to_fixed_rate
 from midair.model import Unit
 

@@ -1,10 +1,10 @@
 """midair's own file formats: HDF5 with a documented schema, and NetCDF."""
 
-from .array_file import ARRAY_SUFFIX as ARRAY_SUFFIX
-from .array_file import load_array_calibration as load_array_calibration
-from .array_file import save_array_calibration as save_array_calibration
+from .calibration_file import ARRAY_SUFFIX as ARRAY_SUFFIX
 from .calibration_file import CALIBRATION_SUFFIX as CALIBRATION_SUFFIX
+from .calibration_file import load_array_calibration as load_array_calibration
 from .calibration_file import load_calibration as load_calibration
+from .calibration_file import save_array_calibration as save_array_calibration
 from .calibration_file import save_calibration as save_calibration
 from .checksums import has_checksums as has_checksums
 from .drive_file import DRIVE_SUFFIX as DRIVE_SUFFIX
@@ -18,12 +18,12 @@ from .hdf5 import open_file as open_file
 from .hdf5 import open_plain as open_plain
 from .hdf5 import plain_text as plain_text
 from .hdf5 import stored_dataset as stored_dataset
-from .netcdf_file import NETCDF4 as NETCDF4
 from .played_group import load_played as load_played
 from .provenance_json import from_plain as from_plain
 from .provenance_json import to_json as to_json
 from .provenance_json import to_plain as to_plain
 from .recording_file import HDF5 as HDF5
+from .recording_file import NETCDF4 as NETCDF4
 from .recording_file import RecordingBuffer as RecordingBuffer
 from .recording_file import load_pressure as load_pressure
 from .recording_file import save_pressure as save_pressure

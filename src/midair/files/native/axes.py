@@ -1,4 +1,4 @@
-"""Time and sensor axes in the names of the schema, and the precision of samples."""
+"""Time, sensor and array in the names of the schema, and the precision of samples."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from midair.errors import BrokenFileError
-from midair.model import SensorGrid
+from midair.model import SensorGrid, TransducerArray
 from midair.streaming import LazyFrames, blocks
 
 
@@ -35,6 +35,32 @@ def sensor_from(values: Mapping[str, Any]) -> SensorGrid:
         columns=len(values["column"]),
         pitch=values["sensor_pitch_m"],
         name=values["sensor_name"],
+    )
+
+
+def array_values(array: TransducerArray) -> dict[str, Any]:
+    """Stored values of an array without the response of its transducers."""
+    return {
+        "array_name": array.name,
+        "array_pressure_pa_m": array.pressure,
+        "array_frequency_hz": array.frequency,
+        "transducer": np.arange(array.count),
+        "axis": np.arange(3),
+        "transducer_position": array.position,
+        "transducer_normal": array.normal,
+        "transducer_unit": array.unit,
+    }
+
+
+def array_from(values: Mapping[str, Any]) -> TransducerArray:
+    """Array from its stored values, with transducers as the model's."""
+    return TransducerArray(
+        position=values["transducer_position"],
+        normal=values["transducer_normal"],
+        unit=values["transducer_unit"],
+        pressure=values["array_pressure_pa_m"],
+        frequency=values["array_frequency_hz"],
+        name=values["array_name"],
     )
 
 

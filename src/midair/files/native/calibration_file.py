@@ -1,4 +1,4 @@
-"""Sensor calibrations, in a file `name.calibration.h5` or in a group of a recording."""
+"""Calibrations of sensors (`name.calibration.h5`, or a group of a recording) and of arrays (`name.array.h5`)."""
 
 import os
 from collections.abc import Mapping
@@ -9,10 +9,19 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from midair.errors import BrokenFileError, UnknownFormatError
-from midair.files.native.axes import sensor_from, sensor_values
-from midair.files.native.hdf5 import kind_of, new_file, open_file, read_group, signature, stored_group, write_group
+from midair.files.native.axes import array_from, array_values, sensor_from, sensor_values
+from midair.files.native.hdf5 import (
+    check_kind,
+    kind_of,
+    new_file,
+    open_file,
+    read_group,
+    signature,
+    stored_group,
+    write_group,
+)
 from midair.files.native.provenance_json import from_json
-from midair.model import Calibration, Crosstalk, Linearity, Measurement
+from midair.model import ArrayCalibration, Calibration, Crosstalk, Linearity, Measurement
 
 if TYPE_CHECKING:
     import h5py
@@ -33,10 +42,7 @@ Part = TypeVar("Part", Measurement, Crosstalk, Linearity)
 def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> None:
     """Write a calibration atomically to a ``.calibration.h5`` file.
 
-    Raises
-    ------
-    UnknownFormatError, FileError
-        If the name has another suffix, or the file cannot be written.
+    Raises UnknownFormatError or FileError if the name has another suffix, or the file cannot be written.
     """
     if not os.fspath(path).lower().endswith(CALIBRATION_SUFFIX):
         raise UnknownFormatError(f"{path}: expected a name that ends in {CALIBRATION_SUFFIX} for a calibration")
@@ -47,15 +53,8 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
 def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
     """Read a calibration from its own file or from a recording; None if the recording has none.
 
-    Parameters
-    ----------
-    path : str or PathLike
-        An HDF5 file of midair: a calibration or a recording.
-
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another type, or was written by a newer midair.
+    Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
+    type, or was written by a newer midair.
     """
     with open_file(path) as file:
         if kind_of(file) == "midair calibration":
@@ -126,3 +125,58 @@ def _stored(part: object, names: Mapping[str, str]) -> dict[str, Any]:
 
 def _axis(*names: str, count: int) -> dict[str, Any]:
     return {name: np.arange(count) for name in names} if count else {}
+
+
+ARRAY_SUFFIX = ".array.h5"
+
+_ERRORS = ("strength_uncertainty", "phase_uncertainty", "resonance_uncertainty", "quality_uncertainty")
+
+
+def save_array_calibration(calibration: ArrayCalibration, path: str | os.PathLike[str]) -> None:
+    """Write an array calibration atomically to a ``.array.h5`` file.
+
+    Raises UnknownFormatError or FileError if the name has another suffix, or the file cannot be written.
+    """
+    if not os.fspath(path).lower().endswith(ARRAY_SUFFIX):
+        raise UnknownFormatError(f"{path}: expected a name that ends in {ARRAY_SUFFIX} for an array's calibration")
+    values = {
+        **signature("array", calibration.provenance),
+        **array_values(calibration.array),
+        "date": calibration.date,
+        "level_uncertainty": calibration.level_uncertainty,
+        "response_real": calibration.response.real,
+        "response_imag": calibration.response.imag,
+        "pole_real": calibration.pole.real,
+        "pole_imag": calibration.pole.imag,
+        **{name: getattr(calibration, name) for name in _ERRORS},
+        "dead": calibration.dead.astype(np.int8),
+    }
+    if calibration.pose_covariance.any():
+        values |= {"pose": np.arange(calibration.pose.size), "unit_pose": calibration.pose.ravel()}
+        values["unit_pose_covariance"] = calibration.pose_covariance
+    with new_file(path) as file:
+        write_group(file, "array", values)
+
+
+def load_array_calibration(path: str | os.PathLike[str]) -> ArrayCalibration:
+    """Read an array calibration.
+
+    Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
+    type, or was written by a newer midair.
+    """
+    with open_file(path) as file:
+        check_kind(file, "array", Path(path))
+        values = read_group(file, "array", Path(path))
+    return ArrayCalibration(
+        array=array_from(values),
+        response=values["response_real"] + 1j * values["response_imag"],
+        pole=values["pole_real"] + 1j * values["pole_imag"],
+        dead=values["dead"].astype(bool),
+        # Files of older versions have no poses.
+        pose=np.reshape(values.get("unit_pose", []), (-1, 7)),
+        pose_covariance=values.get("unit_pose_covariance", np.zeros((0, 0))),
+        level_uncertainty=values["level_uncertainty"],
+        date=values["date"],
+        provenance=from_json(values["provenance"]),
+        **{name: values[name] for name in _ERRORS},
+    )

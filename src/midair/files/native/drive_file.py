@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
 from midair.files.atomic import parse_errors
-from midair.files.native.axes import check_time, time_values
+from midair.files.native.axes import array_from, array_values, check_time, time_values
 from midair.files.native.checksums import Ranges
 from midair.files.native.hdf5 import (
     finite,
@@ -38,7 +38,6 @@ from midair.model import (
     Provenance,
     Solution,
     Status,
-    TransducerArray,
 )
 from midair.streaming import LazyFrames, TempFrames, each_frame, from_iterator
 
@@ -48,12 +47,8 @@ DRIVE_SUFFIX = ".drive.h5"
 def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: AmplitudeFrames | None = None) -> None:
     """Write a drive with its errors, the geometry of its array and, if given, its target, atomically.
 
-    Raises
-    ------
-    UnknownFormatError, FileError
-        If the name does not end in ``.drive.h5``, or the file cannot be written.
-    MismatchError
-        If target and drive differ in frames or rate.
+    Raises UnknownFormatError or FileError if the name does not end in ``.drive.h5``, or the file cannot be written;
+    MismatchError if target and drive differ in frames or rate.
     """
     _check_name(path)
     values = {**_drive_values(solution.drive), **_solution_values(solution)}
@@ -72,21 +67,9 @@ def save_solutions(
 ) -> None:
     """Write a drive block by block as it is solved; the file gets its name after the last block.
 
-    Level, error, iterations and status of each frame stay in memory until then: 25 bytes per frame.
-
-    Parameters
-    ----------
-    parts : iterable of Solution
-        Blocks in order, which differ only in their frames.
-    frames : int
-        Total number of frames.
-    target : AmplitudeFrames, optional
-        The target of all blocks.
-
-    Raises
-    ------
-    UnknownFormatError, MismatchError, FileError
-        As in `save_solution`.
+    The blocks come in order and differ only in their frames; `frames` is the number of all, and `target` that of all.
+    Level, error, iterations and status of each frame stay in memory until the end: 25 bytes per frame. Raises the
+    errors of `save_solution`.
     """
     _check_name(path)
     coming = iter(parts)
@@ -228,15 +211,8 @@ def _drive_values(drive: Drive) -> dict[str, Any]:
     return {
         **signature("drive", drive.provenance),
         **time_values(drive.frames, drive.rate),
-        "array_name": array.name,
-        "array_pressure_pa_m": array.pressure,
-        "array_frequency_hz": array.frequency,
+        **array_values(array),
         **_acoustic_values(drive.acoustics),
-        "transducer": np.arange(array.count),
-        "axis": np.arange(3),
-        "transducer_position": array.position,
-        "transducer_normal": array.normal,
-        "transducer_unit": array.unit,
         **({} if array.alike else {"response_real": array.response.real, "response_imag": array.response.imag}),
         "phase": drive.phase,
         "level" if drive.level.ndim == 1 else "transducer_level": drive.level,
@@ -288,21 +264,12 @@ def _drive_from(values: Mapping[str, Any], path: Path) -> Drive:
     if ("response_real" in values) != ("response_imag" in values):
         raise BrokenFileError(f"{path}: expected response_real and response_imag together; the file is damaged")
     measured = np.asarray(values.get("response_real", np.zeros(0)) + 1j * values.get("response_imag", np.zeros(0)))
-    array = TransducerArray(
-        position=values["transducer_position"],
-        normal=values["transducer_normal"],
-        unit=values["transducer_unit"],
-        pressure=values["array_pressure_pa_m"],
-        frequency=values["array_frequency_hz"],
-        response=measured,
-        name=values["array_name"],
-    )
     provenance = from_json(values["provenance"])
     return Drive(
         phase=finite(values["phase"], "phase"),
         level=_levels(level, path),
         rate=values["rate_hz"],
-        array=array,
+        array=replace(array_from(values), response=measured),
         acoustics=_acoustics_from(values, provenance, path),
         provenance=provenance,
     )

@@ -1,17 +1,17 @@
-"""Events during a recording: lost frames, clipped or constant channels, clock drift.
+"""Events during a recording (lost frames, clipped or constant channels, clock drift) and positions of a motion stage.
 
-A running recording stores them as rows along an axis of their own, because attributes cannot change while other
-programs read. Readers return the journal as the step "events" of the provenance, so that copies and later stages keep
-it.
+A running recording stores both as rows along an axis of their own, because attributes cannot change while other
+programs read. Readers return them as the steps "events" and "stage" of the provenance, so that copies and later stages
+keep them.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, get_args
 
 import numpy as np
 
 from midair.errors import BrokenFileError
-from midair.model import Event, EventKind, Provenance, Setting
+from midair.model import Event, EventKind, Provenance, Setting, StageStamp, speed_of
 
 LISTED = 1000
 """Maximum number of events per kind that are listed in the provenance; the totals count all."""
@@ -79,3 +79,45 @@ def _settings(events: tuple[Event, ...], frames: int) -> dict[str, Setting]:
     if of["stroke"]:
         settings["strokes"] = tuple((row.frame, min(row.frames, frames - row.frame)) for row in of["stroke"][:LISTED])
     return settings
+
+
+LISTED_STAMPS = 2000
+"""Maximum number of positions in the provenance: 200 s of strokes at ten per second."""
+
+COLUMNS = ("stage_time", "stage_x", "stage_y", "stage_z", "stage_feed")
+
+
+def stage_values(stamps: Iterable[StageStamp]) -> dict[str, Any]:
+    """Stored values of stage positions."""
+    table = np.array([(stamp.time, *stamp.position, stamp.feed) for stamp in stamps], np.float64).reshape(-1, 5)
+    return {"stage": np.arange(len(table)), **dict(zip(COLUMNS, table.T, strict=True))}
+
+
+def stamps_from(values: Mapping[str, Any]) -> tuple[StageStamp, ...]:
+    """Stage positions from their stored values, () for a file without a stage; raises BrokenFileError if not finite."""
+    if any(name not in values for name in COLUMNS):
+        return ()
+    table = np.column_stack([values[name] for name in COLUMNS])
+    if not np.isfinite(table).all():
+        raise BrokenFileError("stage: expected finite times, places and speeds, got others")
+    return tuple(StageStamp(time=t, position=(x, y, z), feed=feed) for t, x, y, z, feed in table.tolist())
+
+
+def with_stage(
+    provenance: Provenance, stamps: Sequence[StageStamp], events: Iterable[Event], rate: float
+) -> Provenance:
+    """Add the stage positions of a recording at `rate` (Hz) to the provenance as step "stage", if there are any."""
+    if not stamps:
+        return provenance
+    strokes = [event for event in events if event.kind == "stroke"]
+    speeds = [
+        speed_of([one for one in stamps if event.frame <= one.time * rate <= event.frame + event.frames])
+        for event in strokes
+    ]
+    settings: dict[str, Setting] = {
+        "strokes": len(strokes),
+        "speed_m_s": tuple(speeds),
+        "columns": ("time_s", "x_m", "y_m", "z_m", "feed_m_s"),
+        "stamps": tuple((one.time, *one.position, one.feed) for one in stamps[:LISTED_STAMPS]),
+    }
+    return provenance.then("stage", settings)

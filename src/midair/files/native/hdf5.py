@@ -118,7 +118,8 @@ def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, l
     unit = str(values.get("unit", ""))
     for entry in entries:
         if entry.dimensions is None:
-            group.attrs[entry.name] = _packed(entry, values[entry.name])
+            value = values[entry.name]
+            group.attrs[entry.name] = fixed_text(value) if entry.dtype == "text" else np.dtype(entry.dtype).type(value)
     for entry in sorted(entries, key=lambda entry: not entry.coordinate):
         if entry.dimensions is not None:
             _create(group, entry, values[entry.name], entry.unit.format(unit=unit), live=live)
@@ -255,12 +256,6 @@ def _chunk(shape: tuple[int, ...], itemsize: int, *, grows: bool) -> tuple[int, 
         return None
     row = int(np.prod(shape[1:], dtype=int)) * itemsize
     return (256 if grows else max(1, min(shape[0], 65536 // max(row, 1))), *shape[1:])
-
-
-def _packed(entry: Entry, value: Any) -> Any:
-    if entry.dtype != "text":
-        return np.dtype(entry.dtype).type(value)
-    return fixed_text(value)
 
 
 def fixed_text(value: str) -> Any:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from midair.files.native.axes import check_time
+from midair.files.native.axes import array_from, array_values, check_time
 from midair.files.native.hdf5 import (
     check_kind,
     open_file,
@@ -32,14 +32,7 @@ def played_values(array: TransducerArray, rate: float, provenance: Provenance) -
         **signature("played", provenance),
         "rate_hz": rate,
         "time": np.zeros(0),
-        "array_name": array.name,
-        "array_pressure_pa_m": array.pressure,
-        "array_frequency_hz": array.frequency,
-        "transducer": np.arange(array.count),
-        "axis": np.arange(3),
-        "transducer_position": array.position,
-        "transducer_normal": array.normal,
-        "transducer_unit": array.unit,
+        **array_values(array),
         "phase_steps": np.zeros((0, array.count), np.uint8),
         "intensity": np.zeros(0, np.uint8),
         "instant": np.zeros(0, np.int64),
@@ -73,13 +66,6 @@ def load_played(path: str | os.PathLike[str]) -> PlayedTouch | None:
         return PlayedTouch(
             **{name: values[name] for name in PLAYED[1:]},
             rate=values["rate_hz"],
-            array=TransducerArray(
-                position=values["transducer_position"],
-                normal=values["transducer_normal"],
-                unit=values["transducer_unit"],
-                pressure=values["array_pressure_pa_m"],
-                frequency=values["array_frequency_hz"],
-                name=values["array_name"],
-            ),
+            array=array_from(values),
             provenance=from_json(values["provenance"]),
         )

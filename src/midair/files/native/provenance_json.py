@@ -16,11 +16,7 @@ def to_json(provenance: Provenance) -> str:
     """One line of ASCII for `from_json`.
 
     Tuples become lists, which are not used otherwise; infinity and NaN, which JSON lacks, become {"float": "inf"}.
-
-    Raises
-    ------
-    InputError
-        If a setting has a type that is not in `Setting`.
+    Raises InputError if a setting has a type that is not in `Setting`.
     """
     return json.dumps(to_plain(provenance), allow_nan=False)
 

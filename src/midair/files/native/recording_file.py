@@ -1,4 +1,4 @@
-"""Recordings, `name.h5`: samples, sensor, calibration, provenance, and calibrated pressure."""
+"""Recordings, `name.h5`: samples, sensor, calibration, provenance, and calibrated pressure; NetCDF-4 by CF."""
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from midair.errors import BrokenFileError, MismatchError
-from midair.files.file_format import Format, FormatLoss
 from midair.files.native.axes import check_time, sensor_from, sensor_values, single, time_values
 from midair.files.native.calibration_file import read_calibration, write_calibration
 from midair.files.native.checksums import Ranges
-from midair.files.native.events import event_values, events_from, with_events
+from midair.files.native.events import event_values, events_from, stamps_from, with_events, with_stage
 from midair.files.native.hdf5 import (
     check_kind,
     finite,
+    fixed_text,
     new_file,
     open_file,
     read_group,
@@ -29,8 +29,8 @@ from midair.files.native.hdf5 import (
 from midair.files.native.hdf5_recovery import is_unclosed
 from midair.files.native.played_group import load_played, write_played
 from midair.files.native.provenance_json import from_json
-from midair.files.native.stage_stamps import stamps_from, with_stage
-from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.native.schema import NETCDF
+from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
 from midair.model import (
     Calibration,
     Event,
@@ -43,6 +43,7 @@ from midair.model import (
     Unit,
 )
 from midair.streaming import LazyFrames, block_ranges
+from midair.version import __version__
 
 if TYPE_CHECKING:
     import h5py
@@ -181,12 +182,7 @@ class RecordingBuffer:
 def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> None:
     """Store calibrated pressure in the file of its recording, in place of an earlier one; the file is replaced.
 
-    Raises
-    ------
-    MismatchError
-        If the pressure has another sensor shape.
-    FileError
-        If the file cannot be read or written.
+    Raises MismatchError if the pressure has another sensor shape and FileError if the file cannot be read or written.
     """
     take = read_recording(Path(path), ImportOptions(streamed=True))
     write_recording(take.recording, Path(path), take.calibration, pressure, played=load_played(path))
@@ -263,3 +259,28 @@ def _written(samples: "np.ndarray | LazyFrames") -> int:
 
 
 HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
+
+
+CONVENTIONS = "CF-1.11"
+
+
+def write_netcdf(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
+    """Write a recording atomically and without loss; the calibration is a group."""
+    life = recording.provenance
+    attributes: dict[str, str] = {
+        "Conventions": CONVENTIONS,
+        "title": f"Recording of {recording.sensor.name}",
+        "source": life.source + (" (SIMULATED)" if life.simulated else ""),
+        "history": "; ".join(step.stage for step in life.steps) or "recorded",
+        "comment": f"Written by midair {__version__}; its provenance is JSON in the attribute provenance.",
+    }
+    with new_file(path, room=recording.samples.nbytes) as file:
+        write_group(file, "recording", recording_values(recording))
+        if calibration is not None:
+            write_calibration(file.create_group("calibration"), calibration)
+        for entry in NETCDF:
+            file.attrs[entry.name] = fixed_text(attributes[entry.name])
+    return ()
+
+
+NETCDF4 = Format(name="NetCDF of midair", read=read_recording, write=write_netcdf)

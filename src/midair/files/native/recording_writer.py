@@ -19,11 +19,10 @@ from midair.files.atomic import note_written_file, reason, writable_path
 from midair.files.native.axes import sensor_values, single
 from midair.files.native.calibration_file import write_calibration
 from midair.files.native.checksums import extend_checksums
-from midair.files.native.events import KINDS, event_values
+from midair.files.native.events import KINDS, event_values, stage_values
 from midair.files.native.hdf5 import LAYOUT, fixed_text, signature, stored_dataset, write_group
 from midair.files.native.live_file import LiveFile
 from midair.files.native.played_group import PLAYED, played_values
-from midair.files.native.stage_stamps import stage_values
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, StageStamp, TransducerArray, Unit
 from midair.streaming import Stored
 from midair.validation import frozen_array, positive
@@ -135,20 +134,11 @@ class RecordingWriter:
         importlib.import_module("h5py")
 
     def append(self, block: ArrayLike, played: Mapping[str, np.ndarray] | None = None) -> None:
-        """Append frames.
+        """Append frames in the unit of the recording, shape (frame, row, column).
 
-        Parameters
-        ----------
-        block : array_like, shape (frame, row, column)
-            In the unit of the recording; an invalid block raises InputError and nothing is written.
-        played : mapping, optional
-            With `array`: ``phase_steps``, ``intensity``, ``instant`` and ``state`` of these frames, as in
-            `PlayedTouch`.
-
-        Raises
-        ------
-        FileError
-            If the file is closed, or the disk is full or fails.
+        With `array`, `played` holds ``phase_steps``, ``intensity``, ``instant`` and ``state`` of these frames, as in
+        `PlayedTouch`. An invalid block raises InputError and nothing is written. Raises FileError if the file is
+        closed, or the disk is full or fails.
         """
         samples = frozen_array(block, "block", ("frame", *self.sensor.shape))
         if self.stored == "f4" and single(samples) is samples:

@@ -26,17 +26,9 @@ def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
     """Close a recording whose writer was killed, and keep the undamaged frames of a recording or a drive.
 
     Damaged frames of a recording hold the last good frame and are listed as lost; those of a drive are silent. Other
-    damaged parts are left out. The file is replaced atomically, with checksums.
-
-    Returns
-    -------
-    tuple of str
-        Sentences on what was repaired; empty if the file was closed correctly and is undamaged.
-
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError, FileError
-        If no frame can be read, the file cannot be written, or a program is still recording into it.
+    damaged parts are left out. The file is replaced atomically, with checksums. Returns sentences on what was repaired;
+    none if the file was closed correctly and is undamaged. Raises MissingFileError, BrokenFileError, UnknownFormatError
+    or FileError if no frame can be read, the file cannot be written, or a program is still recording into it.
     """
     place = Path(path)
     check_not_recording(place)

@@ -24,8 +24,7 @@ class Entry:
     """Axes of a dataset, () for a single number; None for an attribute."""
     unit: str = ""
     """Attribute `units` of a dataset, "1" for a pure number, ``{unit}`` for the unit of the sensor's output; empty for
-    attributes, whose names contain it.
-    """
+    attributes, whose names contain it."""
     required: bool = True
     single: bool = False
     """Whether it is stored as f4 if that holds every number."""

@@ -17,12 +17,8 @@ DEFAULT_PROFILE = "occupational-110"
 def load_profiles(path: str | os.PathLike[str] | None = None) -> dict[str, ExposureProfile]:
     """Exposure profiles of a TOML file, by name; those of midair if None.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError
-        If the file does not exist, or is not text.
-    InputError
-        If it contains no valid profiles.
+    Raises MissingFileError or BrokenFileError if the file does not exist, or is not text; InputError if it contains no
+    valid profiles.
     """
     if path is None:
         return profiles_of(resources.files("midair.files.toml").joinpath("exposure.toml").read_text(encoding="utf-8"))
@@ -36,10 +32,7 @@ def load_profiles(path: str | os.PathLike[str] | None = None) -> dict[str, Expos
 def profile_named(name: str, path: str | os.PathLike[str] | None = None) -> ExposureProfile:
     """One exposure profile.
 
-    Raises
-    ------
-    InputError
-        If no profile has that name.
+    Raises InputError if no profile has that name.
     """
     profiles = load_profiles(path)
     if name not in profiles:

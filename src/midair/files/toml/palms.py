@@ -40,12 +40,8 @@ class PalmSheet:
 def load_palm(path: str | os.PathLike[str]) -> Palm:
     """Read a palm from a TOML file.
 
-    Raises
-    ------
-    MissingFileError
-        If the file or its picture does not exist.
-    BrokenFileError
-        If the file or the picture is invalid.
+    Raises MissingFileError if the file or its picture does not exist and BrokenFileError if the file or the picture is
+    invalid.
     """
     content = read_toml(path, "a TOML file with the outline of a palm")
     try:

@@ -27,12 +27,7 @@ from midair.model import Placement
 def load_placement(path: str | os.PathLike[str]) -> Placement:
     """Read a placement from a TOML file.
 
-    Raises
-    ------
-    MissingFileError
-        If the file does not exist.
-    BrokenFileError
-        If it is not TOML, or a key or value is invalid.
+    Raises MissingFileError if the file does not exist; BrokenFileError if it is not TOML, or a key or value is invalid.
     """
     content = read_toml(path, "a TOML file with the placement of the units")
     name, units = content.pop("name", Path(path).stem), content.pop("unit", None)

@@ -21,21 +21,10 @@ def to_plain(value: Any) -> Any:
 
 
 def from_plain(kind: type[Any], values: Mapping[str, Any], *, where: str = "") -> Any:
-    """Create a dataclass from the output of `to_plain`; missing fields take their defaults.
+    """Create the dataclass `kind` from the output of `to_plain`; missing fields take their defaults.
 
-    Parameters
-    ----------
-    kind : type
-        The dataclass.
-    values : mapping
-        Values by field name; nested dataclasses as mappings.
-    where : str
-        Prefix of names in messages, such as ``solver.``.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown, or a value has the wrong type or is out of range.
+    `where` is the prefix of names in messages, such as ``solver.``. Raises InputError if a name is unknown, or a value
+    has the wrong type or is out of range.
     """
     hints, known = get_type_hints(kind), {one.name for one in fields(kind)}
     if unknown := sorted(set(values) - known):

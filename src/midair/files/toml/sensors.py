@@ -34,12 +34,7 @@ _KEYS = {"name", "unit", "order", *_NUMBERS}
 def load_sensor(path: str | os.PathLike[str]) -> SensorWiring:
     """Read a sensor from a TOML file; the defaults are 4 x 4 cells at 11 mm, in counts.
 
-    Raises
-    ------
-    MissingFileError
-        If the file does not exist.
-    BrokenFileError
-        If it is not TOML, or a key or value is invalid.
+    Raises MissingFileError if the file does not exist; BrokenFileError if it is not TOML, or a key or value is invalid.
     """
     content = read_toml(path, "a TOML file that describes a sensor")
     _check_keys(content, path)
@@ -52,10 +47,7 @@ def load_sensor(path: str | os.PathLike[str]) -> SensorWiring:
 def save_sensor(sensor: SensorWiring, path: str | os.PathLike[str]) -> None:
     """Write a sensor file atomically.
 
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
+    Raises FileError if the file cannot be written.
     """
     with atomic_file(Path(path)) as partial:
         Path(partial).write_text(sensor_text(sensor), encoding="utf-8")

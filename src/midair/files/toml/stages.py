@@ -35,12 +35,7 @@ AXES = ("x_mm", "y_mm", "z_mm")
 def load_stage(path: str | os.PathLike[str]) -> StageSetup:
     """Read the set-up of a motion stage from a TOML file.
 
-    Raises
-    ------
-    MissingFileError
-        If the file does not exist.
-    BrokenFileError
-        If it is not TOML, or a key or value is invalid.
+    Raises MissingFileError if the file does not exist; BrokenFileError if it is not TOML, or a key or value is invalid.
     """
     content = {"homing": "switches"} | read_toml(path, "a TOML file that describes a motion stage")
     try:

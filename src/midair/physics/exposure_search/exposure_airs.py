@@ -32,11 +32,8 @@ STEP = 2.6
 def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: TransducerArray) -> tuple[Acoustics, ...]:
     """The airs that a room may have, from the coldest to the warmest.
 
-    Parameters
-    ----------
-    room : Medium or None
-        The stated air, for 2 degrees and 20 % of humidity around it; 14 to 30 degrees if None. A humidity of 50 % is
-        that of `Medium.at` by default, and counts as not stated: 10 to 90 %.
+    They are 2 degrees and 20 % of humidity around the stated air; 14 to 30 degrees if `room` is None. A humidity of 50
+    % is that of `Medium.at` by default, and counts as not stated: 10 to 90 %.
     """
     cold, warm = UNKNOWN if room is None else (max(room.degrees - AROUND, 0.0), min(room.degrees + AROUND, 50.0))
     humidity = 0.5 if room is None or room.humidity is None else room.humidity

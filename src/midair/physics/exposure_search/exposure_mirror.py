@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from midair.array_types import Array, Single
 from midair.model import TransducerArray
 from midair.physics.exposure_places import Place
 from midair.physics.exposure_search.exposure_products import Product, Workspace
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 Complex = NDArray[np.complex64]
 Indices = NDArray[np.intp]
 

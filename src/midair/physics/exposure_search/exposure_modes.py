@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Single
 from midair.physics.exposure_search.exposure_grid import Stack, between, lattice
 from midair.physics.exposure_search.exposure_products import Product, Workspace, power_of
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 Complex = NDArray[np.complex64]
 Field = Callable[[Array], Complex]
 

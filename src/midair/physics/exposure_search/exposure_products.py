@@ -1,4 +1,4 @@
-"""Products of complex matrices in single precision, written into reused arrays."""
+"""Frames of a drive and their complex products with a field, in single precision, written into reused arrays."""
 
 from dataclasses import dataclass
 from math import prod
@@ -7,7 +7,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-Single = NDArray[np.float32]
+from midair.array_types import Array, Single
+from midair.model import Drive
 
 
 class Workspace:
@@ -65,3 +66,41 @@ def power_of(field: Single) -> Single:
     """Squared magnitude, shape (frame, point), of (real and imaginary, frame, point), which is overwritten."""
     np.multiply(field, field, out=field)
     return np.add(field[0], field[1], out=field[0])
+
+
+Indices = NDArray[np.intp]
+
+
+def drive_parts(
+    drive: Drive,
+    frames: slice | Indices,
+    space: Workspace,
+    order: Indices | None = None,
+    *,
+    steps: int | None = None,
+) -> tuple[Single, Array]:
+    """Some frames as float32 (3, frame, transducer), and their level (frame, 1) or (frame, transducer).
+
+    A level common to all transducers of a frame is not yet included in the parts. `order` permutes the transducers of
+    the parts; `steps` rounds phases to that many steps per turn.
+    """
+    phase = np.asarray(drive.phase[frames])
+    level = np.asarray(drive.level[frames]).reshape(len(phase), -1)
+    parts, angle = space.array("parts", 3, *phase.shape), space.array("angle", *phase.shape)
+    with np.errstate(over="ignore"):
+        angle[:] = phase
+    # Remove whole turns, which would cost digits in single precision; files may contain any phase.
+    if max(angle.max(initial=0.0), -angle.min(initial=0.0)) > 64:
+        angle[:] = np.remainder(phase, 2 * np.pi)
+    if steps is not None:
+        angle *= steps / (2 * np.pi)
+        np.rint(angle, out=angle)
+        angle *= 2 * np.pi / steps
+    if order is not None:
+        angle = np.take(angle, order, axis=1, out=space.array("ordered", *phase.shape), mode="clip")
+    np.cos(angle, out=parts[0])
+    np.sin(angle, out=parts[1])
+    if level.shape[1] > 1:
+        parts[:2] *= (level if order is None else level[:, order]).astype(np.float32)
+    np.add(parts[0], parts[1], out=parts[2])
+    return parts, level

@@ -17,6 +17,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Single
 from midair.model import Acoustics, TransducerArray
 from midair.physics.exposure_places import Place
 from midair.physics.exposure_search.exposure_grid import bands, slow_field, stacks
@@ -25,8 +26,6 @@ from midair.physics.exposure_search.exposure_modes import FieldByModes, field_by
 from midair.physics.exposure_search.exposure_products import Product, Workspace, power_of
 from midair.physics.propagation import transfer_matrix
 
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 Complex = NDArray[np.complex64]
 Airs = tuple[Acoustics, ...]
 
@@ -241,14 +240,9 @@ def point_search(points: Array, array: TransducerArray, airs: Airs) -> PointSear
 
 
 def searched_points(place: Place, array: TransducerArray, airs: Airs, *, among: tuple[Place, ...] = ()) -> Array:
-    """The points of a place's cube at which a drive is evaluated, shape (point, 3), in m.
+    """The points of a place's cube at which a drive is evaluated in every air, shape (point, 3), in m.
 
-    Parameters
-    ----------
-    airs : tuple of Acoustics
-        Each point is evaluated in every air.
-    among : tuple of Place
-        All places that are evaluated at once, this one included: mirrored places share their points.
+    `among` are all places that are evaluated at once, this one included: mirrored places share their points.
     """
     pair = pair_of(among, array)
     if pair is not None and place in (beside := [among[number] for number in pair.numbers]):

@@ -5,17 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from midair.study.design.adaptive import Staircase
-from midair.study.design.adaptive_levels import correct_answer, stimulus_levels
-from midair.study.design.answers import answers_table
-from midair.study.design.blocks import Block
-from midair.study.design.exclusions import answer_exclusion, excluded_participants
+from midair.array_types import Array
+from midair.study.design.adaptive import Staircase, correct_answer, stimulus_levels
+from midair.study.design.answers import answer_exclusion, answers_table, excluded_participants
 from midair.study.design.plan import Plan, Trial
 from midair.study.design.session_state import SessionState
 from midair.study.design.stimulus import right_answer
-from midair.study.design.study_design import Design
+from midair.study.design.study_design import Block, Design
 from midair.study.statistics import ThresholdModel
 
 if TYPE_CHECKING:
@@ -23,7 +20,6 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 History = list[tuple[int, bool]]
 """Index of the stimulus level and whether the answer was correct, in order of presentation."""
 
@@ -48,14 +44,9 @@ def thresholds_of(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame | N
     """Thresholds of every adaptive block in every session; None if the plan has no such block.
 
     A threshold uses the scored rows of `answers_table`, so that exports and reports have the same trials. It is
-    estimated by `ThresholdModel`, with the levels of the block and the lapse limit of the plan.
-
-    Returns
-    -------
-    DataFrame
-        Columns participant, block, threshold, sd, low, high (95 % limits), trials (analysed answers), bias, lapse,
-        p_misfit, note. Where a threshold is excluded or refused, threshold, sd, low and high are NaN and `note` gives
-        the reason.
+    estimated by `ThresholdModel`, with the levels of the block and the lapse limit of the plan. Columns: participant,
+    block, threshold, sd, low, high (95 % limits), trials (analysed answers), bias, lapse, p_misfit, note. Where a
+    threshold is excluded or refused, threshold, sd, low and high are NaN and `note` gives the reason.
     """
     from pandas import DataFrame
 

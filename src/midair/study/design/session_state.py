@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from midair.errors import BrokenFileError, MidairError, MismatchError
 from midair.study.design.plan import Plan, Trial
-from midair.study.design.sent_markers import SentMarker
 from midair.study.design.stimulus import right_answer
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
+
+    from pandas import DataFrame
 
 Policy = Literal["resume", "restart", "block"]
 """After an interruption: continue with the unfinished trial, repeat the session, or repeat the block."""
@@ -31,6 +32,22 @@ class GivenAnswer:
     """How the time was measured: "key", "line", "page", "model"; empty if the log does not state it."""
     late: bool = False
     """Whether the time limit passed without an answer."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SentMarker:
+    """One marker of the log."""
+
+    kind: str
+    """"trial", "stimulus", "answer" or "late"."""
+    trial: str
+    """Code of the trial."""
+    code: int
+    """Byte of the marker."""
+    clock_s: float
+    """Time on the clock of LSL, in s; the monotonic clock of the computer without an LSL stream."""
+    time: str
+    """ISO 8601."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,25 +121,10 @@ class SessionState:
 
 
 def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int, *, name: str = "log") -> SessionState:
-    """Compute the state of a session from its events.
+    """Compute the state of a participant's session from its events, the lines of the log in order.
 
-    Parameters
-    ----------
-    events : iterable of mapping
-        Lines of the log, in order.
-    plan : Plan
-        Plan that the session follows.
-    participant : int
-        Number of the participant.
-    name : str
-        Name of the log in messages.
-
-    Raises
-    ------
-    MismatchError
-        If the log follows another plan, or belongs to another participant.
-    BrokenFileError
-        If an event is incomplete or invalid.
+    `name` is that of the log in messages. Raises MismatchError if the log follows another plan or belongs to another
+    participant, and BrokenFileError if an event is incomplete or invalid.
     """
     try:
         return _replay_events(events, plan, participant)
@@ -292,3 +294,29 @@ def _field(event: Mapping[str, Any], name: str, *kinds: type) -> Any:
     if type(value) not in kinds:
         raise TypeError(f"{name} is {str(value)[:40]!r}")
     return value
+
+
+def markers_table(sessions: Sequence[SessionState]) -> DataFrame:
+    """Table of all sent markers with the columns of a BIDS table of events, and participant, session and trial."""
+    from pandas import DataFrame
+
+    from midair.study.design.answers import seconds_between
+
+    rows: list[dict[str, Any]] = []
+    for session in sessions:
+        trials = {trial.code: trial for trial in session.trials}
+        for marker in session.markers:
+            trial = trials[marker.trial]
+            rows.append(
+                {
+                    "participant": f"sub-{trial.participant:02d}",
+                    "session": trial.session,
+                    "onset": seconds_between(session.began.get(trial.session, marker.time), marker.time),
+                    "duration": "n/a",
+                    "trial_type": marker.kind,
+                    "value": marker.code,
+                    "trial": trial.number,
+                    "clock": marker.clock_s,
+                }
+            )
+    return DataFrame(rows)

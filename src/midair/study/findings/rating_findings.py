@@ -9,14 +9,7 @@ import numpy as np
 from midair.errors import InputError
 from midair.study.findings.finding import Finding, note_last, p_words
 from midair.study.findings.study_data import StudyData
-from midair.study.statistics import (
-    cell_means,
-    cumulative_mixed,
-    holm,
-    ordinal_check,
-    pairwise,
-    rm_anova,
-)
+from midair.study.statistics import cell_means, cumulative_mixed, holm, ordinal_check, pairwise, rm_anova
 
 if TYPE_CHECKING:
     from pandas import DataFrame

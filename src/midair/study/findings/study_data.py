@@ -70,27 +70,11 @@ def data_of_answers(
     files: str = "",
     design: Design | None = None,
 ) -> StudyData:
-    """Sort the answers of a study by the planned analyses.
+    """Sort the answers of a study (`answers_table`) by the planned analyses.
 
-    Parameters
-    ----------
-    answers : DataFrame
-        Result of `answers_table`.
-    analysis : Analysis
-        Planned analyses.
-    thresholds : DataFrame, optional
-        Result of `thresholds_of`.
-    excluded : DataFrame, optional
-        Result of `left_out`.
-    files : str
-        Result of the check of plan, drives and logs.
-    design : Design, optional
-        Design, for the list of all questions and the form.
-
-    Raises
-    ------
-    InputError
-        If no answer is scored.
+    `thresholds` is the result of `thresholds_of`, `excluded` that of `excluded_participants`, `files` that of the check
+    of plan, drives and logs; `design` gives the list of all questions and the form. Raises InputError if no answer is
+    scored.
     """
     scored = answers if answers.empty else answers.loc[answers["scored"].to_numpy(bool)]
     if scored.empty:
@@ -152,12 +136,8 @@ def data_of_columns(
 ) -> StudyData:
     """Answers from the named columns of any table, such as earlier data of a laboratory.
 
-    The other options are those of `Analysis`.
-
-    Raises
-    ------
-    InputError
-        If a column is missing, or neither choices nor ratings are named.
+    The other options are those of `Analysis`. Raises InputError if a column is missing, or neither choices nor ratings
+    are named.
     """
     data = frame_of(table)
     choices = ratings = None

@@ -103,19 +103,9 @@ class EventLog:
 def read_events(path: Path, *, chained: bool = False) -> list[dict[str, Any]]:
     """Every event of a log without its chain hash; an incomplete last line is ignored.
 
-    Parameters
-    ----------
-    path : Path
-        File of the log.
-    chained : bool
-        Whether every line needs a chain hash, as `Plan.chain`. If not, lines before the first hash need none.
-
-    Raises
-    ------
-    MissingFileError
-        If the log does not exist.
-    BrokenFileError
-        If a line is not an event, or the chain is broken: the log was changed after it was written.
+    With `chained` every line needs a chain hash, as `Plan.chain`; without, lines before the first hash need none.
+    Raises MissingFileError if the log does not exist, and BrokenFileError if a line is not an event, or the chain is
+    broken: the log was changed after it was written.
     """
     return _read_chain(path, chained)[0]
 

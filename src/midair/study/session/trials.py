@@ -28,6 +28,9 @@ AGAIN = "The device interrupted the last presentation. It will be repeated from 
 class Session:
     """Session of one participant; a context manager that silences the presenter on every exit.
 
+    Raises MismatchError on entering, if the log follows another plan; BrokenFileError on entering, if the log was
+    changed after it was written.
+
     Parameters
     ----------
     plan : Plan
@@ -51,13 +54,6 @@ class Session:
         Further fields of the "open" event, such as the masking noise.
     markers : EventMarkers, optional
         Open outputs that get a marker at each trial and answer; stimuli are marked by a `MarkedPresenter`.
-
-    Raises
-    ------
-    MismatchError
-        On entering, if the log follows another plan.
-    BrokenFileError
-        On entering, if the log was changed after it was written.
     """
 
     def __init__(
@@ -162,7 +158,7 @@ class Session:
         stimulus = self._due(trial)
         try:
             self._clock.wait(trial.wait_s, self._stopped)
-            self._present_members(stimulus, step.text, cue or _ignore_cue)
+            self._present_members(stimulus, step.text, cue or (lambda _: None))
         except DeviceError as wrong:
             self._failed(step, wrong)
             return
@@ -265,10 +261,6 @@ class Session:
         for marker in self._markers.take() if self._markers is not None else ():
             self._log.append({"event": "marker", **marker})
         self._log.append({"event": event, **fields, "time": self._clock.now()})
-
-
-def _ignore_cue(_text: str) -> None:
-    """Default for sessions without a screen."""
 
 
 def run(session: Session, screen: Screen) -> TrialStep:

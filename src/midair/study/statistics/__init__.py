@@ -1,13 +1,14 @@
 """Statistics of choices, ratings and thresholds as pure functions of arrays and tables."""
 
+from .anova import ordinal_check as ordinal_check
 from .anova import rm_anova as rm_anova
-from .cell_averages import cell_means as cell_means
 from .choice_limits import d_prime_limits as d_prime_limits
 from .choice_limits import f_limits as f_limits
 from .choice_limits import kappa_limits as kappa_limits
 from .choice_limits import macro_f_limits as macro_f_limits
 from .choice_limits import share_limits as share_limits
 from .choice_limits import two_answers_limits as two_answers_limits
+from .columns import cell_means as cell_means
 from .columns import column as column
 from .columns import frame_of as frame_of
 from .columns import levels as levels
@@ -29,7 +30,6 @@ from .detection import d_prime_yes_no as d_prime_yes_no
 from .detection import proportion_correct as proportion_correct
 from .mixed import logistic_mixed as logistic_mixed
 from .mixed import logistic_posterior as logistic_posterior
-from .ordinal import ordinal_check as ordinal_check
 from .pair_comparisons import pairwise as pairwise
 from .paired import Equivalence as Equivalence
 from .paired import PairedT as PairedT
@@ -60,6 +60,4 @@ from .resample import Scale as Scale
 from .resample import limits_over_people as limits_over_people
 from .resample import sign_flip as sign_flip
 from .threshold_model import PRIORS as PRIORS
-from .threshold_model import ThresholdEstimate as ThresholdEstimate
 from .threshold_model import ThresholdModel as ThresholdModel
-from .threshold_model import ThresholdTask as ThresholdTask

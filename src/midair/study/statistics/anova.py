@@ -1,4 +1,4 @@
-"""Repeated-measures analysis of variance with any number of within- and between-subject factors."""
+"""Repeated-measures analysis of variance, with corrections for sphericity, limits of effect sizes, a check on ranks."""
 
 from __future__ import annotations
 
@@ -9,18 +9,98 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
-from midair.study.statistics.cell_averages import CellMeans, cell_means
-from midair.study.statistics.columns import column, frame_of, levels
-from midair.study.statistics.effect_sizes import eta_squared_limits
-from midair.study.statistics.sphericity import sphericity
+from midair.study.statistics.columns import CellMeans, cell_means, column, frame_of, levels, numbers
+from midair.study.statistics.resample import sign_flip
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
+
+def sphericity(covariance: Array, df: int) -> tuple[dict[str, float], str]:
+    """Epsilons of Greenhouse and Geisser and of Huynh and Feldt, Mauchly's W and its p; and a note on undefined values.
+
+    `covariance` (contrast, contrast) is pooled within groups with `df` degrees of freedom: participants minus groups.
+    """
+    d = len(covariance)
+    if d == 1:
+        return {"eps_GG": 1.0, "eps_HF": 1.0, "W": 1.0, "p_W": 1.0}, ""
+    trace = float(np.trace(covariance))
+    gg = trace**2 / (d * float((covariance**2).sum()))
+    room = df - d * gg
+    # Where the estimate is not finite, no correction is applied: 1.
+    hf = ((df + 1) * d * gg - 2) / (d * room) if room > 1e-9 else 1.0
+    if df < d:
+        note = f"Mauchly's test needs {d} or more participants beyond one per group, got {df}"
+        return {"eps_GG": gg, "eps_HF": hf, "W": np.nan, "p_W": np.nan}, note
+    sign, logarithm = np.linalg.slogdet(covariance / (trace / d))
+    if sign <= 0 or logarithm < -200:
+        note = "contrasts are linearly dependent: Mauchly's test is undefined"
+        return {"eps_GG": gg, "eps_HF": hf, "W": 0.0, "p_W": np.nan}, note
+    return {"eps_GG": gg, "eps_HF": hf, "W": float(np.exp(logarithm)), "p_W": _mauchly(logarithm, d, df)}, ""
+
+
+def _mauchly(log_w: float, d: int, df: int) -> float:
+    """P-value of Mauchly's W by Box's expansion to second order (Anderson, Multivariate Analysis, 10.7).
+
+    R's mauchly.test uses the number of cells for d in one term: above d = 2 the third decimal differs.
+    """
+    from scipy.stats import chi2
+
+    rho = 1 - (2 * d**2 + d + 2) / (6 * d * df)
+    weight = (d + 2) * (d - 1) * (d - 2) * (2 * d**3 + 6 * d**2 + 3 * d + 2) / (288 * (df * d * rho) ** 2)
+    z, f = -df * rho * log_w, d * (d + 1) / 2 - 1
+    first, second = chi2.sf(z, f), chi2.sf(z, f + 4)
+    return float(np.clip(first + weight * (second - first), 0, 1))
+
+
+def noncentral_t_limits(t: float, df: float, *, level: float = 0.95) -> tuple[float, float]:
+    """Confidence limits of the noncentrality of an observed t (Cumming and Finch, 2001)."""
+    from scipy.optimize import brentq
+    from scipy.special import chdtri, nctdtr, ndtri
+
+    tail = (1 - level) / 2
+    # The limits lie between t S - z and t S + z, for quantiles of S = sqrt(chi2 / df) and z at half of the tail.
+    reach = t * np.sqrt(chdtri(df, np.array([1 - tail / 2, tail / 2])) / df)
+    if abs(t) > 1000:  # the numerator's error is negligible, and nctdtr is NaN for t of 1e6
+        reach = t * np.sqrt(chdtri(df, np.array([1 - tail, tail])) / df)
+        return float(reach.min()), float(reach.max())
+    begin, end = float(reach.min() + ndtri(tail / 2)), float(reach.max() - ndtri(tail / 2))
+
+    def excess(ncp: float, share: float) -> float:
+        return float(nctdtr(df, ncp, t)) - share
+
+    low, high = (float(brentq(excess, begin, end, args=(share,), xtol=1e-10)) for share in (1 - tail, tail))
+    return low, high
+
+
+def eta_squared_limits(f: float, df1: float, df2: float, *, level: float = 0.9) -> tuple[float, float]:
+    """Confidence limits of partial eta squared from an F statistic with fixed effects (Steiger, 2004).
+
+    A noncentrality L corresponds to the partial eta squared L / (L + df2). Limits at level 0.9 exclude 0 if p < 0.05.
+    """
+    from scipy.optimize import brentq
+    from scipy.special import chdtri, fdtr, ncfdtr
+
+    def excess(ncp: float, tail: float) -> float:
+        return float(ncfdtr(df1, df2, ncp, f)) - tail
+
+    if not np.isfinite(f):
+        return np.nan, np.nan
+    limits: list[float] = []
+    for tail in ((1 + level) / 2, (1 - level) / 2):
+        most, ncp = 4 * df1 * f + 10, 0.0
+        if f > 1e6:  # as for t
+            ncp = df1 * f * float(chdtri(df2, tail)) / df2
+        elif fdtr(df1, df2, f) > tail:
+            while ncfdtr(df1, df2, most, f) > tail:
+                most *= 2
+            ncp = float(brentq(excess, 0, most, args=(tail,), xtol=1e-10))
+        limits.append(ncp / (ncp + df2))
+    return limits[0], limits[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,7 +148,8 @@ def rm_anova(
       manipulated. 90 % limits of np2 from the noncentral F, with degrees of freedom times eps_GG; they exclude 0 if
       p_GG < 0.05. Those of ges are converted from them with the observed ratio of the error sums of squares.
 
-    Several answers in one cell are averaged first.
+    Several answers in one cell are averaged first. Raises InputError if there are fewer participants than groups + 1, a
+    cell or group is empty, a factor has one level, a participant is in two groups, or all answers are equal.
 
     Parameters
     ----------
@@ -87,12 +168,6 @@ def rm_anova(
         One row per effect; columns effect, df1, df2, F, p, eps_GG, p_GG, eps_HF, p_HF, W, p_W, np2, ges, np2_low,
         np2_high, ges_low, ges_high, note. An effect with one contrast is spherical: its epsilons and W are 1. A value
         that is undefined is NaN, and `note` gives the reason.
-
-    Raises
-    ------
-    InputError
-        If there are fewer participants than groups + 1, a cell or group is empty, a factor has one level, a participant
-        is in two groups, or all answers are equal.
     """
     from pandas import DataFrame
 
@@ -208,3 +283,33 @@ def _row(z: Array, rest: Array, groups: Groups, outer: Array, noise: float, scal
     row: dict[str, object] = {"df1": df1, "df2": df2, "F": ratio, "p": p["p"]}
     row |= {"eps_GG": round_["eps_GG"], "p_GG": p["p_GG"], "eps_HF": round_["eps_HF"], "p_HF": p["p_HF"]}
     return row | {"W": round_["W"], "p_W": round_["p_W"], **shares, "note": note}
+
+
+def ordinal_check(
+    table: DataFrame | Mapping[str, Any],
+    *,
+    value: str,
+    participant: str,
+    within: Sequence[str],
+    rng: np.random.Generator,
+) -> DataFrame:
+    """Repeat an analysis of variance on ranks, with sign-flip p-values, as columns effect, F, p_GG, p_sign.
+
+    Answers are ranked within each participant, which removes individual levels and use of the scale. The ranks are
+    analysed by `rm_anova`, which has the same arguments and errors; `sign_flip` of the contrasts adds a p-value without
+    a distributional assumption, by random flips from `rng` for more than 13 participants. If the two analyses disagree,
+    the result depends on treating ratings as interval data.
+    """
+    from scipy.stats import rankdata
+
+    data = frame_of(table)
+    people, person = levels(column(data, participant))
+    ranks = numbers(data, value)
+    for index in range(len(people)):
+        ranks[person == index] = rankdata(ranks[person == index])
+    ranked = data.assign(**{value: ranks})
+    result = rm_anova(ranked, value=value, participant=participant, within=within)
+    cells = cell_means(ranked, value=value, participant=participant, within=within)
+    answers = cells.mean.reshape(len(people), -1)
+    p = [sign_flip(answers @ contrasts(cells.mean.shape[1:], effect).T, rng=rng) for effect in effects(list(within))]
+    return result[["effect", "F", "p_GG"]].assign(p_sign=p)

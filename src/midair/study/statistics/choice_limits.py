@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.statistics.confusion import cohen_kappa, f_measure
 from midair.study.statistics.detection import d_prime_of_share, d_prime_yes_no
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
     from midair.study.statistics.detection import Sensitivity
 
-Array = NDArray[np.float64]
 Counts = NDArray[Any]
 
 

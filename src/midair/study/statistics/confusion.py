@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.study.statistics.columns import levels
 from midair.study.statistics.resample import Chance, percentile_p
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 
@@ -69,6 +69,9 @@ def confusion_matrix(
 ) -> Confusion:
     """Count the answers to each object by participant.
 
+    Raises ShapeError if the lengths differ or are 0; InputError if an object was never presented, or an answer is no
+    known object.
+
     Parameters
     ----------
     presented, answered : sequence, length trial
@@ -79,13 +82,6 @@ def confusion_matrix(
         Objects in the wanted order; by default those presented, in order of appearance.
     foils : sequence
         Possible answers that are never correct; they count as wrong.
-
-    Raises
-    ------
-    ShapeError
-        If the lengths differ or are 0.
-    InputError
-        If an object was never presented, or an answer is no known object.
     """
     truth, answer = np.asarray(presented), np.asarray(answered)
     who = np.zeros(len(truth), int) if participant is None else np.asarray(participant)
@@ -121,12 +117,9 @@ def f_measure(counts: NDArray[Any]) -> Array:
 def scores(confusion: Confusion, *, level: float = 0.95) -> DataFrame:
     """Precision, recall and F of each object.
 
-    Returns
-    -------
-    DataFrame
-        Columns object, presented, answered, precision, recall, recall_low, recall_high, F, note. The interval of recall
-        is Wilson's, which assumes independent trials; see `limits_over_people` for intervals over participants. The
-        precision of an object that was never answered is NaN, and `note` says so.
+    Columns object, presented, answered, precision, recall, recall_low, recall_high, F, note. The interval of recall is
+    Wilson's, which assumes independent trials; see `limits_over_people` for intervals over participants. The precision
+    of an object that was never answered is NaN, and `note` says so.
     """
     from pandas import DataFrame
 
@@ -194,18 +187,10 @@ def cohen_kappa(counts: NDArray[Any]) -> float:
 
 
 def mutual_information(counts: NDArray[Any]) -> tuple[float, float]:
-    """Mutual information between answer and object, in bits.
+    """Mutual information between answer and object, in bits, from the number of trials (presented, answered).
 
-    Parameters
-    ----------
-    counts : ndarray, shape (presented, answered)
-        Number of trials.
-
-    Returns
-    -------
-    plain, corrected : float
-        Plug-in estimate, and the estimate minus its bias (r - 1)(c - 1) / (2 n ln 2), at least 0 (Miller, 1955), with r
-        and c the numbers of non-empty rows and columns. The maximum is log2 of the number of objects.
+    Returns the plug-in estimate, and the estimate minus its bias (r - 1)(c - 1) / (2 n ln 2), at least 0 (Miller,
+    1955), with r and c the numbers of non-empty rows and columns. The maximum is log2 of the number of objects.
     """
     joint = np.asarray(counts, float)
     if joint.ndim != 2 or joint.sum() <= 0:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.statistics.anova import contrasts, effects
 from midair.study.statistics.columns import column, frame_of, levels, numbers
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.study.statistics.confusion import wilson
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,19 +48,8 @@ class ChoiceModel:
 def proportion_correct(d_prime: Any, *, alternatives: int) -> Array:
     """Share of correct answers of an unbiased observer who chooses the largest of m internal values.
 
-    The integral of phi(x - d') Phi(x)^(m - 1) over x; d' = 1 with three alternatives gives 0.634.
-
-    Parameters
-    ----------
-    d_prime : array_like, any shape
-        Distance of the correct alternative from the others, in standard deviations.
-    alternatives : int
-        m, 2 or more.
-
-    Returns
-    -------
-    ndarray, same shape
-        1/m at d' = 0.
+    The integral of phi(x - d') Phi(x)^(m - 1) over x, with the shape of `d_prime`, the distance of the correct
+    alternative from the m - 1 others in standard deviations: 1/m at 0, and 0.634 at 1 with three alternatives.
     """
     from scipy.special import ndtr
 
@@ -104,18 +92,9 @@ def d_prime_choice(correct: int, total: int, *, alternatives: int, level: float 
 def d_prime_yes_no(hits: int, signals: int, false_alarms: int, blanks: int) -> Sensitivity:
     """D' and criterion of a yes-no task, with the log-linear correction (Hautus, 1995): counts + 1/2, totals + 1.
 
-    Parameters
-    ----------
-    hits, signals : int
-        "Yes" answers to signals, and number of signals.
-    false_alarms, blanks : int
-        "Yes" answers to blanks, and number of blanks.
-
-    Returns
-    -------
-    Sensitivity
-        Limits by the normal approximation of Gourevitch and Galanter (1967) for independent trials. They are NaN with
-        fewer than 20 signals or blanks, where the coverage of a nominal 0.95 rises to 0.98.
+    `hits` "yes" answers follow `signals` signals, `false_alarms` follow `blanks` blanks. The limits use the normal
+    approximation of Gourevitch and Galanter (1967) for independent trials. They are NaN with fewer than 20 signals or
+    blanks, where the coverage of a nominal 0.95 rises to 0.98.
     """
     from scipy.stats import norm
 
@@ -133,13 +112,8 @@ def d_prime_same_different(hits: int, different: int, false_alarms: int, same: i
     """D' of a same-different task, for an observer with the differencing rule.
 
     P("different" | same) = 2 Phi(-k / sqrt 2); P("different" | different) = Phi((d' - k) / sqrt 2) + Phi((-d' - k) /
-    sqrt 2). Macmillan and Creelman, chapter 9; 1/2 is added to counts and 1 to totals.
-
-    Returns
-    -------
-    Sensitivity
-        `criterion` is the distance k; d' is 0 if the hit rate does not exceed the false-alarm rate. The limits are NaN:
-        use `limits_over_people`.
+    sqrt 2). Macmillan and Creelman, chapter 9; 1/2 is added to counts and 1 to totals. `criterion` is the distance k;
+    d' is 0 if the hit rate does not exceed the false-alarm rate. The limits are NaN: use `limits_over_people`.
     """
     from scipy.optimize import brentq
     from scipy.stats import norm

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, MissingExtraError
 from midair.study.statistics.anova import contrasts, effects
 from midair.study.statistics.columns import column, frame_of, levels, numbers
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pandas import DataFrame
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,7 +84,8 @@ def logistic_mixed(
     participants. For effects that do not vary between participants the F test is conservative.
 
     Without slopes: correct ~ factors + (1 | participant), by adaptive quadrature, with the chi2 test. If effects vary
-    between participants and trials are many, most of its tests of absent effects are false positives.
+    between participants and trials are many, most of its tests of absent effects are false positives. Raises InputError
+    if answers are not 0 and 1, or all the same, or there is one participant.
 
     Parameters
     ----------
@@ -106,11 +106,6 @@ def logistic_mixed(
         Columns effect, df, chi2, df2, F, p, spread, note. `spread`: root mean square over cells of the standard
         deviation of the effect between participants, in logits. Without slopes df2, F and spread are NaN. The note
         warns of cells with only correct (or only wrong) answers, whose logit is infinite.
-
-    Raises
-    ------
-    InputError
-        If answers are not 0 and 1, or all the same, or there is one participant.
     """
     from pandas import DataFrame
     from scipy.stats import chi2
@@ -141,17 +136,8 @@ def logistic_posterior(
 ) -> DataFrame:
     """Fit the random-intercept model with statsmodels: a variational posterior with normal priors.
 
-    Returns
-    -------
-    DataFrame
-        Columns term, mean, sd, in logits; the last row is the logarithm of the standard deviation between participants.
-
-    Raises
-    ------
-    MissingExtraError
-        If statsmodels is not installed.
-    InputError
-        As `logistic_mixed`.
+    Columns term, mean, sd, in logits; the last row is the logarithm of the standard deviation between participants.
+    Raises MissingExtraError if statsmodels is not installed and InputError as `logistic_mixed`.
     """
     from pandas import DataFrame
 

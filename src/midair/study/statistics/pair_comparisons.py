@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.statistics.anova import between_groups
-from midair.study.statistics.cell_averages import cell_means
-from midair.study.statistics.columns import frame_of
-from midair.study.statistics.effect_sizes import noncentral_t_limits
+from midair.study.statistics.anova import between_groups, noncentral_t_limits
+from midair.study.statistics.columns import cell_means, frame_of
 from midair.study.statistics.paired import holm
 
 if TYPE_CHECKING:
@@ -42,7 +40,7 @@ def pairwise(
     the test of Tukey and Kramer on the means of the participants, by the studentised range.
 
     For an interaction such as "surface:object": the pairs of its cells that differ in one factor, with Holm's
-    correction for all of them.
+    correction for all of them. Raises InputError as `rm_anova`; also if an effect names an unknown factor.
 
     Parameters
     ----------
@@ -58,11 +56,6 @@ def pairwise(
         p_pairs (corrected), correction ("Holm" or "Tukey"), d, d_low, d_high, note. `d` is the difference over the
         standard deviation of the differences (d_z; within) or of the people of a group (Cohen's d; between); its limits
         are from the noncentral t. Where all differences are equal the tests are NaN, and `note` gives the reason.
-
-    Raises
-    ------
-    InputError
-        As `rm_anova`; also if an effect names an unknown factor.
     """
     from pandas import DataFrame
 

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, NonFiniteError, ShapeError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,12 +43,8 @@ class Equivalence:
 def paired_t(first: Sequence[float] | Array, second: Sequence[float] | Array, *, level: float = 0.95) -> PairedT:
     """Student's t-test of the differences first - second.
 
-    Raises
-    ------
-    ShapeError
-        If there are fewer than two pairs or the lengths differ.
-    InputError
-        If all differences are equal: the standard error is 0.
+    Raises ShapeError if there are fewer than two pairs or the lengths differ and InputError if all differences are
+    equal: the standard error is 0.
     """
     from scipy.stats import t as t_distribution
 
@@ -64,10 +58,7 @@ def paired_t(first: Sequence[float] | Array, second: Sequence[float] | Array, *,
 def equivalence(first: Sequence[float] | Array, second: Sequence[float] | Array, *, margin: float) -> Equivalence:
     """Test whether two conditions are equivalent within a margin that was chosen beforehand: TOST (Schuirmann, 1987).
 
-    Raises
-    ------
-    ShapeError, InputError
-        As `paired_t`; also if the margin is not above 0.
+    Raises ShapeError or InputError as `paired_t`; also if the margin is not above 0.
     """
     from scipy.stats import t as t_distribution
 

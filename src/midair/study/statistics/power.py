@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.progress import report_progress
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 Experiment = Callable[[int, np.random.Generator], float]
 """Function of the number of participants and a random generator that returns the p-value of the planned test."""
 

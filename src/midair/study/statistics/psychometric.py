@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 
-Array = NDArray[np.float64]
 CurveShape = Literal["logistic", "normal", "weibull"]
 
 

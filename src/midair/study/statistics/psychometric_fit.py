@@ -3,19 +3,141 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.study.statistics.psychometric import CurveFamily, CurveShape, Psychometric
-from midair.study.statistics.psychometric_profile import grid_around, threshold_limits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-Array = NDArray[np.float64]
+    from midair.study.statistics.psychometric import CurveFamily
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CurveGrid:
+    """Psychometric functions on a grid of places, log slopes and lapses."""
+
+    curves: CurveFamily
+    axes: tuple[Array, Array, Array]
+    """Places, log slopes, lapses."""
+    logit: Array
+    no: Array
+    """`logit`, `no`: log odds of the answer and log probability of its absence, shape (level, place, slope and lapse).
+    """
+
+    def likelihood(self, right: Array, total: Array, place: int) -> Array:
+        """Log likelihood of the functions at a place, shape (data set, slope and lapse)."""
+        return right @ self.logit[:, place] + total @ self.no[:, place]
+
+    def profile(self, right: Array, total: Array) -> Array:
+        """Profile log likelihood, shape (data set, place), for correct answers of shape (data set, level)."""
+        return np.stack([self.likelihood(right, total, i).max(axis=1) for i in range(len(self.axes[0]))], axis=1)
+
+    def best(self, right: Array, total: Array) -> Array:
+        """Place, log slope and lapse at the maximum, shape (data set, 3)."""
+        place = self.profile(right, total).argmax(axis=1)
+        found: list[list[float]] = []
+        for row, i in zip(right, place, strict=True):
+            slope, lapse = divmod(int(self.likelihood(row, total, int(i)).argmax()), len(self.axes[2]))
+            found.append([float(self.axes[0][i]), float(self.axes[1][slope]), float(self.axes[2][lapse])])
+        return np.array(found)
+
+
+def grid_around(curves: CurveFamily, right: Array, total: Array) -> CurveGrid:
+    """Grid over all functions that are compatible with the answers.
+
+    It starts with the bounds of the family and is narrowed four times to the functions whose likelihood is within
+    exp(-10) of the maximum, so that its resolution suits any number of answers.
+    """
+    box = curves.box
+    net = _make_grid(curves, box)
+    for _ in range(4):
+        heights = np.stack([net.likelihood(right, total, i) for i in range(len(net.axes[0]))])
+        heights = heights.reshape([len(axis) for axis in net.axes])
+        likely = heights > heights.max() - 10
+        box = []
+        for number, axis in enumerate(net.axes):
+            inside = np.flatnonzero(likely.any(axis=tuple({0, 1, 2} - {number})))
+            # One grid step more on either side: the maximum may lie between two points.
+            box.append((float(axis[max(inside[0] - 1, 0)]), float(axis[min(inside[-1] + 1, len(axis) - 1)])))
+        net = _make_grid(curves, box)
+    return net
+
+
+def threshold_limits(
+    net: CurveGrid, right: Array, total: Array, *, rng: np.random.Generator, draws: int = 400, level: float = 0.95
+) -> tuple[float, float]:
+    """Confidence limits of the threshold: the likelihood ratio there equals its bootstrapped critical value.
+
+    The likelihood ratio of the maximum to the profile follows chi2 only for many trials; with 40 to 160 trials it is
+    larger. So the critical value at each candidate threshold is a quantile of the ratios of data simulated from the
+    best function with that threshold (an inverted parametric bootstrap test).
+
+    `right` and `total` have shape (level,). Returns the low and high limit in the unit of the levels; 0 (or -inf) and
+    inf if the grid ends before the ratio reaches the critical value: the answers then give no limit on that side.
+    """
+    from scipy.stats import chi2
+
+    seed = int(rng.integers(2**63))
+    profile = net.profile(right[None], total)[0]
+    ratio = 2 * (profile.max() - profile)
+    best = int(ratio.argmin())
+
+    @cache
+    def excess(place: int) -> float:
+        # The same random numbers at every place (common random numbers) make the ratio a smooth function of it.
+        return float(ratio[place] - critical_ratio(net, right, total, place, np.random.default_rng(seed), draws, level))
+
+    found: list[float] = []
+    for side, end in ((-1, 0), (1, len(profile) - 1)):
+        inside, outside = best, end
+        if excess(end) <= 0:
+            plain = -np.inf if net.curves.shape != "weibull" else 0.0
+            found.append(plain if side < 0 else np.inf)
+            continue
+        critical = float(chi2.ppf(level, 1))
+        while abs(outside - inside) > 1:
+            # No bisection: the critical ratio changes slowly with the place, so its last value predicts the limit.
+            between = range(inside + side, outside, side)
+            middle = next((place for place in between if ratio[place] > critical), between[-1])
+            critical = float(ratio[middle]) - excess(middle)
+            inside, outside = (inside, middle) if ratio[middle] > critical else (middle, outside)
+        near, far = excess(inside), excess(outside)
+        share = -near / (far - near)
+        place = net.axes[0][inside] + share * (net.axes[0][outside] - net.axes[0][inside])
+        found.append(net.curves.function(np.array([place, 0.0, 0.0])).threshold)
+    return found[0], found[1]
+
+
+def critical_ratio(
+    net: CurveGrid, right: Array, total: Array, place: int, rng: np.random.Generator, draws: int, level: float
+) -> float:
+    """Quantile `level` of the likelihood ratios of data simulated from the best function at a place."""
+    function = int(net.likelihood(right, total, place).argmax())
+    chance = np.exp(net.logit[:, place, function] + net.no[:, place, function])
+    data = rng.binomial(total.astype(int), chance, (draws, len(total))).astype(float)
+    # Every second place is accurate enough for the maximum; the limits need the full grid.
+    known = net.likelihood(data, total, place).max(axis=1)
+    greatest = np.max(
+        [net.likelihood(data, total, i).max(axis=1) for i in range(place % 2, len(net.axes[0]), 2)], axis=0
+    )
+    return float(np.quantile(2 * (greatest - known), level))
+
+
+def _make_grid(curves: CurveFamily, box: list[tuple[float, float]]) -> CurveGrid:
+    # A coarse grid of slope and lapse adds no bias, since simulated data use the same grid.
+    places, slopes, lapses = (
+        np.linspace(low, high, count) for (low, high), count in zip(box, (81, 21, 4), strict=True)
+    )
+    z = np.stack(np.meshgrid(places, slopes, lapses, indexing="ij")).reshape(3, -1)
+    yes, no = (each.reshape(len(curves.x), len(places), -1) for each in curves.logarithms(z))
+    return CurveGrid(curves=curves, axes=(places, slopes, lapses), logit=yes - no, no=no)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +170,9 @@ def fit_psychometric(
 ) -> PsychometricFit:
     """Fit threshold, slope and lapse by maximum likelihood (Wichmann and Hill, 2001).
 
+    Raises ShapeError if the lengths differ; InputError if there are fewer than three levels, or the answers do not
+    increase with the level.
+
     Parameters
     ----------
     level : sequence of float
@@ -64,13 +189,6 @@ def fit_psychometric(
         Simulated data sets for the deviance.
     limit_draws : int
         Simulated data sets per threshold for the limits; 0 for no limits.
-
-    Raises
-    ------
-    ShapeError
-        If the lengths differ.
-    InputError
-        If there are fewer than three levels, or the answers do not increase with the level.
     """
     x, k, n = _merge_levels(level, correct, total)
     if len(x) < 3:

@@ -42,10 +42,7 @@ class Published:
 def published_statistics(published: Published | None = None) -> DataFrame:
     """Statistics that follow from the printed numbers alone.
 
-    Returns
-    -------
-    DataFrame
-        Columns quantity, value, low, high (95 % limits, NaN where undefined).
+    Columns quantity, value, low, high (95 % limits, NaN where undefined).
     """
     from pandas import DataFrame
     from scipy.stats import t as t_distribution

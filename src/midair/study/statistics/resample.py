@@ -7,9 +7,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 
-Array = NDArray[np.float64]
 Scale = Literal["plain", "share", "positive", "correlation"]
 """Unbounded values; between 0 and 1; above 0; between -1 and 1."""
 
@@ -62,13 +62,8 @@ def sign_flip(z: NDArray[Any], *, rng: np.random.Generator, draws: int = 10_000)
     """Two-sided p-value of a nonzero mean by flipping the signs of whole participants.
 
     `z`, shape (participant,) or (participant, contrast), holds a difference or the contrasts of one effect, symmetric
-    about zero under the null hypothesis. Exact over all 2^n sign patterns for up to 13 participants, `draws` random
-    patterns for more.
-
-    Returns
-    -------
-    float
-        Share of sign patterns for which ``|sum of z|`` is at least as large as observed.
+    about zero under the null hypothesis. The p-value is the share of sign patterns for which ``|sum of z|`` is at least
+    as large as observed: exact over all 2^n patterns for up to 13 participants, `draws` random patterns for more.
     """
     z = np.asarray(z, float).reshape(len(z), -1)
     if len(z) < 2:
@@ -102,7 +97,8 @@ def limits_over_people(
     0.98 near a share of 1); and if fewer answers are wrong (or correct) than there are participants, the limits are at
     least as wide as those of independent answers (otherwise the coverage is 0.92). For F with five participants the
     coverage of a nominal 0.95 is 0.94 to 0.97; a bootstrap over participants (BCa) reaches 0.83 to 0.86
-    (docs/decisions/0034-analysis.md).
+    (docs/decisions/0034-analysis.md). Raises InputError if there are fewer than five participants, where the coverage
+    is too low, or the scale is unknown.
 
     Parameters
     ----------
@@ -125,11 +121,6 @@ def limits_over_people(
     -------
     Interval
         With the shape of the statistic; NaN if the statistic is at its bound or equal without any participant.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than five participants, where the coverage is too low, or the scale is unknown.
     """
     from scipy.stats import t as t_distribution
 

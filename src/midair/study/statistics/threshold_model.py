@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.study.statistics.psychometric import sigmoid
 
-Array = NDArray[np.float64]
 ThresholdTask = Literal["detection", "two sides", "choice"]
 """Signal or blank ("yes" or "no"); which of two sides, positions or intervals; one of three alternatives or more."""
 

@@ -1,6 +1,6 @@
 import { mount } from "./page.js";
 
-/* The view as an anywidget: data from view/widget.py, and the frame at the playhead. */
+/* The view as an anywidget: data from view/pages.py, and the frame at the playhead. */
 export default { render({ model, el }) {
   const root = el.ownerDocument.createElement("div"), tracks = model.get("tracks");
   el.append(root);

@@ -6,7 +6,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from midair.cli.console import banner, err, out, print_note, progress_bars
-from midair.cli.options import Force
+from midair.cli.options import Force, Study
 from midair.errors import InputError
 from midair.files import atomic_file, read_text
 from midair.settings import Mode
@@ -105,13 +105,11 @@ def new_command(
     _print_next(path, design, gathered)
 
 
-def plan_command(study: Path, output: Path | None = None, /, *, runs: int = 500, force: Force = False) -> None:
+def plan_command(study: Study, output: Path | None = None, /, *, runs: int = 500, force: Force = False) -> None:
     """Write a page for preregistration: hypotheses, exclusions, analyses, power and digests.
 
     Parameters
     ----------
-    study
-        Folder of the study.
     output
         HTML file to write. [default: plan.html in the folder]
     runs
@@ -132,15 +130,13 @@ def plan_command(study: Path, output: Path | None = None, /, *, runs: int = 500,
     out().print(f"{target}: plan {plan.digest}, the page's SHA-256 {sha256(page.encode()).hexdigest()}")
 
 
-def withdraw_command(study: Path, participant: int, /, *, force: Force = False) -> None:
+def withdraw_command(study: Study, participant: int, /, *, force: Force = False) -> None:
     """Delete all data of one participant: the log, and every export and report made from this folder.
 
     Files are deleted, not overwritten; delete copies and backups yourself. The number is not used again.
 
     Parameters
     ----------
-    study
-        Folder of the study.
     participant
         Number of the participant, from 1.
     force

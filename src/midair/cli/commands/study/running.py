@@ -1,14 +1,12 @@
 """The commands `study run` and `study markers`."""
 
 from contextlib import AbstractContextManager, nullcontext
-from pathlib import Path
 
 import numpy as np
 
 from midair.cli.console import PlainConsole, out, warn_simulated
-from midair.cli.exposure_options import AirOptions, ExposureOptions, print_check_time
-from midair.cli.options import StopInput
-from midair.cli.thermometers import air_watched
+from midair.cli.exposure_options import AirOptions, ExposureOptions, air_watched, print_check_time
+from midair.cli.options import StopInput, Study
 from midair.devices import stop_on_input
 from midair.errors import InputError
 from midair.model import Drive, Medium
@@ -36,7 +34,7 @@ from midair.study import (
 
 
 def run_command(
-    study: Path,
+    study: Study,
     /,
     *,
     participant: int = 0,
@@ -55,8 +53,6 @@ def run_command(
 
     Parameters
     ----------
-    study
-        Folder of the study.
     participant
         Number of the participant, from 1; 0 with --simulate: all who are not done.
     policy
@@ -158,7 +154,7 @@ def _air_watched(air: AirOptions, solved: list[Medium], array: str) -> AbstractC
     return air_watched(now, farthest, advice="solve the drives again for this air", device=device)
 
 
-def markers_command(study: Path, /, *, count: int = 500, serial: str = "") -> int:
+def markers_command(study: Study, /, *, count: int = 500, serial: str = "") -> int:
     """Measure the delay and jitter of the event markers by a loopback.
 
     Sends test markers and receives them again: by an LSL inlet of this program, and at the serial port, whose transmit
@@ -167,8 +163,6 @@ def markers_command(study: Path, /, *, count: int = 500, serial: str = "") -> in
 
     Parameters
     ----------
-    study
-        Folder of the study.
     count
         Number of markers.
     serial

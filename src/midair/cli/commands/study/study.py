@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from midair.cli.console import out, warn_simulated
-from midair.cli.options import Json
+from midair.cli.options import Json, Study
 from midair.errors import InputError
 from midair.files import atomic_file
 from midair.study import (
@@ -136,13 +136,11 @@ def analyse_command(
     _print_report(report, data, target, json=json)
 
 
-def export_command(study: Path, output: Path, /, *, format: Literal["bids", "psych-ds", "csv"] = "bids") -> None:
+def export_command(study: Study, output: Path, /, *, format: Literal["bids", "psych-ds", "csv"] = "bids") -> None:
     """Export the answers of a study as a BIDS or Psych-DS dataset, or as one CSV table.
 
     Parameters
     ----------
-    study
-        Folder of the study.
     output
         New folder (bids, psych-ds) or new file (csv).
     format
@@ -182,7 +180,7 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "psy
     warn_simulated(bool(answers["simulated"].any()))
 
 
-def verify_command(study: Path, /, *, seal: Path | None = None) -> int:
+def verify_command(study: Study, /, *, seal: Path | None = None) -> int:
     """Verify that plan, drives and session logs of a study are unchanged.
 
     Checks the hash chain and the seal of each log, and prints one line per session and a summary.
@@ -191,8 +189,6 @@ def verify_command(study: Path, /, *, seal: Path | None = None) -> int:
 
     Parameters
     ----------
-    study
-        Folder of the study.
     seal
         Text file of noted seals, in lines as printed by midair study run or verify.
         Keep it where users of the study folder cannot write.

@@ -4,7 +4,9 @@ import os
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
+from typing import Annotated
 
+from cyclopts import Parameter
 from rich.table import Table as Shown
 
 from midair.cli.console import banner, bars, err, out, verbosity
@@ -12,6 +14,13 @@ from midair.cli.time_estimates import estimate_text, remember_speed
 from midair.errors import InputError
 from midair.model import Progress as Advance
 from midair.sweep import PatternReport, PatternSweep, Sweep, TrialReport, run_sweep
+
+_STORE = "NAME.zarr, new or of the same sweep; or an address that fsspec can open."
+_SCHEDULER = "Address of a Dask scheduler, such as tls://host:8786. [default: processes on this computer]"
+Store = Annotated[str, Parameter(help=_STORE)]
+Bits = Annotated[int, Parameter(help="Bits to which phases are rounded for the second E.")]
+Scheduler = Annotated[str | None, Parameter(help=_SCHEDULER)]
+Workers = Annotated[int | None, Parameter(help="Processes on this computer. [default: one per core]")]
 
 
 def run_with_bar(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | None) -> int:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
-from midair.cli.commands.sweep.output import run_with_bar, show_patterns
+from midair.cli.commands.sweep.output import Bits, Scheduler, Store, Workers, run_with_bar, show_patterns
 from midair.cli.console import out
 from midair.cli.exposure_options import AirOptions
 from midair.cli.quantities import format_quantity, parse_quantity
@@ -30,7 +30,7 @@ Lengths = Annotated[
 
 
 def patterns_command(
-    output: str,
+    output: Store,
     /,
     *,
     strength: Numbers = (0.1, 0.2),
@@ -45,10 +45,10 @@ def patterns_command(
     directivity: Directivity = "point",
     attenuation: float | None = None,
     air: AirOptions | None = None,
-    bits: int = 8,
+    bits: Bits = 8,
     chunk: int = 512,
-    scheduler: str | None = None,
-    workers: int | None = None,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
 ) -> int:
     """Solve binary 4 x 4 patterns at each strength and height, or resume an interrupted sweep.
 
@@ -57,8 +57,6 @@ def patterns_command(
 
     Parameters
     ----------
-    output
-        NAME.zarr, new or of the same sweep; or an address that fsspec can open.
     strength
         Target peak relative to a single focus of the whole array.
     height
@@ -83,14 +81,8 @@ def patterns_command(
         Attenuation of sound in air, in Np/m. [default: 0, or that of the stated air]
     air
         Air, given by its temperature. [default: the paper's 340 m/s]
-    bits
-        Bits to which phases are rounded for the second E.
     chunk
         Patterns per task; a killed process loses at most one task.
-    scheduler
-        Address of a Dask scheduler, such as tls://host:8786. [default: processes on this computer]
-    workers
-        Processes on this computer. [default: one per core]
 
     Examples
     --------

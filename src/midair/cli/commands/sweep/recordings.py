@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
-from midair.cli.commands.sweep.output import run_with_bar, show_trials
+from midair.cli.commands.sweep.output import Bits, Scheduler, Store, Workers, run_with_bar, show_trials
 from midair.cli.console import out
 from midair.cli.exposure_options import print_air
 from midair.cli.options import OptionalTime, SolveOptions, Time
@@ -22,17 +22,17 @@ Choice = tuple[str, Any]
 
 
 def recordings_command(
-    output: str,
+    output: Store,
     /,
     *sources: Path,
     vary: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
     options: SolveOptions | None = None,
     start_at: Time = 0.0,
     duration: OptionalTime = None,
-    bits: int = 8,
+    bits: Bits = 8,
     blocks: int = 4,
-    scheduler: str | None = None,
-    workers: int | None = None,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
 ) -> int:
     """Solve recordings with many settings, or resume an interrupted sweep.
 
@@ -41,8 +41,6 @@ def recordings_command(
 
     Parameters
     ----------
-    output
-        NAME.zarr, new or of the same sweep; or an address that fsspec can open.
     sources
         Recordings with a calibration.
     vary
@@ -52,14 +50,8 @@ def recordings_command(
         Start of the part to use in each recording.
     duration
         Length of the part to use in each recording. [default: to the end]
-    bits
-        Bits to which phases are rounded for the second E.
     blocks
         Blocks of method glide per task; a long recording is divided among processes with an identical result.
-    scheduler
-        Address of a Dask scheduler, such as tls://host:8786. [default: processes on this computer]
-    workers
-        Processes on this computer. [default: one per core]
 
     Examples
     --------

@@ -10,9 +10,8 @@ import pytest
 from rich.console import Console
 
 from midair.study.design.question import Question
-from midair.study.keyboard import Keyboard, keyboard_of_terminal
 from midair.study.session.steps import TrialStep
-from midair.study.terminal_screen import TerminalScreen
+from midair.study.terminal_screen import Keyboard, TerminalScreen, keyboard_of_terminal
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such terminals")
 CHOICE = Question(name="w", kind="choice", text="Which?", options=("brush", "sponge"))

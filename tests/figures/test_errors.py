@@ -1,0 +1,97 @@
+"""Spread of E in each trial."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from midair.evaluate import Leak, StageOutput, budget
+from midair.figures import ErrorSpread, budget_figure, error_figure, passes_figure, trials_figure
+from midair.model import Drive, Solution, TransducerArray
+
+
+def spread(name, middle):
+    return ErrorSpread(
+        name=name, low=middle / 2, middle=middle, high=2 * middle, worst=4 * middle, strength=middle / 10
+    )
+
+
+def test_one_row_per_trial_in_percent(check_figure):
+    figure = trials_figure([spread("towel", 0.05), spread("brush", 0.1)])
+    check_figure(figure, "E (%)", simulated=True)
+    (axis,) = figure.axes
+    assert [label.get_text() for label in axis.get_yticklabels()] == ["towel", "brush"]
+    bottom, top = axis.get_ylim()
+    assert bottom > top
+    band, middle, worst = axis.lines[:3]
+    assert band.get_xdata() == pytest.approx([2.5, 10])
+    assert (middle.get_xdata()[0], worst.get_xdata()[0]) == pytest.approx((5, 20))
+    assert axis.get_xlim()[1] > 40
+    assert {"strength", "0.005", "0.010"} <= {text.get_text() for text in axis.texts}
+
+
+def test_trials_without_any_error_still_have_an_axis():
+    (axis,) = trials_figure([spread("silence", 0.0)]).axes
+    assert axis.get_xlim() == (0, 1.04)
+
+
+ARRAY = TransducerArray.autd3(columns=1, rows=1)
+
+
+def solution(status="iterations"):
+    drive = Drive(phase=np.ones((4, ARRAY.count)), level=np.ones(4), rate=1000.0, array=ARRAY)
+    return Solution(drive=drive, error=np.full(4, 0.1), iterations=np.full(4, 5), status=(status,) * 4)
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+@pytest.mark.parametrize("status", ["iterations", "silent"])
+def test_error_in_percent_over_seconds(check_figure, status, simulated):
+    check_figure(error_figure(solution(status), simulated=simulated), "time (s)", "E (%)", simulated=simulated)
+
+
+def test_the_line_is_in_percent_and_the_papers_range_is_named():
+    axis = error_figure(solution(), simulated=False, published=(0.02, 0.3)).axes[0]
+    assert axis.lines[0].get_ydata() == pytest.approx([10] * 4)
+    assert axis.get_legend().get_texts()[0].get_text() == "paper, static patterns: 2–30 %"
+
+
+def test_silent_frames_leave_a_gap_in_the_error():
+    half = dataclasses.replace(solution(), status=("silent", "silent", "iterations", "iterations"))
+    line = error_figure(half, simulated=False).axes[0].lines[0]
+    np.testing.assert_array_equal(np.isnan(line.get_ydata()), [True, True, False, False])
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_one_line_per_loop_in_percent(check_figure, simulated):
+    figure = passes_figure([("noise", [0.5, 0.3, 0.2]), ("bursts", [0.4])], simulated=simulated)
+    check_figure(figure, "pass", "error of the waveform (%)", simulated=simulated)
+    (axis,) = figure.axes
+    assert axis.lines[0].get_xydata().tolist() == [[1, 50], [2, 30], [3, 20]]
+    assert axis.get_ylim()[0] == 0
+    assert [text.get_text() for text in axis.get_legend().get_texts()] == ["noise", "bursts"]
+
+
+def test_more_loops_than_colours():
+    figure = passes_figure([(str(number), [0.5]) for number in range(9)], simulated=True)
+    colours = [line.get_color() for line in figure.axes[0].lines]
+    assert len(set(colours)) == 7
+    assert colours[7] == colours[0]
+
+
+LEAK = Leak(peak=0.5, typical=0.2, place=(0.0, 0.0), wanted=1.0)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("simulated", [True, False])
+def test_a_row_of_panels_for_each_budget(tones, check_figure, simulated):
+    def made(factor):
+        pressure = tones(factor, simulated=simulated)
+        outputs = [StageOutput(name="one", what="", pressure=pressure, leak=LEAK)]
+        return budget(tones(simulated=simulated), outputs, strength=0.1)
+
+    close, far = made(0.9), made(0.2)
+    figure = budget_figure([("paper", far), ("best", close)])
+    check_figure(figure, "(dB)", "Hz", "paper, strength 0.10", "best, strength 0.10", simulated=simulated)
+    shown = [axis.patches[0].get_width() for axis in figure.axes[::2]]
+    assert shown == pytest.approx([each.stages[0].so_far.distortion_ratio for each in (far, close)])
+    assert shown[0] < shown[1]
