@@ -42,6 +42,7 @@ NEEDS = {
     "midair record lsl:Skin": "a sensor over LSL",
     'midair record "udp:5005': "a package of its own: tests/test_plugin.py",
     "midair import counts.int16": "a package of its own: tests/test_plugin.py",
+    "midair doctor --device autd3 --wizard": "an array: tests/rig/doctor/test_wizard.py",
     "midair identify lsl:Skin": "a sensor over LSL",
     "midair calibrate beam lsl:Skin": "a sensor over LSL and an array",
     "midair calibrate array lsl:Skin": "a sensor over LSL and an array",

@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import signal
 import sys
 import warnings
 
@@ -63,6 +64,7 @@ def test_a_long_message_is_cut_between_its_file_and_its_advice(capsys):
 def test_control_characters_in_warnings_of_libraries_are_escaped(capsys, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["midair", "--version"])
     monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)  # it ignores Ctrl-C while the process exits
     with warnings.catch_warnings():
         with pytest.raises(SystemExit):
             main()

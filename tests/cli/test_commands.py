@@ -167,7 +167,9 @@ def test_info_prints_the_history_of_a_file(take, capsys):
     capsys.readouterr()
     assert run(["info", "take.drive.h5", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert [step["stage"] for step in answer["steps"]] == ["calibrate", "cut", "lead", "settings", "prepare", "solve"]
+    assert [step["stage"] for step in answer["steps"]] == [
+        *("calibrate", "cut", "not reproduced", "lead", "settings", "prepare", "solve")
+    ]
     assert answer["simulated"] is True
     assert run(["info", "take.h5"]) == 0
     captured = capsys.readouterr()

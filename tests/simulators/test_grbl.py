@@ -109,7 +109,7 @@ def test_a_reset_while_it_moves_and_a_limit_switch_are_alarms():
         talk.until("ok")
         talk.machine.switch = (0, -100.0)
         talk.say(b"G53G1X-150F6000\n")
-        talk.until(r"ALARM:1\r\n\[MSG:Reset to continue\]")
+        talk.until(r"ALARM:1\r\n\[MSG:Reset to continue\]\r\n")
         assert abs(talk.machine.place[0] + 100) < 10
         talk.say(b"?")
         time.sleep(0.2)

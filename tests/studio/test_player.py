@@ -75,7 +75,7 @@ def test_the_exposure_is_checked_in_the_stated_air_and_phases_are_corrected_for_
     corrected = player.act(order | {"room": room, "correct": True})
     assert corrected["solved_c"] == 25.0
     assert player.admitted[corrected["number"]][0].drive.acoustics.medium == room
-    assert player._virtual(player.admitted[corrected["number"]][0].drive, room).acoustics.medium == room
+    assert player._virtual(player.admitted[corrected["number"]][0].drive, room).settings.acoustics.medium == room
 
 
 @pytest.mark.long

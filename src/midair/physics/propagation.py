@@ -121,7 +121,12 @@ def _rows(places: NDArray[np.float64], array: TransducerArray, acoustics: Acoust
 def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = None) -> Complex:
     """The steady-state field of each frame of a drive, p = G q, paper eq. (1); complex, peak, in Pa, (frame, point).
 
-    Points are a grid or positions (point, 3) in m. The acoustics are by default those that the drive was solved for.
+    Parameters
+    ----------
+    points : ControlGrid or ndarray, shape (point, 3)
+        Positions in m.
+    acoustics : Acoustics, optional
+        If None, those that the drive was solved for.
     """
     return drive.q @ transfer_matrix(points, drive.array, acoustics=acoustics or drive.acoustics).T
 

@@ -55,6 +55,11 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
 
     Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
     type, or was written by a newer midair.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        An HDF5 file of midair: a calibration or a recording.
     """
     with open_file(path) as file:
         if kind_of(file) == "midair calibration":
