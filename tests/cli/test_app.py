@@ -1,8 +1,8 @@
 """Whatever goes wrong, a person sees one line and a program sees the exit status."""
 
 import os
-import subprocess
 import signal
+import subprocess
 import sys
 import warnings
 
