@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 import secrets
+import warnings
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -176,7 +177,9 @@ def _check_layout(place: SweepStorage, group: Any) -> None:
     Raises an InputError if the arrays, which may claim any shape, do not fit into memory, and a BrokenFileError if
     settings or layouts differ from those that were written.
     """
-    with parse_errors(str(place), "a sweep of midair"):
+    with parse_errors(str(place), "a sweep of midair"), warnings.catch_warnings():
+        # About files that belong to no array; they are not read.
+        warnings.simplefilter("ignore", UserWarning)
         numbers = sum(max(math.prod(array.shape), math.prod(array.chunks)) for _, array in group.arrays())
         # Of 8 bytes each; results, mask and sorted copies exist at the same time.
         check_memory_for(5 * 8 * numbers, str(place), "check that the sweep is not damaged, or use more memory")
