@@ -8,10 +8,11 @@ import pytest
 import soundfile
 from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
+from tests.study.every_kind import QUESTIONS, plan_text
 
 from midair.rig import record
 from midair.studio.work import SolveRequest, solve_take
-from midair.study import StudyFolder, prepare_media, read_design, read_events
+from midair.study import StudyFolder, answers_table, prepare_media, read_design, read_events
 
 pytestmark = pytest.mark.browser
 
@@ -258,6 +259,54 @@ def test_trial_plays_its_drive_with_the_player_of_the_studio(studio_at, look, tm
     lines = (tmp_path / "state" / "played.jsonl").read_text(encoding="utf-8").splitlines()
     [order] = [line for line in map(json.loads, lines) if line["event"] == "play"]
     assert order["exposure"] == "kept"
+    assert page.wrong == []
+
+
+def test_a_study_of_every_kind_of_stimulus_and_question(studio_at, look, tmp_path):
+    """Touch, silence, an object, text, picture, sound and pairs; seven kinds of answers, by keyboard, to the table."""
+    Image.new("RGB", (40, 30), "red").save(tmp_path / "photo.png")
+    soundfile.write(tmp_path / "noise.wav", np.random.default_rng(1).uniform(-0.01, 0.01, 8000), 8000)
+    studio = studio_at()
+    text = plan_text(media=True)
+    design = read_design(text)
+    study = StudyFolder.create(
+        studio.folder / "kinds",
+        text,
+        design,
+        drives=lambda into: drive_of(into) | prepare_media(design, into, found_in=tmp_path),
+    )
+    page = look(studio)
+    page.until("studio.link.state.player.state === 'ready'", timeout=120)
+    begin(page)
+    page.page.evaluate("""void (globalThis.media = [],
+        studio.link.on('session', session => session?.media && media.push(session.media.kind)))""")
+    asked = []
+    while (step := page.page.evaluate("studio.link.state.session.step"))["kind"] != "done":
+        if step["kind"] == "ask":
+            question = step["question"]
+            page.until(f"document.querySelector('#question')?.innerText === {json.dumps(question['text'])}")
+            asked.append(question["kind"])
+            if question["kind"] == "slider":
+                page.page.keyboard.press("ArrowRight")
+                page.page.keyboard.press("Enter")
+            elif question["answers"]:
+                page.page.keyboard.press("1")
+            else:
+                page.page.locator(".participant input").fill("3")
+                page.page.locator("#next").click()
+        else:
+            page.until("!studio.link.state.session.busy && !!document.querySelector('#next')")
+            page.page.keyboard.press("Enter")
+        page.until(f"studio.link.state.session.step.turn !== {step['turn']}", timeout=120)
+    assert set(asked) == set(QUESTIONS)
+    assert {"text", "picture", "sound"} == set(page.page.evaluate("media"))
+    table = answers_table(study.plan(), study.sessions())
+    # 6 single stimuli x 4 questions, the pair in both orders, and the mixed pair.
+    assert table["question"].value_counts().to_dict() == {
+        **dict.fromkeys(("yes-no", "slider", "rating", "magnitude"), 6), "choice": 2, "same-different": 1
+    }  # fmt: skip
+    assert set(table.loc[table["question"] == "slider", "answer"]) == {"51"}
+    assert set(table.loc[table["question"] == "choice", "answer"]) == {"first"}
     assert page.wrong == []
 
 

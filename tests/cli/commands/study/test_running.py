@@ -12,6 +12,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from tests.study.every_kind import QUESTIONS, plan_text
 
 from midair.study.design import right_answer_of_trial
 from midair.study.folder import StudyFolder
@@ -19,7 +20,7 @@ from midair.study.folder import StudyFolder
 ROOT = Path(__file__).parents[4]
 PROMPTS = [
     ("Enter to continue", ["Enter"]),
-    ("Enter after the presentation", ["Enter"]),
+    ("Press Enter after the presentation", ["Enter"]),
     ("Press 1, 2, 3, 4, 5, 6, 7", ["5"]),
     ("Press 1, 2, 3", ["2"]),
     (">", ["AB12", "Enter"]),
@@ -180,3 +181,35 @@ def test_a_session_of_every_other_template_by_keys_from_plan_to_report(terminal,
     assert not session.untrained, "whoever feels what is strong has learned it"
     found = float(re.search(r"Geometric mean of 1 thresholds: ([\d.]+)", page)[1])
     assert least / 2 < found < least * 2
+
+
+@pytest.mark.slow
+def test_a_study_of_every_kind_of_stimulus_and_question_by_keys(terminal, tmp_path):
+    """Touch, silence, an object, a text and pairs; seven kinds of answers. Pictures and sounds need the studio."""
+    (tmp_path / "kinds.toml").write_text(plan_text(media=False))
+    prompts = [
+        ("Press Enter to continue", ["Enter"]),
+        ("Enter to continue", ["Enter"]),
+        ("Press Enter after the presentation", ["Enter"]),
+        ("Press 1, 2, 3, 4, 5, 6, 7", ["5"]),
+        ("Press 1, 2", ["1"]),
+        ("Arrow keys", ["Up", "Right", "Enter"]),
+        (">", ["3", "Enter"]),
+    ]
+    for line in (
+        "midair record virtual:towel weak.h5 --duration 0.2s",
+        "midair study new kinds --source kinds.toml --mode quick",
+        "midair study run kinds --participant 1 --array virtual --noise none",
+        "midair study analyse kinds --draws 50",
+    ):
+        status, answered = terminal.run(line, limit=120, prompts=prompts)
+        assert status == 0, terminal.shown()
+        if " run " in line:
+            # 4 single stimuli; a pair in both orders, and a mixed one; magnitudes and the form are lines.
+            assert (answered["Arrow keys"], answered[">"]) == (4, 5)
+            assert answered["Press 1, 2"] == 4 + 2 + 1
+    (session,) = StudyFolder(tmp_path / "kinds").sessions()
+    given = {name for _, name in session.answers}
+    assert given | set(session.form) == set(QUESTIONS)
+    assert {one.answer for (_, name), one in session.answers.items() if name == "slider"} == {"61"}
+    assert session.next_trial == len(session.trials) == 7
