@@ -286,14 +286,16 @@ def test_a_study_of_every_kind_of_stimulus_and_question(studio_at, look, tmp_pat
             question = step["question"]
             page.until(f"document.querySelector('#question')?.innerText === {json.dumps(question['text'])}")
             asked.append(question["kind"])
+            assert not page.page.locator("#jobs").is_visible(), "jobs belong to the experimenter's page"
             if question["kind"] == "slider":
                 page.page.keyboard.press("ArrowRight")
                 page.page.keyboard.press("Enter")
             elif question["answers"]:
                 page.page.keyboard.press("1")
             else:
-                page.page.locator(".participant input").fill("3")
-                page.page.locator("#next").click()
+                # The field has the focus: typing and Enter are enough.
+                page.page.keyboard.type("3")
+                page.page.keyboard.press("Enter")
         else:
             page.until("!studio.link.state.session.busy && !!document.querySelector('#next')")
             page.page.keyboard.press("Enter")

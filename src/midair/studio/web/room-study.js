@@ -103,7 +103,7 @@ export default class Study {
     this.studio.footer.hidden = false;
     this.studio.footer.replaceChildren(foot);
     this.studio.main.replaceChildren(main);
-    (main.querySelector("input[type=range]") ?? main.querySelector("button") ?? this.studio.main).focus();
+    (main.querySelector("input") ?? main.querySelector("button") ?? this.studio.main).focus();
     this.asked = performance.now();
   }
   /** The text, picture or sound that is presented now. */
@@ -119,11 +119,12 @@ export default class Study {
     if (question.kind === "slider") {
       const given = make("input", { type: "range", min: question.low, max: question.high, step: (question.high - question.low) / 100, value: String((question.low + question.high) / 2), "aria-labelledby": "question", oninput: () => { next.disabled = false; }, onkeydown: (event) => { if (event.key === "Enter") next.click(); } });
       const next = make("button.main", { type: "button", id: "next", disabled: true, onclick: () => answer(given.value) }, "Next");
-      return [title, make("div.row", {}, make("span", {}, question.low_label || String(question.low)), given, make("span", {}, question.high_label || String(question.high))), next];
+      return [title, make("div.slider", {}, make("span", {}, question.low_label || String(question.low)), given, make("span", {}, question.high_label || String(question.high))), next];
     }
     if (!question.answers.length) {
-      const given = make("input", question.kind === "text" ? { type: "text", maxLength: 1000, "aria-labelledby": "question" } : { type: "number", min: 0, step: "any", "aria-labelledby": "question" });
-      return [title, given, make("button.main", { type: "button", id: "next", onclick: () => answer(given.value) }, "Next")];
+      const next = make("button.main", { type: "button", id: "next", onclick: () => answer(given.value) }, "Next");
+      const given = make("input", { ...(question.kind === "text" ? { type: "text", maxLength: 1000 } : { type: "number", min: 0, step: "any" }), "aria-labelledby": "question", onkeydown: (event) => { if (event.key === "Enter") next.click(); } });
+      return [title, given, next];
     }
     this.answers = question.answers.map((text) => make("button", { type: "button", onclick: () => answer(text) }, text));
     return [make("div", {}, title, ends), make("div.answers", { role: "group", "aria-labelledby": "question" }, ...this.answers)];
