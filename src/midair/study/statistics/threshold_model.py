@@ -21,8 +21,8 @@ MISFIT = 0.01
 """Smallest posterior predictive p-value of a threshold that is reported."""
 PRIORS = (
     "Priors: log threshold uniform from half of the lowest to twice the highest level; log slope uniform from 0.8 to"
-    " 10; lapse rate Beta(1, 15) on six values from 0 to the limit of the plan; false-alarm rate Beta(1, 3) up to"
-    " 0.6 (yes or no); side bias normal with standard deviation 2, up to 1.75 (two sides)."
+    " 10; lapse rate Beta(1, 13) on six values from 0 to the limit of the plan; false-alarm rate Beta(1, 3) up to"
+    " 0.6 (yes or no); side bias normal with standard deviation 3, up to 1.75 (two sides)."
 )
 """Priors of `ThresholdModel`, for reports."""
 
@@ -117,11 +117,11 @@ class ThresholdModel:
         grid = np.meshgrid(*axes, indexing="ij")
         chance = self._chance(*(each.ravel() for each in grid))
         bias = grid[3].ravel()
-        prior = (35 if self.coarse else 14) * np.log1p(-grid[2].ravel())
+        prior = (35 if self.coarse else 12) * np.log1p(-grid[2].ravel())
         if self.task == "detection":
             prior += 2 * np.log1p(-bias)
         elif self.task == "two sides":
-            prior -= (bias / 2) ** 2 / 2
+            prior -= (bias / 3) ** 2 / 2
         object.__setattr__(self, "axes", axes)
         chance = np.clip(chance, 1e-6, 1 - 1e-6)
         object.__setattr__(self, "chance", chance)
