@@ -87,6 +87,7 @@ def test_mismatched_recordings_are_rejected():
         perceptual_metrics(short, short)
 
 
+@pytest.mark.long
 def test_lazy_frames_give_the_same_figures():
     rng = np.random.default_rng(0)
     # Long enough for more than one segment of blocks at 8 kHz.

@@ -49,6 +49,7 @@ def without_end(path, lines):
     path.write_bytes(b"".join(kept))
 
 
+@pytest.mark.long
 def test_a_whole_study_has_no_fault_and_its_summary_is_in_report_notebook_and_exports(folder, tmp_path, capsys):
     assert study("verify", folder.path) == 0
     said = capsys.readouterr().out

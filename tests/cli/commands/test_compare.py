@@ -63,6 +63,7 @@ def test_a_perfect_chain_scores_above_60_db(mode, capsys):
     assert abs(figures["delay"]["value"]) < 1e-3
 
 
+@pytest.mark.long
 def test_the_original_is_found_in_any_order(capsys):
     if not Path("take.drive.h5").exists():
         assert run(["solve", "take.h5", "--start-at", "0.55s", "--duration", "0.1s", *COARSE]) == 0

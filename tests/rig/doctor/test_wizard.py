@@ -85,6 +85,7 @@ def test_without_a_person_nothing_is_confirmed(capsys):
     assert "not confirmed" in found["wiring"]["found"]
 
 
+@pytest.mark.long
 def test_the_end_of_the_answers_stores_no_report(monkeypatch, capsys):
     assert answered(monkeypatch, "22\ny\n") == 1
     assert "the end of the input; no report was stored; without a person: --yes" in capsys.readouterr().err

@@ -192,6 +192,7 @@ def with_answers(plan, number, answer, **how):
     return standing
 
 
+@pytest.mark.long
 def test_thresholds_obey_the_rules_of_the_plan(tmp_path):
     """Thresholds use the scored rows of the answers table, whatever the rule that excludes an answer."""
     rules = Exclusions(fastest_s=0.2, timeouts=0.5, unfinished=True)

@@ -74,6 +74,7 @@ def test_codes_that_are_too_short_and_names_that_are_there_are_refused(capsys):
     assert "--force" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_real_array_is_solved_for_its_stored_calibration(take, capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
     calibration = known(TransducerArray.autd3())
