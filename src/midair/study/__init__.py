@@ -23,6 +23,7 @@ from .design import draw_plan as draw_plan
 from .design import excluded_participants as excluded_participants
 from .design import markers_table as markers_table
 from .design import replay as replay
+from .design import threshold_cautions as threshold_cautions
 from .design import thresholds_of as thresholds_of
 from .drives import StudyDrive as StudyDrive
 from .drives import check_digests as check_digests

@@ -4,6 +4,7 @@ from .adaptive import QuestPlus as QuestPlus
 from .adaptive import Staircase as Staircase
 from .adaptive import stimulus_levels as stimulus_levels
 from .adaptive_block import next_stimulus as next_stimulus
+from .adaptive_block import threshold_cautions as threshold_cautions
 from .adaptive_block import thresholds_of as thresholds_of
 from .analysis_plan import Analysis as Analysis
 from .analysis_plan import Exclusions as Exclusions

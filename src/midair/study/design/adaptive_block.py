@@ -97,6 +97,18 @@ def threshold_model(design: Design, block: Block, *, coarse: bool = False) -> Th
     )
 
 
+def threshold_cautions(design: Design) -> list[str]:
+    """One sentence for each adaptive block whose thresholds will be biased, see docs/decisions/0036."""
+    return [
+        f"block {block.name}: expected trials at the strongest level beside the adaptive ones (extras with the role "
+        "attention, 60 in the template detection), got none; thresholds of a flat slope will be about 20 % too low"
+        for block in design.blocks
+        if block.adaptive
+        and all(extra.role != "attention" for extra in block.extras)
+        and threshold_model(design, block).task == "two sides"
+    ]
+
+
 def answer_counts(
     design: Design, block: Block, model: ThresholdModel, given: Iterable[tuple[str, str]]
 ) -> tuple[Array, Array]:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import shlex
 import shutil
 
@@ -15,6 +16,7 @@ from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
 from midair.physics import focus_phase
 from midair.rig import dose_report
+from midair.study import template_text
 from midair.study.folder import StudyFolder, paper_design_text
 from midair.study.session.event_log import chain_hash, read_events
 from midair.study.session.presenters import SilentPresenter
@@ -134,6 +136,17 @@ def test_uneven_counterbalancing_is_reported_before_the_first_session(tmp_path, 
     assert note in capsys.readouterr().err
     study("new", tmp_path / "even", "--participants", 2, "--drives", "none")
     assert "uneven" not in capsys.readouterr().err
+
+
+def test_adaptive_blocks_whose_thresholds_will_be_biased_are_reported_before_the_first_session(tmp_path, capsys):
+    note = "expected trials at the strongest level beside the adaptive ones"
+    study("new", tmp_path / "good", "--template", "detection", "--participants", 1, "--drives", "none")
+    assert note not in capsys.readouterr().err
+    plan, found = re.subn(r" *\{ role = \"attention\".*\n", "", template_text("detection"))
+    (tmp_path / "plan.toml").write_text(plan)
+    study("new", tmp_path / "bad", "--source", tmp_path / "plan.toml", "--participants", 1, "--drives", "none")
+    assert found == 1
+    assert note in capsys.readouterr().err.replace("\n", " ")
 
 
 def test_refusals_are_one_clear_line(tmp_path):

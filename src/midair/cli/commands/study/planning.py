@@ -22,6 +22,7 @@ from midair.study import (
     prepare_media,
     read_design,
     template_text,
+    threshold_cautions,
     withdraw,
 )
 
@@ -101,6 +102,8 @@ def new_command(
             f"{', '.join(design.counterbalanced)} take turns, got {design.participants}",
             warn=True,
         )
+    for caution in threshold_cautions(plan.design):
+        print_note(caution, warn=True)
     _print_drives(gathered)
     _print_next(path, design, gathered)
 
