@@ -68,8 +68,8 @@ class SkinModel:
     radius: float = 5e-3
     """Radius of the area under a cell's pressure, in m."""
     just_felt: float = 0.1e-6
-    """Peak displacement at the detection threshold of the palm at `best`, in m. Nominal: thresholds vary by 10 dB
-    between people and with the area; this affects levels over the threshold, but no difference between two
+    """Peak displacement at the detection threshold of the palm at `best`, in m. Nominal: see
+    `people` for their range; this affects levels over the threshold, but no difference between two
     signals.
     """
     best: float = 250.0

@@ -266,7 +266,7 @@ def quick_mode() -> Settings:
 
 
 def finest_mode() -> Settings:
-    """Return the best mode with a quiet palm: 2 to 8 dB more displacement at the worst skin point, a third more time.
+    """Return the best mode with a quiet palm: 2 to 8 dB more displacement at the worst skin point, a quarter more time.
 
     The guard stays, since a mean square over the palm hardly penalises a single spot beside the square.
     """

@@ -49,7 +49,7 @@ def new_command(
         paper: section 5.3, three objects on two surfaces.
         detection: threshold of a vibration.
         intervals: which of two intervals is stronger.
-        paired: which of two stimuli is rougher, all pairs.
+        paired: which of two stimuli is closer to a real object.
     source
         TOML file that describes another study, instead of --template; its drives are searched in the same folder.
     trials
