@@ -31,6 +31,22 @@ def test_a_unit_is_averaged_over_the_busiest_minute():
     assert unit_duty(np.tile([[1.0], [0.0]], (50, 1)), 1.0, repeats=7) == pytest.approx([0.5])
 
 
+def test_repeats_follow_each_other_without_silence():
+    """A drive that does not fill its last part is not longer for it; the judge repeats frames one by one."""
+    rng, rate = np.random.default_rng(3), 20.0
+    for frames, repeats in ((1, 1200), (1, 2000), (7, 400), (33, 50), (1250, 2), (1250, 3)):
+        level = rng.random((frames, ARRAY.count))
+        drive = Drive(phase=np.zeros(level.shape), level=level, rate=rate, array=ARRAY)
+        parts = unit_levels(drive, every=2)
+        found = unit_duty(parts, rate / 2, duration=frames / rate, repeats=repeats)
+        each = np.tile(unit_levels(drive), (repeats, 1))
+        sums = np.concatenate([np.zeros((1, 4)), np.cumsum(each, axis=0)])
+        width = min(1200, len(each))
+        expected = (sums[width:] - sums[:-width]).max(axis=0) / 1200
+        # Parts of two frames may begin a minute between two frames.
+        np.testing.assert_allclose(found, expected, atol=1 / 1200 if frames > 1 else 1e-12)
+
+
 def test_levels_of_units_are_means_of_their_own_transducers():
     level = np.zeros((3, ARRAY.count))
     level[1, ARRAY.unit == 2] = 0.8

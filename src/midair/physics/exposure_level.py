@@ -208,7 +208,9 @@ def exposure(
         repeats=repeats,
         nonlinearity=_nonlinearity(drive, profile, airs[0], level),
         pressure=max(_pressure(drive, profile, air) for air in few),
-        duty=unit_duty(unit_levels(drive, every=every), drive.rate / every, repeats=repeats),
+        duty=unit_duty(
+            unit_levels(drive, every=every), drive.rate / every, duration=drive.frames / drive.rate, repeats=repeats
+        ),
         warming=palm_warming(drive, _palm_points(profile), acoustics=airs[len(airs) // 2], repeats=repeats),
     )
 

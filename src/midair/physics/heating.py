@@ -26,25 +26,39 @@ _FRAMES, _FEWEST = 4_000, 8
 
 
 def unit_levels(drive: Drive, *, every: int = 1) -> Array:
-    """Mean level of the transducers of each unit over `every` frames, shape (part, unit), 0 to 1; silent at the end."""
+    """Mean level of the transducers of each unit over `every` frames, or the rest, shape (part, unit), 0 to 1."""
     unit = drive.array.unit
     shares = (unit[:, None] == np.unique(unit)) / np.bincount(unit)[np.unique(unit)]
     means: list[Array] = []
     for part in blocks(drive.level, every * max(1, 4096 // every)):
         starts = np.arange(0, len(part), every)
-        total = np.add.reduceat(np.asarray(part, np.float64), starts, axis=0) / every
+        counts = np.minimum(every, len(part) - starts)
+        total = (np.add.reduceat(np.asarray(part, np.float64), starts, axis=0).T / counts).T
         means.append(total @ shares if total.ndim == 2 else np.repeat(total[:, None], shares.shape[1], axis=1))
     return np.concatenate(means)
 
 
-def unit_duty(level: Array, rate: float, *, repeats: int = 1) -> Array:
-    """Highest mean over any minute of `level`, shape (time, unit), `rate` in Hz; silent before and after."""
-    window = max(1, round(MINUTE * rate))
-    # More repeats than fit into a minute do not change the maximum.
-    whole = np.tile(level, (min(repeats, -(-window // len(level)) + 1), 1))
-    total = np.concatenate([np.zeros((1, whole.shape[1])), np.cumsum(whole, axis=0)])
-    width = min(window, len(whole))
-    return np.asarray((total[width:] - total[:-width]).max(axis=0) / window, np.float64)
+def unit_duty(level: Array, rate: float, *, duration: float | None = None, repeats: int = 1) -> Array:
+    """Highest mean over any minute of `level`, shape (time, unit), `rate` in Hz; silent before and after.
+
+    `duration` of the level in s is shorter than that of all values if the last one lasts a shorter time.
+    """
+    lasts = len(level) / rate if duration is None else duration
+    edges = np.minimum(np.arange(len(level) + 1) / rate, lasts)
+    total = np.concatenate([np.zeros((1, level.shape[1])), np.cumsum(level * np.diff(edges)[:, None], axis=0)])
+    end = repeats * lasts
+    if end <= MINUTE:
+        return np.asarray(repeats * total[-1] / MINUTE, np.float64)
+
+    def until(time: Array) -> Array:
+        played, rest = np.divmod(time, lasts)
+        return played[:, None] * total[-1] + np.stack([np.interp(rest, edges, each) for each in total.T], axis=1)
+
+    # The busiest minute begins or ends where a value does.
+    begin = np.clip(np.concatenate([edges, np.mod(edges - MINUTE, lasts)]), 0, end - MINUTE)
+    found = (until(begin + MINUTE) - until(begin)).max(axis=0) / MINUTE
+    # Rounding must not lift a mean over the highest value.
+    return np.asarray(np.minimum(found, level.max(axis=0)), np.float64)
 
 
 def skin_warming(intensity: Array, step: float) -> Array:
