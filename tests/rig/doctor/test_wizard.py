@@ -8,6 +8,7 @@ import sys
 import time
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,12 +16,13 @@ from tests.simulators.udp_proxy import UdpProxy
 
 from midair.cli import run
 from midair.devices import VirtualArray, state_folder
+from midair.errors import InputError
 from midair.files import save_solution
 from midair.model import Acoustics, Drive, Placement, Solution
 from midair.physics import Transducers
 from midair.rig import VirtualRig, checkup_line, default_exposure
-from midair.rig.doctor.array_by_sensor import DEAD, places_of_units, transducer_strengths
-from midair.rig.doctor.wizard import click_drive
+from midair.rig.doctor.array_by_sensor import DEAD, _fit, check_sensor_rate, places_of_units, transducer_strengths
+from midair.rig.doctor.wizard import NOISY, _transducers, click_drive, run_wizard
 
 WIZARD = ["doctor", "--device", "autd3:emulator", "--wizard"]
 SWITCH, SILENCE = 0x12, 0x16
@@ -71,7 +73,7 @@ def test_swapped_and_silent_units_are_named(monkeypatch):
     assert found["placement"]["state"] == "broken"
     assert found["wiring"]["found"] == (
         "commands for unit 0 sound from the place of 1, commands for unit 1 sound from the place of 0, "
-        "unit 3 is not detected"
+        "the place of unit 3 was not found"
     )
 
 
@@ -90,12 +92,21 @@ def test_the_end_of_the_answers_stores_no_report(monkeypatch, capsys):
     assert answered(monkeypatch, "22\ny\n") == 1
     assert "the end of the input; no report was stored; without a person: --yes" in capsys.readouterr().err
     assert list(state_folder().glob("checkup-*")) == []
-    assert checkup_line("autd3:emulator") == "never: midair doctor --device autd3:emulator --wizard"
+    assert checkup_line("autd3:emulator") == 'never: midair doctor --device "autd3:emulator" --wizard'
+    assert checkup_line("pyautd3:ethercrab", "pyautd3") == 'never: midair doctor --device "pyautd3" --wizard'
 
 
-@pytest.mark.parametrize(("words", "line"), [(["--wizard"], "expected --device"), (["--yes"], "expected --wizard")])
-def test_options_that_do_not_fit_are_refused(words, line, capsys):
-    assert run(["doctor", *words]) == 1
+@pytest.mark.parametrize(
+    ("words", "line", "status"),
+    [
+        (["--wizard"], "expected --device", 1),
+        (["--yes"], "expected --wizard", 1),
+        (["--height", "15cm"], "expected --wizard", 1),
+        (["--device", "virtual", "--wizard"], "expected a real array or an emulator, got virtual", 2),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(words, line, status, capsys):
+    assert run(["doctor", *words]) == status
     assert line in capsys.readouterr().err
 
 
@@ -217,3 +228,31 @@ def test_a_sensor_finds_dead_transducers():
     assert uncertainty.max() < 0.2
     assert 0.35 < strength[100] < 0.65
     assert np.abs(strength[dead]).max() < 4 * uncertainty[dead].max()
+
+
+def test_a_unit_that_is_mostly_silent_is_not_called_sound():
+    """Its strengths have no scale: with 60 % of it dead, the rest is not judged either."""
+    unit = np.repeat([0, 1], 100)
+    strength, uncertainty = np.ones(200), np.full(200, 0.1)
+    uncertainty[unit == 1] = np.inf
+    found = _transducers(strength, uncertainty, unit)
+    assert found.state == "missing"
+    assert "most of unit 1 cannot be judged" in found.found
+    strength[3] = 0.0
+    assert _transducers(strength, uncertainty, unit).state == "broken"
+
+
+def test_noise_alone_judges_no_transducer():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        _, uncertainty = _fit(rng.normal(size=(40, 12, 1)), np.full((40, 1), -1.0), 12)
+        assert not (uncertainty < NOISY).all()
+
+
+def test_a_sensor_of_another_rate_is_refused_before_a_sound():
+    sensor = SimpleNamespace(name="microphone", rate=44100.0)
+    with pytest.raises(InputError, match="microphone: expected a rate that is a multiple of 1000 Hz, got 44100 Hz"):
+        run_wizard(VirtualArray(VirtualRig().array), lambda _: pytest.fail("asked"), default_exposure(), sensor=sensor)
+    sensor.rate = 1000.0
+    with pytest.raises(InputError, match="higher rate for 20 units"):
+        check_sensor_rate(sensor, 20)

@@ -57,8 +57,10 @@ def doctor_command(
     $ midair doctor --device autd3:emulator
     $ midair doctor --device autd3:emulator --wizard --yes
     """
-    if not wizard and (sensor or yes or placement or air or exposure):
-        raise InputError("--sensor, --yes and options of placement, air and exposure: expected --wizard, got none")
+    if not wizard and (sensor or yes or placement or air or exposure or height != HEIGHT):
+        raise InputError(
+            "--sensor, --height, --yes and options of placement, air and exposure: expected --wizard, got none"
+        )
     if not wizard:
         findings = run_checks(device)
     elif device is None:

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 RATE = 1000.0
 """Frame rate of the drives in Hz; the sensor's rate must be a multiple."""
+TONE, STEP = 60.0, 24.0
+"""Tone of the first place and distance of the tones in Hz."""
 TOP = 100.0
 """Highest pressure in the focus in Pa; full drive if that is weaker."""
 PERIOD = 12
@@ -27,6 +29,15 @@ CLEAR = 1.4
 """Factor by which its true place must exceed any other: a grating lobe of AUTD3's neighbouring places reaches half."""
 DEAD = 0.3
 """Strength relative to the others below which a transducer counts as dead."""
+
+
+def check_sensor_rate(sensor: SensorDevice, units: int) -> None:
+    """Refuse a sensor that cannot record the drives of this module, before anything sounds."""
+    per = round(sensor.rate / RATE)
+    if per < 1 or abs(per * RATE - sensor.rate) > 1e-6:
+        raise InputError(f"{sensor.name}: expected a rate that is a multiple of {RATE:g} Hz, got {sensor.rate:g} Hz")
+    if TONE + STEP * (units - 1) >= sensor.rate / 2:
+        raise InputError(f"{sensor.name}: expected a higher rate for {units} units, got {sensor.rate:g} Hz")
 
 
 def places_of_units(
@@ -42,7 +53,7 @@ def places_of_units(
 
     model = array.array.nominal
     units, count = np.unique(model.unit, return_counts=True)
-    tones = np.asarray(60 + 24.0 * np.arange(len(units)), np.float64)
+    tones = np.asarray(TONE + STEP * np.arange(len(units)), np.float64)
     if len(units) > 16 or len(set(count)) > 1:
         raise InputError(f"{array.name}: expected up to 16 units of one kind, got {len(units)}")
     acoustics = _acoustics(choices)
@@ -80,8 +91,6 @@ def transducer_strengths(
     in `places_of_units`.
     """
     per = round(sensor.rate / RATE)
-    if per < 1 or abs(per * RATE - sensor.rate) > 1e-6:
-        raise InputError(f"{sensor.name}: expected a rate that is a multiple of {RATE:g} Hz, got {sensor.rate:g} Hz")
     model, acoustics = array.array.nominal, _acoustics(choices)
     cells = np.array([(*sensor.grid.channel_position(cell), height) for cell in range(sensor.grid.count)])
     target = int(np.linalg.norm(cells[:, :2], axis=1).argmin())
@@ -119,6 +128,8 @@ def _fit(samples: Array, expected: Array, period: int) -> tuple[Array, Array]:
     # In units of the noise, which is the same for all: the tone of a transducer has the phase of the others' tones.
     clear = (found * gain.conj() * expected).sum(axis=1) / weight
     scale = float(np.median(clear.real / weight))
+    if not scale > 0:  # silence: the noise has the sign by chance
+        return np.zeros(len(weight)), np.full(len(weight), np.inf)
     return clear.real / weight / scale, np.std(clear.imag) / weight / scale
 
 

@@ -26,7 +26,7 @@ from midair.errors import ExposureError, InputError
 from midair.files import atomic_file
 from midair.model import HEIGHT, Acoustics, Drive, Medium, Provenance, TransducerArray
 from midair.physics import focus_phase
-from midair.rig.doctor.array_by_sensor import DEAD, places_of_units, transducer_strengths
+from midair.rig.doctor.array_by_sensor import DEAD, check_sensor_rate, places_of_units, transducer_strengths
 from midair.rig.doctor.array_checkup import report_findings
 from midair.rig.doctor.check import Check, broken, missing, ok
 from midair.rig.playing import play_cleared
@@ -52,6 +52,8 @@ def run_wizard(
     The sensor is open and lies face down over the centre of the array at a height in m. `choices` limits everything
     that sounds; without an override, clicks are attenuated to meet them.
     """
+    if sensor is not None:
+        check_sensor_rate(sensor, len(np.unique(array.array.unit)))
     air, choices = _air(ask, choices)
     acoustics = Acoustics() if choices.room is None else Acoustics(medium=choices.room)
     checks = [*report_findings(array.name, array.describe()), air, _placement(array, ask)]
@@ -60,7 +62,7 @@ def run_wizard(
     try:
         if sensor is not None:
             checks.append(_wiring(list(places_of_units(array, sensor, choices, height)), units))
-            checks.append(_transducers(*transducer_strengths(array, sensor, choices, height)))
+            checks.append(_transducers(*transducer_strengths(array, sensor, choices, height), array.array.unit))
     except ExposureError as wrong:
         checks.append(missing("sensor", str(wrong)))
     if sensor is None:
@@ -96,8 +98,8 @@ def store_checkup(device: str, checks: list[Check]) -> Path:
     return path
 
 
-def checkup_line(device: str) -> str:
-    """Age and result of the stored report of an array, in one line."""
+def checkup_line(device: str, typed: str = "") -> str:
+    """Age and result of the stored report of an array, in one line; `typed` is the name that was typed for it."""
     try:
         stored = json.loads((state_folder() / _name(device)).read_bytes())
         made = datetime.fromisoformat(stored["time"])
@@ -105,7 +107,7 @@ def checkup_line(device: str) -> str:
         age = datetime.now(UTC) - made
     except (OSError, ValueError, TypeError, KeyError) as wrong:
         kept = "never" if isinstance(wrong, FileNotFoundError) else "unreadable"
-        return f"{kept}: midair doctor --device {device} --wizard"
+        return f'{kept}: midair doctor --device "{typed or device}" --wizard'
     ago = f"{age.days} days" if age.days else f"{age.seconds // 3600} hours"
     found = f"{states.count('broken')} of {len(states)} broken, {states.count('missing')} not checked"
     return f"{made.astimezone():%Y-%m-%d %H:%M}, {ago} ago: {found}"
@@ -146,6 +148,9 @@ def _ears(array: ArrayDevice, choices: ExposureChoices, focus: Array, acoustics:
     drive = Drive(phase=phase, level=np.ones(1), rate=1000.0, array=array.array, acoustics=acoustics)
     found = measure_exposure(drive, array.array, choices.profile, steps=array.steps_a_turn, room=choices.room)
     level = min(1.0, 10 ** (-found.excess / 20))
+    # Rounded down, so that the printed level keeps the limit.
+    digits = 10.0 ** (1 - np.floor(np.log10(level)))
+    level = np.floor(level * digits) / digits
     said = f"a still focus at full drive: {found.verdict()}; at most {level:.2g} of full drive keeps it"
     return ok("ears", said, "keep ears outside the places of the profile: midair exposure --help")
 
@@ -184,20 +189,29 @@ def _wiring(places: list[int | None], units: list[int]) -> Check:
     if places == units:
         return ok("wiring", f"units {', '.join(map(str, units))} sound from their places")
     wrong = [
-        f"unit {unit} is not detected" if place is None else f"commands for unit {unit} sound from the place of {place}"
+        f"the place of unit {unit} was not found"
+        if place is None
+        else f"commands for unit {unit} sound from the place of {place}"
         for unit, place in zip(units, places, strict=True)
         if place != unit
     ]
-    advice = "exchange cables, or the entries in the placement file; check the power of silent units"
+    advice = (
+        "check the power of silent units and that the sensor lies over the centre; exchange cables, or the entries "
+    )
+    advice += "in the placement file"
     return broken("wiring", ", ".join(wrong), advice)
 
 
-def _transducers(strength: Array, uncertainty: Array) -> Check:
+def _transducers(strength: Array, uncertainty: Array, unit: NDArray[np.int64]) -> Check:
     judged = uncertainty < NOISY
     dead = np.flatnonzero(judged & (strength < DEAD))
     found = f"{len(dead)} of {judged.sum()} dead, {(~judged).sum()} too weak at the sensor to be judged"
-    if judged.mean() < 0.5:
-        advice = "check the height and the sensor; for more sound leave the room, and give --override-exposure NAME"
+    unknown = [str(each) for each in np.unique(unit) if judged[unit == each].mean() < 0.5]
+    if unknown:
+        found += f"; most of unit {', '.join(unknown)} cannot be judged"
+    if unknown and not len(dead):
+        advice = "check that these units sound, the height and the sensor; for more sound leave the room, and give "
+        advice += "--override-exposure NAME"
         return missing("transducers", found, advice)
     if not len(dead):
         return ok("transducers", found)

@@ -63,6 +63,8 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
     FileError
         If a board's file cannot be read.
     """
+    if name == "virtual":
+        raise UnknownDeviceError("array: expected a real array or an emulator, got virtual, which needs no driver")
     kind, colon, place = name.partition(":")
     if (colon and not place) or kind not in ARRAYS:
         others = "".join(f"{each}:PLACE, " for each in ARRAYS.others)
