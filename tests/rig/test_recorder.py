@@ -221,6 +221,26 @@ def test_unknown_names_are_refused(make, error, says):
         make()
 
 
+def test_an_array_is_closed_if_the_sensor_cannot_be_opened():
+    class Missing(ReplaySensor):
+        def open(self):
+            raise DeviceError("missing: no such sensor")
+
+    rig = open_rig()
+    broken = replace(rig, sensor=Missing(Recording(samples=np.zeros((9, 4, 4)), rate=1000.0, unit="V")))
+    with pytest.raises(DeviceError, match="no such sensor"), broken:
+        pytest.fail("entered")
+    with rig.array:
+        pass
+
+
+def test_settings_of_a_play_are_used_or_refused(solution):
+    with pytest.raises(UnknownDeviceError, match="autd9"):
+        play(solution, settings=PlaySettings(device="autd9"))
+    with pytest.raises(InputError, match="delay: expected 0 on the virtual array, which plays at once, got 5 s"):
+        play(solution, delay=5.0)
+
+
 @pytest.mark.slow
 def test_the_loop_accepts_a_take_a_file_or_a_pressure(tmp_path):
     take = record("virtual:am-i", 0.1, path=tmp_path / "take.h5")

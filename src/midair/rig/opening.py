@@ -49,9 +49,12 @@ class OpenRig:
 
     def __enter__(self) -> Self:
         self.array.cooling, self.array.participant = self.settings.cooling, self.settings.participant
-        self._open.enter_context(self.array)
-        if self.sensor is not None:
-            self._open.enter_context(self.sensor)
+        with ExitStack() as opened:
+            opened.enter_context(self.array)
+            if self.sensor is not None:
+                opened.enter_context(self.sensor)
+            # Only now both are open; an error of the sensor has closed the array.
+            self._open.push(opened.pop_all())
         return self
 
     def __exit__(

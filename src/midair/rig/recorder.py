@@ -125,7 +125,7 @@ def record(
 
 def play(
     what: Solution | Drive,
-    rig: OpenRig | str = "virtual",
+    rig: OpenRig | str | None = None,
     *,
     source: str | Path = "python",
     progress: Progress | None = None,
@@ -138,9 +138,9 @@ def play(
     ----------
     what : Solution or Drive
         Solved for the rig's array.
-    rig : OpenRig or str
-        An entered rig, or the name of an array that is opened for this call; a virtual one gets the cells, the height
-        and the band of the drive.
+    rig : OpenRig or str, optional
+        An entered rig, or the name of an array that is opened for this call, by default the device of `settings`; a
+        virtual one gets the cells, the height and the band of the drive.
     source : str or Path
         Name of the drive in the play log; a file is hashed there.
     progress : callable, optional
@@ -164,7 +164,7 @@ def play(
     """
     drive = what.drive if isinstance(what, Solution) else what
     changes = {name: value for name, value in changes.items() if value is not None}
-    if isinstance(rig, str):
+    if not isinstance(rig, OpenRig):
         with open_rig(rig, drive=drive, settings=settings, **changes) as opened:
             return play(drive, opened, source=source, progress=progress)
     of_devices = [one.name for one in fields(PlaySettings) if one.name in changes and "playback" not in one.metadata]
@@ -184,6 +184,9 @@ def play(
             room=chosen.exposure.room,
         )
         return Played(drive=played, outcome=admission.outcome, report=report)
-    heard = rerecord(admission, rig.array, rig.sensor, source=source, progress=progress)
+    if chosen.delay and rig.sensor.simulated:
+        raise InputError(f"delay: expected 0 on the virtual array, which plays at once, got {chosen.delay:g} s")
+    room = chosen.exposure.room
+    heard = rerecord(admission, rig.array, rig.sensor, source=source, delay=chosen.delay, progress=progress, room=room)
     take = OpenedTake(recording=heard, calibration=rig.sensor.calibration)
     return Played(drive=played, outcome=admission.outcome, take=take)

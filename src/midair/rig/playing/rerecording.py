@@ -33,8 +33,10 @@ def rerecord(
     sensor: SensorDevice,
     *,
     source: str | Path = "loop",
+    delay: float = 0.0,
     tail: float = 0.02,
     progress: Progress | None = None,
+    room: Medium | None = None,
 ) -> Recording:
     """Play a cleared drive on an open array and record it with an open sensor, starting before its first frame.
 
@@ -42,7 +44,8 @@ def rerecord(
     everything since the start of playing: `evaluate.find_delay` finds where the drive begins.
 
     The sensor must buffer its samples until they are read; `tail` is the recording time in s after the last frame, so
-    that a delay cuts nothing off. `source` is the name of the drive in the log; a file is hashed there.
+    that a delay cuts nothing off. `source` is the name of the drive in the log; a file is hashed there. `delay` in s
+    before the first frame and `room` concern a real array only.
 
     Raises
     ------
@@ -60,7 +63,7 @@ def rerecord(
     try:
         began = time.monotonic()
         if array.gated:
-            report = play_cleared(admission, array, source=source, progress=progress)
+            report = play_cleared(admission, array, source=source, delay=delay, progress=progress, room=room)
         else:
             # A virtual array emits no sound, and loops on the virtual rig would fill the play log.
             report = array.play(admission, progress=progress)
