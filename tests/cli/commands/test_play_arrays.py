@@ -248,6 +248,24 @@ def test_the_virtual_array_takes_no_hardware_stop(capsys):
     assert "got --device virtual, which is silent" in said(capsys)[0]
 
 
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["play", "a.drive.h5", "--delay", "1s"], "--delay: expected an array, got --device virtual"),
+        *(
+            (["play", "a.drive.h5", *EMULATOR, *words], "--spread: expected --device virtual, got autd3:emulator")
+            for words in (["--output", "b.h5"], ["--force"], ["--seed", "3"], ["--spread", "boards"])
+        ),
+        (["live", "--to", "lab:5005", "--key", "k", "--keep", "a.h5"], "give it on the computer that plays"),
+        (["live", "--to", "lab:5005", "--key", "k", *EMULATOR], "give it on the computer that plays"),
+    ],
+)
+def test_options_without_an_effect_are_refused(words, line, capsys):
+    make("a.drive.h5")
+    assert run(words) == 1
+    assert line in said(capsys)[0]
+
+
 def test_stop_reports_what_it_could_not_stop(capsys):
     """A process that holds a player's file and does not answer."""
     Path("state").mkdir()

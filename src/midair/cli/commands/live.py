@@ -81,6 +81,10 @@ def live_command(
     room = air.medium()
     settings = (options or LiveOptions()).settings(room)
     if to is not None:
+        if keep is not None or stop_input is not None or settings.device != "virtual":
+            raise InputError(
+                "--to: expected no --keep, --stop-input or --device, got one; give it on the computer that plays"
+            )
         return _send(settings, to, json=json)
     if keep is not None:
         if keep.exists():

@@ -215,6 +215,8 @@ def play_command(
     if device == "virtual":
         if stop_input is not None:
             raise InputError("--stop-input: expected an array, got --device virtual, which is silent; leave it out")
+        if settings.delay:
+            raise InputError("--delay: expected an array, got --device virtual, which plays at once; leave it out")
         target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
         may_write(target, force)
         return _play_on_virtual(source, target, settings, air, correct=correct_air)
@@ -222,6 +224,11 @@ def play_command(
         raise InputError(
             f"--array-calibration: expected --device virtual, got {device}; "
             "for a real array use midair solve --array-calibration"
+        )
+    if output is not None or force or settings.seed or settings.spread != "default":
+        raise InputError(
+            f"--output, --force, --seed, --spread: expected --device virtual, got {device}; "
+            "midair loop re-records a real array"
         )
     with stop_on_input(stop_input):
         return _play_on_array(source, settings, air, correct=correct_air)
@@ -305,7 +312,7 @@ def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, cor
         admission = _admitted(drive, array, settings)
         _print_room_air(drive, source, room)
         rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
-        rows += [("heat", admission.exposure.heat), ("checkup", checkup_line(array.name))]
+        rows += [("heat", admission.exposure.heat), ("checkup", checkup_line(array.name, device))]
         level = level_rows(level_of_file(source, limits=False))
         print_rows([*level, *unreproduced_rows(drive.provenance), *rows])
         watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN, device=device)

@@ -83,7 +83,7 @@ class PortGuard:
         if self._process.stdin is not None:
             self._process.stdin.close()
         try:
-            self._process.wait(5 * LIMIT)
+            self._process.wait(10 * LIMIT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
