@@ -1,5 +1,6 @@
 """The application without its processes: answers and refusals."""
 
+import asyncio
 import json
 import os
 import re
@@ -11,6 +12,7 @@ import pytest
 from starlette.websockets import WebSocketDisconnect
 
 from midair.datasets import stroke
+from midair.errors import StoppedError
 from midair.files import save
 from midair.model import Provenance, Recording
 from midair.studio import Studio, StudioPlan
@@ -313,3 +315,21 @@ def test_the_stated_air_of_the_room_is_a_setting_of_new_drives(talk, studio):
     assert "--temperature 25C --humidity 40%" in talk.order("reproduce", "code", **code)["ok"]["options"]
     assert "expected degrees Celsius" in talk.order("air", "state", temperature="hot")["error"]
     assert studio.air.stated == {"temperature": 25.0, "humidity": 0.4}
+
+
+def test_takes_of_one_stem_have_drives_of_their_own(studio):
+    for name in ("towel.csv", "only.csv", "more.npy"):
+        (studio.folder.path / name).write_bytes(b"")
+    beside = {name: studio.takes.beside(name, ".drive.h5").name for name in ("towel.h5", "towel.csv", "only.csv")}
+    assert beside == {
+        "towel.h5": "towel.drive.h5", "towel.csv": "towel.csv.drive.h5", "only.csv": "only.drive.h5"
+    }  # fmt: skip
+    assert "more.npy" in [row["name"] for row in studio.takes.rows()]
+
+
+def test_a_stop_between_the_sounds_of_a_presentation_ends_it(studio):
+    playing = studio.playing
+    playing.begin_presentation()
+    playing.permit.stop()
+    with pytest.raises(StoppedError, match="stopped on request"):
+        asyncio.run(playing.quiet(1.0))

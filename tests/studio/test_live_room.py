@@ -5,6 +5,7 @@ import warnings
 
 import pytest
 
+from midair.model import Acoustics, Medium
 from midair.studio import Studio, StudioPlan
 
 with warnings.catch_warnings():
@@ -103,6 +104,33 @@ def test_an_error_of_the_studio_is_answered(client, studio, capsys):
         socket.send_text(json.dumps({"alive": True}))
         assert "error in midair, please report it: KeyError" in ask(socket, "begin", admission=3)["error"]
     assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_stop_before_the_array_is_lent_is_not_forgotten(client, studio, monkeypatch):
+    asked = []
+
+    async def let_go(do, **_):
+        asked.append(do)
+        if do == "let go":
+            studio.playing.permit.stop()
+        return {"units": "", "count": 996, "simulated": True}
+
+    monkeypatch.setattr(studio.playing._player, "ask", let_go)
+    studio.panels["live"]._checked = {3: _request()}
+    with page(client) as socket:
+        socket.send_text(json.dumps({"alive": True}))
+        assert "stopped on request" in ask(socket, "begin", admission=3)["error"]
+    assert asked[0] == "let go"
+    assert not studio.playing.permit.armed
+    assert studio.store.state["live"]["state"] == "idle"
+
+
+def test_live_begins_only_in_the_air_of_its_check(client, studio):
+    request = _request() | {"acoustics": Acoustics(medium=Medium.at(temperature=22.0))}
+    studio.panels["live"]._checked = {3: request}
+    with page(client) as socket:
+        socket.send_text(json.dumps({"alive": True}))
+        assert "the air of the room changed" in ask(socket, "begin", admission=3)["error"]
 
 
 def test_hidden_page_cannot_begin(client, studio):

@@ -193,8 +193,10 @@ def _frames_of(solution: Solution, target: AmplitudeFrames, rate: float, first: 
 
 def _begin_of(target: AmplitudeFrames) -> float:
     """Time in s at which the drive begins in the recording."""
-    start = target.provenance.last("cut").get("start_s")
-    return float(start) if isinstance(start, int | float) else 0.0
+    cut = target.provenance.last("cut")
+    start = cut.get("start_s")
+    # A recording that was cut by an edit begins at 0; the part of a solve has a duration.
+    return float(start) if isinstance(start, int | float) and "duration_s" in cut else 0.0
 
 
 def _wanted_early(data: TakeData, first: int, count: int, rate: float) -> Section:

@@ -16,6 +16,9 @@ SAMPLE = "sample:"
 _ENDINGS = (".drive.h5", ".rerecorded.h5", ".calibration.h5", ".array.h5")
 """Endings of files that are not takes."""
 
+_IMPORTED = (".csv", ".wav", ".npz", ".npy", ".mat")
+"""Endings of takes of other programs."""
+
 _NOT_YET = ("solved", "drive", "played", "compared", "report")
 """Properties of a take that are false until its file exists."""
 
@@ -32,7 +35,7 @@ class TakesList:
     def rows(self) -> list[dict[str, Any]]:
         """Return one row per take, samples last."""
         own = [name for name in self.folder.names(".h5") if not name.endswith(_ENDINGS)]
-        own += [name for ending in (".csv", ".wav", ".npz") for name in self.folder.names(ending)]
+        own += [name for ending in _IMPORTED for name in self.folder.names(ending)]
         samples = [SAMPLE + path.stem for path in self._sample_files()]
         rows = [self._row(name) for name in own]
         if self.is_pending(SAMPLE + FIRST):
@@ -55,7 +58,10 @@ class TakesList:
     def beside(self, name: str, ending: str) -> Path:
         """Return the path of a file that belongs to a take (drive, re-recording, report), existing or not."""
         path = self.path(name)
-        return path.with_name(path.name.removesuffix(path.suffix) + ending)
+        others = (path.with_suffix(kind) for kind in (".h5", *_IMPORTED) if kind != path.suffix)
+        # Of several takes with one stem, the others keep their suffix.
+        own = path.suffix != ".h5" and any(other.exists() for other in others)
+        return path.with_name((path.name if own else path.name.removesuffix(path.suffix)) + ending)
 
     def comparison_path(self, name: str) -> Path:
         """Return the path of the pressures of a comparison, kept for this session."""

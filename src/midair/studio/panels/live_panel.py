@@ -135,10 +135,17 @@ class LivePanel(Panel):
         request = self._checked.pop(order.admission, None)
         if request is None:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
-        await self._context.panels["record"].release()
-        solved = LiveSettings().but(acoustics=request["acoustics"]).acoustics.medium.degrees
-        leave = await self._playing.lend(page, f"live {request['sensor']}", solved=solved)
+        self._playing.check_same_air(None if request["acoustics"] is None else request["acoustics"].medium)
+        # From here on `end` and STOP of any page end it, although nothing plays yet.
+        stops = self._playing.permit.stops
         self._show(state="opens", said="", share=1.0, take=None)
+        try:
+            await self._context.panels["record"].release()
+            solved = LiveSettings().but(acoustics=request["acoustics"]).acoustics.medium.degrees
+            leave = await self._playing.lend(page, f"live {request['sensor']}", solved=solved, stops=stops)
+        except MidairError as wrong:
+            self._show(state="idle", said=str(wrong))
+            raise
         self._store.put(live_goes=None)
         try:
             about = await self._live.ask("begin", admission=order.admission, leave=leave)

@@ -10,10 +10,18 @@ from typing import Any
 
 from pydantic import Field
 
-from midair.errors import DeviceStateError, ExposureError, InputError, LinkLostError, MidairError, SilentFramesError
+from midair.errors import (
+    DeviceStateError,
+    ExposureError,
+    InputError,
+    LinkLostError,
+    MidairError,
+    SilentFramesError,
+    StoppedError,
+)
 from midair.files import DEFAULT_PROFILE
 from midair.model import Medium
-from midair.rig import LeaseToken, PlayLease, PlaySettings
+from midair.rig import DRIFT, LeaseToken, PlayLease, PlaySettings
 from midair.studio.player import run_player
 from midair.studio.room_air import RoomAir
 from midair.studio.studio_state import Arguments, Page, StudioState, declared
@@ -77,7 +85,8 @@ class PlayPanel:
         self._closed = False
         self._controls = 0
         self._opening: asyncio.Future[None] | None = None
-        self._checked: dict[int, tuple[str, float]] = {}
+        self._checked: dict[int, tuple[str, float, Medium | None]] = {}
+        self._stops = self.permit.stops
         self.played: list[Any] = []
         self._state: dict[str, Any] = {
             "state": "starts",
@@ -145,6 +154,7 @@ class PlayPanel:
         if order.correct_air and self._air.medium is None:
             raise InputError("phases: expected the air of the room to correct them for, got none; state it first")
         self._busy()
+        await self.reopen()
         found = await self._player.ask(
             "admit",
             path=str(drive),
@@ -155,7 +165,10 @@ class PlayPanel:
             room=self._air.medium,
             correct=order.correct_air,
         )
-        self._checked = {found["number"]: (order.take, found["solved_c"])} if found["number"] else {}
+        again = self._takes.beside(order.take, ".rerecorded.h5")
+        found["replaces"] = again.name if self.device == "virtual" and again.exists() else ""
+        checked = order.take, found["solved_c"], self._air.medium
+        self._checked = {found["number"]: checked} if found["number"] else {}
         self._store.put(exposure={"take": order.take, **found})
         return found
 
@@ -165,7 +178,8 @@ class PlayPanel:
         self._seen(page)
         if order.admission not in self._checked:
             raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
-        take, solved = self._checked.pop(order.admission)
+        take, solved, room = self._checked.pop(order.admission)
+        self.check_same_air(room)
         output = self._takes.beside(take, ".rerecorded.h5")
         partial = output.with_name(f".{output.name.removesuffix('.h5')}.partial.h5")
         report = await self._sound(
@@ -196,8 +210,9 @@ class PlayPanel:
         self, path: Path, share: float, *, masked: bool = False, participant: str = "", room: Medium | None = None
     ) -> dict[str, Any]:
         """Play a drive of a study while the controlling page is visible; SilentFramesError if frames were late."""
-        page = self._experimenter()
+        self._experimenter()
         found = await self.admit_trial(path, share, room=room)
+        page = self._experimenter()
         order = {"admission": found["number"], "output": "", "masked": masked, "participant": participant}
         report = await self._sound(page, path.name, "play", solved=found["solved_c"], **order)
         if report.get("gap"):
@@ -211,7 +226,21 @@ class PlayPanel:
         """Present silence of the given length with the same noise."""
         await self._sound(self._experimenter(), "silence", "quiet", seconds=seconds, masked=masked)
 
+    def begin_presentation(self) -> None:
+        """Call at the start of a presentation: a STOP from now on ends it, also between its sounds."""
+        self._stops = self.permit.stops
+
+    def check_same_air(self, room: Medium | None) -> None:
+        """Raise DeviceStateError if the air of the room is not that of an exposure check."""
+        now = self._air.medium
+        if (now is None) != (room is None) or (
+            now is not None and room is not None and abs(now.degrees - room.degrees) >= DRIFT
+        ):
+            raise DeviceStateError("play: the air of the room changed since the check; check the exposure again")
+
     def _experimenter(self) -> Page:
+        if self.permit.stops != self._stops:
+            raise StoppedError("play: stopped on request")
         self._busy()
         page = self._store.pages.get(self._store.control.holder)
         if page is None or not page.visible or time.monotonic() - page.last_alive > ALIVE:
@@ -239,14 +268,19 @@ class PlayPanel:
         self._show(state="ready", emitting=False, said="played to its end", hot="", waits=False)
         return report
 
-    async def lend(self, page: Page, what: str, *, solved: float) -> LeaseToken:
-        """Lend the array to a process that solves for a temperature, until `take_back`; DeviceStateError if busy."""
+    async def lend(self, page: Page, what: str, *, solved: float, stops: int) -> LeaseToken:
+        """Lend the array to a process that solves for a temperature, until `take_back`; DeviceStateError if busy.
+
+        `stops` is the number of stop requests when the page asked: a later one refuses the array.
+        """
         self._busy()
         self._seen(page)
         self._show(state="plays", take=what, done=0, total=0, said="")
         try:
             await self._player.ask("let go")
             self._seen(page)
+            if self.permit.stops != stops:
+                raise StoppedError("live: stopped on request")
         except MidairError:
             await self._open()
             raise
@@ -260,7 +294,8 @@ class PlayPanel:
         self._air.plays()
         self._show(state="opens", emitting=False, hot="", waits=False)
         await self._open()
-        self._show(said=said)
+        if self._state["state"] == "ready":
+            self._show(said=said)
 
     def emits(self, emitting: bool) -> None:
         """Show whether a borrowed array emits sound."""
@@ -338,6 +373,11 @@ class PlayPanel:
                 self._show(emitting=False, said="silenced")
             case _:
                 self._show(state="starts", emitting=False, said="the player ended unexpectedly and is starting again")
+
+    async def reopen(self) -> None:
+        """Try again to open an array that could not be opened."""
+        if self._state["state"] == "failed":
+            await self._open()
 
     async def _open(self) -> None:
         for left in reversed(range(ATTEMPTS)):

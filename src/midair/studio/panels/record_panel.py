@@ -123,6 +123,8 @@ class RecordPanel(Panel):
 
     def taps(self, _: Page, __: Arguments) -> bool:
         """Identify which channel belongs to which cell."""
+        if self._state["state"] in ("recording", "waiting"):
+            raise DeviceStateError("sensor: expected no running take; stop it, then identify the channels")
         if not self._sensor.process:
             self._open()
         self._store.put(taps={"state": "listens", "cell": None})

@@ -72,6 +72,7 @@ class StudyPanel(Panel):
         super().__init__(context)
         self._folder, self._playing, self._later = context.takes.folder, context.playing, context.later
         self._session: Session | None = None
+        self._begins = False
         self._presenter: PagePresenter | None = None
         self._markers = ExitStack()
         # All calls of a session run in this thread, which may wait for a stimulus.
@@ -115,8 +116,15 @@ class StudyPanel(Panel):
 
     async def begin(self, _: Page, order: BeginSession) -> bool:
         """Begin a participant's session, or resume an interrupted one."""
-        if self._session is not None:
+        if self._session is not None or self._begins:
             raise DeviceStateError("study: expected no running session; end it first")
+        self._begins = True
+        try:
+            return await self._begin(order)
+        finally:
+            self._begins = False
+
+    async def _begin(self, order: BeginSession) -> bool:
         study = StudyFolder(self._folder.find(order.study))
         plan = await asyncio.to_thread(study.plan)
         if order.participant > plan.design.participants:
@@ -207,6 +215,7 @@ class StudyPanel(Panel):
         if self._about["busy"]:
             raise DeviceStateError("study: expected no running presentation; wait for its end")
         number = session.step.number
+        self._playing.begin_presentation()
         self._show(busy=True, error="")
         try:
             await self._do(lambda: session.present(self._cue))

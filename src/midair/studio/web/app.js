@@ -2,7 +2,7 @@
 
 import { Link } from "/web/socket.js";
 import { TABLE, listen } from "/web/keys.js";
-import { make, toast, tried } from "/web/dom.js";
+import { make, openModal, toast, tried } from "/web/dom.js";
 import { jobsShown } from "/web/jobs.js";
 import { colours } from "/web/take.js";
 import { airShown, heatWarning } from "/web/warnings.js";
@@ -74,6 +74,7 @@ link.on("player", (player) => {
   pill.title = player.count ? `${player.count} transducers; ${player.units}` : "";
   pill.className = `pill ${plays ? "loud" : player.state === "ready" ? "on" : player.state === "failed" ? "bad" : ""}`;
   by("simulated").hidden = !player.simulated;
+  document.body.classList.toggle("playing", plays);
 });
 link.on("record", (record) => {
   const pill = by("state-sensor"), bad = record.state === "lost";
@@ -108,7 +109,7 @@ function dialogOf(id, title, ...children) {
   const dialog = by(id);
   dialog.replaceChildren(make("h2", { id: `${id}-title` }, title), ...children,
     make("div.buttons", {}, make("button", { type: "button", onclick: () => dialog.close() }, "Close")));
-  dialog.showModal();
+  openModal(dialog, link);
   return dialog;
 }
 function help() {

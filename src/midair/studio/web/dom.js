@@ -53,3 +53,10 @@ export function toast(words) {
 export async function tried(promise) {
   try { return await promise; } catch (wrong) { toast(wrong instanceof AggregateError ? wrong.errors[0].message : wrong.message); return null; }
 }
+
+/** Open a dialog over the page. It has a STOP of its own while something plays, since the page behind it cannot be pressed. */
+export function openModal(dialog, link) {
+  dialog.querySelector(".stop")?.remove();
+  dialog.append(make("button.stop", { type: "button", onclick: () => tried(link.stop()) }, "STOP ", make("kbd", {}, "Esc")));
+  dialog.showModal();
+}

@@ -1,15 +1,15 @@
 /* Running jobs: progress bar, frames per second, remaining time, and a button to cancel. */
 
-import { make, tried } from "/web/dom.js";
+import { make, openModal, tried } from "/web/dom.js";
 
 /** Solve a take. If a drive exists, ask the user before it is replaced; null if nothing was solved. */
 export async function solveTake(link, given) {
   let answer = await tried(link.order("reproduce", "solve", given));
-  while (answer?.asks) answer = (await mayReplace(answer.asks)) ? await tried(link.order("reproduce", "solve", { ...given, replaces: answer.asks.replaces })) : null;
+  while (answer?.asks) answer = (await mayReplace(link, answer.asks)) ? await tried(link.order("reproduce", "solve", { ...given, replaces: answer.asks.replaces })) : null;
   return answer;
 }
 
-function mayReplace({ files, made, new: settings }) {
+function mayReplace(link, { files, made, new: settings }) {
   const dialog = document.getElementById("replace"), [first, again] = files, button = (value, words, more = {}) => make("button", { type: "button", onclick: () => dialog.close(value), ...more }, words);
   if (dialog.open) dialog.close("");
   dialog.returnValue = "";
@@ -17,7 +17,7 @@ function mayReplace({ files, made, new: settings }) {
     make("div", { id: "replace-words" }, make("p", {}, made ? `${first} exists, ${made}.` : `${first} exists, made from a drive that no longer exists.`),
       ...(again ? [make("p", {}, `${again}, its re-recording, is removed with it.`)] : []), make("p", {}, `The new drive: ${settings}.`)),
     make("div.buttons", {}, button("yes", made ? "Replace" : "Remove and solve"), button("", "Cancel", { autofocus: true })));
-  dialog.showModal();
+  openModal(dialog, link);
   return new Promise((resolve) => dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"), { once: true }));
 }
 

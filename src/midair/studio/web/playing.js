@@ -1,6 +1,6 @@
 /* The dialog before playing: exposure, remedies if it is too high, and a button that must be held. */
 
-import { field, make, tried } from "/web/dom.js";
+import { field, make, openModal, tried } from "/web/dom.js";
 import { drift, heatWarning, warningBox } from "/web/warnings.js";
 
 const HOLD = 600; // ms
@@ -30,6 +30,7 @@ export function askToPlay(studio, take, again, correct = false) {
     warn();
     measured.textContent = `Heat: ${found.heat}. Measured in ${found.measured_in}.${given.correct_air ? " The phases are corrected for the air of the room." : ""}`;
     verdict.textContent = found.outcome === "exceeded" ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. It may be played here: the array is simulated and emits no sound.` : found.refused || found.verdict;
+    if (found.replaces) verdict.append(` ${found.replaces} exists and will be replaced.`);
     verdict.className = found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good";
     table.replaceChildren(make("thead", {}, make("tr", {}, ...["place", "loudest frame", "limit"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
       make("tbody", {}, ...found.places.map((place) => make("tr", {}, make("td", {}, place.name + (place.enforced ? "" : " (advice)")), make("td.number", {}, `${place.peak_db} dB`), make("td.number", {}, `${place.limit_db} dB`)))));
@@ -69,6 +70,6 @@ export function askToPlay(studio, take, again, correct = false) {
   studio.room?.transport?.pause();
   const off = link.on("air", warn);
   dialog.addEventListener("close", () => { off(); hot.off(); }, { once: true });
-  dialog.showModal();
+  openModal(dialog, link);
   check();
 }

@@ -146,7 +146,7 @@ export default class Live {
   }
   control() {
     const { live, player } = this.link.state, idle = live?.state === "idle", plays = live?.state === "plays", controls = this.link.controls;
-    this.check.disabled = !controls || !idle || player?.state !== "ready";
+    this.check.disabled = !controls || !idle || !["ready", "failed"].includes(player?.state);
     this.hold.disabled = this.check.disabled || !this.admission;
     this.running.hidden = idle;
     for (const part of [this.form, this.check, this.hold]) part.hidden = !idle;
@@ -182,7 +182,9 @@ export default class Live {
   async _check() {
     this.admission = 0;
     this._say("checking …");
+    const asked = JSON.stringify([this.given, this.aired]);
     const found = await tried(this.link.order("live", "check", this.given));
+    if (JSON.stringify([this.given, this.aired]) !== asked) { this._unchecked(); return; }
     if (!found) { this._say("the exposure could not be checked", "bad"); return; }
     this.admission = found.number;
     this._say(found.refused || spoken(found.verdict), found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good");

@@ -25,7 +25,7 @@ export default class Study {
     document.querySelector("body > header").hidden = false;
   }
   moved({ take }) { this.participant = take === "participant"; this.shown = ""; this._show(); }
-  control() { this.shown = ""; this._show(); }
+  control() { this._show(); }
   get session() { return this.link.state.session; }
   _show() {
     const { session } = this;
@@ -62,7 +62,11 @@ export default class Study {
     const right = make("div.column");
     if (session) right.append(panel("Log", "newest last; no condition is shown", make("ol.events", {}, ...session.log.map((said) => make("li", {}, said)))));
     else if (study) {
-      const pilot = make("input", { type: "checkbox", id: "pilot" }), noise = choice([["default", "this computer's sound output"], ["none", "none (the array may be audible)"]], "default"), answers = make("input", { type: "text", maxLength: 200, autocomplete: "off", placeholder: "name" });
+      // The form is built again by every change, an error at the start included: what was chosen stays.
+      const kept = (this.kept ??= { pilot: false, noise: "default", answers: "" });
+      const pilot = make("input", { type: "checkbox", id: "pilot", checked: kept.pilot, onchange: () => { kept.pilot = pilot.checked; } });
+      const noise = choice([["default", "this computer's sound output"], ["none", "none (the array may be audible)"]], kept.noise), answers = make("input", { type: "text", maxLength: 200, autocomplete: "off", placeholder: "name", value: kept.answers, oninput: () => { kept.answers = answers.value; } });
+      noise.addEventListener("change", () => { kept.noise = noise.value; });
       right.append(panel(study.title, study.name, make("p.quiet", {}, "Pilot runs have a coloured frame and are stored in pilot/, which no analysis reads."), make("div", {}, pilot, " ", make("label", { htmlFor: "pilot" }, "pilot run")),
         ...(this.said ? [make(`p${this.wrong ? ".bad" : ".quiet"}`, { id: "begins", role: "status" }, this.said)] : []),
         ...(study.drives ? [field("Person responsible for playing above the exposure profile", answers)] : []),

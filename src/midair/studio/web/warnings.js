@@ -1,6 +1,6 @@
 /* The air of the room in the header, and warnings that stay while their cause lasts: drift of the room, hot units. */
 
-import { field, make, tried } from "/web/dom.js";
+import { field, make, openModal, tried } from "/web/dom.js";
 
 const shown = (degrees) => `${degrees.toFixed(1)} °C`;
 const button = (words, onclick, id) => make("button", { type: "button", onclick, id }, words);
@@ -48,6 +48,6 @@ export function airShown(link) {
       make("div.buttons", {}, button("Use this air", () => state({ temperature: temperature.value, humidity: humidity.value === "" ? null : Number(humidity.value) }), "use-air"),
         button("Not stated", () => state({})), button("Close", () => dialog.close())));
     for (const one of dialog.querySelectorAll("#use-air, input")) one.disabled = !link.controls;
-    dialog.showModal();
+    openModal(dialog, link);
   });
 }
