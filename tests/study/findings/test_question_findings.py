@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import get_args
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from midair.errors import InputError
@@ -13,7 +14,8 @@ from midair.study.design.analysis_plan import Analysis, Exclusions
 from midair.study.design.question import Question, QuestionKind
 from midair.study.design.stimulus import Stimulus
 from midair.study.design.study_design import Block, Design, Extra
-from midair.study.findings.study_data import data_of_answers
+from midair.study.findings.question_findings import question_findings
+from midair.study.findings.study_data import StudyData, data_of_answers
 from midair.study.session import InstantClock, Session, SilentPresenter, read_events
 
 KINDS = get_args(QuestionKind)
@@ -128,3 +130,11 @@ def test_one_person_has_a_mean_and_no_spread(tmp_path):
     part = next(one for one in found.findings if one.title == "Question asked")
     assert np.isnan(part.table["sd_people"]).all()
     assert "no limits with fewer than five people, got 1" in part.words
+
+
+def test_answers_without_a_correct_one_are_no_false_alarms():
+    right = ["yes"] * 60 + ["no"] * 60 + ["n/a"] * 40
+    said = ["yes"] * 55 + ["no"] * 5 + ["no"] * 50 + ["yes"] * 10 + ["yes"] * 40
+    rows = pd.DataFrame({"participant": "a", "question": "felt", "kind": "yes-no", "stimulus": "x"}, index=range(160))
+    (found,) = question_findings(StudyData(others=rows.assign(answer=said, right=right)))
+    assert "55 of 60 answered 'yes' when it was correct, 10 of 60 when it was wrong" in found.words

@@ -50,14 +50,23 @@ def test_a_poor_fit_is_reported():
 
 
 def test_thresholds_of_blocks_have_a_geometric_mean():
-    table = pd.DataFrame({"participant": np.array(["a", "b", "c"]), "threshold": np.array([0.5, 2.0, np.nan])})
+    table = pd.DataFrame({"participant": ["a", "b", "c"], "block": "x", "threshold": [0.5, 2.0, np.nan]})
     (found,) = adaptive(StudyData(thresholds=table))
     assert found.words.startswith("Geometric mean of 2 thresholds: 1 (no limits with fewer than five people, got 2")
     assert found.table is table
 
 
+def test_blocks_are_not_people():
+    table = pd.DataFrame(
+        {"participant": ["a", "b"] * 2, "block": ["x", "x", "y", "y"], "threshold": [0.5, 2.0, 40, 10]}
+    )
+    (found,) = adaptive(StudyData(thresholds=table))
+    assert "Block x: geometric mean of 2 thresholds: 1 (no limits" in found.words
+    assert "Block y: geometric mean of 2 thresholds: 20 (no limits" in found.words
+
+
 def test_blocks_without_any_threshold_keep_their_reasons():
-    table = pd.DataFrame({"threshold": np.array([np.nan, np.inf]), "note": ["refused", "no answers"]})
+    table = pd.DataFrame({"block": "b", "threshold": np.array([np.nan, np.inf]), "note": ["refused", "no answers"]})
     (found,) = adaptive(StudyData(thresholds=table))
     assert found.words.startswith("No threshold could be estimated. 2 missing: the notes give the reasons.")
     assert found.table is table

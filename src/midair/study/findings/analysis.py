@@ -80,7 +80,7 @@ def _participants_finding(data: StudyData) -> Finding:
     people = {who for part in parts if part is not None for who in part["participant"].tolist()}
     # Answers in `strengths` may also be in `others`.
     answers = [data.choices, data.other_choices, data.ratings, data.strengths if data.others is None else data.others]
-    many = sum(len(part) for part in answers if part is not None)
+    many = sum(len(part) for part in answers if part is not None) if data.analysed is None else data.analysed
     words = f"{len(people)} participant(s), {many} answers analysed"
     words += (
         f", {data.left_out} answers left out (familiarisation, checks, exclusions by the plan)."

@@ -35,8 +35,6 @@ from midair.study.statistics import (
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from midair.study.design import UnpresentedAnswers
-
 
 def confusions(data: StudyData) -> tuple[tuple[Choices, ...], list[Finding]]:
     """Confusion matrices of the other trials and of each condition, and findings on those that cannot be computed."""
@@ -50,13 +48,13 @@ def confusions(data: StudyData) -> tuple[tuple[Choices, ...], list[Finding]]:
     for name, rows in parts:
         failed += attempt(
             f"Identification: {name}",
-            lambda name=name, rows=rows: found.append(_confusion(name, rows, data.foils)) or [],
+            lambda name=name, rows=rows: found.append(_confusion(name, rows, data)) or [],
         )
     return tuple(found), failed
 
 
-def _confusion(name: str, rows: DataFrame, policy: UnpresentedAnswers) -> Choices:
-    labels = sorted(set(rows["presented"].tolist()))
+def _confusion(name: str, rows: DataFrame, data: StudyData) -> Choices:
+    labels, policy = sorted(set(rows["presented"].tolist())), data.foils
     foils = sorted(set(rows["answered"].tolist()) - set(labels))
     if foils and policy == "refuse":
         raise InputError(
@@ -67,6 +65,9 @@ def _confusion(name: str, rows: DataFrame, policy: UnpresentedAnswers) -> Choice
     if policy == "leave out":
         counts = rows["answered"].isin(labels).to_numpy(bool)
         left_out, rows, foils = int((~counts).sum()), rows.loc[counts], []
+    elif policy == "wrong":
+        # An option that nobody chose was possible, too: the rate of guesses depends on it.
+        foils = sorted({*foils, *data.options} - set(labels))
     presented, answered, people = (rows[name].to_numpy() for name in ("presented", "answered", "participant"))
     confusion = confusion_matrix(presented, answered, participant=people, labels=labels, foils=foils)
     limits = None
@@ -92,11 +93,11 @@ def _share_words(one: Choices) -> list[str]:
         f"{100 * confusion.accuracy:.1f} % of {counts.sum()} answers are correct, among {counts.shape[1]} possible"
         f" ones (share {confusion.accuracy:.3f}, {limits})."
     ]
-    if confusion.foils:
-        named = int(counts[:, len(confusion.labels) :].sum())
+    chosen = counts[:, len(confusion.labels) :].sum(axis=0)
+    if chosen.any():
+        named = [str(foil) for foil, many in zip(confusion.foils, chosen, strict=True) if many]
         words.append(
-            f"{named} answers name an object that was never presented ({', '.join(map(str, confusion.foils))}); they"
-            " count as wrong."
+            f"{chosen.sum()} answers name an object that was never presented ({', '.join(named)}); they count as wrong."
         )
     wrong = int(counts.sum() - np.trace(counts))
     if 0 < wrong < len(confusion.participants) >= 5:
@@ -154,6 +155,9 @@ def compared(pair: tuple[Choices, ...], data: StudyData, *, rng: np.random.Gener
 
 
 def _over_objects(first: Choices, second: Choices, names: str) -> Finding:
+    labels = [", ".join(map(str, one.confusion.labels)) for one in (first, second)]
+    if labels[0] != labels[1]:
+        raise InputError(f"objects: expected the same in both conditions, got {labels[0]}, and {labels[1]}")
     found = paired_t(first.confusion.f_measure, second.confusion.f_measure)
     words = (
         f"Paired t over {found.n} objects, {names}: t({found.df}) = {found.t:.2f}, {p_words(found.p)}. This is the test"

@@ -129,6 +129,8 @@ def _choice_finding(title: str, rows: DataFrame) -> Finding:
 
 def _detection_finding(title: str, rows: DataFrame) -> Finding:
     signal = "yes" if rows["kind"].iloc[0] == "yes-no" else "different"
+    # An answer without a correct one is neither a hit nor a false alarm.
+    rows = rows.loc[(rows["right"] != "n/a").to_numpy(bool)]
     there, said = ((rows[column] == signal).to_numpy(bool) for column in ("right", "answer"))
     measure = d_prime_yes_no if signal == "yes" else d_prime_same_different
     people, person = levels(rows.loc[:, "participant"])

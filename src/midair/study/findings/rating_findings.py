@@ -56,7 +56,11 @@ def anova(data: StudyData) -> list[Finding]:
     table["p_Holm"] = Series(holm(known.to_numpy()), known.index)
     below = table[table["p_Holm"] < 0.05]
     small = [f"{effect} ({p_words(p)})" for effect, p in zip(below["effect"], below["p_Holm"], strict=True)]
-    found = f"Ratings depend on {', '.join(small)}." if small else "No effect on the ratings was found."
+    none = "No effect on the ratings was found." if len(known) else "No effect could be tested."
+    found = f"Ratings depend on {', '.join(small)}." if small else none
+    void = table.loc[table["p_GG"].isna(), "effect"].tolist()
+    if void:
+        found += f" Not testable, see the notes: {', '.join(void)}."
     words = (
         f"{found} p-values with Greenhouse and Geisser's correction, and Holm's for {len(known)} effects,"
         f" {len(set(ratings['participant']))} people. The test assumes equal steps of the scale; the check on ranks"
@@ -84,8 +88,9 @@ def pairs(data: StudyData) -> list[Finding]:
     interactions = [effect for effect in found if effect.count(":") == 1]
     names = [*between, *within, *interactions]
     table = pairwise(ratings, value="rating", participant="participant", within=within, between=between, effects=names)
+    tested = np.count_nonzero(table["p_pairs"].notna())
     words = (
-        f"{np.count_nonzero(table['p_pairs'] < 0.05)} of {len(table)} pairs differ. Each pair is compared by t; p_pairs"
+        f"{np.count_nonzero(table['p_pairs'] < 0.05)} of {tested} pairs differ. Each pair is compared by t; p_pairs"
         " is corrected for the pairs of the same effect, by Holm's method, or Tukey's for a factor between people. It"
         " is not corrected for the number of effects: the analysis of variance is. Limits are not corrected."
     )
@@ -129,9 +134,15 @@ def ranks(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     small = table["effect"][table["p_Holm"] < 0.05].tolist()
     words = (
         f"On ranks within each person, with a sign-flip test and Holm's correction for {len(table)} effects, p is"
-        f" below .05 for: {', '.join(small) or 'no effect'}. If this differs from the analysis of variance, neither"
-        " result is reliable."
+        f" below .05 for: {', '.join(small) or 'no effect'}."
     )
+    # All signs flipped give the same statistic: no p is smaller than 2 of 2**people.
+    people = len(set(ratings["participant"]))
+    least = 2 * len(table) / 2.0**people
+    if least >= 0.05:
+        words += f" With {people} people none can be: the smallest corrected p is {min(least, 1.0):.2g}."
+    else:
+        words += " If this differs from the analysis of variance, neither result is reliable."
     if data.between:
         words += " Factors between people are not tested, since ranks are within each person."
     return [Finding(title="Ratings: check on ranks", words=words, table=table)]

@@ -53,6 +53,10 @@ class StudyData:
     """Thresholds of adaptive blocks, see `thresholds_of`."""
     margin: float = 0.1
     """Equivalence margin of the difference of macro F."""
+    options: tuple[str, ...] = ()
+    """Possible answers of the identification; those that were given if empty."""
+    analysed: int | None = None
+    """Number of answers in any part of the report; None counts those of all parts."""
     simulated: bool = False
     """Whether any answer comes from a simulated participant."""
     left_out: int = 0
@@ -113,6 +117,8 @@ def data_of_answers(
         strengths=_strengths(scored, analysis) if analysis.strength else None,
         thresholds=thresholds,
         margin=analysis.margin,
+        options=design.question(analysis.choice).options if design is not None and analysis.choice else (),
+        analysed=int((named | listed | (scored["kind"] != "text").to_numpy(bool)).sum()),
         simulated=bool(scored["simulated"].any()),
         left_out=len(answers) - len(scored),
         files=files,

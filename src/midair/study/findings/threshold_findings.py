@@ -61,11 +61,15 @@ def adaptive(data: StudyData) -> list[Finding]:
     if data.thresholds is None:
         return []
     known = data.thresholds.loc[np.isfinite(data.thresholds["threshold"])]
-    values = known["threshold"].to_numpy(float)
-    words = "No threshold could be estimated."
-    if len(known):
+    several = len(set(data.thresholds["block"])) > 1
+    parts: list[str] = []
+    # Blocks may have different strengths, and their thresholds are not those of different people.
+    for block, rows in known.groupby("block", sort=False):
+        values = rows["threshold"].to_numpy(float)
         limits = limits_words(_geometric_mean, values, "positive", form=".3g")
-        words = f"Geometric mean of {len(known)} thresholds: {_geometric_mean(values):.3g} ({limits})."
+        name = f"Block {block}: geometric" if several else "Geometric"
+        parts.append(f"{name} mean of {len(rows)} thresholds: {_geometric_mean(values):.3g} ({limits}).")
+    words = " ".join(parts) or "No threshold could be estimated."
     if len(known) < len(data.thresholds):
         words += f" {len(data.thresholds) - len(known)} missing: the notes give the reasons."
     words += (
