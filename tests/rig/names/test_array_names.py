@@ -73,9 +73,7 @@ def test_kinds_of_arrays_that_can_be_solved_for():
     assert (array_of_kind("openmpd").count, array_of_kind("openmpd-twin").count) == (256, 512)
 
 
-@pytest.mark.parametrize(
-    "name", ["", "virtual", "openmpd", "openmpd:", "autd9", "autd3:", "autd3-server:", "pyautd3:", "soem"]
-)
+@pytest.mark.parametrize("name", ["", "openmpd", "openmpd:", "autd9", "autd3:", "autd3-server:", "pyautd3:", "soem"])
 def test_unknown_names(name):
     with pytest.raises(UnknownDeviceError, match="expected virtual, autd3"):
         array_named(name)

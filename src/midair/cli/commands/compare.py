@@ -98,11 +98,17 @@ def compare_command(
     original, reproduced = _in_order(original, reproduced)
     told: PalmFidelity | None = None
     if reproduced.name.lower().endswith(DRIVE_SUFFIX):
+        if options not in (None, BandOptions()):
+            raise InputError(
+                "--band, --rate, --inverse: expected a recording as second file, got a drive, which has them"
+            )
         settings, take, told = _played(original, reproduced, palm, VirtualRig(seed=seed, spread=spread), film)
     else:
         for option, given in (("--palm", palm), ("--film", film)):
             if given is not None:
                 raise InputError(f"{option}: expected a drive as second file, got the recording {reproduced.name}")
+        if seed or spread != "default":
+            raise InputError(f"--seed, --spread: expected a drive as second file, got the recording {reproduced.name}")
         take = open_take(reproduced, streamed=True)
         settings = settings_of_rerecording(take.recording.provenance, (options or BandOptions()).settings())
     with ExitStack() as stack:

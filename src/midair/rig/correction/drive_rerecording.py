@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from midair.calibration import known_noise
 from midair.devices import check_exposure, choose_silencer
+from midair.errors import InputError
 from midair.evaluate import PalmFidelity, PalmFrames, apply_band_twice, palm_fidelity, palm_frames
 from midair.files import OpenedTake
 from midair.model import (
@@ -183,6 +184,12 @@ def aligned_pair(original: PressureFrames, take: OpenedTake, settings: Settings)
     provenance, calibration = take.recording.provenance, take.calibration
     if not provenance.last("play"):
         return PlayedPair(original=original, heard=calibrated_pressure(take.recording, calibration, settings))
+    stages = [step.stage for step in provenance.steps]
+    after = stages[len(stages) - stages[::-1].index("play") :]
+    if edits := [stage for stage in ("cut", "trim", "join") if stage in after]:
+        raise InputError(
+            f"re-recording: expected it as it was played, got one after {' and '.join(edits)}; compare the whole one"
+        )
     original, asked = original_of_drive(provenance, original)
     # A virtual sensor records the drive's first frame at time 0, and was at rest before.
     virtual = calibration is not None and calibration.provenance.simulated

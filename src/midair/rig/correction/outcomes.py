@@ -127,7 +127,10 @@ def _figures(outcome: Outcome) -> dict[str, tuple[str, str]]:
             f"{card.figure('SPQI, level matched').overall:.2f}",
             "",
         )
-    rows["E as the solver measures it, mean"] = (f"{100 * float(np.mean(made.solution.error[inside])):.1f}", "%")
+    # A silent frame has the error 0.
+    plays = np.array([status != "silent" for status in made.solution.status])[inside]
+    error = made.solution.error[inside][plays]
+    rows["E as the solver measures it, mean"] = (f"{100 * float(error.mean()) if len(error) else 0.0:.1f}", "%")
     solver = outcome.loop.settings.solver
     rows["solver, frames"] = (f"{solver.name}, {made.target.frames} at {made.target.rate:g} Hz", "")
     return rows
