@@ -66,7 +66,7 @@ def _confusion(name: str, rows: DataFrame, data: StudyData) -> Choices:
         counts = rows["answered"].isin(labels).to_numpy(bool)
         left_out, rows, foils = int((~counts).sum()), rows.loc[counts], []
     elif policy == "wrong":
-        # An option that nobody chose was possible, too: the rate of guesses depends on it.
+        # An option without answers was possible, too: the rate of guesses depends on it.
         foils = sorted({*foils, *data.options} - set(labels))
     presented, answered, people = (rows[name].to_numpy() for name in ("presented", "answered", "participant"))
     confusion = confusion_matrix(presented, answered, participant=people, labels=labels, foils=foils)
