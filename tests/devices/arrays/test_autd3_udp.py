@@ -108,8 +108,11 @@ def test_five_seconds_in_real_time_without_a_break(tap):
     check_what_is_sent(tap, 5000)
 
 
-def switched_to(tap, port):
-    """(instants, frames) that one unit played, from its two banks as received."""
+def switched_to(tap, port, *, late=False):
+    """(instants, frames) that one unit played, from its two banks as received.
+
+    `late`: a block that comes again was taken back by silence, and started at a later instant.
+    """
     memory, size, instants, frames = np.zeros((2, 1024, 249), np.uint8), [0, 0], [], []
     for _, to, command, datagram in tap.frames():
         if to != port or command not in (WRITE, CONFIG, SWITCH):
@@ -121,8 +124,11 @@ def switched_to(tap, port):
         elif command == CONFIG:
             size[bank] = int.from_bytes(datagram[14:16], "little") - 1  # the last pattern is the silent one
         elif (instant := int.from_bytes(datagram[12:20], "little")) not in instants:  # else it was sent again
+            block = memory[bank, : size[bank]].copy()
+            if late and frames and np.array_equal(frames[-1], block):
+                instants.pop(), frames.pop()
             instants.append(instant)
-            frames.append(memory[bank, : size[bank]].copy())
+            frames.append(block)
     return instants, np.concatenate(frames)
 
 
@@ -208,7 +214,8 @@ def test_a_lost_datagram_does_not_end_playing(tap, command, answer):
     assert_last_word_is_silence(tap)
 
 
-@pytest.mark.long
+# Slow, since a busy computer adds answers that are late to those that are lost.
+@pytest.mark.slow
 def test_a_play_survives_two_lost_datagrams_of_a_hundred(tap):
     drive = noise(4000)
     with autd3_array(tap.address, ONE) as device:
@@ -219,7 +226,7 @@ def test_a_play_survives_two_lost_datagrams_of_a_hundred(tap):
         assert report.frames == 4000
         assert tap.states() == [PATTERN]
     (port,) = tap.answers
-    np.testing.assert_array_equal(switched_to(tap, port)[1], phase_bytes(drive, 1)[:, 0])
+    np.testing.assert_array_equal(switched_to(tap, port, late=True)[1], phase_bytes(drive, 1)[:, 0])
 
 
 @pytest.mark.parametrize("bank", [0, 1])
