@@ -417,7 +417,7 @@ def test_last_of_two_requested_takes_is_shown(with_takes, look):
     page.go("#reproduce/sample:towel")
     page.until("studio.room.wish === 'sample:towel'")
     assert page.page.evaluate("studio.room.take") is None, "what is in view has the name of the address"
-    assert "opening towel" in page.page.locator("#box-wanted").inner_text()
+    page.until("document.querySelector('#box-wanted').innerText.includes('opening towel')")
     page.go("#reproduce/solved.h5")
     page.page.evaluate("studio.room._takes(studio.link.state.takes)")
     page.until("studio.room.take?.name === 'solved.h5'")
