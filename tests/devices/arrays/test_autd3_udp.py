@@ -99,6 +99,7 @@ def check_what_is_sent(tap, frames):
     assert_last_word_is_silence(tap)
 
 
+@pytest.mark.long
 def test_the_wire_carries_every_frame_and_exact_instants(tap):
     check_what_is_sent(tap, 600)
 

@@ -179,6 +179,7 @@ def test_a_failsafe_that_acts_again_and_again_ends_the_run():
     assert units.told()["failsafe"] == 4
 
 
+@pytest.mark.long
 def test_the_level_is_turned_down_at_once():
     moments = []
 
