@@ -1,8 +1,10 @@
+from typing import get_args
+
 import numpy as np
 import pytest
 
 from midair.errors import DeviceError
-from midair.model import Event, SensorGrid
+from midair.model import Event, EventKind, SensorGrid
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.event_messages import event_message, take_problems
 from midair.rig.takes.meters import Levels
@@ -22,10 +24,18 @@ NONE = np.zeros(16, bool)
         (Event(kind="rate", frame=0, ppm=-3000), "3000 ± 20 ppm slower than 1000 a second"),
         (Event(kind="clock", frame=0, ppm=250), "the sensor's clock runs 250 ± 20 ppm faster"),
         (Event(kind="trigger", frame=64), "0.064 s: touched"),
+        (Event(kind="stroke", frame=64, frames=500), "0.064 s: a stroke of 0.500 s"),
+        (Event(kind="mended", frame=10, frames=3, channel=6), "3 missing frames of channel 6 (row 1, column 2)"),
+        (Event(kind="late", frame=10, frames=2), "0.010 s: 2 frames of live touch were not played in time"),
     ],
 )
-def test_every_event_is_a_sentence(event, words):
+def test_an_event_is_a_sentence(event, words):
     assert words in event_message(event, 1000.0, SensorGrid(), Drift(ppm=event.ppm, uncertainty=20, span=10))
+
+
+def test_every_kind_of_event_has_a_sentence():
+    for kind in get_args(EventKind):
+        assert event_message(Event(kind=kind, frame=1000), 1000.0, SensorGrid()).startswith("1.000 s: ")
 
 
 def take(**changes):

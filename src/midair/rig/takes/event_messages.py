@@ -17,6 +17,8 @@ def event_message(event: Event, rate: float, grid: SensorGrid, drift: Drift | No
         "clock": f"the sensor's clock runs {_drift(event.ppm, drift)} than this computer's",
         "trigger": "touched",
         "stroke": f"a stroke of {event.frames / rate:.3f} s",
+        "mended": f"{event.frames} missing frames of {channel} were filled",
+        "late": f"{event.frames} frames of live touch were not played in time",
     }
     return f"{event.frame / rate:.3f} s: {words[event.kind]}"
 
