@@ -102,7 +102,7 @@ bench-gpu: .gpu/array_api_compat
 	PYTHONPATH=src:.gpu $(GPU_PYTHON) -m benchmarks.gpu $(GPU)
 
 # Record every figure that the commands print and write, or compare them with such a record:
-# make figures WRITE=/tmp/before.json, make figures AGAINST=/tmp/before.json
+# make figures WRITE=../before.json, make figures AGAINST=../before.json
 figures: $(VENV)/dev
 	$(BIN)/python -m tests.regression $(if $(WRITE),--write $(WRITE)) $(if $(AGAINST),--against $(AGAINST))
 

@@ -6,16 +6,18 @@ import os
 import re
 import time
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from starlette.websockets import WebSocketDisconnect
 
 from midair.datasets import stroke
-from midair.errors import StoppedError
+from midair.errors import DeviceStateError, StoppedError
 from midair.files import save
-from midair.model import Provenance, Recording
+from midair.model import Medium, Provenance, Recording
 from midair.studio import Studio, StudioPlan
+from midair.studio.panels.play_panel import CheckExposure, PlayNow
 from midair.studio.work import SolveRequest, solve_take
 from midair.view import unpack
 
@@ -325,6 +327,22 @@ def test_takes_of_one_stem_have_drives_of_their_own(studio):
         "towel.h5": "towel.drive.h5", "towel.csv": "towel.csv.drive.h5", "only.csv": "only.drive.h5"
     }  # fmt: skip
     assert "more.npy" in [row["name"] for row in studio.takes.rows()]
+
+
+def test_an_air_that_is_stated_during_a_check_needs_another_one(studio, monkeypatch):
+    (studio.folder.path / "towel.drive.h5").write_bytes(b"")
+    playing, room = studio.playing, SimpleNamespace(medium=None)
+
+    async def admit(*_, **order):
+        room.medium = Medium.at(temperature=25.0)
+        return {"number": 1, "solved_c": 22.0, "room": order["room"]}
+
+    monkeypatch.setattr(playing, "_air", room)
+    monkeypatch.setattr(playing._player, "ask", admit)
+    assert asyncio.run(playing.check(None, CheckExposure(take="towel.h5")))["room"] is None
+    page = SimpleNamespace(visible=True, last_alive=time.monotonic(), number=1)
+    with pytest.raises(DeviceStateError, match="the air of the room changed since the check"):
+        asyncio.run(playing.play(page, PlayNow(admission=1)))
 
 
 def test_a_stop_between_the_sounds_of_a_presentation_ends_it(studio):

@@ -75,7 +75,7 @@ def play_made(
     progress = stage(f"play and re-record, {name}")
     admission = check_exposure(made.solution.drive, rig.array, rig.exposure)
     sensor = rig.listening()
-    rerecorded = rerecord(admission, rig.array, sensor, progress=progress)
+    rerecorded = rerecord(admission, rig.array, sensor, progress=progress, room=rig.exposure.room)
     # A simulated sensor records the drive's first frame at time 0, and was at rest before.
     virtual = sensor.simulated
     heard = resample_pressure(

@@ -154,7 +154,9 @@ class PlayPanel:
         if order.correct_air and self._air.medium is None:
             raise InputError("phases: expected the air of the room to correct them for, got none; state it first")
         self._busy()
-        await self.reopen()
+        await self._reopen()
+        # The air of the check; another one may be stated while it is made.
+        room = self._air.medium
         found = await self._player.ask(
             "admit",
             path=str(drive),
@@ -162,13 +164,12 @@ class PlayPanel:
             attenuate=order.attenuate,
             override=order.override.strip(),
             repeats=order.repeats,
-            room=self._air.medium,
+            room=room,
             correct=order.correct_air,
         )
         again = self._takes.beside(order.take, ".rerecorded.h5")
         found["replaces"] = again.name if self.device == "virtual" and again.exists() else ""
-        checked = order.take, found["solved_c"], self._air.medium
-        self._checked = {found["number"]: checked} if found["number"] else {}
+        self._checked = {found["number"]: (order.take, found["solved_c"], room)} if found["number"] else {}
         self._store.put(exposure={"take": order.take, **found})
         return found
 
@@ -374,7 +375,7 @@ class PlayPanel:
             case _:
                 self._show(state="starts", emitting=False, said="the player ended unexpectedly and is starting again")
 
-    async def reopen(self) -> None:
+    async def _reopen(self) -> None:
         """Try again to open an array that could not be opened."""
         if self._state["state"] == "failed":
             await self._open()

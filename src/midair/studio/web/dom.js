@@ -54,6 +54,9 @@ export async function tried(promise) {
   try { return await promise; } catch (wrong) { toast(wrong instanceof AggregateError ? wrong.errors[0].message : wrong.message); return null; }
 }
 
+/** Whether an array can play: one that failed is opened again by the next check. */
+export const playable = (player) => ["ready", "failed"].includes(player?.state);
+
 /** Open a dialog over the page. It has a STOP of its own while something plays, since the page behind it cannot be pressed. */
 export function openModal(dialog, link) {
   dialog.querySelector(".stop")?.remove();

@@ -5,7 +5,7 @@
 
 import { Track, SparseTrack, FieldPicture, CellsPicture, TracesPicture, PhasesPicture, SpectrogramPicture, OverviewPicture, BarPicture, decode, KINDS } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
-import { choice, field, make, panel, rows, toast, tried } from "/web/dom.js";
+import { choice, field, make, panel, playable, rows, toast, tried } from "/web/dom.js";
 import { colours } from "/web/take.js";
 import { drift, warningBox } from "/web/warnings.js";
 
@@ -146,7 +146,7 @@ export default class Live {
   }
   control() {
     const { live, player } = this.link.state, idle = live?.state === "idle", plays = live?.state === "plays", controls = this.link.controls;
-    this.check.disabled = !controls || !idle || !["ready", "failed"].includes(player?.state);
+    this.check.disabled = !controls || !idle || !playable(player);
     this.hold.disabled = this.check.disabled || !this.admission;
     this.running.hidden = idle;
     for (const part of [this.form, this.check, this.hold]) part.hidden = !idle;

@@ -2,7 +2,7 @@
 
 import { FieldPicture, TracesPicture, PhasesPicture, SpectrogramPicture, OverviewPicture, BarPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
-import { choice, field, make, panel, rows, tried } from "/web/dom.js";
+import { choice, field, make, panel, playable, rows, tried } from "/web/dom.js";
 import { solveTake } from "/web/jobs.js";
 import { TakeView, chosen, colours } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
@@ -86,8 +86,8 @@ export default class Reproduce {
     this.solve.disabled = !controls || !this.take || comes;
     const facts = this.take?.facts, settings = facts?.drive?.settings, other = settings && JSON.stringify(chosen({ ...USUAL, ...settings })) !== JSON.stringify(chosen(this.made));
     this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "its settings are not stored in the file"}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes a new drive with the settings above." : ""}`;
-    this.play.disabled = !controls || !row?.solved || facts.part || !["ready", "failed"].includes(player?.state);
-    this.play.title = !row?.solved ? "solve it first" : facts.part ? "the drive is being solved" : !["ready", "failed"].includes(player?.state) ? "the array is not ready" : "";
+    this.play.disabled = !controls || !row?.solved || facts.part || !playable(player);
+    this.play.title = !row?.solved ? "solve it first" : facts.part ? "the drive is being solved" : !playable(player) ? "the array is not ready" : "";
     const [correct, again] = this.drifted.querySelectorAll("button");
     correct.disabled = this.play.disabled;
     again.disabled = this.solve.disabled;
