@@ -27,6 +27,7 @@ from .medium import Acoustics as Acoustics
 from .medium import Directivity as Directivity
 from .medium import Medium as Medium
 from .palm import Palm as Palm
+from .palm_pose import PalmPath as PalmPath
 from .placement import UNIT as UNIT
 from .placement import Placement as Placement
 from .provenance import Provenance as Provenance

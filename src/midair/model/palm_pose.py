@@ -1,0 +1,56 @@
+"""Pose of a palm over time: where it is, how it lies, and how sure the tracker is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.array_types import Array
+from midair.errors import InputError
+from midair.model.reprs import summary
+from midair.validation import frozen_array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PalmPath:
+    """Poses of a palm in array coordinates, in order of time; one pose is a path of length 1."""
+
+    time: Array
+    """Time of each pose in s, increasing."""
+    centre: Array
+    """Centre of the palm, shape (pose, 3), in m."""
+    normal: Array
+    """Unit normal out of the palm, shape (pose, 3); (0, 0, -1) faces the array."""
+    fingers: Array
+    """Unit direction of the fingers, at right angles to the normal, shape (pose, 3)."""
+    confidence: Array
+    """Confidence of the tracker, 0 to 1."""
+
+    def __post_init__(self) -> None:
+        for name in ("time", "confidence"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), f"{name} of the palm", ("pose",)))
+        for name in ("centre", "normal", "fingers"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), f"{name} of the palm", ("pose", 3)))
+        count = len(self.time)
+        if any(len(getattr(self, name)) != count for name in ("centre", "normal", "fingers", "confidence")):
+            raise InputError(f"poses of the palm: expected one of each value for each time, got {count} times")
+        if count > 1 and np.diff(self.time).min() <= 0:
+            at = int(np.diff(self.time).argmin()) + 1
+            raise InputError(f"poses of the palm: expected increasing times, got {self.time[at]:g} s at pose {at + 1}")
+        for name in ("normal", "fingers"):
+            length = np.linalg.norm(getattr(self, name), axis=1)
+            if np.abs(length - 1).max() > 1e-2:
+                raise InputError(f"{name} of the palm: expected vectors of length 1, got {length.min():g} or less")
+        if not ((self.confidence >= 0) & (self.confidence <= 1)).all():
+            raise InputError("confidence of the palm: expected 0 to 1")
+
+    def __repr__(self) -> str:
+        return summary(self, f"{len(self.time)} poses", f"{self.time[-1] - self.time[0]:.3g} s")
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """Rotations (pose, 3, 3) whose columns are the palm's x, y (fingers) and z (minus the normal) axes."""
+        z = -self.normal
+        y = self.fingers - (self.fingers * z).sum(axis=1, keepdims=True) * z
+        y = y / np.linalg.norm(y, axis=1, keepdims=True)
+        return np.stack([np.cross(y, z), y, z], axis=-1)
