@@ -104,8 +104,7 @@ def filters(smoothing: float) -> dict:
 
 
 def part(palm: PalmPath, which: slice) -> PalmPath:
-    names = ("time", "centre", "normal", "fingers", "confidence")
-    return PalmPath(**{name: getattr(palm, name)[which] for name in names})
+    return PalmPath.from_rows(palm.rows[which])
 
 
 def followed(palm: PalmPath, predictor, latency: float) -> tuple[np.ndarray, np.ndarray]:

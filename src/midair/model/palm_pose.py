@@ -1,6 +1,7 @@
 """Pose of a palm over time: where it is, how it lies, and how sure the tracker is."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,19 @@ class PalmPath:
 
     def __repr__(self) -> str:
         return summary(self, f"{len(self.time)} poses", f"{self.time[-1] - self.time[0]:.3g} s")
+
+    @classmethod
+    def from_rows(cls, rows: Array) -> Self:
+        """Poses from rows (pose, 11): time, centre, normal, fingers, confidence."""
+        return cls(
+            time=rows[:, 0], centre=rows[:, 1:4], normal=rows[:, 4:7], fingers=rows[:, 7:10], confidence=rows[:, 10]
+        )
+
+    @property
+    def rows(self) -> Array:
+        """Shape (pose, 11): time, centre, normal, fingers, confidence."""
+        parts = (self.time[:, None], self.centre, self.normal, self.fingers, self.confidence[:, None])
+        return np.asarray(np.concatenate(parts, axis=1), np.float64)
 
     @property
     def rotation(self) -> NDArray[np.float64]:
