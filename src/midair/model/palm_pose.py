@@ -58,8 +58,8 @@ class PalmPath:
     @property
     def rows(self) -> Array:
         """Shape (pose, 11): time, centre, normal, fingers, confidence."""
-        parts = (self.time[:, None], self.centre, self.normal, self.fingers, self.confidence[:, None])
-        return np.asarray(np.concatenate(parts, axis=1), np.float64)
+        parts = [self.time, self.centre, self.normal, self.fingers, self.confidence]
+        return frozen_array(np.column_stack(parts), "poses of the palm", ("pose", 11))
 
     @property
     def rotation(self) -> NDArray[np.float64]:
@@ -67,4 +67,4 @@ class PalmPath:
         z = -self.normal
         y = self.fingers - (self.fingers * z).sum(axis=1, keepdims=True) * z
         y = y / np.linalg.norm(y, axis=1, keepdims=True)
-        return np.stack([np.cross(y, z), y, z], axis=-1)
+        return np.asarray(np.stack([np.cross(y, z), y, z], axis=-1), np.float64)

@@ -1,5 +1,6 @@
 """Trackers of the palm by name: ``leap:``, ``lsl:Palm``, ``osc:9000``, ``replay:hand.csv?latency_ms=20``."""
 
+import os
 import time
 from collections.abc import Callable
 
@@ -8,7 +9,7 @@ from pydantic import Field
 
 from midair.devices import LeapFrames, RawPose, ReplaySource, Tracker, TrackerOptions
 from midair.errors import BrokenFileError, InputError, UnknownDeviceError
-from midair.files import json_of, load_palm_path, read_text
+from midair.files import json_of, load_palm_path, load_tracker, read_text
 from midair.model import PalmPath, TrackerPlacement
 from midair.registry import Registry
 from midair.rig.names.sensor_names import checked_options, split_name
@@ -56,7 +57,10 @@ def _leap_recording(path: str) -> PalmPath:
 
 
 def open_tracker(
-    name: str, *, placement: TrackerPlacement | None = None, clock: Callable[[], float] = time.monotonic
+    name: str,
+    *,
+    placement: TrackerPlacement | str | os.PathLike[str] | None = None,
+    clock: Callable[[], float] = time.monotonic,
 ) -> Tracker:
     """Open a tracker of the palm; close it, or leave its ``with`` block.
 
@@ -64,8 +68,8 @@ def open_tracker(
     ----------
     name : str
         Kind, place and options, such as ``replay:hand.csv?latency_ms=20``.
-    placement : TrackerPlacement, optional
-        How the tracker lies relative to the array; its coordinates are those of the array by default.
+    placement : TrackerPlacement or path, optional
+        How the tracker lies relative to the array, or its TOML file; by default their coordinates are the same.
     clock : callable, optional
         Clock of all times, for simulations.
 
@@ -78,6 +82,8 @@ def open_tracker(
     if kind not in TRACKERS:
         raise UnknownDeviceError(f"tracker: expected {', '.join(f'{each}:PLACE' for each in TRACKERS)}, got {name!r}")
     options = checked_options(name, TRACKERS[kind], stated)
+    if placement is not None and not isinstance(placement, TrackerPlacement):
+        placement = load_tracker(placement)
     source = options.source(place)
     if isinstance(source, ReplaySource):
         source.clock = clock
