@@ -77,7 +77,7 @@ class TrackerOptions(BaseModel, ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerStatus:
-    """What a tracker has sent so far, and whether it still does."""
+    """State of a tracker and counts of its poses."""
 
     state: State
     """"waiting" without a pose for 0.1 s, "lost" without a connection, which is tried again every second."""
