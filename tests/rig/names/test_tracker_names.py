@@ -40,6 +40,9 @@ def test_a_replayed_pose_arrives_after_its_latency_and_has_the_time_of_the_pose(
         now[0] = 62.0
         assert tracker.status().state == "waiting"
         assert tracker.events() == []
+    with midair.open_tracker(f"replay:{hand}", clock=lambda: now[0]) as tracker:
+        now[0] += 9.0
+        assert (tracker.status().poses, tracker.status().state) == (100, "waiting")
 
 
 def test_replayed_poses_are_checked_as_live_ones(tmp_path):

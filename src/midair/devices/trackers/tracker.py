@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
 
-from midair.devices.trackers.clock_fit import ClockFit
+from midair.devices.trackers.clock_fit import SAME_CLOCK, ClockFit
 from midair.errors import DeviceError
 from midair.model import PalmPath, TrackerPlacement
 
@@ -204,15 +204,17 @@ class Tracker:
         self._update()
         with self._changed:
             newest = self._rows[-1] if self._rows else None
-            age = math.inf if newest is None else self.clock() - newest[0]
+            age = math.inf if newest is None else self.clock() - float(newest[0])
             recent = [row[0] for row in list(self._rows)[-64:]]
             frozen = self._same_since > -math.inf and self._frozen()
-            still: State = "frozen" if frozen else "tracking" if age < GAP + self._latency() else "waiting"
+            still: State = (
+                "frozen" if frozen else "tracking" if age < GAP + min(self._latency(), SAME_CLOCK) else "waiting"
+            )
             return TrackerStatus(
                 state="closed" if not self._open else "lost" if self._lost else still,
                 poses=self._count,
                 age=age,
-                rate=(len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0,
+                rate=(len(recent) - 1) / float(recent[-1] - recent[0]) if len(recent) > 1 else 0.0,
                 confidence=0.0 if newest is None else float(newest[10]),
                 latency=self._latency(),
                 refused=dict(self._faults),
