@@ -1,10 +1,11 @@
-"""Test whether materials stay distinguishable: reproduce strokes in each mode and classify the re-recordings.
+"""Test whether materials stay distinguishable (`python -m benchmarks.materials`): reproduce strokes, classify them.
 
 For each stroke, a classifier that was trained on the originals of all other strokes predicts the material: from the
 original, and from the re-recording in each mode. Errors on the re-recordings only are caused by the mode. A second
 classifier, trained on the mode's own re-recordings, tests whether the materials still differ from each other.
 """
 
+import argparse
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -261,3 +262,21 @@ def share_between(right: int, count: int) -> tuple[float, float]:
 
     limits = binomtest(right, count).proportion_ci(method="wilson")
     return float(limits.low), float(limits.high)
+
+
+def main() -> None:
+    """Write the table and the confusion matrices, and print how many strokes keep their material."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--recordings", type=Path, help="a folder for each material; synthetic strokes without it")
+    parser.add_argument("--strokes", type=int, default=12, help="of each synthetic material")
+    parser.add_argument("--mode", choices=("best", "quick", "finest"), default="best")
+    parser.add_argument("--out", type=Path, default=Path("materials"), help="folder of the results")
+    options = parser.parse_args()
+    result = materials_table(MaterialsPlan(folder=options.recordings, strokes=options.strokes, mode=options.mode))
+    for row in result.rows:
+        print(f"{row['mode']:9} {row['named_right']:.2f} correct, error of third octaves {row['shape_off_db']:.1f} dB")
+    print(*result.write(options.out))
+
+
+if __name__ == "__main__":
+    main()
