@@ -6,7 +6,7 @@ classifier, trained on the mode's own re-recordings, tests whether the materials
 """
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.util import find_spec
@@ -23,7 +23,8 @@ from midair.devices import check_exposure
 from midair.dsp import resample
 from midair.errors import InputError, MissingExtraError
 from midair.evaluate import THIRD_OCTAVES, third_octaves
-from midair.figures import ConfusionPanel, confusion_figures, png_bytes
+from midair.figures import png_bytes
+from midair.figures.style import Style, new_figure
 from midair.files import contents, open_take
 from midair.model import Calibration, PressureFrames, Recording
 from midair.paper.modes_compared import strongest_begins
@@ -262,6 +263,39 @@ def share_between(right: int, count: int) -> tuple[float, float]:
 
     limits = binomtest(right, count).proportion_ci(method="wilson")
     return float(limits.low), float(limits.high)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConfusionPanel:
+    """One confusion matrix."""
+
+    title: str
+    """Title, with the share of correct answers."""
+    names: tuple[str, ...]
+    """Names of the classes, for both axes."""
+    counts: NDArray[np.int64]
+    """Number of answers, shape (true, named)."""
+
+
+def confusion_figures(matrices: Sequence[ConfusionPanel], *, simulated: bool, style: Style | None = None) -> Any:
+    """Draw matrices in a row: rows are the presented classes, columns the responses; shade is the share of a row."""
+    style = style or Style()
+    count = len(matrices[0].names)
+    side = 0.9 + 0.42 * max(count, 3)
+    figure = new_figure(0.4 + side * len(matrices), side + 1.1, simulated=simulated, style=style)
+    axes = figure.subplots(1, len(matrices), squeeze=False)[0]
+    for axis, matrix in zip(axes, matrices, strict=True):
+        share = matrix.counts / np.maximum(matrix.counts.sum(axis=1, keepdims=True), 1)
+        axis.imshow(share, cmap="Blues", vmin=0, vmax=1)
+        for (row, column), number in np.ndenumerate(matrix.counts):
+            ink = "white" if share[row, column] > 0.6 else style.ink
+            axis.text(column, row, str(number) if number else "", ha="center", va="center", fontsize=8, color=ink)
+        axis.set_title(matrix.title, fontsize=8, loc="left", color=style.ink)
+        axis.set_xticks(range(count), matrix.names, rotation=45, ha="right", fontsize=7)
+        axis.set_yticks(range(count), matrix.names if axis is axes[0] else [""] * count, fontsize=7)
+        axis.set_xlabel("response", fontsize=8)
+    axes[0].set_ylabel("presented", fontsize=8)
+    return figure
 
 
 def main() -> None:
