@@ -68,8 +68,7 @@ class PressureMeans(Term):
     def added(self, problem: "Problem", setup: "NormalisedSetup") -> "Problem":
         """The problem with the weights and target pressures."""
         unit = float(radiation_pressure(np.array(setup.focus), setup.airs[0].medium))
-        target = self.target(setup.target.amplitude / setup.focus, setup.target.grid, unit)
-        return replace(problem, cells=target.repeated(len(setup.airs)))
+        return replace(problem, cells=self.target(setup.target.amplitude / setup.focus, setup.target.grid, unit))
 
     @abstractmethod
     def target(self, amplitude: Array, grid: ControlGrid, unit: float) -> "CellTarget":
@@ -151,13 +150,6 @@ class CellTarget:
     weights: Array  # w, the share of each point, shape (cell, point)
     wanted: Array  # Target pressure in the unit of amplitude squared, shape (frame, cell)
     faint: float = 0.0  # Frames with an rms target below this report their error relative to this, in the same unit
-
-    def repeated(self, times: int) -> "CellTarget":
-        """The same target for several fields, whose points follow one another."""
-        if times == 1:
-            return self
-        weights = np.kron(np.eye(times), self.weights).astype(np.float64)
-        return CellTarget(weights=weights, wanted=np.tile(self.wanted, (1, times)), faint=self.faint)
 
     def error(self, size: Array) -> Array:
         """|| w |y|^2 - P || / || P || of each frame, from the field's magnitude (frame, point); 0 where P is 0."""
