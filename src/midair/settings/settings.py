@@ -71,6 +71,8 @@ class CompensationSettings:
     """Transducer envelope that is compensated."""
     ramp: float = 0.0
     """Ramp of the silencer that is compensated, in s."""
+    predict: bool = False
+    """Whether to correct the phases by a prediction of each transducer's envelope; always for a measured array."""
 
 
 if TYPE_CHECKING:
@@ -122,7 +124,8 @@ class Settings:
         # A configured fit holds arrays: its drive cannot be reproduced from text.
         if not isinstance(self.solver.fit, str):
             raise InputError(
-                'fit: expected "points", "windows" or "cells" (the forms that can be saved), got a configured object'
+                'fit: expected "points", "windows", "fine-windows" or "cells" (the forms that can be saved), got a '
+                "configured object"
             )
         made: dict[str, Any] = to_plain(self)
         if not isinstance(self.solver.method, str):
