@@ -58,7 +58,8 @@ def main() -> None:
     parser.add_argument("--tables", nargs="+", choices=TABLES, default=["effect", "corrected"])
     options = parser.parse_args()
     stroke = midair.record("virtual:towel", 1.0)
-    print(f"towel, {options.duration:g} s, strength {options.strength:g}; mean E in %")
+    if options.tables != ["ratio"]:
+        print(f"towel, {options.duration:g} s, strength {options.strength:g}; mean E in %")
     if "effect" in options.tables:
         curves = print_effect(stroke, options)
         if options.figure:
@@ -136,9 +137,10 @@ def print_corrected(take: midair.files.OpenedTake, options: argparse.Namespace) 
 
 def print_ratio(options: argparse.Namespace) -> None:
     """Signal to distortion on the skin in air of other temperatures, with and without a range of temperatures."""
-    print_head(("towel", "solved for"), RATIO)
-    ways = {"paper": MODES["paper"]().but(method="glide"), "best": MODES["best"]()}
-    ways |= {f"{name}, points": ways[name].but(fit="points") for name in ("best",)}
+    print("towel, 0.12 s, strength 0.15; signal to distortion in dB")
+    print_head(("mode", "solved for"), RATIO)
+    best = MODES["best"]()
+    ways = {"paper": MODES["paper"]().but(method="glide"), "best": best, "best, --fit points": best.but(fit="points")}
     for name, settings in ways.items():
         if name.split(",")[0] not in options.modes:
             continue
