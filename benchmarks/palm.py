@@ -3,9 +3,10 @@
 For each signal and method: signal to distortion on the cells; the share of the power in the band on a palm of 85 mm
 outside the sensor's square; signal to distortion of its pressure and of the displacement of four skin models; the leak
 within 20 mm of the square over the target's peak (maximum, typical); the level; and the CPU time of solving one second.
-Simulated, all stages except the sensor. Parts: `table`, signals in three modes; `strengths`; `fast`, a guard with the
-solver of independent frames; `ears`, sound levels of the exposure check; `floor`, see `benchmarks.palm_floor`. The rows
-are those of the tables in docs/decisions/0029-palm.md.
+Simulated, all stages except the sensor. Parts: `table`, signals in three modes; `recordings`, twelve recordings in the
+best and the finest mode, of which four, marked *, were used to choose the finest mode; `strengths`; `fast`, a guard
+with the solver of independent frames; `ears`, sound levels of the exposure check; `floor`, see `benchmarks.palm_floor`.
+The rows are those of the tables in docs/decisions/0029-palm.md. Nine recordings are from ../shared/data.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.palm_floor import floor
-from midair.datasets import sample
+from benchmarks.real_pressure import pressure
 from midair.devices import measure_exposure
 from midair.files import profile_named
-from midair.model import Acoustics, Calibration, Palm, PressureFrames, Progress
+from midair.model import Acoustics, Palm, PressureFrames, Progress
 from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
-from midair.pipeline import calibrated_pressure, reproduce, required_lead
+from midair.pipeline import reproduce, required_lead
 from midair.rig import BudgetPlan, VirtualRig, error_budget
 from midair.settings import Settings, best_mode, finest_mode, paper_mode
 from midair.solvers import Fast, Guard, automatic_level
@@ -31,6 +32,8 @@ from midair.targets import add_lead
 
 ROOM = Acoustics(medium=best_mode().acoustics.medium)
 THINGS = ("towel", "sponge", "brush", "noise", "denim")
+TUNED = ("towel *", "sponge *", "noise *", "denim *")
+UNSEEN = ("linen", "grating of 2 mm", "stick on fabric", "stick on metal", "connect", "confirm", "cloth", "rain")
 MODES: Mapping[str, Settings] = {
     "paper": paper_mode().but(acoustics=ROOM),
     "best": best_mode(),
@@ -61,14 +64,9 @@ def fast_ways() -> dict[str, Settings]:
 
 
 def original(thing: str, plan: FidelityPlan, settings: Settings) -> PressureFrames:
-    """Pressure of a signal for a mode: one of `midair paper --fidelity`, or denim sixteen times as fast."""
-    if thing != "denim":
-        return original_of(thing, plan, settings)
-    taxels = sample("denim")
-    # The taxels give 36 values per second, below the band; 570 values per second are a slide at .8 m/s.
-    fast = replace(taxels, rate=16 * taxels.rate)
-    flat = Calibration.flat(fast.sensor, sensitivity=float(abs(fast.samples).max()) / 30, unit=fast.unit)
-    return calibrated_pressure(fast, flat, settings.but(band=(20.0, 250.0))).cut(0.1, plan.duration)
+    """Pressure of a signal for a mode: one of `benchmarks.real_pressure` or of `midair paper --fidelity`."""
+    found = pressure(thing.removesuffix(" *"), settings, plan.duration)
+    return found or original_of(thing.removesuffix(" *"), plan, settings)
 
 
 @dataclass
@@ -102,14 +100,15 @@ def row(title: str, thing: str, settings: Settings, plan: FidelityPlan) -> None:
     level = settings.solver.level
     level = automatic_level(np.array(plan.strength)) if level == "auto" else level
     spent = clock.spent / (asked.frames / asked.rate + 2 * lead)
+    worst = min(palm.displacement.values())
     print(
-        f"| {title} | {cells:.1f} | {100 * palm.outside:.1f} % | {palm.pressure:.1f}, {palm.square:.1f} | {skins} | "
-        f"{leak} | {level:.2f} | {spent:.1f} |",
+        f"| {title} | {cells:.1f} | {100 * palm.outside:.1f} % | {palm.pressure:.1f}, {palm.square:.1f} | "
+        f"{skins}; {worst:.1f} | {leak} | {level:.2f} | {spent:.1f} |",
         flush=True,
     )
 
 
-HEAD = "| | | cells | outside | pressure, in square | displacement | leak | level | CPU s/s |"
+HEAD = "| | | cells | outside | pressure, in square | displacement; worst | leak | level | CPU s/s |"
 
 
 def table(things: Sequence[str], ways: Mapping[str, Settings], plan: FidelityPlan) -> None:
@@ -162,13 +161,13 @@ def ears(things: Sequence[str], ways: Mapping[str, Settings], plan: FidelityPlan
             print(f"| {'' if number else thing} | {name} | {cells} | {found.pressure:.0f} |", flush=True)
 
 
-PARTS = ("table", "strengths", "fast", "ears", "floor")
+PARTS = ("table", "recordings", "strengths", "fast", "ears", "floor")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.palm", description=__doc__.splitlines()[0])
     parser.add_argument("--part", choices=PARTS, nargs="+", default=["table"], help="(default table)")
-    parser.add_argument("--things", nargs="+", default=list(THINGS), help="(default all)")
+    parser.add_argument("--things", nargs="+", default=[], help="(default all of the part)")
     parser.add_argument("--ways", nargs="+", help="names of settings (default all)")
     parser.add_argument(
         "--weights", type=float, nargs="*", default=[], help="weights of a quiet palm instead of the guard"
@@ -195,13 +194,16 @@ def main() -> None:
         ways, fast = ({name: each[name] for name in options.ways if name in each} for each in (ways, fast))
     for part in options.part:
         if part == "table":
-            table(options.things, ways, plan)
+            table(options.things or THINGS, ways, plan)
+        elif part == "recordings":
+            both = {name: each for name, each in ways.items() if name != "paper"}
+            table(options.things or (*TUNED, *UNSEEN), both, plan)
         elif part == "strengths":
-            strengths(options.things, options.strengths, plan)
+            strengths(options.things or THINGS, options.strengths, plan)
         elif part == "fast":
-            table(options.things, fast, plan)
+            table(options.things or THINGS, fast, plan)
         elif part == "ears":
-            ears(options.things, ways, plan)
+            ears(options.things or THINGS, ways, plan)
         else:
             floor(
                 options.units,
