@@ -1,4 +1,4 @@
-"""Pressure of recordings from public data sets and of noise, by name, for benchmarks."""
+"""Pressure of recordings from public data sets by name, for benchmarks."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.recordings import cloth, pressure_of, rain
 from midair.datasets import sample
 from midair.files import open_take
 from midair.model import Calibration, PressureFrames, Recording, SensorGrid
 from midair.paper.modes_compared import strongest_part
-from midair.pipeline import calibrated_pressure, resample_pressure
+from midair.pipeline import calibrated_pressure
 from midair.recordings import Footprint, footprint_field
 from midair.settings import Settings
 
@@ -66,7 +65,6 @@ def _denim() -> Recording:
 
 RECORDED: Mapping[str, Callable[[], Recording]] = {
     "linen": lambda: taxels("fabric/Linen_F180_V-50mmps_0.csv"),
-    "canvas": lambda: taxels("fabric/Canvas_F180_V-50mmps_0.csv"),
     "grating of 2 mm": lambda: taxels("board/Board2mm_F135_V-30mmps_0.csv"),
     "stick on fabric": lambda: stick("Fabric"),
     "stick on metal": lambda: stick("Metal"),
@@ -79,9 +77,6 @@ RECORDED: Mapping[str, Callable[[], Recording]] = {
 
 def pressure(name: str, settings: Settings, seconds: float) -> PressureFrames | None:
     """Pressure at the rate and in the band of the settings, the strongest part; None for an unknown name."""
-    if name in ("cloth", "rain"):
-        made = cloth(seconds + 0.2, 33) if name == "cloth" else rain(seconds + 0.2, 32)
-        return resample_pressure(pressure_of(made), settings.target.rate).cut(0.1, seconds)
     if name == "denim":
         recording = _denim()
         slow = settings.but(band=(20.0, 250.0))

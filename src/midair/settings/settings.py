@@ -269,7 +269,7 @@ def quick_mode() -> Settings:
 
 
 def finest_mode() -> Settings:
-    """Return the best mode for a whole palm, in about three times the time.
+    """Return the best mode for a whole palm, in about four times the time.
 
     The palm around the square is quiet; windows of half a cell leave no pressure between the cells uncontrolled; the
     level and the amplitudes follow the target; and the envelopes of the transducers are predicted. The guard stays,
