@@ -32,6 +32,7 @@ from .measure import beam_field as beam_field
 from .measure import check_array as check_array
 from .measure import find_lag as find_lag
 from .measure import fit_array as fit_array
+from .measure import fit_tracker as fit_tracker
 from .measure import focus_position as focus_position
 from .measure import known_noise as known_noise
 from .measure import measure_beam as measure_beam

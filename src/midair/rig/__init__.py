@@ -1,5 +1,6 @@
 """Rigs: devices, pipeline and files combined to record, play, correct and play live."""
 
+from .bench import PLACES as PLACES
 from .bench import PRACTICE_RECORDINGS as PRACTICE_RECORDINGS
 from .bench import ArraySession as ArraySession
 from .bench import Identity as Identity
@@ -9,6 +10,7 @@ from .bench import TapTest as TapTest
 from .bench import assignment_problems as assignment_problems
 from .bench import calibrate_array as calibrate_array
 from .bench import calibrate_by_beam as calibrate_by_beam
+from .bench import calibrate_tracker as calibrate_tracker
 from .bench import calibration_age as calibration_age
 from .bench import calibration_rows as calibration_rows
 from .bench import check_array_calibration as check_array_calibration
@@ -69,11 +71,13 @@ from .live_touch import live as live
 from .live_touch import live_clearance as live_clearance
 from .live_touch import make_key as make_key
 from .live_touch import send_touch as send_touch
+from .names import TRACKERS as TRACKERS
 from .names import ArrayKind as ArrayKind
 from .names import TransducerSpread as TransducerSpread
 from .names import VirtualRig as VirtualRig
 from .names import array_named as array_named
 from .names import array_of_kind as array_of_kind
+from .names import open_tracker as open_tracker
 from .names import sensor_named as sensor_named
 from .names import stage_named as stage_named
 from .names import thermometer_named as thermometer_named
