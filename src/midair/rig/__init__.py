@@ -35,6 +35,7 @@ from .correction import aligned_pair as aligned_pair
 from .correction import band_power_share as band_power_share
 from .correction import comparison_rows as comparison_rows
 from .correction import error_budget as error_budget
+from .correction import laboratory_of_loop as laboratory_of_loop
 from .correction import loop as loop
 from .correction import loop_figures as loop_figures
 from .correction import metrics_of_loop as metrics_of_loop
