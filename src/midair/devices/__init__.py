@@ -54,6 +54,12 @@ from .sensors import Source as Source
 from .sensors import Stream as Stream
 from .sensors import StreamedSensor as StreamedSensor
 from .sensors import Thermometer as Thermometer
+from .trackers import PoseSource as PoseSource
+from .trackers import RawPose as RawPose
+from .trackers import ReplaySource as ReplaySource
+from .trackers import Tracker as Tracker
+from .trackers import TrackerOptions as TrackerOptions
+from .trackers import TrackerStatus as TrackerStatus
 from .virtual import VirtualArray as VirtualArray
 from .virtual import VirtualSensor as VirtualSensor
 from .virtual import VirtualSkin as VirtualSkin

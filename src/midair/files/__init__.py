@@ -16,6 +16,8 @@ from .formats import load as load
 from .formats import open_take as open_take
 from .formats import save as save
 from .importers import load_board as load_board
+from .importers import load_palm_path as load_palm_path
+from .importers import save_palm_path as save_palm_path
 from .native import ARRAY_SUFFIX as ARRAY_SUFFIX
 from .native import CALIBRATION_SUFFIX as CALIBRATION_SUFFIX
 from .native import DRIVE_SUFFIX as DRIVE_SUFFIX

@@ -70,11 +70,13 @@ from .live_touch import live as live
 from .live_touch import live_clearance as live_clearance
 from .live_touch import make_key as make_key
 from .live_touch import send_touch as send_touch
+from .names import TRACKERS as TRACKERS
 from .names import ArrayKind as ArrayKind
 from .names import TransducerSpread as TransducerSpread
 from .names import VirtualRig as VirtualRig
 from .names import array_named as array_named
 from .names import array_of_kind as array_of_kind
+from .names import open_tracker as open_tracker
 from .names import sensor_named as sensor_named
 from .names import stage_named as stage_named
 from .names import thermometer_named as thermometer_named
