@@ -54,6 +54,11 @@ from .sensors import Source as Source
 from .sensors import Stream as Stream
 from .sensors import StreamedSensor as StreamedSensor
 from .sensors import Thermometer as Thermometer
+from .trackers import CONSTANT_ACCELERATION as CONSTANT_ACCELERATION
+from .trackers import CONSTANT_VELOCITY as CONSTANT_VELOCITY
+from .trackers import DAMPED_VELOCITY as DAMPED_VELOCITY
+from .trackers import MotionModel as MotionModel
+from .trackers import PosePredictor as PosePredictor
 from .trackers import PoseSource as PoseSource
 from .trackers import RawPose as RawPose
 from .trackers import ReplaySource as ReplaySource

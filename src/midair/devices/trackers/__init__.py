@@ -1,5 +1,10 @@
-"""Trackers of the palm: the interface, its checks, and replayed poses."""
+"""Trackers of the palm: the interface, its checks, prediction, and replayed poses."""
 
+from .prediction import CONSTANT_ACCELERATION as CONSTANT_ACCELERATION
+from .prediction import CONSTANT_VELOCITY as CONSTANT_VELOCITY
+from .prediction import DAMPED_VELOCITY as DAMPED_VELOCITY
+from .prediction import MotionModel as MotionModel
+from .prediction import PosePredictor as PosePredictor
 from .replay import ReplaySource as ReplaySource
 from .tracker import PoseSource as PoseSource
 from .tracker import RawPose as RawPose
