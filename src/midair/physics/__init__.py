@@ -2,6 +2,7 @@
 
 from .exposure_level import Exposure as Exposure
 from .exposure_level import exposure as exposure
+from .exposure_level import exposure_levels as exposure_levels
 from .exposure_level import greatest_exposure as greatest_exposure
 from .exposure_level import sound_level as sound_level
 from .exposure_places import ExposureProfile as ExposureProfile
@@ -51,6 +52,7 @@ from .skin import Tissue as Tissue
 from .skin import TouchChannel as TouchChannel
 from .skin import skin_compliance as skin_compliance
 from .skin_motion import SkinMotion as SkinMotion
+from .steering import PoseBox as PoseBox
 from .steering import aims_of as aims_of
 from .steering import array_from_palm as array_from_palm
 from .steering import middle_of as middle_of

@@ -1,6 +1,6 @@
 """Phases that move a solved field to a palm that lies elsewhere, and the array as it lies relative to that palm."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,3 +112,18 @@ def aims_of(drive: Drive, grid: ControlGrid, *, smooth: float = 0.05, block: int
     # Where nearly nothing presses, the aim returns to the centre.
     away = power @ (grid.position - middle_of(grid)) / (total + 1e-3 * total.max() + 1e-30)
     return np.asarray(away + middle_of(grid), np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseBox:
+    """Poses to which frames may be steered, around the solved one."""
+
+    size: tuple[float, float, float] = (0.1, 0.1, 0.06)
+    """Edges of the box of the palm's centre along x, y and z, in m, around the solved centre."""
+    tilt: float = float(np.radians(15.0))
+    """Largest angle between the normal and the solved one, in rad."""
+
+    def inside(self, poses: PalmPath, solved: Points) -> NDArray[np.bool_]:
+        """Whether each pose is admitted, shape (pose,)."""
+        near = (np.abs(poses.centre - solved) <= np.array(self.size) / 2 + 1e-9).all(axis=1)
+        return near & (-poses.normal[:, 2] >= np.cos(self.tilt) - 1e-9)
