@@ -4,6 +4,7 @@ from .calibration_sheet import calibration_figure as calibration_figure
 from .errors import ErrorSpread as ErrorSpread
 from .errors import budget_figure as budget_figure
 from .errors import error_figure as error_figure
+from .errors import laboratory_figure as laboratory_figure
 from .errors import passes_figure as passes_figure
 from .errors import trials_figure as trials_figure
 from .maps import PalmPanel as PalmPanel
