@@ -6,7 +6,6 @@ A calibration is measured against a reference (`measure_calibration`, `measure_t
 
 from .apply import CausalInverse as CausalInverse
 from .apply import Method as Method
-from .apply import StreamingInverse as StreamingInverse
 from .apply import calibrate as calibrate
 from .apply import causal_error as causal_error
 from .apply import causal_fir as causal_fir

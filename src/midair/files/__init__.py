@@ -50,7 +50,9 @@ from .text_files import read_text as read_text
 from .text_files import read_toml as read_toml
 from .text_files import toml_of as toml_of
 from .toml import DEFAULT_PROFILE as DEFAULT_PROFILE
+from .toml import Laboratory as Laboratory
 from .toml import from_plain as from_plain
+from .toml import load_laboratory as load_laboratory
 from .toml import load_palm as load_palm
 from .toml import load_placement as load_placement
 from .toml import load_profiles as load_profiles
@@ -58,6 +60,7 @@ from .toml import load_sensor as load_sensor
 from .toml import load_stage as load_stage
 from .toml import load_tracker as load_tracker
 from .toml import profile_named as profile_named
+from .toml import save_laboratory as save_laboratory
 from .toml import save_sensor as save_sensor
 from .toml import save_tracker as save_tracker
 from .toml import to_plain as to_plain

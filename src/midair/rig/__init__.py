@@ -37,6 +37,7 @@ from .correction import aligned_pair as aligned_pair
 from .correction import band_power_share as band_power_share
 from .correction import comparison_rows as comparison_rows
 from .correction import error_budget as error_budget
+from .correction import laboratory_of_loop as laboratory_of_loop
 from .correction import loop as loop
 from .correction import loop_figures as loop_figures
 from .correction import metrics_of_loop as metrics_of_loop
@@ -90,9 +91,15 @@ from .play_lease import under_lease as under_lease
 from .playing import DRIFT as DRIFT
 from .playing import PlaySettings as PlaySettings
 from .playing import check_air as check_air
+from .playing import clear_followed as clear_followed
 from .playing import correct_air_of_file as correct_air_of_file
 from .playing import default_exposure as default_exposure
+from .playing import follow_as_set as follow_as_set
+from .playing import grid_of as grid_of
+from .playing import immediate_array as immediate_array
+from .playing import open_followed as open_followed
 from .playing import play_cleared as play_cleared
+from .playing import play_followed as play_followed
 from .playing import rerecord as rerecord
 from .playing import stop_playing as stop_playing
 from .playing import watch_air as watch_air

@@ -3,6 +3,9 @@
 from .exposure_profiles import DEFAULT_PROFILE as DEFAULT_PROFILE
 from .exposure_profiles import load_profiles as load_profiles
 from .exposure_profiles import profile_named as profile_named
+from .laboratories import Laboratory as Laboratory
+from .laboratories import load_laboratory as load_laboratory
+from .laboratories import save_laboratory as save_laboratory
 from .palms import load_palm as load_palm
 from .placements import load_placement as load_placement
 from .plain import from_plain as from_plain
