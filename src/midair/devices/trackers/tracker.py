@@ -207,9 +207,8 @@ class Tracker:
             age = math.inf if newest is None else self.clock() - float(newest[0])
             recent = [row[0] for row in list(self._rows)[-64:]]
             frozen = self._same_since > -math.inf and self._frozen()
-            still: State = (
-                "frozen" if frozen else "tracking" if age < GAP + min(self._latency(), SAME_CLOCK) else "waiting"
-            )
+            late = age >= GAP + min(self._latency(), SAME_CLOCK)
+            still: State = "frozen" if frozen else "waiting" if late else "tracking"
             return TrackerStatus(
                 state="closed" if not self._open else "lost" if self._lost else still,
                 poses=self._count,
