@@ -3,8 +3,8 @@
 Recordings with a low rate are sped up to 1 kHz, and one channel becomes a field through a disc of 20 mm that moves at
 50 mm/s; both are printed. `fidelity`: one recording of each collection in the paper's and the best mode, on nominal
 transducers and on transducers with individual resonance, quality factor and strength, as in `midair paper --fidelity`
-with files; the paper's mode is solved as a whole. `materials`: strokes over seven fabrics, as in `midair paper
---materials --recordings`.
+with files; the paper's mode is solved as a whole. `materials`: strokes over seven fabrics, as in
+`python -m benchmarks.materials --recordings FOLDER`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchmarks.clock import load, timed
+from benchmarks.materials import MaterialsPlan, materials_table
 from benchmarks.places import ratio_at
 from benchmarks.real_pressure import DATA, RATE, flat_30_pa, over_the_sensor
 from midair.files import open_take, save
 from midair.model import Recording
-from midair.paper import FidelityPlan, MaterialsPlan, fidelity_table, materials_table
+from midair.paper import FidelityPlan, fidelity_table
 from midair.paper.modes_compared import at_strength, original_of
 from midair.physics import PlaybackChain, Transducers
 from midair.pipeline import reproduce, required_lead

@@ -38,7 +38,8 @@ def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):
     assert (made["amplitudes"], made["fit"], made["backend"]) == ("bounded", "cells", "numpy")
     level = solution.drive.level
     assert level.shape == (10, 996)
-    assert level.max() <= made["level"] < 1
+    assert level.max() <= made["level"] + 0.5 / 255
+    assert made["level"] < 1
 
 
 def test_a_temperature_range_reaches_the_drive_and_its_ends_are_printed(stroke, tmp_path, capsys):
