@@ -201,8 +201,7 @@ def compensate_envelope(
         places=means.sensor if isinstance(means, Cells) else means.places(target.grid),
         silent=quiet.points(target.grid) if isinstance(quiet, QuietPalm) else np.empty((0, 3)),
         linear=chosen.compensate,
-        # A drive for a whole palm has more places to correct.
-        iterations=16 if chosen.predict else 8,
+        iterations=16,
     )
     blocks = foresight.corrected(parts, target)
     while True:
