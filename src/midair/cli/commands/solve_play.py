@@ -217,6 +217,7 @@ def play_command(
             raise InputError("--stop-input: expected an array, got --device virtual, which is silent; leave it out")
         if settings.delay:
             raise InputError("--delay: expected an array, got --device virtual, which plays at once; leave it out")
+        load_solution(source, streamed=True)  # a recording is refused as one, whatever stands beside it
         target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
         may_write(target, force)
         return _play_on_virtual(source, target, settings, air, correct=correct_air)
