@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 import time
@@ -9,9 +10,12 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
+import numpy as np
 import pytest
+import soundfile
 from axe_playwright_python.sync_playwright import Axe
 
+from midair.files import load
 from midair.rig import record
 from midair.studio.work import SolveRequest, solve_take
 
@@ -466,3 +470,32 @@ def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(
     page.until("studio.link.state.player.emitting")
     page.page.locator("#exposure .stop").click()
     page.until("studio.link.state.player.said.includes('stopped on request')")
+
+
+def test_a_wav_becomes_a_take_without_a_command(studio_at, look, tmp_path):
+    """Choose a file, correct a wrong word, look at the preview, import; the take is that of the same command."""
+    wave = tmp_path / "Corduroy.wav"
+    soundfile.write(wave, 0.5 * np.sin(2 * np.pi * 150 * np.arange(8000) / 8000), 8000)
+    studio = studio_at()
+    page = look(studio)
+    page.until("studio.room?.add && !studio.room.add.disabled")
+    page.page.locator("input[type=file]").set_input_files(wave)
+    page.until("document.querySelector('#import-said polygon')", timeout=60)
+    scale = page.page.get_by_role("textbox", name="Scale")
+    scale.fill("30")
+    scale.press("Tab")
+    assert "expected a quantity such as" in page.until("document.querySelector('#import-wrong').textContent")
+    assert page.page.get_by_role("button", name="Import").is_disabled()
+    scale.fill("60Pa")
+    scale.press("Tab")
+    page.until("!document.querySelector('#import .main').disabled")
+    command = page.page.locator("#import pre").inner_text()
+    if kept := os.environ.get("MIDAIR_PICTURES"):
+        page.page.screenshot(path=f"{kept}/import.png")
+    page.page.get_by_role("button", name="Import").click()
+    page.until("studio.room?.take?.name === 'corduroy-01.h5'")
+    words = shlex.split(command.replace("corduroy-01.wav", f"{shlex.quote(str(wave))} same.h5"))
+    subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, check=True)
+    made, same = (load(path).samples for path in (studio.folder / "corduroy-01.h5", tmp_path / "same.h5"))
+    assert (made == same).all()
+    assert page.wrong == []

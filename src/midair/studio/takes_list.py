@@ -55,6 +55,11 @@ class TakesList:
             return found[name]
         return self.folder.find(name)
 
+    def incoming(self, name: str) -> Path:
+        """Return the path of an uploaded file that is to be imported; InputError if there is none."""
+        folder = StudioFolder(self.samples / "incoming")
+        return folder.find(name)
+
     def beside(self, name: str, ending: str) -> Path:
         """Return the path of a file that belongs to a take (drive, re-recording, report), existing or not."""
         path = self.path(name)

@@ -1,5 +1,7 @@
 """Panel Reproduce: the takes, the settings of their drives, and the jobs that solve them."""
 
+import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -9,6 +11,7 @@ from pydantic import Field
 from midair.errors import InputError
 from midair.model import HEIGHTS
 from midair.settings import Mode
+from midair.studio.importing import ImportForm, run_import
 from midair.studio.jobs import StudioJob
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
@@ -66,6 +69,7 @@ class ReproducePanel(Panel):
         store = context.store
         store.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
         store.offer("reproduce", "solve", self.solve, SolveForm)
+        store.offer("reproduce", "import", self.bring, ImportForm)
         store.offer("reproduce", "code", self.code, SolveForm, watchers=True)
         store.offer("compare", "report", self.report, SolveForm)
         store.offer("jobs", "cancel", self.cancel, JobNumber)
@@ -84,6 +88,18 @@ class ReproducePanel(Panel):
         data = self._takes.data(order.take)
         found = await self._reading.result(f"reading {order.take}", facts, data)
         return {"stamp": data.stamp, "part": data.drive == self._takes.preview_path(order.take), **found}
+
+    async def bring(self, _: Page, order: ImportForm) -> dict[str, Any]:
+        """Import an uploaded file into the session's folder as a preview, or into the studio's with `save`."""
+        source = self._takes.incoming(order.file)
+        words, name = order.words(), source.name
+        stem = re.sub(r"-\d+$", "", source.stem)  # the number of the upload
+        target = self._takes.folder.free(stem, ".h5") if order.save else source.with_suffix(".preview.h5")
+        made = await self._reading.result(f"importing {name}", run_import, (str(source), str(target), words))
+        command = shlex.join(["midair", "import", name, *([target.name] if order.save else []), *words])
+        if order.save:
+            self._context.show_takes()
+        return {**made, "command": command, "take": target.name if order.save else ""}
 
     def code(self, _: Page, order: SolveForm) -> dict[str, Any]:
         """Return the settings of a form as commands and Python."""

@@ -3,6 +3,7 @@
 import { FieldPicture, TracesPicture, PhasesPicture, SpectrogramPicture, OverviewPicture, BarPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
 import { choice, field, make, panel, playable, rows, tried } from "/web/dom.js";
+import { importFile } from "/web/import.js";
 import { solveTake } from "/web/jobs.js";
 import { TakeView, chosen, colours } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
@@ -38,7 +39,7 @@ export default class Reproduce {
   }
   _build() {
     this.list = make("ul.takes");
-    const file = make("input", { type: "file", accept: ".h5,.csv,.wav,.mat,.npz,.npy", hidden: true, "aria-label": "a recording from this computer", onchange: () => this._upload(file.files[0]) });
+    const file = make("input", { type: "file", accept: ".h5,.hdf5,.csv,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.mcap,.ahap,.hjif", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
     this.add = make("button", { type: "button", onclick: () => file.click() }, "Add a file");
     this.solve = make("button.main", { type: "button", onclick: () => this._solve() }, "Solve");
     this.play = make("button", { type: "button", onclick: () => this._play() }, "Play on array");
@@ -65,7 +66,8 @@ export default class Reproduce {
     const { panels } = this;
     this.problem = make("section.panel.problem", { id: "problem", role: "alert", hidden: true });
     this.pictures = [make("div.middle", {}, make("div.pair", {}, panels.wanted, panels.played, panel("Pa", null, boxes.bar)), panels.traces), make("div.side", {}, panels.phase, panels.array, panels.spectrogram)];
-    this.studio.main.append(make("div.reproduce", {}, left, ...this.pictures, this.problem));
+    const drop = { ondragover: (event) => event.preventDefault(), ondrop: (event) => { event.preventDefault(); if (this.link.controls) this._upload(event.dataTransfer.files[0]); } };
+    this.studio.main.append(make("div.reproduce", drop, left, ...this.pictures, this.problem));
     this._fill(USUAL);
   }
   /** Show settings in the form; a value that is not among its options is added. */
@@ -253,7 +255,9 @@ export default class Reproduce {
     if (!file) return;
     const answer = await fetch("/upload", { method: "POST", body: file, headers: { "x-name": encodeURIComponent(file.name), "x-page": String(this.link.page) } });
     const said = await answer.json();
-    if (said.error) tried(Promise.reject(new Error(said.error))); else this.studio.go("reproduce", said.ok);
+    if (said.error) { tried(Promise.reject(new Error(said.error))); return; }
+    const take = said.imports ? await importFile(this.link, said.ok) : said.ok;
+    if (take) this.studio.go("reproduce", take);
   }
   /** Show the code for the drive in view or, without one, for the settings of the form. */
   async _code() {
