@@ -15,7 +15,8 @@ import pytest
 import soundfile
 from axe_playwright_python.sync_playwright import Axe
 
-from midair.files import load
+from midair.files import load, save
+from midair.model import Recording
 from midair.rig import record
 from midair.studio.work import SolveRequest, solve_take
 
@@ -498,4 +499,34 @@ def test_a_wav_becomes_a_take_without_a_command(studio_at, look, tmp_path):
     subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, check=True)
     made, same = (load(path).samples for path in (studio.folder / "corduroy-01.h5", tmp_path / "same.h5"))
     assert (made == same).all()
+    assert page.wrong == []
+
+
+def test_takes_are_found_renamed_deleted_and_stay_chosen(studio_at, look):
+    studio, noise = studio_at(), np.random.default_rng(1).normal(size=(400, 4, 4))
+    for name in ("denim", "wool"):
+        save(Recording(samples=noise, rate=1000, unit="Pa"), studio.folder / f"{name}.h5")
+    page = look(studio)
+    page.go("#reproduce/wool.h5")
+    page.until("studio.room?.take?.name === 'wool.h5'")
+    page.page.get_by_role("searchbox").fill("den")
+    page.until("[...document.querySelectorAll('.takes li:not([hidden])')].length === 1")
+    page.page.get_by_role("searchbox").fill("")
+    page.page.get_by_role("link", name="Compare").click()
+    page.until("studio.room.name === 'wool.h5'")
+    page.page.get_by_role("link", name="Reproduce").click()
+    page.until("studio.room?.take?.name === 'wool.h5'")
+    page.page.get_by_role("button", name="Rename").click()
+    page.page.get_by_label("New name").fill("felt")
+    page.page.get_by_label("New name").press("Enter")
+    page.until("studio.room?.take?.name === 'felt.h5'")
+    page.page.get_by_role("button", name="Duplicate").click()
+    page.until("studio.room?.take?.name === 'felt-01.h5'")
+    page.page.get_by_role("button", name="Delete").click()
+    page.until("!studio.link.state.takes.some((row) => row.name === 'felt-01.h5')")
+    if kept := os.environ.get("MIDAIR_PICTURES"):
+        page.page.screenshot(path=f"{kept}/takes.png")
+    page.page.get_by_role("button", name="Undo").click()
+    page.until("studio.room?.take?.name === 'felt-01.h5'")
+    assert {path.name for path in studio.folder.glob("*.h5")} == {"denim.h5", "felt.h5", "felt-01.h5"}
     assert page.wrong == []
