@@ -530,3 +530,40 @@ def test_takes_are_found_renamed_deleted_and_stay_chosen(studio_at, look):
     page.until("studio.room?.take?.name === 'felt-01.h5'")
     assert {path.name for path in studio.folder.glob("*.h5")} == {"denim.h5", "felt.h5", "felt-01.h5"}
     assert page.wrong == []
+
+
+def test_a_study_of_my_takes_from_the_question_to_the_report(studio_at, look):
+    """Two takes with drives, a question, simulated participants, Analyse, the report; no command but the simulation."""
+    studio, rng = studio_at(), np.random.default_rng(2)
+    for name in ("denim", "wool"):
+        take, drive = (str(studio.folder / f"{name}{ending}") for ending in (".h5", ".drive.h5"))
+        save(Recording(samples=rng.normal(size=(100, 4, 4)), rate=1000, unit="Pa"), take)
+        solve_take(SolveRequest(take=take, drive=drive, choices=(("method", "naive"),)), lambda *_: None)
+    page = look(studio)
+    page.go("#study")
+    page.until("document.querySelectorAll('#own-study option[value$=\".h5\"]').length === 2")
+    kind = page.page.get_by_label("Kind")
+    kind.select_option("own")
+    page.page.get_by_label("takes to present").select_option(["denim.h5", "wool.h5"])
+    page.page.get_by_label("Question").fill("Which cloth did you feel?")
+    page.page.get_by_label("Participants").fill("2")
+    page.page.get_by_label("Name").fill("cloth")
+    if kept := os.environ.get("MIDAIR_PICTURES"):
+        page.page.screenshot(path=f"{kept}/study.png")
+    page.page.locator("#new-study").click()
+    page.until("studio.link.state.studies.some((each) => each.name === 'cloth')")
+    page.until("document.querySelector('#analyse')?.disabled")
+    words = [sys.executable, "-m", "midair", "study", "run", str(studio.folder / "cloth"), "--simulate"]
+    subprocess.run(words, check=True, capture_output=True)
+    page.page.evaluate("studio.link.order('study', 'list')")
+    page.until("document.querySelector('#analyse')?.disabled === false")
+    page.page.locator("#analyse").click()
+    page.until("document.querySelector('#to-report')", timeout=120)
+    with page.page.context.expect_page() as opened:
+        page.page.locator("#to-report").click()
+    opened.value.wait_for_load_state()
+    assert "denim" in opened.value.content()
+    assert "cloth" in opened.value.title()
+    if kept := os.environ.get("MIDAIR_PICTURES"):
+        opened.value.screenshot(path=f"{kept}/report.png")
+    assert page.wrong == []

@@ -217,7 +217,7 @@ class Studio:
             return PlainTextResponse(f"{wrong}\n", 404)
         if not path.is_file():
             return PlainTextResponse("not a file\n", 404)
-        if path.name.endswith(".report.html"):
+        if path.name.endswith("report.html"):
             policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox; frame-ancestors 'none'"
             return FileResponse(path, media_type="text/html", headers={"content-security-policy": policy})
         disposition = {"content-disposition": "attachment", "content-security-policy": "sandbox; default-src 'none'"}

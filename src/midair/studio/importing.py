@@ -60,12 +60,20 @@ def run_import(order: tuple[str, str, tuple[str, ...]], progress: Progressed) ->
     """
     source, target, words = order
     progress("importing", 0, 1)
-    command = [sys.executable, "-m", "midair", "import", source, target, "--force", "--json", *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    said = run_command("import", source, target, "--force", "--json", *words)
+    return {**json.loads(said), "course": _course(target)}
+
+
+def run_command(*words: str) -> str:
+    """Run a command of midair and return what it prints; InputError with its message, files without their folder."""
+    done = subprocess.run([sys.executable, "-m", "midair", *words], capture_output=True, text=True, check=False)
     if done.returncode:
         said = [line.removeprefix("midair: ") for line in done.stderr.splitlines() if line.startswith("midair: ")]
-        raise InputError((said or ["import: failed without a message"])[-1].replace(source, Path(source).name))
-    return {**json.loads(done.stdout), "course": _course(target)}
+        wrong = said[-1] if said else f"{words[0]}: failed without a message"
+        for place in (word for word in words if word.startswith("/")):
+            wrong = wrong.replace(place, Path(place).name)
+        raise InputError(wrong)
+    return done.stdout
 
 
 def _course(path: str, columns: int = 400) -> dict[str, Any]:
