@@ -69,7 +69,7 @@ class VirtualSensor(SensorDevice):
             raise DeviceStateError("virtual sensor: expected start before read")
         first, self._taken = self._taken, self._taken + frames
         if len(self._samples) < self._taken:
-            # Of a silence after the touch, more than is needed now: each time all is computed again.
+            # Compute more silence than this read needs, since each extension computes everything again.
             more = min(max(self._taken, 2 * len(self._samples)), round(WHOLE * self.rate))
             self._samples = self._sense(max(self._taken, more))
         now = first / self.rate
