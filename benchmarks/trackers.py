@@ -1,4 +1,4 @@
-"""Prediction of recorded palms over the latency of a tracker: error, what is felt of it, and smoothness.
+"""Prediction of recorded palms over the latency of a tracker: error, distortion and jitter.
 
 The recordings (folder --data, or $MIDAIR_PALM_POSES) are turned and moved so that the median centre is (0, 0, 200 mm)
 and the mean normal -z. Poses arrive `latency` after their time; the path is predicted every millisecond. The signal to
@@ -104,8 +104,7 @@ def filters(smoothing: float) -> dict:
 
 
 def part(palm: PalmPath, which: slice) -> PalmPath:
-    names = ("time", "centre", "normal", "fingers", "confidence")
-    return PalmPath(**{name: getattr(palm, name)[which] for name in names})
+    return PalmPath.from_rows(palm.rows[which])
 
 
 def followed(palm: PalmPath, predictor, latency: float) -> tuple[np.ndarray, np.ndarray]:
@@ -147,7 +146,7 @@ def jitter(path: np.ndarray) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.trackers", description=__doc__.splitlines()[0])
     parser.add_argument("--data", default=os.environ.get("MIDAIR_PALM_POSES", "../shared/data/palm-poses"))
     parser.add_argument("--recordings", nargs="*", default=list(RECORDINGS), choices=list(RECORDINGS))
     parser.add_argument("--latencies", type=float, nargs="*", default=[10, 20, 40], help="in ms")

@@ -61,6 +61,7 @@ from .sensors import Thermometer as Thermometer
 from .trackers import CONSTANT_ACCELERATION as CONSTANT_ACCELERATION
 from .trackers import CONSTANT_VELOCITY as CONSTANT_VELOCITY
 from .trackers import DAMPED_VELOCITY as DAMPED_VELOCITY
+from .trackers import LeapFrames as LeapFrames
 from .trackers import MotionModel as MotionModel
 from .trackers import PosePredictor as PosePredictor
 from .trackers import PoseSource as PoseSource

@@ -1,8 +1,6 @@
 """Matplotlib figures and HTML pages with units on every axis; nothing here writes files."""
 
 from .calibration_sheet import calibration_figure as calibration_figure
-from .confusion_matrices import ConfusionPanel as ConfusionPanel
-from .confusion_matrices import confusion_figures as confusion_figures
 from .errors import ErrorSpread as ErrorSpread
 from .errors import budget_figure as budget_figure
 from .errors import error_figure as error_figure

@@ -58,7 +58,9 @@ from .toml import load_placement as load_placement
 from .toml import load_profiles as load_profiles
 from .toml import load_sensor as load_sensor
 from .toml import load_stage as load_stage
+from .toml import load_tracker as load_tracker
 from .toml import profile_named as profile_named
 from .toml import save_laboratory as save_laboratory
 from .toml import save_sensor as save_sensor
+from .toml import save_tracker as save_tracker
 from .toml import to_plain as to_plain

@@ -1,5 +1,6 @@
 """Rigs: devices, pipeline and files combined to record, play, correct and play live."""
 
+from .bench import PLACES as PLACES
 from .bench import PRACTICE_RECORDINGS as PRACTICE_RECORDINGS
 from .bench import ArraySession as ArraySession
 from .bench import Identity as Identity
@@ -9,6 +10,7 @@ from .bench import TapTest as TapTest
 from .bench import assignment_problems as assignment_problems
 from .bench import calibrate_array as calibrate_array
 from .bench import calibrate_by_beam as calibrate_by_beam
+from .bench import calibrate_tracker as calibrate_tracker
 from .bench import calibration_age as calibration_age
 from .bench import calibration_rows as calibration_rows
 from .bench import check_array_calibration as check_array_calibration

@@ -1,5 +1,6 @@
 """The commands `solve` and `play`."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -156,11 +157,15 @@ def solve_command(
 
 def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, str]]:
     """E in the coldest and the warmest air of --robust, estimated from 256 frames; no rows without a range."""
-    by, drive = settings.solver.robust, made.solution.drive
+    by, target = settings.solver.robust, made.target
     if not by:
         return []
+    # Without the lead, whose target is almost zero.
+    inside = frames_without_lead(target.provenance, target.frames, target.rate)
+    drive = made.solution.cut(inside.start, inside.stop).drive
+    target = replace(target, amplitude=target.amplitude[inside])
     ends = [drive.acoustics.medium.warmer(degrees) for degrees in (-by, by)]
-    errors = [error_at_temperature(drive, made.target, medium, frames=256) for medium in ends]
+    errors = [error_at_temperature(drive, target, medium, frames=256) for medium in ends]
     told = [f"{100 * error.mean():.1f} % at {end.degrees:.3g} °C" for error, end in zip(errors, ends, strict=True)]
     return [("E in other air", ", ".join(told))] if all(map(len, errors)) else []
 

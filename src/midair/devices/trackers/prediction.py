@@ -71,7 +71,7 @@ class PosePredictor:
         Time over which a correction is blended in, in s; 0 for steps.
     """
 
-    def __init__(self, model: MotionModel = DAMPED_VELOCITY, *, smoothing: float = 0.02) -> None:
+    def __init__(self, model: MotionModel = DAMPED_VELOCITY, *, smoothing: float = 0.017) -> None:
         self.model, self.smoothing = model, smoothing
         self._time, self._confidence, self._shown = -np.inf, 0.0, -np.inf
         self._state, self._covariance = np.zeros((3, 9)), np.eye(3)

@@ -17,16 +17,15 @@ class ReplaySource:
     ----------
     palm : PalmPath
         Poses in the coordinates of the tracker.
-    clock : callable
-        Clock of the tracker.
     latency : float
         Time from a pose to its arrival, in s.
     """
 
     host_clock = True
 
-    def __init__(self, palm: PalmPath, clock: Callable[[], float], *, latency: float = 0.0) -> None:
-        self._times, self._clock, self._latency = palm.time, clock, latency
+    def __init__(self, palm: PalmPath, *, latency: float = 0.0) -> None:
+        self.clock: Callable[[], float] = time.monotonic
+        self._times, self._latency = palm.time, latency
         self._rows = np.column_stack([palm.centre, palm.normal, palm.fingers])
         self._confidence = palm.confidence
         self.begin(math.inf)
@@ -37,16 +36,16 @@ class ReplaySource:
 
     def open(self) -> None:
         """Set time 0 to now."""
-        self.begin(self._clock())
+        self.begin(self.clock())
 
     def pull(self, wait: float) -> list[RawPose | str]:
         """Poses that have arrived."""
         if wait and self._next < len(self._times):
-            left = self._zero + self._times[self._next] + self._latency - self._clock()
+            left = self._zero + self._times[self._next] + self._latency - self.clock()
             time.sleep(float(np.clip(left, 0.0, wait)))
         elif wait:
             time.sleep(wait)
-        end = int(np.searchsorted(self._times, self._clock() - self._zero - self._latency, "right"))
+        end = int(np.searchsorted(self._times, self.clock() - self._zero - self._latency, "right"))
         first, self._next = self._next, max(end, self._next)
         return [
             RawPose(

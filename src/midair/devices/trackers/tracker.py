@@ -71,13 +71,13 @@ class TrackerOptions(BaseModel, ABC):
     """Time in s after which a pose that does not change by one bit counts as frozen; 0 for never."""
 
     @abstractmethod
-    def source(self, place: str, clock: Callable[[], float]) -> PoseSource:
+    def source(self, place: str) -> PoseSource:
         """Source at a place, the part of a name between colon and question mark; not open yet."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerStatus:
-    """What a tracker has sent so far, and whether it still does."""
+    """State of a tracker and counts of its poses."""
 
     state: State
     """"waiting" without a pose for 0.1 s, "lost" without a connection, which is tried again every second."""
@@ -193,15 +193,7 @@ class Tracker:
             rows = [row for row in self._rows if row[0] > since]
         if not rows:
             return None
-        table = np.array(rows)
-        path = PalmPath(
-            time=table[:, 0],
-            centre=table[:, 1:4],
-            normal=table[:, 4:7],
-            fingers=table[:, 7:10],
-            confidence=table[:, 10],
-        )
-        return self.placement.path(path)
+        return self.placement.path(PalmPath.from_rows(np.array(rows)))
 
     def newest(self) -> PalmPath | None:
         """The newest accepted pose, a path of length 1; None before the first."""

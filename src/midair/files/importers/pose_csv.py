@@ -29,24 +29,18 @@ def load_palm_path(path: str | os.PathLike[str]) -> PalmPath:
     table = read_table(read_text(path, "a table of poses"), Path(path))
     if table.names != NAMES:
         raise BrokenFileError(f"{path}: expected the columns {','.join(NAMES)}, got {','.join(table.names) or 'none'}")
-    rows = table.values
+    rows = table.values.copy()
+    rows[:, 4:7], rows[:, 7:10] = _unit(rows[:, 4:7]), _unit(rows[:, 7:10])
     try:
-        return PalmPath(
-            time=rows[:, 0],
-            centre=rows[:, 1:4],
-            normal=_unit(rows[:, 4:7]),
-            fingers=_unit(rows[:, 7:10]),
-            confidence=rows[:, 10],
-        )
+        return PalmPath.from_rows(rows)
     except InputError as wrong:
         raise BrokenFileError(f"{path}: {wrong}") from wrong
 
 
 def save_palm_path(palm: PalmPath, path: str | os.PathLike[str]) -> None:
     """Write poses atomically, all numbers without loss. Raises FileError if the file cannot be written."""
-    rows = np.column_stack([palm.time, palm.centre, palm.normal, palm.fingers, palm.confidence])
     with atomic_file(Path(path)) as partial:
-        lines = [",".join(NAMES), *(",".join(map(repr, row)) for row in rows.tolist())]
+        lines = [",".join(NAMES), *(",".join(map(repr, row)) for row in palm.rows.tolist())]
         Path(partial).write_text("\n".join(lines) + "\n", encoding="ascii")
 
 

@@ -13,3 +13,5 @@ from .plain import to_plain as to_plain
 from .sensors import load_sensor as load_sensor
 from .sensors import save_sensor as save_sensor
 from .stages import load_stage as load_stage
+from .trackers import load_tracker as load_tracker
+from .trackers import save_tracker as save_tracker
