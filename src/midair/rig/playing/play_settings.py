@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.devices import Cooling, ExposureChoices, SilencerChoice
+from midair.errors import InputError
 from midair.files import (
     DEFAULT_PROFILE,
     load_array_calibration,
@@ -115,3 +116,5 @@ class PlaySettings(Declared):
 
     def __post_init__(self) -> None:
         check_settings(self)
+        if self.follow is None and (self.tracker_latency is not None or self.confidence != 0.3):
+            raise InputError("--tracker-latency, --confidence: expected --follow with them, got none")
