@@ -18,6 +18,7 @@ from midair.rig import (
     BudgetPlan,
     VirtualRig,
     aligned_pair,
+    array_calibration_for,
     array_of_kind,
     error_budget,
     loop,
@@ -45,6 +46,10 @@ class SolveRequest:
     mode: Mode = "paper"
     choices: tuple[tuple[str, Any], ...] = ()
     """Names and values of settings that differ from those of the mode."""
+    device: str = "virtual"
+    """Array on which the drive will be played."""
+    array_calibration: Path | None = None
+    """As in `StudioPlan`."""
     start: float = 0.0
     """Start in s of the part to solve."""
     duration: float | None = None
@@ -83,6 +88,8 @@ def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
     if order.duration is not None:
         pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
     led, array = add_lead(pressure, required_lead(settings)), array_of_kind("autd3")
+    if (kept := array_calibration_for(order.device, order.array_calibration)) is not None:
+        array, settings, led = kept.applied(array, settings, led)
     target, parts = reproduce_stream(led, array, settings, progress=partial(progress, "solving"))
     drive = Path(order.drive)
     fresh = drive.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")

@@ -50,7 +50,6 @@ from midair.rig import (
     check_air,
     checkup_line,
     correct_air_of_file,
-    kept_array_calibration,
     open_rig,
     play_cleared,
     rerecord,
@@ -162,6 +161,7 @@ def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, 
 @options_from(
     PlaySettings,
     *("device", "array_calibration", "placement", "silencer", "repeats", "delay", "participant", "spread", "seed"),
+    array_calibration="Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.",
 )
 class PlayOptions:
     """Array and playback."""
@@ -304,10 +304,13 @@ def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, cor
                 2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
             )
             drive = load_solution(source).drive
-        kept = kept_array_calibration(device)
-        if kept is not None and drive.provenance.last("array calibration").get("id") != kept.known.identifier:
+        kept = rig.measured
+        if kept is not None and drive.provenance.last("solve").get("array_calibration") != kept.known.identifier:
             advice = f"{device} has one of {kept.known.date or 'unknown date'}; use midair solve --device {device}"
             print_note(f"array calibration: this drive was solved without that of this array: {advice}", warn=True)
+        elif kept is not None:
+            known = Settings.of(drive.provenance) or Settings()
+            print_note(f"array calibration: {kept.described(known)}")
         drive = _corrected(drive, source, room) if correct else drive
         admission = _admitted(drive, array, settings)
         _print_room_air(drive, source, room)
