@@ -64,6 +64,7 @@ def test_a_drive_for_a_real_array_takes_its_stored_calibration(solved, monkeypat
     assert not drive.array.alike
     shown = facts(TakeData(take=solved.take, drive=request.drive))["drive"]
     assert f"({drive.provenance.last('solve')['array_calibration']}), " in shown["array_calibration"]
+    assert "% of the power" in shown["not_reproduced"]
     # The form shows the settings as they were chosen.
     assert (shown["settings"]["mode"], shown["settings"]["method"]) == ("paper", "naive")
     plain = replace(request, array_calibration=Path("none"), drive=str(tmp_path / "plain.drive.h5"))

@@ -97,6 +97,7 @@ def _drive_facts(data: TakeData, shown: int) -> dict[str, Any]:
         "strength": np.round(peak / focus, 4).tolist(),
         "error_mean": float(error[plays].mean()) if plays.any() else 0.0,
         "settings": None if known is None else describe_settings(known),
+        "not_reproduced": drive.provenance.last("not reproduced").get("text", ""),
         "array_calibration": drive.provenance.last("array calibration").get("age", ""),
         "field_pa": field_of.shape[0],
     }

@@ -14,6 +14,7 @@ from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
 from midair.headroom import level_of
 from midair.model import Palm, PressureFrames, Provenance
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
+from midair.recordings import unreproduced
 from midair.rig import (
     BudgetPlan,
     VirtualRig,
@@ -87,6 +88,8 @@ def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     if order.duration is not None:
         pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
+    told = unreproduced(take.recording, take.calibration, settings.calibration.band)
+    pressure = replace(pressure, provenance=pressure.provenance.then("not reproduced", told))
     led, array = add_lead(pressure, required_lead(settings)), array_of_kind("autd3")
     if (kept := array_calibration_for(order.device, order.array_calibration)) is not None:
         array, settings, led = kept.applied(array, settings, led)

@@ -234,6 +234,7 @@ export default class Reproduce {
     if (facts.simulated) said.push("SIMULATED");
     if (facts.frames_in_all > facts.frames) said.push(`the first ${this.take.seconds} s of ${(facts.frames_in_all / facts.rate_hz).toFixed(0)} s are shown`);
     if (!facts.calibrated) said.push("not calibrated");
+    if (facts.drive?.not_reproduced) said.push(`not reproduced: ${facts.drive.not_reproduced}`);
     said.push(...facts.report, ...facts.journal.filter((event) => event.kind !== "stroke").slice(0, 6).map((event) => event.said));
     this.about.replaceChildren(...said.map((words) => make("div", {}, words)));
   }
