@@ -110,6 +110,8 @@ def open_rig(
         device = virtual.array_device(skin)
         device.silencer = chosen.silencer
         return OpenRig(array=device, sensor=virtual.sensor(skin), settings=chosen)
+    if chosen.palm_path is not None:
+        raise InputError(f"palm path: expected the virtual array, got {chosen.device}, above which a real palm moves")
     real = array_named(chosen.device, chosen.placement, silencer=chosen.silencer)
     listens = None if chosen.sensor is None else sensor_named(chosen.sensor, _virtual_rig(chosen, drive))
     if listens is not None and chosen.calibration is not None:
@@ -131,6 +133,7 @@ def _virtual_rig(chosen: PlaySettings, drive: Drive | None) -> VirtualRig:
         acoustics=chosen.acoustics,
         seed=chosen.seed,
         spread=chosen.spread,
+        palm=chosen.palm_path,
     ).hearing(band)
     if not isinstance(measured := chosen.array_calibration, ArrayCalibration):
         return rig

@@ -91,7 +91,7 @@ def fit_units(fit: GroupFit, nominal: TransducerArray, pose: Array, *, synchrono
     new = transfer_matrix(cell_places(model, state.place), fit.field.array)
     state.response *= (new.conj() * old).sum(axis=0) / np.square(np.abs(new)).sum(axis=0)
     fit.turn(before)
-    return pose, covariance[:count, :count] * np.outer(aims, aims)
+    return pose, np.asarray(covariance[:count, :count] * np.outer(aims, aims), np.float64)
 
 
 def _shared_columns(fit: GroupFit, group: int, soft: Array) -> Array:
