@@ -63,7 +63,6 @@ from midair.rig import (
     follow_as_set,
     grid_of,
     immediate_array,
-    kept_array_calibration,
     open_followed,
     open_rig,
     play_cleared,
@@ -208,6 +207,7 @@ def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, 
     PlaySettings,
     *("device", "array_calibration", "placement", "silencer", "repeats", "delay", "participant", "spread", "seed"),
     *("follow", "tracker_latency", "confidence", "palm_path"),
+    array_calibration="Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.",
 )
 class PlayOptions:
     """Array and playback."""
@@ -354,10 +354,13 @@ def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, cor
                 2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
             )
             drive = load_solution(source).drive
-        kept = kept_array_calibration(device)
-        if kept is not None and drive.provenance.last("array calibration").get("id") != kept.known.identifier:
+        kept = rig.measured
+        if kept is not None and drive.provenance.last("solve").get("array_calibration") != kept.known.identifier:
             advice = f"{device} has one of {kept.known.date or 'unknown date'}; use midair solve --device {device}"
             print_note(f"array calibration: this drive was solved without that of this array: {advice}", warn=True)
+        elif kept is not None:
+            known = Settings.of(drive.provenance) or Settings()
+            print_note(f"array calibration: {kept.described(known)}")
         drive = _corrected(drive, source, room) if correct else drive
         admission = _admitted(drive, array, settings)
         _print_room_air(drive, source, room)

@@ -1,6 +1,7 @@
 """Settings of playing: source of the keywords of `play` and `open_rig`, of options and of the studio's form."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -8,7 +9,6 @@ from midair.devices import Cooling, ExposureChoices, SilencerChoice
 from midair.errors import InputError
 from midair.files import (
     DEFAULT_PROFILE,
-    load_array_calibration,
     load_calibration,
     load_palm_path,
     load_placement,
@@ -25,7 +25,7 @@ from midair.model import (
     Placement,
     SensorGrid,
 )
-from midair.rig.names import TransducerSpread
+from midair.rig.names import TransducerSpread, array_calibration_named
 from midair.validation import Declared, check_settings, documented, setting
 
 
@@ -59,10 +59,11 @@ class PlaySettings(Declared):
     calibration: Calibration | None = setting(
         None, "Calibration of that sensor, a file of midair calibrate.", load=load_calibration
     )
-    array_calibration: ArrayCalibration | None = setting(
+    array_calibration: ArrayCalibration | Literal["none"] | None = setting(
         None,
-        "Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.",
-        load=load_array_calibration,
+        "Measured transducers, NAME.array.h5 of midair calibrate array: those of the virtual device; for a real one "
+        "those to solve for in a loop, by default its stored calibration; none: the model's.",
+        load=array_calibration_named,
     )
     placement: Placement | None = setting(
         None,
