@@ -3,6 +3,7 @@
 from .backend import one_blas_thread as one_blas_thread
 from .exact import Exact as Exact
 from .fast import Fast as Fast
+from .free import Free as Free
 from .glide import Glide as Glide
 from .glide import Piece as Piece
 from .glide import pieces as pieces

@@ -35,7 +35,7 @@ class PressureMeans(Term):
     __slots__ = ()
     keyword = "fit"
     help = "Where the error is measured: control points, 8 mm windows, or sensor cells."
-    methods = frozenset({"fast", "glide"})
+    methods = frozenset({"fast", "glide", "free"})
     default = "points"
     values = Literal["points", "windows", "cells"]
     name = "cells"
