@@ -42,6 +42,7 @@ from .terms import Fit as Fit
 from .terms import Guard as Guard
 from .terms import PhaseTerm as PhaseTerm
 from .terms import PressureMeans as PressureMeans
+from .terms import QuietEars as QuietEars
 from .terms import QuietPalm as QuietPalm
 from .terms import QuietTerm as QuietTerm
 from .terms import Term as Term

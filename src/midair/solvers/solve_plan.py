@@ -36,7 +36,8 @@ def frames_per_part(solver: Method) -> int:
     if isinstance(solver, Glide):
         return solver.coarse * max(-(-solver.block_on() // solver.coarse), 1) * solver.jobs
     if isinstance(solver, Free):
-        return solver.block
+        # Few parts, since each computes its matrices again.
+        return 4 * solver.block
     if isinstance(solver, Fast):
         return _whole_batches(solver)
     if isinstance(solver, Exact) and solver.start == "zero" and solver.first == "field":

@@ -26,7 +26,7 @@ from midair.pipeline import (
     compensate_pressure,
     map_pressure,
     reproduce,
-    with_gain_for_strength,
+    with_fitted_gain,
 )
 from midair.rig.correction.drive_rerecording import palm_of_drive
 from midair.rig.correction.passes import Stage, no_progress
@@ -73,7 +73,7 @@ def error_budget(
         Called with the name of each stage at its start; returns its progress callback.
     """
     asked = add_lead(original, plan.lead)
-    plan = replace(plan, settings=with_gain_for_strength(asked, plan.measured or plan.rig.array, plan.settings))
+    plan = replace(plan, settings=with_fitted_gain(asked, plan.measured or plan.rig.array, plan.settings))
     made = reproduce(asked, plan.measured or plan.rig.array, plan.settings, progress=stage("solve"))
     # With the lead: the compared part is cut out at the comparison, so that no stage sees an edge.
     outputs = list(_outputs(asked, made, plan, stage))
