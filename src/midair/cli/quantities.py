@@ -98,7 +98,7 @@ def _value(text: str, unit: str) -> float:
 def format_quantity(value: float, unit: str) -> str:
     """A quantity as text: lengths below a metre in millimetres, fractions in %."""
     if unit in _BY_HAND:
-        return f"{100 * value:.6g}%" if unit == "%" else f"{value:.6g}C"
+        return f"{100 * value:.6g}%" if unit == "%" else f"{value:.6g}{'dB' if unit == 'dB' else 'C'}"
     return f"{value * 1e3:.6g}mm" if unit == "m" and abs(value) < 1 else f"{value:.6g}{unit}"
 
 

@@ -1,20 +1,22 @@
 """Error budget of one reproduction on the virtual rig: the stages are added one after the other."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.calibration import known_noise
-from midair.devices import SilencerChoice, choose_silencer
+from midair.devices import SilencerChoice, choose_silencer, measure_exposure
 from midair.dsp import band_energy
-from midair.evaluate import Budget, StageOutput, apply_band_twice, budget, leak
+from midair.evaluate import Budget, StageOutput, apply_band_twice, band_levels, budget, leak
+from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Acoustics, Drive, Palm, PressureFrames, Recording, TransducerArray
 from midair.physics import (
     PlaybackChain,
     calibration_of,
     cell_weights,
+    level_if_unlike,
     radiation_pressure,
     sense,
     simulate,
@@ -87,6 +89,64 @@ def error_budget(
             asked, drive, plan.palm, chain=chain, rig=plan.rig, judged=part, band=band, progress=stage("palm")
         )
     return budget(asked, outputs, strength=made.strength(), kept=kept, band=band, judged=part, palm=palm)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelTrade:
+    """Reproduction of a recording under a level at the ears."""
+
+    limit: float
+    """Highest level at ears and bystander, in dB."""
+    strength: float
+    """Target peak over the peak of a single focus."""
+    palm: float
+    """Highest radiation pressure on the palm, in Pa."""
+    vibration: tuple[float, ...]
+    """Vibration of the strongest cell over the nominal detection threshold in each of `FELT_BANDS`, in dB."""
+    distortion_ratio: float
+    """Signal to distortion on the touched cells, without the sensor, in dB."""
+    ears: float
+    """Level at the louder ear in dB, by the exposure check at 14 to 30 °C."""
+    bystander: float
+    """Level at the bystander in dB."""
+    unlike: float
+    """Level at the louder ear in dB of the random errors of transducers that are not measured."""
+
+    @property
+    def felt(self) -> float:
+        """Level in dB of the band that is highest over its threshold."""
+        return max(self.vibration)
+
+
+def level_trade(
+    original: PressureFrames, plan: BudgetPlan, limits: Sequence[float], *, stage: Stage = no_progress
+) -> Generator[LevelTrade]:
+    """Solve a recording under each level at the ears, in dB, and compute what the palm gets.
+
+    The gain of the plan's settings is the highest; a level above what it needs gives the same as no limit.
+    """
+    asked, array = add_lead(original, plan.lead), plan.measured or plan.rig.array
+    power = (original.pressure**2).sum(axis=0)
+    area = float((power >= 0.01 * power.max()).sum()) * original.sensor.pitch**2
+    profile = profile_named(DEFAULT_PROFILE)
+    for limit in limits:
+        made = reproduce(asked, array, plan.settings.but(ears=limit), progress=stage(f"{limit:g} dB"))
+        drive, fitted = made.solution.drive, Settings.of(made.solution.drive.provenance) or plan.settings
+        outputs = list(_outputs(asked, made, replace(plan, settings=fitted), stage))
+        part = (round(plan.lead * original.rate) / original.rate, original.frames / original.rate)
+        found = budget(asked, outputs, strength=made.strength(), band=fitted.calibration.band, judged=part)
+        delivered = next(each.pressure for each in outputs if each.name == "silencer").cut(*part)
+        exposed = measure_exposure(drive, array, profile)
+        yield LevelTrade(
+            limit=limit,
+            strength=made.strength(),
+            palm=exposed.pressure,
+            vibration=tuple(float(each.max()) for each in band_levels(delivered.pressure, delivered.rate, area=area)),
+            distortion_ratio=found.stage("silencer").so_far.distortion_ratio,
+            ears=float(exposed.peak[:2].max()),
+            bystander=float(exposed.peak[2]),
+            unlike=float(level_if_unlike(drive, profile)[:2].max()),
+        )
 
 
 def band_power_share(recording: Recording, band: tuple[float, float]) -> float | None:
