@@ -1,6 +1,6 @@
 """The command `budget`: distortion that each stage of a reproduction adds."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -86,7 +86,7 @@ def budget_command(
     if levels:
         with progress_bars(f"trade {workload_of(settings, measured.count)}", frames) as stage:
             rows = list(level_trade(original, plan, levels, stage=stage))
-        return print_json([asdict(row) for row in rows]) if json else print_trade(source.name, rows)
+        return print_json([row.plain() for row in rows]) if json else print_trade(source.name, rows)
     with progress_bars(f"budget {workload_of(settings, measured.count)}", frames) as stage:
         made = error_budget(original, plan, kept=band_power_share(open_take(source).recording, band), stage=stage)
     if figure is not None:

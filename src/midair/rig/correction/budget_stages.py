@@ -1,7 +1,7 @@
 """Error budget of one reproduction on the virtual rig: the stages are added one after the other."""
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,11 +111,17 @@ class LevelTrade:
     """Level at the bystander in dB."""
     unlike: float
     """Level at the louder ear in dB of the random errors of transducers that are not measured."""
+    drive: Drive = field(repr=False)
+    """The drive that was solved."""
 
     @property
     def felt(self) -> float:
         """Level in dB of the band that is highest over its threshold."""
         return max(self.vibration)
+
+    def plain(self) -> dict[str, object]:
+        """Values for JSON."""
+        return {one.name: getattr(self, one.name) for one in fields(self) if one.name != "drive"}
 
 
 def level_trade(
@@ -146,6 +152,7 @@ def level_trade(
             ears=float(exposed.peak[:2].max()),
             bystander=float(exposed.peak[2]),
             unlike=float(level_if_unlike(drive, profile)[:2].max()),
+            drive=drive,
         )
 
 
