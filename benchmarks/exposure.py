@@ -293,20 +293,16 @@ def safe(thing: str, levels: list[float], data: Path) -> None:
         )
 
 
-def true_ears(drive: Drive, spread: TransducerSpread | None, *, loudest: int = 24, seeds: int = 2) -> float:
-    """Level in dB at the louder ear: direct sum over the loudest frames, in air of 14 to 30 °C at 10 and 50 %."""
+def true_ears(drive: Drive, spread: TransducerSpread | None, *, loudest: int = 24, seed: int = 0) -> float:
+    """Level in dB at the louder ear: direct sum over the loudest frames, in dry air of 14 to 30 °C."""
     chosen = np.argsort(measure_exposure(drive, ARRAY, PROFILE).level[:, :2].max(axis=1))[-loudest:]
-    q, found = sounding(drive)[chosen], []
-    for seed in range(seeds if spread else 1):
-        known = np.ones(ARRAY.count)
-        if spread is not None:
-            transducers = VirtualRig(seed=seed, spread=spread).array_device().chain.transducers
-            known = known if transducers is None else transducers.response
-        own = q * known / np.abs(known).mean()
-        for degrees, humidity in product((14, 18, 22, 26, 30), (0.1, 0.5)):
-            medium = Medium.at(temperature=degrees, humidity=humidity)
-            found += [true_peak(place, own, medium) for place in PROFILE.places[:2]]
-    return max(found)
+    q, degrees = sounding(drive)[chosen], (14, 18, 22, 26, 30)
+    if spread is not None:
+        transducers = VirtualRig(seed=seed, spread=spread).array_device().chain.transducers
+        known = np.ones(1) if transducers is None else transducers.response
+        q, degrees = q * known / np.abs(known).mean(), (14, 22)
+    airs = [Medium.at(temperature=each, humidity=0.1) for each in degrees]
+    return max(true_peak(place, q, air, few=1) for place, air in product(PROFILE.places[:2], airs))
 
 
 def timed(frames: int, rng: np.random.Generator) -> None:

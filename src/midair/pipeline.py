@@ -161,8 +161,9 @@ def with_fitted_gain(pressure: PressureFrames, array: TransducerArray, settings:
         If the target is zero everywhere.
     """
     if settings.target.ears is not None:
-        strong = with_fitted_gain(pressure, array, settings.but(ears=None)).but(strength=None)
-        return strong.but(gain=strong.target.gain * _part_under(settings.target.ears, pressure, array, strong))
+        limit = settings.target.ears
+        strong = with_fitted_gain(pressure, array, settings.but(ears=None)).but(strength=None, ears=limit)
+        return strong.but(gain=strong.target.gain * _part_under(limit, pressure, array, strong))
     if settings.target.strength is None:
         return settings
     plain = settings.but(strength=None, gain=1.0)
