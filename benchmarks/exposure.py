@@ -294,15 +294,22 @@ def safe(thing: str, levels: list[float], data: Path) -> None:
 
 
 def true_ears(drive: Drive, spread: TransducerSpread | None, *, loudest: int = 24, seed: int = 0) -> float:
-    """Level in dB at the louder ear: direct sum over the loudest frames, in dry air of 14 to 30 °C."""
+    """Level in dB at the louder ear: direct sum over loud frames in dry air of 14, 22, 30 °C; true arrays at 14 °C."""
     chosen = np.argsort(measure_exposure(drive, ARRAY, PROFILE).level[:, :2].max(axis=1))[-loudest:]
-    q, degrees = sounding(drive)[chosen], (14, 18, 22, 26, 30)
+    q, degrees = sounding(drive)[chosen], (14, 22, 30)
     if spread is not None:
         transducers = VirtualRig(seed=seed, spread=spread).array_device().chain.transducers
         known = np.ones(1) if transducers is None else transducers.response
-        q, degrees = q * known / np.abs(known).mean(), (14, 22)
-    airs = [Medium.at(temperature=each, humidity=0.1) for each in degrees]
-    return max(true_peak(place, q, air, few=1) for place, air in product(PROFILE.places[:2], airs))
+        q, degrees = q * known / np.abs(known).mean(), (14,)
+    found, edge = [], np.linspace(-1, 1, 17)
+    for place, each in product(PROFILE.places[:2], degrees):
+        air, cube = Medium.at(temperature=each, humidity=0.1), np.stack(np.meshgrid(edge, edge, edge), axis=-1)
+        points = place.reach * cube.reshape(-1, 3) + place.position
+        field = direct_sum(q, points, air)
+        frame = q[[field.max(axis=0).argmax()]]
+        best = points[np.argsort(field.max(axis=1))[-5:]]
+        found.append(max(field.max(), direct_sum(frame, within(place, best, 2.5e-3, 7), air).max()))
+    return float(sound_level(np.array(max(found))))
 
 
 def timed(frames: int, rng: np.random.Generator) -> None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from midair.model import Progress
 from midair.solvers.backend import Backend, Rows, backend
 from midair.solvers.field_operators import Batch, FieldMove, FieldOperators
-from midair.solvers.glide.glide import evenly_spread
+from midair.solvers.glide import evenly_spread
 from midair.solvers.lbfgs import RowsState
 from midair.solvers.phases import hold
 from midair.solvers.problem import Answer, Problem, WarmStart, status_of
@@ -53,6 +53,8 @@ class Free:
     """
     loudness: float = 10.0
     """Weight of the penalty on amplitudes above full drive, for frames that have any."""
+    bounded: int = 30
+    """Further iterations of these frames."""
     tolerance: float = 3e-2
     """Modes below this fraction of the largest singular value are left out, except from the reported error."""
     outside: float = 0.3
@@ -230,14 +232,17 @@ class _Block:
             state = free.run(some, xp.take(start, index, axis=0), xp.take(scale, index), self._settings.between)
             self._keep(rows[close], some, state)
 
-    def _keep(self, rows: Indices, batch: Batch, state: RowsState) -> None:
+    def _keep(self, rows: Indices, batch: Batch, state: RowsState, penalised: FieldMove | None = None) -> None:
         """Store the solution; frames with amplitudes above full drive are first continued with a penalty on them."""
         moves, backend = self._moves, self._moves.operators.backend
-        made, q = state.iterations, moves.drive(batch, state)
-        if np.abs(q).max() > 1:
-            state = moves.bounded.run(batch, backend.as_complex(state.x), state.scale, self._settings.iterations)
-            made, q = made + state.iterations, moves.drive(batch, state)
+        q = moves.drive(batch, state)
         self._q[rows] = q / np.maximum(np.abs(q), 1)
         self._z[rows] = backend.host(backend.as_complex(state.x))
         self._scale[rows] = backend.get(state.scale)
-        self._made[rows] = made
+        self._made[rows] += state.iterations
+        loud = np.flatnonzero(np.abs(q).max(axis=1) > 1)
+        if len(loud) and penalised is not moves.bounded:
+            index, xp = backend.put(loud), backend.xp
+            some, z = batch.some(xp, index), xp.take(backend.as_complex(state.x), index, axis=0)
+            better = moves.bounded.run(some, z, xp.take(state.scale, index), self._settings.bounded)
+            self._keep(rows[loud], some, better, moves.bounded)

@@ -134,8 +134,12 @@ def level_trade(
     asked, array = add_lead(original, plan.lead), plan.measured or plan.rig.array
     power = (original.pressure**2).sum(axis=0)
     area = float((power >= 0.01 * power.max()).sum()) * original.sensor.pitch**2
-    profile = profile_named(DEFAULT_PROFILE)
+    profile, most = profile_named(DEFAULT_PROFILE), with_fitted_gain(asked, array, plan.settings.but(ears=None))
+    full: LevelTrade | None = None
     for limit in limits:
+        if full is not None and max(full.ears, full.bystander, full.unlike) <= limit:
+            yield replace(full, limit=limit)
+            continue
         made = reproduce(asked, array, plan.settings.but(ears=limit), progress=stage(f"{limit:g} dB"))
         drive, fitted = made.solution.drive, Settings.of(made.solution.drive.provenance) or plan.settings
         outputs = list(_outputs(asked, made, replace(plan, settings=fitted), stage))
@@ -143,7 +147,7 @@ def level_trade(
         found = budget(asked, outputs, strength=made.strength(), band=fitted.calibration.band, judged=part)
         delivered = next(each.pressure for each in outputs if each.name == "silencer").cut(*part)
         exposed = measure_exposure(drive, array, profile)
-        yield LevelTrade(
+        row = LevelTrade(
             limit=limit,
             strength=made.strength(),
             palm=exposed.pressure,
@@ -154,6 +158,9 @@ def level_trade(
             unlike=float(level_if_unlike(drive, profile)[:2].max()),
             drive=drive,
         )
+        # Without a reduced gain, a higher level changes nothing.
+        full = row if fitted.target.gain >= (1 - 1e-9) * most.target.gain else None
+        yield row
 
 
 def band_power_share(recording: Recording, band: tuple[float, float]) -> float | None:
