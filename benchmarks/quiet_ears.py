@@ -28,6 +28,14 @@ from midair.targets import add_lead
 
 ARRAY, ROOM = TransducerArray.autd3(), Medium.at()
 
+WAYS: dict[str, dict[str, object]] = {
+    "best": {},
+    "auto level": {"level": "auto"},
+    "bounded": {"amplitudes": "bounded"},
+    "auto, bounded": {"level": "auto", "amplitudes": "bounded"},
+    "free": {"method": "free"},
+}
+
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.quiet_ears", description=__doc__.splitlines()[0])
@@ -37,10 +45,11 @@ def main() -> None:
     parser.add_argument("--weights", type=float, nargs="+", default=[0, 3, 30, 300], help="weights of the term")
     parser.add_argument("--frames", type=int, default=100, help="frames of the towel stroke (default 100)")
     parser.add_argument("--modes", nargs="*", choices=THINGS, help="compare ways of the best mode on these")
+    parser.add_argument("--ways", nargs="*", choices=WAYS, default=[*WAYS], help="only these ways")
     options = parser.parse_args()
     if options.modes is not None:
         with one_blas_thread():
-            modes(options.modes or THINGS, options.strengths)
+            modes(options.modes or THINGS, options.strengths, options.ways)
         return
     focus = focus_amplitude(GRID, ARRAY)
     profile = profile_named("occupational-110")
@@ -66,21 +75,14 @@ def main() -> None:
                 )
 
 
-def modes(things: Sequence[str], strengths: list[float]) -> None:
+def modes(things: Sequence[str], strengths: list[float], ways: Sequence[str]) -> None:
     """Print a row for each signal, strength and way."""
-    ways = {
-        "best": {},
-        "auto level": {"level": "auto"},
-        "bounded": {"amplitudes": "bounded"},
-        "auto, bounded": {"level": "auto", "amplitudes": "bounded"},
-        "free": {"method": "free"},
-    }
     print(load())
     for strength in strengths:
         plan = FidelityPlan(strength=strength)
         for thing in things:
-            for name, changes in ways.items():
-                settings = best_mode().but(**changes)
+            for name in ways:
+                settings = best_mode().but(**WAYS[name])
                 pressure = original(thing, plan, settings)
                 settings = at_strength(pressure, settings, plan)
                 asked, rig = add_lead(pressure, required_lead(settings)), replace(plan.rig, cells=pressure.sensor)
