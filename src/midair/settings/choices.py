@@ -84,7 +84,7 @@ CHOICES: tuple[Choice, ...] = (
     Choice(
         name="strength",
         path="target.strength",
-        help="Target peak relative to a single focus of the whole array (replaces --gain).",
+        help="Target peak over one focus; replaces --gain.",
     ),
     Choice(
         name="ears",
@@ -109,6 +109,11 @@ CHOICES: tuple[Choice, ...] = (
         help="Amplify frequencies that the frame hold and the transducers attenuate.",
     ),
     Choice(name="compensate", path="compensation.compensate", help="Precompensate sound, or pressure in 20 to 480 Hz."),
+    Choice(
+        name="predict",
+        path="compensation.predict",
+        help="Correct the phases by a prediction of the transducers' envelopes.",
+    ),
     Choice(name="method", path="solver.method", help="Solver; lm is the paper's, exact its faster form."),
     Choice(name="iterations", path="solver.iterations", help="Maximum iterations: first frame, later frames."),
     Choice(name="start", path="solver.start", help="Initial phases: the previous frame's, or zero."),
@@ -122,9 +127,7 @@ CHOICES: tuple[Choice, ...] = (
         path="solver.backend",
         help="Array library: numpy, torch, torch:cuda or cupy.",
     ),
-    Choice(
-        name="jobs", path="solver.jobs", help="Number of blocks that method glide solves at once; default: all cores."
-    ),
+    Choice(name="jobs", path="solver.jobs", help="Blocks that glide solves at once; default: cores."),
     Choice(
         name="temperature",
         path="acoustics.medium.temperature",

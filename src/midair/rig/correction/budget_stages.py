@@ -10,8 +10,8 @@ from midair.calibration import known_noise
 from midair.devices import SilencerChoice, choose_silencer, measure_exposure
 from midair.dsp import band_energy
 from midair.evaluate import Budget, StageOutput, apply_band_twice, band_levels, budget, leak
-from midair.files import DEFAULT_PROFILE, profile_named
-from midair.model import Acoustics, Drive, Palm, PressureFrames, Recording, TransducerArray
+from midair.files import DEFAULT_PROFILE, Laboratory, profile_named
+from midair.model import Acoustics, ArrayCalibration, Drive, Palm, PressureFrames, Recording, TransducerArray
 from midair.physics import (
     PlaybackChain,
     calibration_of,
@@ -31,6 +31,7 @@ from midair.pipeline import (
     with_fitted_gain,
 )
 from midair.rig.correction.drive_rerecording import palm_of_drive
+from midair.rig.correction.laboratory import laboratory_loss
 from midair.rig.correction.passes import Stage, no_progress
 from midair.rig.names import VirtualRig
 from midair.settings import Settings
@@ -54,6 +55,12 @@ class BudgetPlan:
     """Palm that is evaluated as well; only the sensor's cells if None."""
     measured: TransducerArray | None = None
     """Measured transducers of the rig, used by the solver; the model's if None."""
+    laboratory: Laboratory | None = None
+    """Uncertainties of a laboratory whose loss is computed as well."""
+    calibration: ArrayCalibration | None = None
+    """Measurement of `measured`, whose uncertainty remains in the laboratory."""
+    seed: int = 0
+    """Seed of the random laboratories."""
 
 
 def error_budget(
@@ -88,7 +95,22 @@ def error_budget(
         palm = palm_of_drive(
             asked, drive, plan.palm, chain=chain, rig=plan.rig, judged=part, band=band, progress=stage("palm")
         )
-    return budget(asked, outputs, strength=made.strength(), kept=kept, band=band, judged=part, palm=palm)
+    found = budget(asked, outputs, strength=made.strength(), kept=kept, band=band, judged=part, palm=palm)
+    if plan.laboratory is None:
+        return found
+    loss = laboratory_loss(
+        asked,
+        made.solution.drive,
+        plan.laboratory,
+        sensor=plan.rig.sensor_model,
+        grid=plan.settings.target.grid,
+        judged=part,
+        band=band,
+        measured=plan.calibration,
+        seed=plan.seed,
+        progress=stage("laboratory"),
+    )
+    return replace(found, laboratory=loss)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
