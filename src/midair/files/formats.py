@@ -105,11 +105,6 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
     rate, unit, sensor, scale, channels, stream, packed, mending, streamed
         Facts that a file of another program does not contain: the fields of `ImportOptions`.
 
-    Returns
-    -------
-    Recording or Solution
-        With the provenance from the file, or with the file's name as its source.
-
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError
@@ -128,18 +123,8 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
 def open_take(path: Place, given: ImportOptions) -> OpenedTake:
     """Read a recording with its calibration, its journal and a report of all assumptions.
 
-    The content of a file decides what it is; the case of its suffix does not matter. Raises MissingFileError,
-    BrokenFileError, UnknownFormatError or InputError as in `load`.
-
-    Parameters
-    ----------
-    path, rate, unit, sensor, scale, channels, stream, packed, mending, streamed
-        As in `load`.
-
-    Returns
-    -------
-    OpenedTake
-        Its report has a sentence for each assumption, change, omission or suspicious channel.
+    The content of a file decides what it is; the case of its suffix does not matter. Parameters and errors are those of
+    `load`.
     """
     return _opened(path, given)
 
@@ -167,7 +152,7 @@ def save(
     pressure: PressureFrames | None = None,
     journal: Sequence[Event] = (),
 ) -> tuple[FormatLoss, ...]:
-    """Write a recording atomically, in the format of the suffix of `path`.
+    """Write a recording atomically, in the format of the suffix of `path`; returns each loss of the format.
 
     Raises UnknownFormatError if the suffix is unknown and FileError if the file cannot be written.
 
@@ -175,17 +160,10 @@ def save(
     ----------
     path : str or PathLike
         Suffix .h5, .hdf5, .csv, .wav, .npz, .mat, .nc, .hjif or .ahap; an existing file is replaced.
-    calibration : Calibration, optional
-        Calibration of its sensor, stored in the same file.
-    pressure : PressureFrames, optional
-        Calibrated pressure, stored in the same file.
+    calibration, pressure
+        Calibration of its sensor and calibrated pressure, stored in the same file.
     journal : sequence of Event
         Events during the recording; only HDF5 of midair stores them.
-
-    Returns
-    -------
-    tuple of FormatLoss
-        One for each fact that the format cannot store.
     """
     form = format_of(path)
     if form.write is None:
@@ -205,10 +183,7 @@ def save(
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:
-    """Format by the suffix of a file name.
-
-    Raises UnknownFormatError if the suffix is unknown, or is not that of a recording.
-    """
+    """Format by the suffix of a file name; raises UnknownFormatError if it is not that of a recording."""
     name = os.fspath(path).lower()
     for ending, other in OTHERS.items():
         if name.endswith(ending):

@@ -107,10 +107,7 @@ def read_text(path: str | os.PathLike[str], expected: str, *, largest: int = LAR
 
 
 def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
-    """Read a TOML file.
-
-    Raises MissingFileError or BrokenFileError as `read_text`, and if it is not valid TOML.
-    """
+    """Read a TOML file; raises the errors of `read_text`, and BrokenFileError if it is not valid TOML."""
     text = read_text(path, expected, largest=LARGEST_TOML)
     try:
         return toml_of(text)

@@ -177,10 +177,7 @@ _GROUND, _LINE = (13, 17, 23), (110, 115, 120)
 
 
 def write_gif(film: Film, path: Path, *, progress: Report | None = None) -> None:
-    """Write the film as a looping GIF.
-
-    Raises InputError if it has more than 2000 pictures.
-    """
+    """Write the film as a looping GIF. Raises InputError if it has more than 2000 pictures."""
     if len(film) > MOST_OF_A_GIF:
         raise InputError(
             f"{path.name}: expected at most {MOST_OF_A_GIF} frames in a GIF, got {len(film)}; "
@@ -216,10 +213,7 @@ def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None
 
 
 def ffmpeg() -> str:
-    """Return the path of ffmpeg.
-
-    Raises MissingExtraError if it is not installed.
-    """
+    """Return the path of ffmpeg. Raises MissingExtraError if it is not installed."""
     found = shutil.which("ffmpeg")
     if found is None:
         raise MissingExtraError("an .mp4 file needs ffmpeg, which is not installed: install it, or save a .gif")

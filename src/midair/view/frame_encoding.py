@@ -74,18 +74,12 @@ class Section:
 
 
 def pack(sections: Iterable[Section]) -> bytes:
-    """Encode sections as bytes.
-
-    Raises InputError if a number does not fit into the header.
-    """
+    """Encode sections as bytes. Raises InputError if a number does not fit into the header."""
     return b"".join(_packed(section) for section in sections)
 
 
 def unpack(data: bytes | bytearray | memoryview) -> list[Section]:
-    """Decode sections.
-
-    Raises InputError if version, kind or type is unknown, or the data is incomplete.
-    """
+    """Decode sections. Raises InputError if version, kind or type is unknown, or the data is incomplete."""
     return list(_sections(memoryview(data)))
 
 

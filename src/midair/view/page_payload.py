@@ -76,10 +76,7 @@ def size_of(showing: ViewData) -> int:
 
 
 def check_size(showing: ViewData, *, most: int = 64 * 2**20) -> None:
-    """Check that a view fits into one page.
-
-    Raises InputError if its frames are more than `most` bytes.
-    """
+    """Raise InputError if the frames of a view are more than `most` bytes, too many for one page."""
     size = size_of(showing)
     if size > most:
         raise InputError(

@@ -108,11 +108,8 @@ def _messages(path: Path) -> tuple[dict[str, _Topic], bool]:
 
 
 def _check_chunks(path: Path) -> None:
-    """Raise BrokenFileError if the chunks, or their zstd frames, expand to more than the limit for this file.
-
-    A record is an opcode, a length of 8 bytes, and content. The content of a chunk starts with two times, its expanded
-    size, a checksum, and the name of the compression (MCAP Format Specification, Chunk).
-    """
+    """Raise BrokenFileError if the chunks, or their zstd frames, expand to more than the limit for this file."""
+    # Opcode, length (8 bytes), two times, expanded size, checksum, compression (MCAP Format Specification, Chunk).
     from zstandard import ZstdError, get_frame_parameters
 
     place, size, expanded = 8, path.stat().st_size, 0
@@ -181,10 +178,8 @@ def _from_json(data: bytes) -> dict[str, Any] | list[Any]:
 
 
 def _from_cdr(data: bytes, dtype: str) -> NDArray[Any]:
-    """Data of a MultiArray: its layout (labels, sizes and strides of the axes, an offset), then the numbers.
-
-    XCDR1 (OMG DDSI-RTPS 2.5, 10.2): 4 bytes give the byte order, then each value is aligned to its own size.
-    """
+    """Data of a MultiArray: labels, sizes and strides of the axes, an offset, then the numbers."""
+    # XCDR1 (OMG DDSI-RTPS 2.5, 10.2): 4 bytes give the byte order, then each value is aligned to its own size.
     order = "<" if data[1] & 1 else ">"
     words = struct.Struct(order + "I")
 

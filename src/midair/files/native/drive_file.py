@@ -140,12 +140,8 @@ def _write(values: Mapping[str, Any], path: str | os.PathLike[str], *, room: int
 def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> Solution:
     """Read a drive with its errors, exactly as it was saved; phases and transducer levels lazily if `streamed`.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another type, or was written by a newer midair.
-    InputError
-        A subclass that names the invalid values.
+    Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
+    type, or was written by a newer midair; a subclass of InputError that names invalid values.
     """
     return solution_from(read_drive(Path(path), streamed=streamed), Path(path))
 

@@ -128,13 +128,7 @@ def take_from(values: Mapping[str, Any], path: Path, gaps: Sequence[Event] = ())
 
 
 class RecordingBuffer:
-    """Keeps a growing recording in memory, with the methods of `RecordingWriter`.
-
-    Parameters
-    ----------
-    rate, sensor, unit, provenance, calibration
-        As in `RecordingWriter`.
-    """
+    """Keeps a growing recording in memory, with the parameters and methods of `RecordingWriter`."""
 
     def __init__(
         self,

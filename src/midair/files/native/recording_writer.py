@@ -43,16 +43,8 @@ class RecordingWriter:
     ----------
     path : str or PathLike
         A new file.
-    rate : float
-        In Hz.
-    sensor : SensorGrid
-        Layout of the channels.
-    unit : {"V", "count", "Pa"}
-        Unit of the samples.
-    provenance : Provenance
-        Origin of the samples.
-    calibration : Calibration, optional
-        Calibration of the sensor, stored in the same file.
+    rate, sensor, unit, provenance, calibration
+        As in `Recording` and `OpenedTake`.
     interval : float
         Longest time in s, and the equivalent number of frames, that may be buffered in memory.
     reserve : int
