@@ -26,7 +26,7 @@ def printable(text: str) -> str:
 
 def no_formula(value: object) -> object:
     """Put an apostrophe before text that a spreadsheet would run as a formula; numbers are unchanged, also as text."""
-    if not isinstance(value, str) or not value.startswith(_FORMULA) or _is_number(value):
+    if not isinstance(value, str) or not value.startswith(_FORMULA) or is_number(value):
         return value
     return f"'{value}"
 
@@ -40,7 +40,8 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _BEFORE_FORMULA = re.compile(r"([,;\t])([=+\-@])")
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """True for text that Python reads as a number."""
     try:
         float(text)
     except ValueError:

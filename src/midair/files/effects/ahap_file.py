@@ -17,7 +17,7 @@ import numpy as np
 from midair.array_types import Array
 from midair.errors import BrokenFileError
 from midair.files.atomic import atomic_file
-from midair.files.opened_take import FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
+from midair.files.opened_take import FormatLoss, ImportedData, ImportOptions, Lost, OpenedTake, calibration_lost
 from midair.files.size_limits import check_memory_for
 from midair.model import Calibration, Recording
 from midair.streaming import medians, read_frames, with_cache
@@ -114,27 +114,19 @@ def _curves(name: str, time: Array, values: Array) -> list[dict[str, Any]]:
 def _losses(recording: Recording) -> tuple[FormatLoss, ...]:
     low, high = SHARPNESS
     rows, columns = recording.sensor.shape
-    found = [
-        FormatLoss(
-            what="channels", text=f"{rows} x {columns} cells became one actuator: the position of the pressure is lost."
-        ),
-        FormatLoss(what="waveform", text=f"The waveform became an intensity and a sharpness every {STEP * 1e3:g} ms."),
-        FormatLoss(
-            what="band", text=f"Sharpness maps {low:g} to {high:g} Hz; frequencies outside are moved to these limits."
-        ),
-        FormatLoss(what="scale", text="Intensity is relative to the recording's maximum: the absolute level is lost."),
-        FormatLoss(what="provenance", text="Sensor and provenance were left out."),
+    found: list[tuple[Lost, str]] = [
+        ("channels", f"{rows} x {columns} cells became one actuator: the position of the pressure is lost."),
+        ("waveform", f"The waveform became an intensity and a sharpness every {STEP * 1e3:g} ms."),
+        ("band", f"Sharpness maps {low:g} to {high:g} Hz; frequencies outside are moved to these limits."),
+        ("scale", "Intensity is relative to the recording's maximum: the absolute level is lost."),
+        ("provenance", "Sensor and provenance were left out."),
     ]
     if recording.provenance.simulated:
-        found.append(FormatLoss(what="provenance", text="The file cannot state that this recording is SIMULATED."))
+        found.append(("provenance", "The file cannot state that this recording is SIMULATED."))
     if recording.duration > EVENT_LIMIT:
         parts = len(_starts(recording.duration))
-        found.append(
-            FormatLoss(
-                what="length", text=f"{recording.duration:g} s became {parts} events of up to {EVENT_LIMIT:g} s."
-            )
-        )
-    return tuple(found)
+        found.append(("length", f"{recording.duration:g} s became {parts} events of up to {EVENT_LIMIT:g} s."))
+    return tuple(FormatLoss(what=what, text=text) for what, text in found)
 
 
 RATE = 8000.0

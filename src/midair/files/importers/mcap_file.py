@@ -21,21 +21,8 @@ from midair.files.size_limits import check_expansion
 from midair.files.text_files import json_of
 from midair.files.timestamps import to_fixed_rate
 
-_ROS = {
-    f"std_msgs/msg/{name}MultiArray": dtype
-    for name, dtype in (
-        ("Float32", "f4"),
-        ("Float64", "f8"),
-        ("Int8", "i1"),
-        ("Int16", "i2"),
-        ("Int32", "i4"),
-        ("Int64", "i8"),
-        ("UInt8", "u1"),
-        ("UInt16", "u2"),
-        ("UInt32", "u4"),
-        ("UInt64", "u8"),
-    )
-}
+_NUMBERS = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64")
+_ROS = {f"std_msgs/msg/{name}MultiArray": np.dtype(name.lower()).str[1:] for name in _NUMBERS}
 
 _CHUNK = 6
 _EXPANDED_ANYWAY = 2**24  # bytes; low, because parsing numbers from text is slow
