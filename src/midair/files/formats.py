@@ -114,7 +114,9 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
     """
     if os.fspath(path).lower().endswith(DRIVE_SUFFIX):
         if given != ImportOptions():
-            raise InputError(f"{path}: expected no options for a drive, got {_listed(given)}")
+            values = {field.name: getattr(given, field.name) for field in fields(given)}
+            got = ", ".join(f"{name}={value!r}" for name, value in values.items() if value not in (None, False))
+            raise InputError(f"{path}: expected no options for a drive, got {got}")
         return load_solution(path)
     return _opened(path, given).recording
 
@@ -169,17 +171,11 @@ def save(
     if form.write is None:
         known = ", ".join(ending for ending, each in FORMATS.items() if each.write)
         raise UnknownFormatError(f"{path}: {form.name} can be read, not written; writable formats are {known}")
-    if journal and form is HDF5:
-        return write_recording(recording, Path(path), calibration, pressure, journal=journal)
-    if pressure is None:
-        return form.write(recording, Path(path), calibration)
     if form is HDF5:
-        return write_recording(recording, Path(path), calibration, pressure)
+        return write_recording(recording, Path(path), calibration, pressure, journal=journal)
     lost = form.write(recording, Path(path), calibration)
-    return (
-        *lost,
-        FormatLoss(what="pressure", text="The calibrated pressure was left out; --pressure exports it instead."),
-    )
+    left_out = FormatLoss(what="pressure", text="The calibrated pressure was left out; --pressure exports it instead.")
+    return lost if pressure is None else (*lost, left_out)
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:
@@ -194,11 +190,6 @@ def format_of(path: str | os.PathLike[str]) -> Format:
             f"{path}: expected a name that ends in {known}, got {Path(name).suffix or 'no ending'!r}"
         )
     return FORMATS[Path(name).suffix]
-
-
-def _listed(given: ImportOptions) -> str:
-    values = {field.name: getattr(given, field.name) for field in fields(given)}
-    return ", ".join(f"{name}={value!r}" for name, value in values.items() if value not in (None, False))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -230,7 +221,10 @@ def contents(path: str | os.PathLike[str]) -> Contents:
     program, or was written by a newer midair.
     """
     with open_file(path) as file:
-        kind = _kind(kind_of(file), path)
+        text, kinds = kind_of(file), {f"midair {kind}": kind for kind in get_args(Kind)}
+        if text not in kinds:
+            raise BrokenFileError(f"{path}: expected a file of midair, got {text or 'an HDF5 file of another program'}")
+        kind: Kind = kinds[text]
         check_kind(file, kind, Path(path))
         return Contents(
             kind=kind,
@@ -241,11 +235,3 @@ def contents(path: str | os.PathLike[str]) -> Contents:
             checksums=has_checksums(stored_dataset(file, _NUMBERS.get(kind, "response_real"))),
             parts=tuple(part for part in ("calibration", "pressure", "target") if part in file),
         )
-
-
-def _kind(text: str, path: str | os.PathLike[str]) -> Kind:
-    kinds: tuple[Kind, ...] = get_args(Kind)
-    for kind in kinds:
-        if text == f"midair {kind}":
-            return kind
-    raise BrokenFileError(f"{path}: expected a file of midair, got {text or 'an HDF5 file of another program'}")
