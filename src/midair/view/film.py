@@ -199,9 +199,10 @@ def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None
     made = ["-an", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(path)]
     command = [program, "-nostdin", "-loglevel", "error", "-y", *given, *made]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        pipe: Any = running.stdin
         try:
             for picture in _with_progress(film, progress):
-                _into(running).write(picture.tobytes())
+                pipe.write(picture.tobytes())
         except BrokenPipeError:
             pass  # ffmpeg ended; its message is read below
         except BaseException:
@@ -218,10 +219,6 @@ def ffmpeg() -> str:
     if found is None:
         raise MissingExtraError("an .mp4 file needs ffmpeg, which is not installed: install it, or save a .gif")
     return found
-
-
-def _into(running: "subprocess.Popen[bytes]") -> Any:
-    return running.stdin
 
 
 def _with_progress(film: Film, progress: Report | None) -> "Iterator[Image.Image]":
@@ -266,15 +263,11 @@ def _fields(sound: Sound) -> Iterator[Tile]:
             field = played[frame].reshape(shape)
             return np.abs(field if sound.finer is None else sound.finer(field))
 
-        yield Tile(title="Played sound", values=made, top=top, unit="Pa", width=width, share=_covered(sound))
-
-
-def _covered(sound: Sound) -> float:
-    """Share of the map's side that the interpolated points cover, which lie from the first grid point to the last."""
-    if sound.finer is None or sound.grid.columns == 1:
-        return 1.0
-    points, finer = sound.grid.columns, len(sound.finer.across)
-    return finer * (points - 1) / (finer - 1) / points
+        share, points = 1.0, sound.grid.columns
+        if sound.finer is not None and points > 1:
+            # Interpolated points lie from the first grid point to the last.
+            share = (finer := len(sound.finer.across)) * (points - 1) / (finer - 1) / points
+        yield Tile(title="Played sound", values=made, top=top, unit="Pa", width=width, share=share)
 
 
 def _cells(channels: Channels, sensor: SensorGrid, top: float) -> Tile:
@@ -319,12 +312,10 @@ def film_of_palm(
     shown = ViewData(title=title, rate=rate, frames=frames, simulated=simulated)
     # Red is positive, blue negative pressure. Leakage may be many times stronger than the target: on a square-root
     # scale both are visible.
-    return Film(shown, side=side, groups=[_tiles(group) for group in groups], table="RdBu_r")
-
-
-def _tiles(group: PalmMaps) -> list[Tile]:
-    top = max(float(np.nanmax(np.abs(each))) for each in group.maps.values())
-    return [_tile(name, each, group, top) for name, each in group.maps.items()]
+    tops = [max(float(np.nanmax(np.abs(each))) for each in group.maps.values()) for group in groups]
+    pairs = zip(groups, tops, strict=True)
+    tiles = [[_tile(name, each, group, top) for name, each in group.maps.items()] for group, top in pairs]
+    return Film(shown, side=side, groups=tiles, table="RdBu_r")
 
 
 def _tile(name: str, frames: Array, group: PalmMaps, top: float) -> Tile:
