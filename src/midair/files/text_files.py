@@ -58,7 +58,9 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     for row in rows:
-        writer.writerow({name: _field(value) for name, value in row.items()})
+        writer.writerow(
+            {name: f"{each:.6g}" if isinstance(each, float) else no_formula(each) for name, each in row.items()}
+        )
     return text.getvalue()
 
 
@@ -71,10 +73,6 @@ def for_json(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [for_json(each) for each in value]
     return value
-
-
-def _field(value: Any) -> object:
-    return f"{value:.6g}" if isinstance(value, float) else no_formula(value)
 
 
 LARGEST = 2**26

@@ -151,7 +151,10 @@ class Film:
             draw.text((left + 22, 46), group[0].unit, fill="#a9b4c0", font=self._font)
             draw.text((left + 22, 14 + self._side), _short(group[0].low), fill="white", font=self._font)
             left += _BAR + _EDGE
-        self._words(draw)
+        width, height = self._size
+        draw.text((_EDGE + 190, height - 30), f"{self.slower:.4g} times slower", fill="#a9b4c0", font=self._font)
+        if self._showing.simulated:
+            draw.text((width - _EDGE, height - 30), "SIMULATED", fill="#ff7b72", font=self._font, anchor="ra")
         return picture
 
     def _length(self, draw: Any, left: int, width: float) -> None:
@@ -160,12 +163,6 @@ class Film:
         end, level = left + round(self._side * length / width), 42 + self._side
         draw.line([(left, level - 4), (left, level), (end, level), (end, level - 4)], fill="white")
         draw.text((end + 6, level - 10), f"{_short(1e3 * length)} mm", fill="white", font=self._font)
-
-    def _words(self, draw: Any) -> None:
-        width, height = self._size
-        draw.text((_EDGE + 190, height - 30), f"{self.slower:.4g} times slower", fill="#a9b4c0", font=self._font)
-        if self._showing.simulated:
-            draw.text((width - _EDGE, height - 30), "SIMULATED", fill="#ff7b72", font=self._font, anchor="ra")
 
 
 _EDGE, _BAR = 14, 74

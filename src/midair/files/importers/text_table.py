@@ -30,10 +30,9 @@ class _Row(NamedTuple):
 
 
 def read_table(text: str, path: Path, *, gaps: bool = False) -> TextTable:
-    """Read numbers separated by commas, semicolons or tabs, with or without a row of names.
+    """Read numbers separated by commas, semicolons or tabs, with or without names; empty lines and # are skipped.
 
-    Spaces around fields, empty lines and lines that start with # are skipped. A comma at the end of a row adds no
-    field. With `gaps`, fields that are empty, NaN or infinite become NaN; otherwise they raise NonFiniteError.
+    With `gaps`, fields that are empty, NaN or infinite become NaN; otherwise they raise NonFiniteError.
     """
     rows = list(_rows(text, path))
     # A row is numeric if its first field is a number, or with gaps its first non-empty field.

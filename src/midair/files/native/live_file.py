@@ -159,10 +159,7 @@ class AtomicHdf5File:
         """Do nothing; only `commit` writes."""
 
     def commit(self, *, closed: bool = False) -> None:
-        """Write all buffered data, and with `closed` mark the file as closed and flush it to the device (fsync).
-
-        After an OSError the file is unchanged for readers, and the data stay in the buffer.
-        """
+        """Write all buffered data, with `closed` to the device; after an OSError the file is unchanged for readers."""
         # HDF5 has discarded data beyond the end. The order is safe for a concurrent reader; the superblock is last.
         inside = [(place, data) for place, data in self._pending.items() if 0 < place < self._size]
         for place, data in sorted(inside, key=lambda item: _rank(item[1])):

@@ -56,10 +56,7 @@ def indices(
 
 
 def changes(name: str, what: str) -> Entry:
-    """Entry of a compressed dataset of bytes: the change since the frame before, modulo 256.
-
-    Every `BLOCK` frames, from the first on, it is the byte itself.
-    """
+    """Compressed bytes: the change since the frame before, modulo 256; every `BLOCK` frames the byte itself."""
     return replace(indices(name, "time transducer", what, required=False, dtype="u1"), packed=True)
 
 
