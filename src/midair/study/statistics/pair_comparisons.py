@@ -42,12 +42,7 @@ def pairwise(
     For an interaction such as "surface:object": the pairs of its cells that differ in one factor, with Holm's
     correction for all of them. Raises InputError as `rm_anova`; also if an effect names an unknown factor.
 
-    Parameters
-    ----------
-    table, value, participant, within, between
-        As for `rm_anova`.
-    effects : sequence of str
-        Factors, or interactions with factors joined by colons; all factors by default.
+    `effects` are factors, or interactions with factors joined by colons; all factors by default.
 
     Returns
     -------
