@@ -92,7 +92,7 @@ class TerminalScreen:
 
     def show(self, text: str) -> None:
         """Show a text until Enter."""
-        self._console.print(f"\n{_plain(text)}")
+        self._console.print(f"\n{plain_text(text)}")
         self._console.input("[dim]Press Enter to continue, Ctrl-C to stop at any time[/] ")
 
     def rest(self, step: TrialStep) -> None:
@@ -108,13 +108,13 @@ class TerminalScreen:
     def cue(self, text: str) -> None:
         """Show the cue of a stimulus."""
         if text:
-            self._console.print(f"\n[bold]{_plain(text)}[/]")
+            self._console.print(f"\n[bold]{plain_text(text)}[/]")
 
     def present_text(self, text: str) -> None:
         """Show a text as the stimulus; an empty one clears the screen."""
         self._console.clear()
         if text:
-            self._console.print(f"\n{_plain(text)}")
+            self._console.print(f"\n{plain_text(text)}")
 
     def ask(self, step: TrialStep) -> Reply:
         """Ask a question, and read a key or a line."""
@@ -122,9 +122,9 @@ class TerminalScreen:
         if question is None:
             raise InputError("terminal: expected a step with a question, got none")
         place = f"[bold]{step.number} of {step.total}[/] " if step.code else ""
-        self._console.print(f"\n{place}{_plain(question.text)}")
+        self._console.print(f"\n{place}{plain_text(question.text)}")
         for line in _menu(question):
-            self._console.print(f"  {_plain(line)}")
+            self._console.print(f"  {plain_text(line)}")
         if self._keyboard and question.keys:
             return self._read_key(self._keyboard, question)
         if self._keyboard and question.kind == "slider":
@@ -134,13 +134,13 @@ class TerminalScreen:
     def _read_key(self, keyboard: Keyboard, question: Question) -> Reply:
         """Answer of a single key, with its reaction time."""
         with keyboard.listening():
-            self._console.print(f"Press {_plain(', '.join(question.keys))}")
+            self._console.print(f"Press {plain_text(', '.join(question.keys))}")
             begin = monotonic()
             until = begin + question.timeout_s if question.timeout_s else None
             while key := keyboard.key(until):
                 reaction = monotonic() - begin
                 if key in question.keys:
-                    self._console.print(f"> {_plain(question.keys[key])}")
+                    self._console.print(f"> {plain_text(question.keys[key])}")
                     return Reply(text=question.keys[key], reaction_s=reaction, by="key")
             return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
 
@@ -178,7 +178,7 @@ class TerminalScreen:
 
     def refused(self, step: TrialStep, why: str) -> None:
         """Print the reason why the answer is invalid."""
-        self._console.print(f"trial {step.number}: {_plain(why)}")
+        self._console.print(f"trial {step.number}: {plain_text(why)}")
 
 
 @contextmanager
@@ -208,6 +208,6 @@ def _bar(share: float, value: str) -> str:
     return f"  |{'-' * round(40 * share)}#{'-' * (40 - round(40 * share))}|  {value}   "
 
 
-def _plain(text: str) -> str:
+def plain_text(text: str) -> str:
     """Text of a plan or an answer, without markup and escape sequences."""
     return escape(printable(text))
