@@ -323,16 +323,13 @@ def _row(results: SweepResults, number: int, trial: dict[str, Any]) -> Row:
     plays = known > 0
     error = known[plays] if plays.any() else np.zeros(1)
     rounded = results.rounded_error[number][there][plays] if plays.any() else np.zeros(1)
-    low, high = np.percentile(error, [5, 95])
+    spread = _spread(error)
     return {
         "recording": trial["recording"],
         "variant": trial["variant"],
         "frames": int(plays.sum()),
         "strength": float(np.nanmax(results.strength[number])),
-        "mean": float(error.mean()),
-        "p5": float(low),
-        "p95": float(high),
-        "worst": float(error.max()),
+        **{name: spread[name] for name in ("mean", "p5", "p95", "worst")},
         "mean_rounded": float(rounded.mean()),
         "worst_rounded": float(rounded.max()),
     }

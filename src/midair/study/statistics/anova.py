@@ -153,12 +153,9 @@ def rm_anova(
 
     `table` has one row per answer; `within` and `between` name columns of factors, such as the dominant hand.
 
-    Returns
-    -------
-    DataFrame
-        One row per effect; columns effect, df1, df2, F, p, eps_GG, p_GG, eps_HF, p_HF, W, p_W, np2, ges, np2_low,
-        np2_high, ges_low, ges_high, note. An effect with one contrast is spherical: its epsilons and W are 1. A value
-        that is undefined is NaN, and `note` gives the reason.
+    Returns one row per effect, with columns effect, df1, df2, F, p, eps_GG, p_GG, eps_HF, p_HF, W, p_W, np2, ges,
+    np2_low, np2_high, ges_low, ges_high, note. An effect with one contrast is spherical: its epsilons and W are 1. A
+    value that is undefined is NaN, and `note` gives the reason.
     """
     from pandas import DataFrame
 

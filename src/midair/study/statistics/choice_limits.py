@@ -37,13 +37,12 @@ def f_limits(by_person: Counts) -> Interval:
     pseudo-answers are added: 0.5 for the centre, 0.85 for the width. These values gave the best coverage in simulated
     studies. Presented and answered counts are not independent, so the binomial width is no lower limit.
     """
-    added = (0.5, 0.85)
     return limits_over_people(
         lambda counts: f_measure(counts.sum(axis=0)),
         by_person,
         scale="share",
         answers=_object_counts,
-        added=added,
+        added=(0.5, 0.85),
         independent=False,
     )
 

@@ -63,11 +63,8 @@ def cumulative_mixed(
     stimulus or item, if its levels are a sample of many. Raises InputError if there are fewer than 2 or more than 30
     different answers, there is one participant or item, or a cell has no answer.
 
-    Returns
-    -------
-    DataFrame
-        Columns effect, df, chi2, df2, F, p, spread, note. `spread`: standard deviation of the participant x effect
-        levels, in logits. Values that do not apply are NaN.
+    Returns the columns effect, df, chi2, df2, F, p, spread, note. `spread`: standard deviation of the participant x
+    effect levels, in logits. Values that do not apply are NaN.
     """
     from pandas import DataFrame
 

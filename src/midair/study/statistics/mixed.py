@@ -83,12 +83,9 @@ def logistic_mixed(
     `table` has one row per answer, and cells may hold different numbers of answers; `correct` is a column of 0 and 1.
     Interactions of the factors `within` are tested too.
 
-    Returns
-    -------
-    DataFrame
-        Columns effect, df, chi2, df2, F, p, spread, note. `spread`: root mean square over cells of the standard
-        deviation of the effect between participants, in logits. Without slopes df2, F and spread are NaN. The note
-        warns of cells with only correct (or only wrong) answers, whose logit is infinite.
+    Returns the columns effect, df, chi2, df2, F, p, spread, note. `spread`: root mean square over cells of the standard
+    deviation of the effect between participants, in logits. Without slopes df2, F and spread are NaN. The note warns of
+    cells with only correct (or only wrong) answers, whose logit is infinite.
     """
     from pandas import DataFrame
 

@@ -44,13 +44,10 @@ def pairwise(
 
     `effects` are factors, or interactions with factors joined by colons; all factors by default.
 
-    Returns
-    -------
-    DataFrame
-        Columns effect, first, second, difference (first - second), low, high (95 % limits, uncorrected), df, t, p,
-        p_pairs (corrected), correction ("Holm" or "Tukey"), d, d_low, d_high, note. `d` is the difference over the
-        standard deviation of the differences (d_z; within) or of the people of a group (Cohen's d; between); its limits
-        are from the noncentral t. Where all differences are equal the tests are NaN, and `note` gives the reason.
+    Returns the columns effect, first, second, difference (first - second), low, high (95 % limits, uncorrected), df, t,
+    p, p_pairs (corrected), correction ("Holm" or "Tukey"), d, d_low, d_high, note. `d` is the difference over the
+    standard deviation of the differences (d_z; within) or of the people of a group (Cohen's d; between); its limits are
+    from the noncentral t. Where all differences are equal the tests are NaN, and `note` gives the reason.
     """
     from pandas import DataFrame
 
