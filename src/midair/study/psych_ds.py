@@ -63,6 +63,5 @@ def _description(table: DataFrame, design: Design, simulated: bool) -> dict[str,
 
 
 def _variable(name: str, design: Design) -> dict[str, str]:
-    """Description of a column."""
     unit = {"unitText": "s"} if name in ("response_time", "time") else {}
     return {"@type": "PropertyValue", "name": name, "description": column_meaning(name, design), **unit}

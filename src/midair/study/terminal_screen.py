@@ -146,9 +146,8 @@ class TerminalScreen:
 
     def _read_slider(self, keyboard: Keyboard, question: Question) -> Reply:
         """Position of the slider at Enter; an arrow key must come first."""
-        span = question.high - question.low
         moves = {"left": -0.01, "right": 0.01, "down": -0.1, "up": 0.1}
-        share: float | None = None
+        share, text = None, ""
         with keyboard.listening():
             self._console.print("Arrow keys: left and right move by 1 %, down and up by 10 %; then press Enter")
             begin = monotonic()
@@ -156,20 +155,19 @@ class TerminalScreen:
             while key := keyboard.key(until):
                 if key in moves:
                     share = min(max((0.5 if share is None else share) + moves[key], 0), 1)
-                    self._console.print(_bar(share, f"{question.low + share * span:g}"), end="\r")
+                    text = f"{question.low + share * (question.high - question.low):g}"
+                    bar = f"{'-' * round(40 * share)}#{'-' * (40 - round(40 * share))}"
+                    self._console.print(f"  |{bar}|  {text}   ", end="\r")
                 if key == "enter" and share is not None:
                     self._console.print("")
-                    text = f"{question.low + share * span:g}"
                     return Reply(text=text, reaction_s=monotonic() - begin, by="key")
             return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
 
     def _read_line(self, question: Question) -> Reply:
-        if self._keyboard and question.timeout_s:
-            self._console.print("> ", end="")
-            if not self._keyboard.line_in(question.timeout_s):
-                return Reply(text="", reaction_s=question.timeout_s, by="line", late=True)
-            return Reply(text=self._console.input(""), by="line")
-        return Reply(text=self._console.input("> "), by="line")
+        self._console.print("> ", end="")
+        if self._keyboard and question.timeout_s and not self._keyboard.line_in(question.timeout_s):
+            return Reply(text="", reaction_s=question.timeout_s, by="line", late=True)
+        return Reply(text=self._console.input(""), by="line")
 
     def accepted(self, step: TrialStep, answer: str) -> None:
         """Print a message if the time limit passed; nothing else, since feedback would bias the answers."""
@@ -202,10 +200,6 @@ def _menu(question: Question) -> list[str]:
         return [f"{number}  {option}" for number, option in enumerate(question.answers, start=1)]
     # The options are numbers themselves: line numbers would look like answers.
     return list(question.answers)
-
-
-def _bar(share: float, value: str) -> str:
-    return f"  |{'-' * round(40 * share)}#{'-' * (40 - round(40 * share))}|  {value}   "
 
 
 def plain_text(text: str) -> str:

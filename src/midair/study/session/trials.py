@@ -212,11 +212,8 @@ class Session:
 
     def _due(self, trial: Trial) -> Stimulus:
         """Stimulus of a trial; the choice of an adaptive block is logged before the presentation."""
-        if trial.stimulus:
-            self._write("present", trial=trial.code)
-            return self.plan.design.stimulus(trial.stimulus)
-        name = next_stimulus(self.plan, self.standing(), trial)
-        self._write("present", trial=trial.code, stimulus=name)
+        name = trial.stimulus or next_stimulus(self.plan, self.standing(), trial)
+        self._write("present", trial=trial.code, **({} if trial.stimulus else {"stimulus": name}))
         return self.plan.design.stimulus(name)
 
     def _expect(self, *kinds: str) -> TrialStep:

@@ -27,7 +27,9 @@ Counts = NDArray[Any]
 
 def share_limits(by_person: Counts) -> Interval:
     """Confidence interval of the share of correct answers."""
-    return limits_over_people(_accuracy, by_person, scale="share", answers=np.sum)
+    return limits_over_people(
+        lambda counts: float(np.trace(counts.sum(axis=0)) / counts.sum()), by_person, scale="share", answers=np.sum
+    )
 
 
 def f_limits(by_person: Counts) -> Interval:
@@ -93,11 +95,6 @@ def two_answers_limits(measure: Callable[[int, int, int, int], Sensitivity], by_
             " with fewer, the coverage is below the nominal level"
         )
     return limits_over_people(lambda people: measure(*people.sum(axis=0).tolist()).d_prime, by_person)
-
-
-def _accuracy(counts: Counts) -> float:
-    table = counts.sum(axis=0)
-    return float(np.trace(table) / table.sum())
 
 
 def _object_counts(counts: Counts) -> Array:
