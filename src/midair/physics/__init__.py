@@ -1,9 +1,12 @@
 """Physical models as pure functions: radiation pressure, propagation, transducers, sensors, exposure, skin."""
 
+from .exposure_level import MEASURED as MEASURED
+from .exposure_level import UNLIKE as UNLIKE
 from .exposure_level import Exposure as Exposure
 from .exposure_level import exposure as exposure
 from .exposure_level import exposure_levels as exposure_levels
 from .exposure_level import greatest_exposure as greatest_exposure
+from .exposure_level import level_if_unlike as level_if_unlike
 from .exposure_level import sound_level as sound_level
 from .exposure_places import ExposureProfile as ExposureProfile
 from .exposure_places import Place as Place
@@ -44,6 +47,7 @@ from .sensing import calibration_of as calibration_of
 from .sensing import cell_pressure as cell_pressure
 from .sensing import cell_weights as cell_weights
 from .sensing import channel_response as channel_response
+from .sensing import fade_window as fade_window
 from .sensing import sense as sense
 from .sensing import sensor_output as sensor_output
 from .skin import SKINS as SKINS
