@@ -28,16 +28,9 @@ def am_stimulus(
     100 Hz on the first and the last channel; "iii": 25 Hz and 250 Hz in the ratio 3:2 on the first channel. Raises
     InputError if `kind` is unknown and RateError if the rate is too low for the modulation.
 
-    Parameters
-    ----------
-    peak : float
-        Peak pressure, in Pa; "iii" reaches it to within 3 %.
-    duration : float
-        In s; multiples of 40 ms put the modulation on the bins of a spectrum.
-    rate : float
-        In Hz, above twice the highest modulation frequency.
-    sensor : SensorGrid, optional
-        4 x 4 at 11 mm by default.
+    `peak` is in Pa; "iii" reaches it to within 3 %. `duration` is in s; multiples of 40 ms put the modulation on the
+    bins of a spectrum. `rate` is in Hz, above twice the highest modulation frequency. The default sensor has 4 x 4
+    cells at 11 mm.
     """
     sensor = sensor or SensorGrid()
     parts = _modulation(kind)
@@ -98,26 +91,12 @@ def probe_signal(
     ms standard deviation, 50 ms apart. Each fades in and out over a fifth of `rest`, outside the duration. Raises
     InputError if `kind` is unknown.
 
-    Parameters
-    ----------
-    peak : float
-        Largest pressure, in Pa.
-    duration, rest : float
-        Time at full strength, and rest before and after it, in s.
-    rate : float
-        In Hz.
-    sensor : SensorGrid, optional
-        4 x 4 at 11 mm by default.
-
-    Returns
-    -------
-    PressureFrames
-        Simulated, in Pa, of duration + 2 rest.
+    `peak` is the largest pressure in Pa, `duration` the time at full strength and `rest` that before and after it, in
+    s, `rate` in Hz. The default sensor has 4 x 4 cells at 11 mm. The result lasts duration + 2 rest.
     """
     sensor = sensor or SensorGrid()
-    time = (
-        np.arange(round((positive(duration, "duration", "s") + 2 * positive(rest, "rest", "s")) * rate)) / rate - rest
-    )
+    whole = positive(duration, "duration", "s") + 2 * positive(rest, "rest", "s")
+    time = np.arange(round(whole * rate)) / rate - rest
     wave = _probe(kind, time, rate, np.random.default_rng(seed))
     outside = np.maximum(np.maximum(-time, time - duration), 0.0)
     wave = wave * (0.5 + 0.5 * np.cos(np.pi * np.minimum(outside / (0.2 * rest), 1.0)))
@@ -160,20 +139,10 @@ def taps(
 ) -> PressureFrames:
     """A half sine of 20 ms on each cell, row by row, with random strengths; the neighbouring cells get a part of it.
 
-    Parameters
-    ----------
-    every : float
-        Time between two taps, in s, with a random delay of 0.2 to 0.4 of it.
-    quiet : float
-        Time before the first tap, in s.
-    peak : float
-        Upper limit of the peak pressure of a tap, in Pa; the lower limit is a third of it.
-    spread : float
-        Share of the pressure on the cells beside a tapped one; its square on the diagonal ones.
-    rate : float
-        In Hz.
-    sensor : SensorGrid, optional
-        4 x 4 at 11 mm by default.
+    `every` is the time between two taps, with a random delay of 0.2 to 0.4 of it, and `quiet` that before the first, in
+    s. `peak` is the upper limit of the peak pressure of a tap in Pa; the lower limit is a third of it. `spread` is the
+    share of the pressure on the cells beside a tapped one, its square that on the diagonal ones. `rate` is in Hz. The
+    default sensor has 4 x 4 cells at 11 mm.
     """
     sensor, rng = sensor or SensorGrid(), np.random.default_rng(seed)
     every, rate = positive(every, "time between taps", "s"), positive(rate, "rate", "Hz")

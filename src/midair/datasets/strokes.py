@@ -116,31 +116,14 @@ def stroke(
     an object on the two surfaces differ only by the grooves. Raises RateError if the rate is above 8000 Hz; InputError
     if the object is unknown, or the column or a quantity is out of range.
 
-    Parameters
-    ----------
-    groove : bool
-        Whether the surface of the sensor has grooves.
-    rate : float
-        Up to 8000 Hz; use 8000 as input of a simulation in time.
-    speed : float
-        In m/s.
-    contact : float
-        Diameter of the contact, in m.
-    duration : float, optional
-        In s: cuts the stroke, or appends silence. By default until the object has left, 1.26 s at the other defaults.
-    column : int
-        Column of the sensor; on column 2 the object passes channels 2, 6, 10 and 14.
-    sensor : SensorGrid, optional
-        4 x 4 at 11 mm by default.
-    peak : float, optional
-        Largest pressure of the stroke after scaling, in Pa. By default the object's own: 33 to 50 Pa without, 41 to 71
-        Pa with grooves.
+    The surface of the sensor is plain or has grooves (`groove`). `rate` is in Hz, up to 8000; use 8000 as input of a
+    simulation in time. `speed` is in m/s, `contact` the diameter of the contact in m. `duration`, in s, cuts the stroke
+    or appends silence; by default it ends when the object has left, after 1.26 s at the other defaults. On `column` 2
+    the object passes channels 2, 6, 10 and 14. The default sensor has 4 x 4 cells at 11 mm. `peak` is the largest
+    pressure after scaling, in Pa; by default the object's own, 33 to 50 Pa without, 41 to 71 Pa with grooves.
 
-    Returns
-    -------
-    PressureFrames
-        Simulated, in Pa; 0 without contact. Where the contact releases for an instant, the band limit causes ringing
-        down to -2 Pa at most.
+    The pressure is 0 without contact. Where the contact releases for an instant, the band limit causes ringing down to
+    -2 Pa at most.
     """
     sensor = sensor or SensorGrid()
     fine = 8000.0

@@ -58,24 +58,11 @@ def prepare_drives(
 ) -> list[StudyDrive]:
     """Put every drive of a design into a folder: copied, solved from a recording, or from a virtual stroke.
 
-    Raises MissingFileError, which names them, if drives have no source; BrokenFileError if a file is no drive, or
-    silent in all frames; MismatchError if drives are for different arrays.
-
-    Parameters
-    ----------
-    into : Path
-        Target folder.
-    found_in : Path or None
-        Folder of drives or recordings: if ``felt.drive.h5`` is missing, ``felt.h5`` is solved. If None, the virtual
-        sources of the stimuli (`made_from`) are used.
-    settings : Settings, optional
-        Solver settings; by default those of `mode`, at 1 kHz for virtual strokes.
-    mode : {"paper", "best", "quick"}
-        Named settings.
-    seed : int
-        Seed of virtual strokes and the virtual sensor.
-    stage : callable, optional
-        Receives the name of each step and returns its progress callback.
+    `found_in` is a folder of drives or recordings: if ``felt.drive.h5`` is missing, ``felt.h5`` is solved. If None, the
+    virtual sources of the stimuli (`made_from`) are used, with `seed` for strokes and sensor. `settings` of the solver
+    are by default those of `mode`, at 1 kHz for virtual strokes. `stage` receives the name of each step and returns its
+    progress callback. Raises MissingFileError, which names them, if drives have no source; BrokenFileError if a file is
+    no drive, or silent in all frames; MismatchError if drives are for different arrays.
     """
     drives = [one for one in design.stimuli if one.kind == "drive"]
     # If several stimuli share a drive, the one with `made_from` is used.

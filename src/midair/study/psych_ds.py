@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from midair.errors import InputError
-from midair.files import atomic_folder
-from midair.study.tables import MEANING, readme_of, write_json, write_separated, write_text
+from midair.study.tables import column_meaning, readme_of, write_dataset, write_json, write_separated, write_text
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,25 +24,24 @@ def write_psych_ds(answers: DataFrame, design: Design, folder: Path, *, files: s
     result of the check of the study's files, goes to the README. Returns the written files. Raises FileError if the
     folder is not empty, and InputError if there are no answers.
     """
-    if answers.empty:
-        raise InputError("export: expected answers, got none; run a participant first")
+    return write_dataset(answers, folder, lambda partial: _dataset(answers, design, partial, files))
+
+
+def _dataset(answers: DataFrame, design: Design, folder: Path, files: str) -> list[Path]:
     table = answers.rename(columns={"participant": "participant_id", "reaction_s": "response_time"})
     table["correct"] = table["correct"].astype(str).replace("-1", "n/a")
     simulated = bool(answers["simulated"].any())
-    with atomic_folder(folder) as partial:
-        written = [
-            write_json(partial / "dataset_description.json", _description(table, design, simulated)),
-            write_text(partial / "README.md", readme_of(design, simulated, files)),
-        ]
-        for person, rows in table.groupby("participant_id", sort=False):
-            number = str(person).removeprefix("sub-")
-            path = partial / "data" / str(person) / f"study-{design.name}_subject-{number}_data.csv"
-            path.parent.mkdir(parents=True)
-            write_separated(rows, path, ",")
-            written.append(path)
-        for inside in (partial, *partial.rglob("*")):  # contains the answers of participants
-            inside.chmod(0o700 if inside.is_dir() else 0o600)
-        return [folder / path.relative_to(partial) for path in written]
+    written = [
+        write_json(folder / "dataset_description.json", _description(table, design, simulated)),
+        write_text(folder / "README.md", readme_of(design, simulated, files)),
+    ]
+    for person, rows in table.groupby("participant_id", sort=False):
+        number = str(person).removeprefix("sub-")
+        path = folder / "data" / str(person) / f"study-{design.name}_subject-{number}_data.csv"
+        path.parent.mkdir(parents=True)
+        write_separated(rows, path, ",")
+        written.append(path)
+    return written
 
 
 def _description(table: DataFrame, design: Design, simulated: bool) -> dict[str, Any]:
@@ -66,12 +63,5 @@ def _description(table: DataFrame, design: Design, simulated: bool) -> dict[str,
 
 
 def _variable(name: str, design: Design) -> dict[str, str]:
-    """Description of a column."""
-    meaning = {
-        "participant_id": "Name of the participant in this dataset.",
-        **MEANING,
-        **{name: design.question(name).text for name in design.form},
-    }
-    text = meaning.get(name, f"Level of the factor {name}; n/a if it has none.")
     unit = {"unitText": "s"} if name in ("response_time", "time") else {}
-    return {"@type": "PropertyValue", "name": name, "description": text, **unit}
+    return {"@type": "PropertyValue", "name": name, "description": column_meaning(name, design), **unit}

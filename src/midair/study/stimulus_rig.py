@@ -7,11 +7,10 @@ from functools import lru_cache, partial
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
 
 from midair.devices import ExposureChoices, ExposureClearance, VirtualArray, check_exposure
 from midair.errors import InputError
-from midair.files import load_solution, load_target, printable
+from midair.files import load_solution, load_target
 from midair.model import Drive, Medium, TransducerArray
 from midair.rig import array_named, check_air, default_exposure
 from midair.study.design import Plan, Stimulus
@@ -27,6 +26,7 @@ from midair.study.session import (
     Presenter,
     TextPresenter,
 )
+from midair.study.terminal_screen import plain_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,8 +71,8 @@ def open_stimulus_rig(
             " terminal cannot present; run this study in the studio: midair studio"
         )
     experimenter = ExperimenterPresenter(
-        tell=lambda line: console.print(f"experimenter: {_plain(line)}"),
-        done=lambda: _wait(console),
+        tell=lambda line: console.print(f"experimenter: {plain_text(line)}"),
+        done=lambda: console.input("[dim]Press Enter after the presentation[/] "),
     )
     by_hand = TextPresenter(inner=experimenter, show=show)
     drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
@@ -94,7 +94,7 @@ def open_stimulus_rig(
             yield rig
             return
         headphones = stack.enter_context(Headphones(plan.design.noise, device=noise))
-        console.print(_plain(f"headphones: {plan.design.noise.said}"))
+        console.print(plain_text(f"headphones: {plan.design.noise.said}"))
         masked = MaskedPresenter(inner=rig.presenter, noise=headphones)
         about["noise_dbfs"] = plan.design.noise.level_dbfs
         yield replace(rig, presenter=masked)
@@ -123,7 +123,7 @@ def _marked(presenter: Presenter, markers: EventMarkers | None, console: Console
     """Rig of a presenter whose stimuli are marked."""
     if markers is None:
         return StimulusRig(presenter=presenter)
-    console.print(_plain(f"markers: {markers.outputs.said}"))
+    console.print(plain_text(f"markers: {markers.outputs.said}"))
     about = {"markers": markers.outputs.said}
     return StimulusRig(presenter=MarkedPresenter(inner=presenter, markers=markers), markers=markers, about=about)
 
@@ -166,17 +166,8 @@ def _array_presenter(
         presenter.check(plan.design.stimuli)
         for path in dict.fromkeys(folder.path / one.source for one in drives):
             air = check_air(load_solution(path).drive, room, partial(load_target, path), simulated=device.simulated)
-            console.print(_plain(f"{path.name}: {air.said}"), style="yellow" if air.warns else None)
+            console.print(plain_text(f"{path.name}: {air.said}"), style="yellow" if air.warns else None)
         for one in drives:
             if (admission := admitted(one)).outcome == "attenuated":
-                console.print(_plain(f"{one.source}: exposure {admission.verdict()}"), style="yellow")
+                console.print(plain_text(f"{one.source}: exposure {admission.verdict()}"), style="yellow")
         yield presenter
-
-
-def _wait(console: Console) -> None:
-    console.input("[dim]Press Enter after the presentation[/] ")
-
-
-def _plain(text: str) -> str:
-    """Text of a plan or an answer, without markup and escape sequences."""
-    return escape(printable(text))

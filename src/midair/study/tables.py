@@ -13,7 +13,7 @@ from midair.files import atomic_file, atomic_folder, no_formula
 from midair.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
     from pathlib import Path
 
     from pandas import DataFrame, Series
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from midair.study.design import Design
 
 MEANING: Mapping[str, str] = {
+    "participant_id": "Name of the participant in this dataset.",
     "trial": "Number of the trial within all sessions of the participant, from 1.",
     "block": "Block of the plan.",
     "group": "Group of consecutive blocks.",
@@ -64,20 +65,22 @@ EVENT_MEANING: Mapping[str, Any] = {
 }
 """Sidecar of a table of markers."""
 
+_GENERATED_BY = {"Name": "midair", "Version": __version__}
+
 
 def write_csv(table: DataFrame, path: Path, *, files: str = "") -> None:
     """Write a table as CSV with a header, atomically; raises FileError if the file exists or cannot be written.
 
     `files`, the result of the check of the study's files, is written to a JSON file of the same name.
     """
-    notes = [(path.with_suffix(".json"), _description_of_csv(files))] if files else []
-    for one in (path, *(note for note, _ in notes)):
+    note = path.with_suffix(".json")
+    for one in (path, note) if files else (path,):
         if one.exists():
             raise FileError(f"{one.name}: expected a new file, the file exists; choose another name")
-    for note, content in notes:
+    if files:
         with atomic_file(note) as partial:
             partial.chmod(0o600)
-            write_json(partial, content)
+            write_json(partial, {"GeneratedBy": [_GENERATED_BY | {"Description": files}]})
     with atomic_file(path) as partial:
         partial.chmod(0o600)  # it contains the answers of participants
         write_separated(table, partial, ",")
@@ -102,33 +105,24 @@ def write_bids(
 ) -> list[Path]:
     """Write answers as a BIDS dataset: ``sub-NN/beh/sub-NN_task-NAME_beh.tsv`` with a JSON sidecar per participant.
 
-    With several sessions: ``sub-NN/ses-MM/beh/sub-NN_ses-MM_task-NAME_beh.tsv``. Raises FileError if the folder is not
-    empty and InputError if there are no answers.
-
-    Parameters
-    ----------
-    answers : DataFrame
-        Result of `answers_table`.
-    design : Design
-        Texts and factors for the sidecars.
-    folder : Path
-        New or empty folder.
-    files : str
-        Result of the check of the study's files, for the README and the dataset description.
-    unfinished : collection of str
-        Participants with unfinished sessions, for a column of the participants; no column if None.
-    markers : DataFrame, optional
-        Result of `markers_table`, written as ``*_events.tsv`` beside the answers.
-
-    Returns
-    -------
-    list of Path
-        Written files.
+    With several sessions: ``sub-NN/ses-MM/beh/sub-NN_ses-MM_task-NAME_beh.tsv``. `answers` is the result of
+    `answers_table`; texts and factors of the design go to the sidecars, and `files`, the result of the check of the
+    study's files, to the README and the dataset description. `unfinished` are the participants with unfinished
+    sessions, for a column of the participants (no column if None); `markers`, the result of `markers_table`, is written
+    as ``*_events.tsv`` beside the answers. Returns the written files. Raises FileError if the folder is not empty and
+    InputError if there are no answers.
     """
+    return write_dataset(
+        answers, folder, lambda partial: _dataset(answers, design, partial, files, unfinished, markers)
+    )
+
+
+def write_dataset(answers: DataFrame, folder: Path, write: Callable[[Path], list[Path]]) -> list[Path]:
+    """Paths of the files that `write` creates in a new folder; raises InputError if there are no answers."""
     if answers.empty:
         raise InputError("export: expected answers, got none; run a participant first")
     with atomic_folder(folder) as partial:
-        written = _dataset(answers, design, partial, files, unfinished, markers)
+        written = write(partial)
         for inside in (partial, *partial.rglob("*")):  # contains the answers of participants
             inside.chmod(0o700 if inside.is_dir() else 0o600)
         return [folder / path.relative_to(partial) for path in written]
@@ -181,8 +175,7 @@ def read_bids(folder: Path) -> DataFrame:
     """
     from pandas import DataFrame, concat
 
-    files = sorted(folder.glob("sub-*/**/beh/*_beh.tsv")) + sorted(folder.glob("sub-*/beh/*_beh.tsv"))
-    files = list(dict.fromkeys(files))
+    files = sorted(folder.glob("sub-*/**/beh/*_beh.tsv"))
     if not files:
         raise MissingFileError(f"{folder.name}: expected sub-*/beh/*_beh.tsv, got none; is this a BIDS dataset?")
     parts = [DataFrame({"participant": file.name.split("_")[0], **_read_fields(file)}) for file in files]
@@ -246,17 +239,13 @@ def write_separated(table: DataFrame, path: Path, delimiter: str) -> None:
     )
 
 
-def _description_of_csv(files: str) -> dict[str, Any]:
-    return {"GeneratedBy": [{"Name": "midair", "Version": __version__, "Description": files}]}
-
-
 def _description(design: Design, simulated: bool, files: str) -> dict[str, Any]:
     stated = {"Authors": list(design.authors), "License": design.license}
     return {
         "Name": ("SIMULATED: " if simulated else "") + (design.title or design.name),
         "BIDSVersion": "1.10.0",
         "DatasetType": "raw",
-        "GeneratedBy": [{"Name": "midair", "Version": __version__} | ({"Description": files} if files else {})],
+        "GeneratedBy": [_GENERATED_BY | ({"Description": files} if files else {})],
     } | {name: value for name, value in stated.items() if value}
 
 
@@ -281,8 +270,7 @@ def _participants(answers: DataFrame, design: Design, folder: Path, unfinished: 
     path = folder / "participants.tsv"
     write_separated(rows, path, "\t")
     meaning = {
-        "participant_id": {"Description": "Name of the participant in this dataset."},
-        "simulated": {"Description": MEANING["simulated"]},
+        **{name: {"Description": MEANING[name]} for name in ("participant_id", "simulated")},
         "answers": {"Description": "Number of valid answers."},
         **{question.name: {"Description": question.text} for question in form},
     }
@@ -294,16 +282,19 @@ def _participants(answers: DataFrame, design: Design, folder: Path, unfinished: 
 
 
 def _sidecar(table: DataFrame, design: Design) -> dict[str, Any]:
-    meaning = {**MEANING, **{name: design.question(name).text for name in design.form}}
-    columns: dict[str, Any] = {
-        name: {"Description": meaning.get(name, f"Level of the factor {name}; n/a if it has none.")} for name in table
-    }
+    columns: dict[str, Any] = {str(name): {"Description": column_meaning(str(name), design)} for name in table}
     columns["response_time"]["Units"] = columns["time"]["Units"] = "s"
     columns["question"]["Levels"] = {question.name: question.text for question in design.questions}
     instructions = [text for text in (design.consent, *(block.text for block in design.blocks)) if text]
     task = {"TaskName": design.name, "TaskDescription": design.title or design.name}
     task |= {"InstitutionName": design.institution} if design.institution else {}
     return {**task, "Instructions": " ".join(instructions), **columns} if instructions else {**task, **columns}
+
+
+def column_meaning(name: str, design: Design) -> str:
+    """Description of a column of an exported table of answers."""
+    meaning = {**MEANING, **{asked: design.question(asked).text for asked in design.form}}
+    return meaning.get(name, f"Level of the factor {name}; n/a if it has none.")
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> Path:

@@ -92,7 +92,7 @@ class TerminalScreen:
 
     def show(self, text: str) -> None:
         """Show a text until Enter."""
-        self._console.print(f"\n{_plain(text)}")
+        self._console.print(f"\n{plain_text(text)}")
         self._console.input("[dim]Press Enter to continue, Ctrl-C to stop at any time[/] ")
 
     def rest(self, step: TrialStep) -> None:
@@ -108,13 +108,13 @@ class TerminalScreen:
     def cue(self, text: str) -> None:
         """Show the cue of a stimulus."""
         if text:
-            self._console.print(f"\n[bold]{_plain(text)}[/]")
+            self._console.print(f"\n[bold]{plain_text(text)}[/]")
 
     def present_text(self, text: str) -> None:
         """Show a text as the stimulus; an empty one clears the screen."""
         self._console.clear()
         if text:
-            self._console.print(f"\n{_plain(text)}")
+            self._console.print(f"\n{plain_text(text)}")
 
     def ask(self, step: TrialStep) -> Reply:
         """Ask a question, and read a key or a line."""
@@ -122,9 +122,9 @@ class TerminalScreen:
         if question is None:
             raise InputError("terminal: expected a step with a question, got none")
         place = f"[bold]{step.number} of {step.total}[/] " if step.code else ""
-        self._console.print(f"\n{place}{_plain(question.text)}")
+        self._console.print(f"\n{place}{plain_text(question.text)}")
         for line in _menu(question):
-            self._console.print(f"  {_plain(line)}")
+            self._console.print(f"  {plain_text(line)}")
         if self._keyboard and question.keys:
             return self._read_key(self._keyboard, question)
         if self._keyboard and question.kind == "slider":
@@ -134,21 +134,20 @@ class TerminalScreen:
     def _read_key(self, keyboard: Keyboard, question: Question) -> Reply:
         """Answer of a single key, with its reaction time."""
         with keyboard.listening():
-            self._console.print(f"Press {_plain(', '.join(question.keys))}")
+            self._console.print(f"Press {plain_text(', '.join(question.keys))}")
             begin = monotonic()
             until = begin + question.timeout_s if question.timeout_s else None
             while key := keyboard.key(until):
                 reaction = monotonic() - begin
                 if key in question.keys:
-                    self._console.print(f"> {_plain(question.keys[key])}")
+                    self._console.print(f"> {plain_text(question.keys[key])}")
                     return Reply(text=question.keys[key], reaction_s=reaction, by="key")
             return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
 
     def _read_slider(self, keyboard: Keyboard, question: Question) -> Reply:
         """Position of the slider at Enter; an arrow key must come first."""
-        span = question.high - question.low
         moves = {"left": -0.01, "right": 0.01, "down": -0.1, "up": 0.1}
-        share: float | None = None
+        share, text = None, ""
         with keyboard.listening():
             self._console.print("Arrow keys: left and right move by 1 %, down and up by 10 %; then press Enter")
             begin = monotonic()
@@ -156,20 +155,19 @@ class TerminalScreen:
             while key := keyboard.key(until):
                 if key in moves:
                     share = min(max((0.5 if share is None else share) + moves[key], 0), 1)
-                    self._console.print(_bar(share, f"{question.low + share * span:g}"), end="\r")
+                    text = f"{question.low + share * (question.high - question.low):g}"
+                    bar = f"{'-' * round(40 * share)}#{'-' * (40 - round(40 * share))}"
+                    self._console.print(f"  |{bar}|  {text}   ", end="\r")
                 if key == "enter" and share is not None:
                     self._console.print("")
-                    text = f"{question.low + share * span:g}"
                     return Reply(text=text, reaction_s=monotonic() - begin, by="key")
             return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
 
     def _read_line(self, question: Question) -> Reply:
-        if self._keyboard and question.timeout_s:
-            self._console.print("> ", end="")
-            if not self._keyboard.line_in(question.timeout_s):
-                return Reply(text="", reaction_s=question.timeout_s, by="line", late=True)
-            return Reply(text=self._console.input(""), by="line")
-        return Reply(text=self._console.input("> "), by="line")
+        self._console.print("> ", end="")
+        if self._keyboard and question.timeout_s and not self._keyboard.line_in(question.timeout_s):
+            return Reply(text="", reaction_s=question.timeout_s, by="line", late=True)
+        return Reply(text=self._console.input(""), by="line")
 
     def accepted(self, step: TrialStep, answer: str) -> None:
         """Print a message if the time limit passed; nothing else, since feedback would bias the answers."""
@@ -178,7 +176,7 @@ class TerminalScreen:
 
     def refused(self, step: TrialStep, why: str) -> None:
         """Print the reason why the answer is invalid."""
-        self._console.print(f"trial {step.number}: {_plain(why)}")
+        self._console.print(f"trial {step.number}: {plain_text(why)}")
 
 
 @contextmanager
@@ -204,10 +202,6 @@ def _menu(question: Question) -> list[str]:
     return list(question.answers)
 
 
-def _bar(share: float, value: str) -> str:
-    return f"  |{'-' * round(40 * share)}#{'-' * (40 - round(40 * share))}|  {value}   "
-
-
-def _plain(text: str) -> str:
+def plain_text(text: str) -> str:
     """Text of a plan or an answer, without markup and escape sequences."""
     return escape(printable(text))

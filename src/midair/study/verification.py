@@ -85,9 +85,9 @@ def verify_study(folder: StudyFolder, *, noted: Mapping[str, Sequence[str]] | No
         if state != "finished":
             unfinished[name.removesuffix(".jsonl")] = state.removeprefix("not finished, ")
         as_noted += bool(seals)
-        lines.append(
-            "; ".join(part for part in (f"{name}: seal {seal or 'none'}", state, _chain(plan, seal), seals) if part)
-        )
+        chain = "the plan requires no chain" + ("" if seal else ": changes cannot be detected")
+        parts = (f"{name}: seal {seal or 'none'}", state, "" if plan.chain else chain, seals)
+        lines.append("; ".join(part for part in parts if part))
     broken = len(lines) - len(sealed)
     drives, changed = _check_drives(folder, plan)
     parts = [
@@ -142,12 +142,6 @@ def _checked_log(folder: StudyFolder, plan: Plan, number: int, name: str, noted:
         return seal, state, ""
     grown = len(links) - 1 - max(links.index(one) for one in noted)
     return seal, state, f"as noted, {grown} lines since" if grown else "as noted"
-
-
-def _chain(plan: Plan, seal: str) -> str:
-    if plan.chain:
-        return ""
-    return "the plan requires no chain" + ("" if seal else ": changes cannot be detected")
 
 
 def _check_drives(folder: StudyFolder, plan: Plan) -> tuple[str, int]:

@@ -52,22 +52,19 @@ def withdraw(folder: StudyFolder, participant: int) -> list[str]:
     before = participant in withdrawn(folder)
     if not log.exists() and not before:
         raise InputError(f"participant: expected the number of a participant with a log, got {participant}")
-    report: list[str] = []
-    if log.exists():
-        handle = os.open(log, os.O_RDWR)
-        try:
-            lock_or_raise(handle, f"{log.name}: another program is running this session; end it first")
-            if not before:
-                _append(folder.path / WITHDRAWN, {"participant": participant})
-            lines = log.read_bytes().count(b"\n")
-            report += _delete_from_derived(folder, person)
-            log.unlink()
-        finally:
-            os.close(handle)
-        report.append(f"{log.relative_to(folder.path)}: deleted, {lines} lines")
-    else:
-        report += _delete_from_derived(folder, person)
-    return report
+    if not log.exists():
+        return _delete_from_derived(folder, person)
+    handle = os.open(log, os.O_RDWR)
+    try:
+        lock_or_raise(handle, f"{log.name}: another program is running this session; end it first")
+        if not before:
+            _append(folder.path / WITHDRAWN, {"participant": participant})
+        lines = log.read_bytes().count(b"\n")
+        report = _delete_from_derived(folder, person)
+        log.unlink()
+    finally:
+        os.close(handle)
+    return [*report, f"{log.relative_to(folder.path)}: deleted, {lines} lines"]
 
 
 def _delete_from_derived(folder: StudyFolder, person: str) -> list[str]:

@@ -11,5 +11,5 @@ from .pattern_sweep import PatternSweep as PatternSweep
 from .recording_sweep import RecordingSweep as RecordingSweep
 from .recording_sweep import SweepTrial as SweepTrial
 from .run import run_sweep as run_sweep
+from .store import Sweep as Sweep
 from .store import load_sweep as load_sweep
-from .task import Sweep as Sweep

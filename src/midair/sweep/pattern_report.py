@@ -107,13 +107,13 @@ def write_sweep_report(results: PatternResults, folder: Path) -> list[Path]:
     height.png if the sweep has curves.
     """
     report = report_of(results)
+    tables = {"conditions": report.conditions, "channels": report.channels, "histogram": _histogram(results)}
+    texts = {f"{name}.csv": csv_text(rows).encode() for name, rows in tables.items()}
+    return _write(folder, texts | _figures(results))
+
+
+def _write(folder: Path, content: Mapping[str, bytes]) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
-    texts = {
-        "conditions.csv": csv_text(report.conditions),
-        "channels.csv": csv_text(report.channels),
-        "histogram.csv": csv_text(_histogram(results)),
-    }
-    content = {**{name: text.encode() for name, text in texts.items()}, **_figures(results)}
     for name, data in content.items():
         with atomic_file(folder / name) as partial:
             partial.write_bytes(data)
@@ -224,7 +224,7 @@ def _histogram(results: PatternResults, *, width: float = 0.005) -> list[Row]:
     return rows
 
 
-def _figures(results: PatternResults) -> Mapping[str, bytes]:
+def _figures(results: PatternResults) -> dict[str, bytes]:
     conditions, numbers = results.sweep.conditions(), _main(results)
     labels = [f"strength {conditions[n].strength:g}, {1e3 * conditions[n].height:g} mm" for n in numbers]
     errors = [results.error[number][np.isfinite(results.error[number])] for number in numbers]
@@ -309,12 +309,9 @@ def write_trial_report(results: SweepResults, folder: Path) -> list[Path]:
         )
         for row in report.rows
     ]
-    folder.mkdir(parents=True, exist_ok=True)
-    content = {"trials.csv": csv_text(report.rows).encode(), "trials.png": png_bytes(trials_figure(spreads))}
-    for name, data in content.items():
-        with atomic_file(folder / name) as partial:
-            partial.write_bytes(data)
-    return [folder / name for name in content]
+    return _write(
+        folder, {"trials.csv": csv_text(report.rows).encode(), "trials.png": png_bytes(trials_figure(spreads))}
+    )
 
 
 def _row(results: SweepResults, number: int, trial: dict[str, Any]) -> Row:
@@ -326,16 +323,13 @@ def _row(results: SweepResults, number: int, trial: dict[str, Any]) -> Row:
     plays = known > 0
     error = known[plays] if plays.any() else np.zeros(1)
     rounded = results.rounded_error[number][there][plays] if plays.any() else np.zeros(1)
-    low, high = np.percentile(error, [5, 95])
+    spread = _spread(error)
     return {
         "recording": trial["recording"],
         "variant": trial["variant"],
         "frames": int(plays.sum()),
         "strength": float(np.nanmax(results.strength[number])),
-        "mean": float(error.mean()),
-        "p5": float(low),
-        "p95": float(high),
-        "worst": float(error.max()),
+        **{name: spread[name] for name in ("mean", "p5", "p95", "worst")},
         "mean_rounded": float(rounded.mean()),
         "worst_rounded": float(rounded.max()),
     }

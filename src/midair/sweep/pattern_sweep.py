@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,10 @@ class Condition:
 class PatternSweep:
     """The paper's experiment 5.1: binary patterns over strengths and heights. The defaults are the whole experiment."""
 
+    kind: ClassVar[str] = "patterns"
+    """Kind of the sweep."""
+    item: ClassVar[str] = "pattern"
+    """Name of the items along the second axis."""
     strengths: tuple[float, ...] = (0.1, 0.2)
     """Every pattern is solved at each pair of strength and height."""
     heights: tuple[float, ...] = (HEIGHT,)
@@ -76,16 +80,6 @@ class PatternSweep:
             raise InputError(f"sweep: expected chunk 1 or more and 1 to 16 bits, got {self.chunk} and {self.bits}")
         # Check the settings of the method here, not on a worker.
         solver_of(self.method, iterations=self.iterations, start="zero")
-
-    @property
-    def kind(self) -> str:
-        """Kind of the sweep."""
-        return "patterns"
-
-    @property
-    def item(self) -> str:
-        """Name of the items along the second axis."""
-        return "pattern"
 
     @property
     def shape(self) -> tuple[int, int]:

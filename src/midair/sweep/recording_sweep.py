@@ -7,17 +7,17 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from midair.array_types import Array
 from midair.errors import InputError
-from midair.model import AmplitudeFrames, PressureFrames, Provenance, TransducerArray
+from midair.model import Acoustics, AmplitudeFrames, Drive, PressureFrames, Provenance, TransducerArray
 from midair.physics import check_frame_rate, focus_amplitude, propagate, quantise_phase, relative_error
 from midair.pipeline import reproduce, target_amplitude
 from midair.settings import Settings
-from midair.solvers import Glide, Piece, pieces, read_solver_blocks, solve_piece, solver
+from midair.solvers import Glide, Piece, pieces, read_solver_blocks, solve_piece
 from midair.solvers import solver as solver_of
 from midair.streaming import blocks
 from midair.sweep.task import Coordinate, Found, Job, Task, settings_of
@@ -37,12 +37,13 @@ class TrialCut:
 
         Raises a RateError if the array does not support the pressure's rate.
         """
+        method = solver_of(settings.solver.method, backend=settings.solver.backend)
+        if not isinstance(method, Glide):
+            raise TypeError(f"expected settings with method glide, got {settings.solver.name}")
         check_frame_rate(pressure.rate, array.frequency)
         target = target_amplitude(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
         sounds = np.concatenate([block.any(axis=1) for block in blocks(target.amplitude, 256)])
-        return cls(
-            target=target, settings=settings, pieces=tuple(pieces(method_of(settings), sounds, together=together))
-        )
+        return cls(target=target, settings=settings, pieces=tuple(pieces(method, sounds, together=together)))
 
     def job(self, number: int, array: TransducerArray, bits: int) -> "PieceJob":
         """Job for one piece: its targets and those of the marks before it."""
@@ -62,19 +63,6 @@ class TrialCut:
     def loudest(self) -> float:
         """Highest amplitude of the recording for level "auto"; otherwise 0."""
         return float(self.target.amplitude.max()) if self.settings.solver.level == "auto" else 0.0
-
-
-def is_cut(settings: Settings) -> bool:
-    """True if the solver can start within a recording."""
-    return settings.solver.name == "glide"
-
-
-def method_of(settings: Settings) -> Glide:
-    """Solver of settings that can be cut."""
-    made = solver(settings.solver.method, backend=settings.solver.backend)
-    if not isinstance(made, Glide):
-        raise TypeError(f"expected settings with method glide, got {settings.solver.name}")
-    return made
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,11 +91,8 @@ class PieceJob:
         for part in parts:
             wanted_here = asked.amplitude[first : first + len(part.error)]
             first += len(part.error)
-            drive = replace(part.drive, phase=quantise_phase(part.drive.phase, bits=self.bits))
-            field = propagate(drive, asked.grid, acoustics=acoustics)
             error.append(part.error)
-            # A silent target is played as silence, so its error is 0 for any phases.
-            rounded.append(np.where(wanted_here.any(axis=1), relative_error(field, wanted_here), 0.0))
+            rounded.append(_rounded_error(part.drive, replace(asked, amplitude=wanted_here), acoustics, self.bits))
         focus = focus_amplitude(asked.grid, self.array, acoustics=acoustics)
         return Found(
             error=np.concatenate(error),
@@ -139,6 +124,8 @@ class RecordingSweep:
     solver does not support its settings.
     """
 
+    kind: ClassVar[str] = "recordings"
+    """Kind of the sweep."""
     trials: tuple[SweepTrial, ...]
     """The conditions."""
     columns: int = 2
@@ -167,11 +154,6 @@ class RecordingSweep:
             # Check the settings of the method here, not on a worker.
             solver_of(settings.solver.method, iterations=settings.solver.iterations, start=settings.solver.start)
         object.__setattr__(self, "cuts", tuple(self._cut(trial) for trial in self.trials))
-
-    @property
-    def kind(self) -> str:
-        """Kind of the sweep."""
-        return "recordings"
 
     @property
     def item(self) -> str:
@@ -259,7 +241,7 @@ class RecordingSweep:
         return TransducerArray.autd3(columns=self.columns, rows=self.rows)
 
     def _cut(self, trial: SweepTrial) -> TrialCut | None:
-        if not is_cut(trial.settings):
+        if trial.settings.solver.name != "glide":  # another solver cannot start within a recording
             return None
         return TrialCut.of(trial.pressure, self._array(), trial.settings, together=self.blocks)
 
@@ -307,16 +289,13 @@ class TrialJob:
         """E of each frame, with exact and with rounded phases."""
         settings = self.trial.settings
         made = reproduce(self.trial.pressure, self.array, settings)
-        drive, wanted = made.solution.drive, made.target.amplitude
-        rounded = propagate(
-            replace(drive, phase=quantise_phase(drive.phase, bits=self.bits)),
-            made.target.grid,
-            acoustics=settings.acoustics,
-        )
-        # A silent target is played as silence, so its error is 0 for any phases.
-        audible = wanted.any(axis=1)
-        return Found(
-            error=made.solution.error,
-            rounded_error=np.where(audible, relative_error(rounded, wanted), 0.0),
-            strength=made.strength(),
-        )
+        rounded = _rounded_error(made.solution.drive, made.target, settings.acoustics, self.bits)
+        return Found(error=made.solution.error, rounded_error=rounded, strength=made.strength())
+
+
+def _rounded_error(drive: Drive, target: AmplitudeFrames, acoustics: Acoustics, bits: int) -> Array:
+    """E of each frame with phases rounded to `bits`."""
+    rounded = replace(drive, phase=quantise_phase(drive.phase, bits=bits))
+    field = propagate(rounded, target.grid, acoustics=acoustics)
+    # A silent target is played as silence, so its error is 0 for any phases.
+    return np.where(target.amplitude.any(axis=1), relative_error(field, target.amplitude), 0.0)

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from midair.errors import ClusterError, MissingExtraError
+from midair.errors import ClusterError
 from midair.model import Progress
-from midair.sweep.store import SweepAddress, open_sweep
-from midair.sweep.task import Job, Result, Sweep, Task
+from midair.sweep.storage import sweep_package
+from midair.sweep.store import Sweep, SweepAddress, open_sweep
+from midair.sweep.task import Job, Result, Task
 from midair.version import __version__
 
 if TYPE_CHECKING:
@@ -97,22 +98,11 @@ def run_sweep(
     cluster cannot be reached, a worker has another midair, a task fails, or no worker responds for 20 s; all results so
     far are stored.
 
-    Parameters
-    ----------
-    where : Path or str
-        NAME.zarr, new or with the same sweep: a folder, or an address for fsspec, such as s3://bucket/all.zarr.
-    scheduler : str, optional
-        Address of a Dask scheduler, such as tls://host:8786, whose workers have midair installed. By default a local
-        cluster that other machines cannot access. Certificates are those of Dask's configuration.
-    workers : int, optional
-        Number of local processes; one per core by default.
-    progress : callable, optional
-        Called with (finished patterns or frames, all of them) at the start and after each task.
-
-    Returns
-    -------
-    int
-        Number of patterns or frames solved by this call.
+    `where` is NAME.zarr, new or with the same sweep: a folder, or an address for fsspec, such as s3://bucket/all.zarr.
+    `scheduler` is the address of a Dask scheduler, such as tls://host:8786, whose workers have midair installed, with
+    the certificates of Dask's configuration; by default a local cluster that other machines cannot access, with
+    `workers` processes (one per core by default). `progress` is called with (finished patterns or frames, all of them)
+    at the start and after each task. Returns the number of patterns or frames solved by this call.
     """
     whole = sum(task.count for task in sweep.tasks())
     with open_sweep(where, sweep) as store:
@@ -138,7 +128,7 @@ def cluster(scheduler: str | None = None, *, workers: int | None = None, patienc
     A local cluster listens on the loopback interface only, and has no dashboard. `patience` is the time limit for the
     scheduler and its first worker in s. Raises a ClusterError if there is no scheduler or no worker.
     """
-    distributed = _distributed()
+    distributed = sweep_package("distributed")
     if scheduler is not None:
         with _client_of(scheduler, patience) as client:
             yield client
@@ -192,7 +182,7 @@ def done_and_stored(job: Job, task: Task, address: SweepAddress | None, code: st
 
 
 def _client_of(scheduler: str, patience: float) -> "Client":
-    distributed = _distributed()
+    distributed = sweep_package("distributed")
     if scheduler.startswith("tls://") and not distributed.Security().get_connection_args("client").get("ssl_context"):
         raise ClusterError(
             f"scheduler: expected a certificate for {scheduler}, got none; "
@@ -289,13 +279,3 @@ def _check(ended: list[Any]) -> None:
             f"sweep: expected an answer of every worker, got {cause}; all results so far are stored, repeat the "
             "command to continue"
         )
-
-
-def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError as missing:
-        raise MissingExtraError(
-            "sweep: expected distributed, which is not installed; pip install 'midair[sweep]'"
-        ) from missing
-    return distributed

@@ -7,44 +7,12 @@ import sys
 from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from midair.errors import BrokenFileError, FileError, InputError, MidairError, MissingExtraError
 from midair.files import lock_or_raise, parse_errors, writable_path
-
-
-class SweepStorage(Protocol):
-    """Storage for one sweep."""
-
-    @property
-    def name(self) -> str:
-        """Name of the storage for other processes."""
-        ...
-
-    def exists(self) -> bool:
-        """True if anything is stored there."""
-        ...
-
-    def create(self, fill: Callable[[Any], None]) -> None:
-        """Create a Zarr group, or complete an interrupted one; `fill` gets the location in Zarr's notation."""
-        ...
-
-    def group(self, mode: str) -> Any:
-        """Open the Zarr group."""
-        ...
-
-    def chunks(self, array: str) -> set[tuple[int, int]]:
-        """Row and column of every written chunk of an array, from a single listing."""
-        ...
-
-    def layout(self, array: str) -> bytes:
-        """Stored layout of an array, the content of its zarr.json."""
-        ...
-
-    def alone(self) -> Any:
-        """Exclude other writers, if the storage supports locks."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +26,7 @@ class SweepFolder:
 
     @property
     def name(self) -> str:
-        """Absolute path."""
+        """Absolute path, for other processes."""
         return str(self.path.resolve())
 
     def exists(self) -> bool:
@@ -66,7 +34,7 @@ class SweepFolder:
         return self.path.exists()
 
     def create(self, fill: Callable[[Any], None]) -> None:
-        """Create the store beside `path` and rename it when it is complete."""
+        """Create the store beside `path` and rename it when complete; `fill` gets the location in Zarr's notation."""
         path = writable_path(self.path)
         partial = path.with_name(f".midair-{secrets.token_hex(4)}.part")
         try:
@@ -86,7 +54,7 @@ class SweepFolder:
         if not self.path.is_dir():
             raise BrokenFileError(f"{self}: expected a sweep, which is a folder, got a file; use another name")
         with parse_errors(self.path, "a sweep of midair"):
-            return zarr().open_group(self.path, mode=mode, zarr_format=3, use_consolidated=False)
+            return sweep_package("zarr").open_group(self.path, mode=mode, zarr_format=3, use_consolidated=False)
 
     def chunks(self, array: str) -> set[tuple[int, int]]:
         """Row and column of every written chunk, from the file names."""
@@ -125,7 +93,7 @@ class SweepBucket:
 
     @property
     def name(self) -> str:
-        """Address as it was typed."""
+        """Address as it was typed, for other processes."""
         return self.url
 
     def exists(self) -> bool:
@@ -141,7 +109,7 @@ class SweepBucket:
     def group(self, mode: str) -> Any:
         """Open the Zarr group of this prefix."""
         with self._reached(), parse_errors(self.url, "a sweep of midair"):
-            return zarr().open_group(self.url, mode=mode, zarr_format=3, use_consolidated=False)
+            return sweep_package("zarr").open_group(self.url, mode=mode, zarr_format=3, use_consolidated=False)
 
     def chunks(self, array: str) -> set[tuple[int, int]]:
         """Row and column of every written chunk, from the object names."""
@@ -177,6 +145,9 @@ class SweepBucket:
             raise FileError(f"{self}: cannot be reached: {wrong}") from wrong
 
 
+SweepStorage = SweepFolder | SweepBucket
+
+
 def storage_of(where: Path | str) -> SweepStorage:
     """Return the storage for a path or an address; ``file://`` is a folder."""
     text = str(where)
@@ -187,15 +158,14 @@ def storage_of(where: Path | str) -> SweepStorage:
     return SweepBucket(url=text.rstrip("/"))
 
 
-def zarr() -> Any:
-    """Import zarr; raise a MissingExtraError if it is not installed."""
+def sweep_package(name: str) -> Any:
+    """Import a package of the extra sweep; raise a MissingExtraError if it is not installed."""
     try:
-        import zarr
+        return import_module(name)
     except ImportError as missing:
         raise MissingExtraError(
-            "sweep: expected zarr, which is not installed; pip install 'midair[sweep]'"
+            f"sweep: expected {name}, which is not installed; pip install 'midair[sweep]'"
         ) from missing
-    return zarr
 
 
 def _numbers(names: Iterable[Iterable[str]]) -> set[tuple[int, int]]:

@@ -17,9 +17,14 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import BrokenFileError, MidairError, MismatchError, MissingFileError
 from midair.files import check_memory_for, parse_errors, to_json
-from midair.sweep.storage import SweepStorage, storage_of, zarr
-from midair.sweep.task import Found, Result, Sweep, Task
+from midair.sweep.pattern_sweep import PatternSweep
+from midair.sweep.recording_sweep import RecordingSweep
+from midair.sweep.storage import SweepStorage, storage_of, sweep_package
+from midair.sweep.task import Found, Result, Task
 from midair.version import __version__
+
+Sweep = PatternSweep | RecordingSweep
+"""A sweep: E of each item under each condition."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,7 +265,8 @@ def _fill(inside: str, sweep: Sweep) -> None:
     """Create the arrays first and the settings last; the settings mark a complete store."""
     # Copy the mapping, because Zarr modifies it with the attributes.
     begun = dict(_BEGUN)
-    group: Any = zarr().open_group(inside, mode="a", zarr_format=3, use_consolidated=False, attributes=begun)
+    package = sweep_package("zarr")
+    group: Any = package.open_group(inside, mode="a", zarr_format=3, use_consolidated=False, attributes=begun)
     for one in sweep.coordinates():
         _array(group, one.name, shape=one.values.shape, dtype=one.values.dtype, dimension_names=one.axes)
         group[one.name].attrs.put(dict(one.attributes))
@@ -286,7 +292,7 @@ def _fill(inside: str, sweep: Sweep) -> None:
 def _array(group: Any, name: str, **layout: Any) -> None:
     """Create an array if it does not exist."""
     if name not in group:
-        codec = zarr().codecs.ZstdCodec(level=0, checksum=True)
+        codec = sweep_package("zarr").codecs.ZstdCodec(level=0, checksum=True)
         group.create_array(name, compressors=codec, **layout)
 
 

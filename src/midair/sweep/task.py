@@ -1,13 +1,12 @@
-"""Interface of a sweep: conditions times items, divided into tasks."""
+"""Parts of a sweep: conditions times items, divided into tasks."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.model import Provenance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,12 +41,8 @@ class Result:
     seconds: float
 
 
-class Job(Protocol):
-    """A task with all its data; it is sent to a worker and called there."""
-
-    def __call__(self) -> Found:
-        """Solve the task and return its errors."""
-        ...
+Job = Callable[[], Found]
+"""A task with all its data; it is sent to a worker and called there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,50 +53,6 @@ class Coordinate:
     axes: tuple[str, ...]
     values: NDArray[Any]
     attributes: Mapping[str, Any]
-
-
-class Sweep(Protocol):
-    """A sweep: E of each item under each condition."""
-
-    @property
-    def kind(self) -> str:
-        """``patterns`` or ``recordings``."""
-        ...
-
-    @property
-    def item(self) -> str:
-        """Name of the items along the second axis: ``pattern``, ``frame`` or ``place``."""
-        ...
-
-    @property
-    def chunk(self) -> int:
-        """Most items per task."""
-        ...
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Number of conditions and of items."""
-        ...
-
-    def tasks(self) -> tuple[Task, ...]:
-        """All tasks in processing order."""
-        ...
-
-    def job(self, task: Task) -> Job:
-        """Job of a worker."""
-        ...
-
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """Arrays that are stored along the axes."""
-        ...
-
-    def settings(self) -> dict[str, Any]:
-        """Everything that affects the results, as JSON values."""
-        ...
-
-    def provenance(self) -> Provenance:
-        """Provenance of the results."""
-        ...
 
 
 def settings_of(thing: Any) -> Any:

@@ -11,7 +11,6 @@ from midair.study.design.adaptive import Staircase, correct_answer, stimulus_lev
 from midair.study.design.answers import answer_exclusion, answers_table, excluded_participants
 from midair.study.design.plan import Plan, Trial
 from midair.study.design.session_state import SessionState
-from midair.study.design.stimulus import right_answer
 from midair.study.design.study_design import Block, Design
 from midair.study.statistics import ThresholdModel
 
@@ -19,9 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from pandas import DataFrame
-
-History = list[tuple[int, bool]]
-"""Index of the stimulus level and whether the answer was correct, in order of presentation."""
 
 
 def next_stimulus(plan: Plan, progress: SessionState, trial: Trial) -> str:
@@ -32,10 +28,16 @@ def next_stimulus(plan: Plan, progress: SessionState, trial: Trial) -> str:
     block = plan.design.block(trial.block)
     groups, _ = stimulus_levels(plan.design, block)
     if block.adaptive == "staircase":
-        index = round(run_staircase(len(groups), scored_history(plan, progress, block)).level)
+        # Over level indices from the strongest; steps of two until the first reversal, then one.
+        top = len(groups) - 1
+        state = Staircase(level=top, steps=(2, 1), low=0, high=top)
+        for _, correct in scored_history(plan, progress, block):
+            state = state.answered(correct)
+        index = round(state.level)
     else:
         model = threshold_model(plan.design, block, coarse=True)
-        counts = answer_counts(plan.design, block, model, _valid_answers(plan, progress, block))
+        given = [(name, answer) for _, name, answer in _valid_answers(plan, progress, block)]
+        counts = answer_counts(plan.design, block, model, given)
         index = int(model.next_level(model.posterior(*counts)))
     return groups[index][trial.variant % len(groups[index])]
 
@@ -133,40 +135,24 @@ def answer_counts(
     return counted, total
 
 
-def _valid_answers(plan: Plan, progress: SessionState, block: Block) -> list[tuple[str, str]]:
-    """Stimulus and answer of each trial of a block so far, without the answers that the plan excludes."""
-    found: list[tuple[str, str]] = []
+def _valid_answers(plan: Plan, progress: SessionState, block: Block) -> list[tuple[Trial, str, str]]:
+    """Each trial of a block so far with its stimulus and answer, without the answers that the plan excludes."""
+    found: list[tuple[Trial, str, str]] = []
     for trial in progress.trials:
         given = progress.answers.get((trial.code, block.questions[0]))
         if trial.block != block.name or given is None or not (trial.scored or not block.scored):
             continue
         if not answer_exclusion(plan, progress, trial.code, given):
-            found.append((trial.stimulus or progress.chosen[trial.code], given.answer))
+            found.append((trial, trial.stimulus or progress.chosen[trial.code], given.answer))
     return found
 
 
-def scored_history(plan: Plan, progress: SessionState, block: Block) -> History:
+def scored_history(plan: Plan, progress: SessionState, block: Block) -> list[tuple[int, bool]]:
     """Test trials of an adaptive block as (level, correct), without the answers that the plan excludes."""
     groups, _ = stimulus_levels(plan.design, block)
     level_index = {name: index for index, names in enumerate(groups) for name in names}
-    question = plan.design.question(block.questions[0])
-    history: History = []
-    for trial in progress.trials:
-        name = trial.stimulus or progress.chosen.get(trial.code, "")
-        given = progress.answers.get((trial.code, question.name))
-        if trial.block != block.name or trial.role != "test" or name not in level_index or given is None:
-            continue
-        if not answer_exclusion(plan, progress, trial.code, given):
-            stimulus = plan.design.stimulus(name)
-            right = right_answer(question, stimulus, {**stimulus.levels, **trial.levels})
-            history.append((level_index[name], given.answer == right))
-    return history
-
-
-def run_staircase(count: int, history: History) -> Staircase:
-    """3-down/1-up staircase over level indices, from the strongest; steps of two until the first reversal, then one."""
-    top = count - 1
-    state = Staircase(level=top, steps=(2, 1), low=0, high=top)
-    for _, correct in history:
-        state = state.answered(correct)
-    return state
+    return [
+        (level_index[name], answer == correct_answer(plan.design, block, name))
+        for trial, name, answer in _valid_answers(plan, progress, block)
+        if trial.role == "test" and name in level_index
+    ]

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from midair.errors import BrokenFileError
-from midair.study.design.session_state import SessionState, right_answer_of_trial
+from midair.study.design.session_state import right_answer_of_trial
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,13 +24,12 @@ def excluded_participants(plan: Plan, sessions: Sequence[SessionState]) -> DataF
     """
     from pandas import DataFrame
 
-    rows = [row for session in sessions for row in _violated_rules(plan, session)]
+    rows = [
+        (f"sub-{session.trials[0].participant:02d}", *row)
+        for session in sessions
+        for row in _violated_rules(plan, session)
+    ]
     return DataFrame(rows, columns=["participant", "rule", "value", "limit"])
-
-
-def participant_exclusion(plan: Plan, session: SessionState) -> str:
-    """First rule that excludes the participant of a session; empty if none does."""
-    return next((f"participant: {row['rule']}" for row in _violated_rules(plan, session)), "")
 
 
 def answer_exclusion(plan: Plan, session: SessionState, code: str, given: GivenAnswer) -> str:
@@ -45,23 +44,21 @@ def answer_exclusion(plan: Plan, session: SessionState, code: str, given: GivenA
     return "failed play" if rules.failed_plays and session.failed.get(code) else ""
 
 
-def _violated_rules(plan: Plan, session: SessionState) -> list[dict[str, Any]]:
+def _violated_rules(plan: Plan, session: SessionState) -> list[tuple[str, float, float]]:
+    """Each rule that excludes the participant of a session, the measured value and the limit."""
     rules = plan.design.exclusions
-    person = f"sub-{session.trials[0].participant:02d}"
-    found: list[dict[str, Any]] = []
+    found: list[tuple[str, float, float]] = []
     for role, limit in (("attention", rules.attention), ("catch", rules.catch)):
         share = _share_correct(plan, session, role)
         if share is not None and share < limit:
-            found.append({"participant": person, "rule": role, "value": share, "limit": limit})
+            found.append((role, share, limit))
     late = [given.late for given in session.answers.values()]
     if late and sum(late) / len(late) > rules.timeouts:
-        found.append(
-            {"participant": person, "rule": "timeouts", "value": sum(late) / len(late), "limit": rules.timeouts}
-        )
+        found.append(("timeouts", sum(late) / len(late), rules.timeouts))
     if rules.training and session.untrained:
-        found.append({"participant": person, "rule": "training", "value": float(len(session.untrained)), "limit": 0.0})
+        found.append(("training", float(len(session.untrained)), 0.0))
     if rules.unfinished and (due := len(session.trials) - session.next_trial):
-        found.append({"participant": person, "rule": "unfinished", "value": float(due), "limit": 0.0})
+        found.append(("unfinished", float(due), 0.0))
     return found
 
 
@@ -90,7 +87,7 @@ def answers_table(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
 
     rows: list[dict[str, Any]] = []
     for session in sessions:
-        out = participant_exclusion(plan, session)
+        out = next((f"participant: {rule}" for rule, _, _ in _violated_rules(plan, session)), "")
         rows += [
             _answer_row(plan, session, trial, name, out)
             for trial in session.trials

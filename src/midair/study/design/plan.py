@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
+from itertools import groupby
 from json import dumps
 from typing import Any, TypeVar
 
@@ -49,11 +50,7 @@ def constrained_shuffle(
 
 def longest_run_of(items: Sequence[object]) -> int:
     """Largest number of equal items in a row."""
-    longest = run = 0
-    for i, item in enumerate(items):
-        run = run + 1 if i and items[i - 1] == item else 1
-        longest = max(longest, run)
-    return longest
+    return max((len(list(run)) for _, run in groupby(items)), default=0)
 
 
 def _check_feasible(items: Sequence[object], longest_run: int) -> None:

@@ -140,68 +140,38 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int, *,
 
 
 def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) -> SessionState:
-    state = _EventState()
+    answers: dict[tuple[str, str], GivenAnswer] = {}
+    chosen, form, began = dict[str, str](), dict[str, str](), dict[int, str]()
+    failed, markers = dict[str, int](), list[SentMarker]()
+    interruptions = withdrawn = 0
+    opened = simulated = broken_off = False
     for event in events:
-        state.take(event, plan, participant)
-    trials = plan.of(participant)
-    if stray := {code for code, _ in state.answers} - {trial.code for trial in trials}:
-        raise ValueError(f"trial {min(stray)} does not belong to participant {participant}")
-    _check_stimuli_logged(trials, {code for code, _ in state.answers}, state.chosen, plan)
-    waived, untrained = _training_result(plan, trials, state)
-    return SessionState(
-        trials=trials,
-        answers=state.answers,
-        chosen=state.chosen,
-        interruptions=state.interruptions,
-        withdrawn=state.withdrawn,
-        simulated=state.simulated,
-        waived=waived,
-        untrained=untrained,
-        form=state.form,
-        failed=state.failed,
-        began=state.began,
-        markers=tuple(state.markers),
-        broken_off=state.broken_off,
-    )
-
-
-@dataclass(slots=True, kw_only=True)
-class _EventState:
-    """State accumulated over the events."""
-
-    answers: dict[tuple[str, str], GivenAnswer] = field(default_factory=dict[tuple[str, str], GivenAnswer])
-    chosen: dict[str, str] = field(default_factory=dict[str, str])
-    form: dict[str, str] = field(default_factory=dict[str, str])
-    failed: dict[str, int] = field(default_factory=dict[str, int])
-    began: dict[int, str] = field(default_factory=dict[int, str])
-    markers: list[SentMarker] = field(default_factory=list[SentMarker])
-    interruptions: int = 0
-    withdrawn: int = 0
-    simulated: bool = False
-    broken_off: bool = False
-    opened: bool = False
-
-    def take(self, event: Mapping[str, Any], plan: Plan, participant: int) -> None:
-        """Apply one event."""
         kind = event["event"]
-        if not self.opened and kind not in ("open", "repair"):
+        if not opened and kind not in ("open", "repair"):
             raise ValueError(f"the log begins with {kind!r}, not with 'open'")
         match kind:
             case "open":
-                self._open(event, plan, participant)
+                _check_owner(event, plan, participant)
+                opened = broken_off = True
+                simulated = simulated or bool(event["simulated"])
+                if "time" in event:
+                    began.setdefault(int(event.get("session", 1)), _field(event, "time", str))
             case "done":
-                self.broken_off = False
+                broken_off = False
             case "resume":
-                self._resume(set(event["redo"]))
+                again, before = set(event["redo"]), len(answers)
+                answers = {key: answer for key, answer in answers.items() if key[0] not in again}
+                chosen = {code: name for code, name in chosen.items() if code not in again}
+                interruptions, withdrawn = interruptions + 1, withdrawn + before - len(answers)
             case "present" if "stimulus" in event:
-                self.chosen[_field(event, "trial", str)] = _field(event, "stimulus", str)
+                chosen[_field(event, "trial", str)] = _field(event, "stimulus", str)
             case "silent":
                 code = _field(event, "trial", str)
-                self.failed[code] = self.failed.get(code, 0) + 1
+                failed[code] = failed.get(code, 0) + 1
             case "form":
-                self.form[_field(event, "question", str)] = _field(event, "answer", str)
+                form[_field(event, "question", str)] = _field(event, "answer", str)
             case "marker":
-                self.markers.append(
+                markers.append(
                     SentMarker(
                         kind=_field(event, "kind", str),
                         trial=_field(event, "trial", str),
@@ -211,45 +181,57 @@ class _EventState:
                     )
                 )
             case "answer" | "late":
-                self._answer(event)
+                answers[_field(event, "trial", str), _field(event, "question", str)] = GivenAnswer(
+                    answer="n/a" if kind == "late" else _field(event, "answer", str),
+                    reaction_s=_field(event, "reaction_s", int, float),
+                    time=_field(event, "time", str),
+                    by=str(event.get("by", "")),
+                    late=kind == "late",
+                )
             case _:
                 pass
+    trials, answered = plan.of(participant), {code for code, _ in answers}
+    if stray := answered - {trial.code for trial in trials}:
+        raise ValueError(f"trial {min(stray)} does not belong to participant {participant}")
+    known = {stimulus.name for stimulus in plan.design.stimuli}
+    for trial in trials:
+        if trial.code in answered and (trial.stimulus or chosen.get(trial.code)) not in known:
+            raise ValueError(f"trial {trial.code} was answered, but the log does not state its stimulus")
+    waived, untrained = _training_result(plan, trials, answers, chosen)
+    return SessionState(
+        trials=trials,
+        answers=answers,
+        chosen=chosen,
+        interruptions=interruptions,
+        withdrawn=withdrawn,
+        simulated=simulated,
+        waived=waived,
+        untrained=untrained,
+        form=form,
+        failed=failed,
+        began=began,
+        markers=tuple(markers),
+        broken_off=broken_off,
+    )
 
-    def _open(self, event: Mapping[str, Any], plan: Plan, participant: int) -> None:
-        if event["plan"] != plan.digest:
-            raise MismatchError(
-                f"expected plan {plan.digest}, got {event['plan']}; the plan was changed, or the log"
-                " belongs to another study: restore a copy"
-            )
-        if event["participant"] != participant:
-            raise MismatchError(
-                f"expected participant {participant}, got {event['participant']}; the log belongs to another person:"
-                " restore a copy"
-            )
-        self.opened = True
-        self.simulated = self.simulated or bool(event["simulated"])
-        if "time" in event:
-            self.began.setdefault(int(event.get("session", 1)), _field(event, "time", str))
-        self.broken_off = True
 
-    def _resume(self, again: set[str]) -> None:
-        kept = {key: answer for key, answer in self.answers.items() if key[0] not in again}
-        self.interruptions, self.withdrawn = self.interruptions + 1, self.withdrawn + len(self.answers) - len(kept)
-        self.answers = kept
-        self.chosen = {code: name for code, name in self.chosen.items() if code not in again}
-
-    def _answer(self, event: Mapping[str, Any]) -> None:
-        late = event["event"] == "late"
-        self.answers[_field(event, "trial", str), _field(event, "question", str)] = GivenAnswer(
-            answer="n/a" if late else _field(event, "answer", str),
-            reaction_s=_field(event, "reaction_s", int, float),
-            time=_field(event, "time", str),
-            by=str(event.get("by", "")),
-            late=late,
+def _check_owner(event: Mapping[str, Any], plan: Plan, participant: int) -> None:
+    """Raise MismatchError if a log was opened for another plan or participant."""
+    if event["plan"] != plan.digest:
+        raise MismatchError(
+            f"expected plan {plan.digest}, got {event['plan']}; the plan was changed, or the log"
+            " belongs to another study: restore a copy"
+        )
+    if event["participant"] != participant:
+        raise MismatchError(
+            f"expected participant {participant}, got {event['participant']}; the log belongs to another person:"
+            " restore a copy"
         )
 
 
-def _training_result(plan: Plan, trials: Sequence[Trial], state: _EventState) -> tuple[frozenset[str], tuple[str, ...]]:
+def _training_result(
+    plan: Plan, trials: Sequence[Trial], answers: Mapping[tuple[str, str], GivenAnswer], chosen: Mapping[str, str]
+) -> tuple[frozenset[str], tuple[str, ...]]:
     """Trials waived because a training criterion was met, and blocks that ended without theirs."""
     waived: list[str] = []
     untrained: list[str] = []
@@ -261,8 +243,8 @@ def _training_result(plan: Plan, trials: Sequence[Trial], state: _EventState) ->
         for trial in (trial for trial in trials if trial.block == block.name):
             if met:
                 waived.append(trial.code)
-            elif trial.role == "test" and (given := state.answers.get((trial.code, block.questions[0]))):
-                last.append(given.answer == right_answer_of_trial(plan, trial, state.chosen, block.questions[0]))
+            elif trial.role == "test" and (given := answers.get((trial.code, block.questions[0]))):
+                last.append(given.answer == right_answer_of_trial(plan, trial, chosen, block.questions[0]))
                 recent = last[-block.criterion.last :]
                 met = len(recent) == block.criterion.last and sum(recent) >= block.criterion.right * len(recent)
         if last and not met:
@@ -278,14 +260,6 @@ def right_answer_of_trial(plan: Plan, trial: Trial, chosen: Mapping[str, str], n
     stimulus, question = plan.design.stimulus(presented), plan.design.question(name)
     # Levels of the question override those of the trial, which override those of the stimulus.
     return right_answer(question, stimulus, {**stimulus.levels, **trial.levels, **question.levels})
-
-
-def _check_stimuli_logged(trials: Sequence[Trial], answered: set[str], chosen: Mapping[str, str], plan: Plan) -> None:
-    """Raise ValueError if a trial was answered and the log does not state its stimulus."""
-    known = {stimulus.name for stimulus in plan.design.stimuli}
-    for trial in trials:
-        if trial.code in answered and (trial.stimulus or chosen.get(trial.code)) not in known:
-            raise ValueError(f"trial {trial.code} was answered, but the log does not state its stimulus")
 
 
 def _field(event: Mapping[str, Any], name: str, *kinds: type) -> Any:

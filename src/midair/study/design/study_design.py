@@ -210,7 +210,8 @@ class Design:
             raise InputError(f"study: expected a name of letters and digits, got {self.name!r}")
         if self.participants < 1 or not self.blocks:
             raise InputError(f"study: expected participants and blocks, got {self.participants}, {len(self.blocks)}")
-        names = {kind: [part.name for part in parts] for kind, parts in self._parts().items()}
+        every: dict[str, Any] = {"stimuli": self.stimuli, "questions": self.questions, "blocks": self.blocks}
+        names = {kind: [part.name for part in parts] for kind, parts in every.items()}
         for kind, listed in names.items():
             if len(set(listed)) < len(listed):
                 raise InputError(f"{kind}: expected different names, got {sorted(listed)}")
@@ -250,17 +251,12 @@ class Design:
         """The block of this name."""
         return next(part for part in self.blocks if part.name == name)
 
-    def _parts(self) -> dict[str, Any]:
-        return {"stimuli": self.stimuli, "questions": self.questions, "blocks": self.blocks}
-
     def _check_analysis(self, questions: list[str]) -> None:
         chosen = (self.analysis.choice,) if self.analysis.choice else ()
         _known((*chosen, *self.analysis.rated), questions, "analysis: questions")
-        condition = (self.analysis.condition,) if self.analysis.condition else ()
-        strength = (self.analysis.strength,) if self.analysis.strength else ()
-        factors = (*condition, *strength, *self.analysis.within, *self.analysis.only)
-        truths = tuple(question.truth for question in self.questions if question.truth)
-        _known((*factors, *truths), list(self.factors), "factors")
+        named = (self.analysis.condition, self.analysis.strength, *self.analysis.within, *self.analysis.only)
+        truths = (question.truth for question in self.questions)
+        _known(tuple(name for name in (*named, *truths) if name), list(self.factors), "factors")
         _known(self.analysis.between, [*self.form, *self.factors], "analysis: between")
         # The answers table has columns of these names, and one column per factor.
         taken = {"participant", "trial", "answer", "question", "block", "correct", "right", "stimulus", "scored"}

@@ -14,7 +14,6 @@ from midair.study.findings.finding import Finding, attempt, interval_words, limi
 from midair.study.statistics import d_prime_same_different, d_prime_yes_no, levels, two_answers_limits
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from pandas import DataFrame
 
     from midair.study.findings.study_data import StudyData
@@ -99,15 +98,9 @@ def _rating_finding(title: str, rows: DataFrame) -> Finding:
             "given": count.sum(axis=0).astype(int),
         }
     )
-    words = (
-        f"Mean {own.mean():.2f} ({limits_words(_mean, own, 'plain')}), over {len(own)} people and {len(rating)}"
-        f" answers. {_UNTESTED}"
-    )
+    limits = limits_words(lambda people: float(people.mean()), own, "plain")
+    words = f"Mean {own.mean():.2f} ({limits}), over {len(own)} people and {len(rating)} answers. {_UNTESTED}"
     return Finding(title=title, words=words, table=table)
-
-
-def _mean(values: NDArray[np.float64]) -> float:
-    return float(values.mean())
 
 
 def _choice_finding(title: str, rows: DataFrame) -> Finding:

@@ -243,9 +243,7 @@ def _questions(answers: DataFrame, design: Design, parts: Mapping[str, DataFrame
         name = question.name
         many = {part.format(name): count[name] for part, count in counts.items()}
         people = answers.drop_duplicates("participant")
-        in_form = (
-            sum(answer != "n/a" for answer in people[name].tolist()) if name in design.form and name in people else 0
-        )
+        filled = people[name].tolist() if name in design.form and name in people else []
         where = [part for part, number in many.items() if number]
         where += ["factor between participants"] if name in design.analysis.between else []
         rows.append(
@@ -254,7 +252,7 @@ def _questions(answers: DataFrame, design: Design, parts: Mapping[str, DataFrame
                 "kind": question.kind,
                 "private": question.private,
                 "asked": name in asked or name in design.form,
-                "given": given[name] + in_form,
+                "given": given[name] + len(filled) - filled.count("n/a"),
                 # Answers of these kinds may be in two parts.
                 "analysed": max(many.values()) if question.kind in _SINGLE else sum(many.values()),
                 "part": "; ".join(where),

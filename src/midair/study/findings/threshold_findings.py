@@ -38,9 +38,10 @@ def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
             lapse_most=lapse_most,
         )
 
+    rate = guess + (1 - guess - fit.function.lapse) * (1 - float(np.exp(-1)))
     over_people = limits_words(threshold, counts, "positive", form=".3g")
     words = (
-        f"Threshold {fit.function.threshold:.3g} ({100 * _rate(guess, fit.function.lapse):.0f} % correct answers),"
+        f"Threshold {fit.function.threshold:.3g} ({100 * rate:.0f} % correct answers),"
         f" slope {fit.function.slope:.2g}; 95 % limits from trials {fit.threshold_low:.3g} to {fit.threshold_high:.3g},"
         f" valid for these people only; {over_people}"
     )
@@ -81,7 +82,3 @@ def adaptive(data: StudyData) -> list[Finding]:
 
 def _geometric_mean(values: NDArray[np.float64]) -> float:
     return float(np.exp(np.log(values).mean()))
-
-
-def _rate(guess: float, lapse: float) -> float:
-    return guess + (1 - guess - lapse) * (1 - float(np.exp(-1)))

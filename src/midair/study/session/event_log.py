@@ -13,30 +13,17 @@ from hashlib import sha256
 from pathlib import Path
 from threading import Lock
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from midair.errors import BrokenFileError, DeviceStateError, MissingFileError
 from midair.files import json_of, lock_or_raise
 
+if TYPE_CHECKING:
+    from _hashlib import HASH
+
 _LINK = b', "chain": "'
 LINK = 32
 """Number of hexadecimal digits of a chain hash."""
-
-
-class _Digest(Protocol):
-    """An incremental digest, such as SHA-256."""
-
-    def update(self, data: bytes, /) -> None:
-        """Add data."""
-        ...
-
-    def copy(self) -> "_Digest":
-        """Return an independent copy."""
-        ...
-
-    def hexdigest(self) -> str:
-        """Return the digest of all data so far."""
-        ...
 
 
 class EventLog:
@@ -54,7 +41,7 @@ class EventLog:
         self.seal = ""
         self._file: int | None = None
         self._lock = Lock()
-        self._chain: _Digest = sha256()
+        self._chain = sha256()
 
     def __enter__(self) -> Self:
         # Readable by this user only, like the log: it contains the answers of participants.
@@ -121,14 +108,14 @@ def chain_hashes(path: Path) -> list[str]:
     return [line.rpartition(_LINK)[2][:LINK].decode(errors="replace") if _LINK in line else "" for line in lines]
 
 
-def _read_chain(path: Path, chained: bool) -> tuple[list[dict[str, Any]], _Digest]:
+def _read_chain(path: Path, chained: bool) -> tuple[list[dict[str, Any]], "HASH"]:
     """Events of a log with a valid chain, and the digest state for the next line."""
     if not path.exists():
         raise MissingFileError(
             f"{path.name}: expected the log of a session, the file does not exist; run the session first"
         )
     events: list[dict[str, Any]] = []
-    chain: _Digest = sha256()
+    chain = sha256()
     linked = chained
     for number, line in enumerate(path.read_bytes().split(b"\n")[:-1], start=1):
         try:
@@ -155,7 +142,7 @@ def _read_chain(path: Path, chained: bool) -> tuple[list[dict[str, Any]], _Diges
     return events, chain
 
 
-def _chained_line(body: bytes, chain: _Digest) -> tuple[bytes, str]:
+def _chained_line(body: bytes, chain: "HASH") -> tuple[bytes, str]:
     """Line of an event with its chain hash, and the hash."""
     whole = chain.copy()
     whole.update(body)

@@ -72,21 +72,14 @@ class SimulatedParticipant:
             return right, reaction
         if question.answers and rng.random() < self.lapse:
             return str(rng.choice(question.answers)), reaction
-        middle = _mean_strengths(plan.design)
-        factor = next((factor for factor in middle if factor in stimulus.levels), "")
-        strength = float(stimulus.levels[factor]) / middle[factor] if factor else 1.0
-        return self._answer(question, stimulus, trial, rng, strength, criterion=1.5 if middle else None), reaction
+        return self._answer(plan.design, question, stimulus, trial, rng), reaction
 
     def _answer(
-        self,
-        question: Question,
-        stimulus: Stimulus,
-        trial: Trial,
-        rng: np.random.Generator,
-        strength: float,
-        *,
-        criterion: float | None,
+        self, design: Design, question: Question, stimulus: Stimulus, trial: Trial, rng: np.random.Generator
     ) -> str:
+        middle = _mean_strengths(design)
+        factor = next((factor for factor in middle if factor in stimulus.levels), "")
+        strength = float(stimulus.levels[factor]) / middle[factor] if factor else 1.0
         person = self._stream(f"person {trial.participant} {question.name}")
         real = stimulus.kind == "object"
         d = strength * ((self.real_d_prime if real else self.d_prime) + person.normal(0, self.spread))
@@ -96,7 +89,7 @@ class SimulatedParticipant:
             value += d * np.array([option == right for option in question.options])
             return question.options[int(np.argmax(value))]
         if question.kind == "yes-no":
-            return "yes" if rng.normal(d if right == "yes" else 0, 1) > (criterion or d / 2) else "no"
+            return "yes" if rng.normal(d if right == "yes" else 0, 1) > (1.5 if middle else d / 2) else "no"
         if question.kind == "same-different":
             apart = abs(rng.normal(d if right == "different" else 0, np.sqrt(2)))
             return "different" if apart > d / 2 + 0.5 else "same"

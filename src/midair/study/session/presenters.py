@@ -31,7 +31,7 @@ class ExperimenterPresenter:
 
     tell: Callable[[str], None]
     """Shows a line to the experimenter only."""
-    done: Callable[[], None]
+    done: Callable[[], object]
     """Returns when the experimenter confirms the presentation."""
 
     def present(self, stimulus: Stimulus) -> None:

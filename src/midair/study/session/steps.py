@@ -10,23 +10,7 @@ from typing import Any, Literal, Protocol
 from midair.study.design import Design, Plan, Question, SessionState, Trial, right_answer_of_trial
 
 
-class Clock(Protocol):
-    """Source of time."""
-
-    def now(self) -> str:
-        """Date and time, ISO 8601."""
-        ...
-
-    def elapsed(self) -> float:
-        """Monotonic time, in s."""
-        ...
-
-    def wait(self, seconds: float, ended: Event) -> None:
-        """Return after this time in s, or as soon as `ended` is set."""
-        ...
-
-
-class SystemClock:
+class Clock:
     """Clock of this computer."""
 
     def now(self) -> str:
@@ -42,7 +26,7 @@ class SystemClock:
         ended.wait(seconds)
 
 
-class InstantClock(SystemClock):
+class InstantClock(Clock):
     """Clock for simulated participants, without waiting."""
 
     def wait(self, seconds: float, ended: Event) -> None:

@@ -17,7 +17,7 @@ from midair.study.design import Plan, Policy, SessionState, Stimulus, Trial, nex
 from midair.study.event_markers import EventMarkers
 from midair.study.session.event_log import EventLog, read_events
 from midair.study.session.presenters import Presenter, SilentPresenter
-from midair.study.session.steps import Clock, Reply, Screen, SystemClock, TrialStep, steps_of
+from midair.study.session.steps import Clock, Reply, Screen, TrialStep, steps_of
 
 ATTEMPTS = 3
 """Number of failed presentations in a row that end the session."""
@@ -31,29 +31,12 @@ class Session:
     Raises MismatchError on entering, if the log follows another plan; BrokenFileError on entering, if the log was
     changed after it was written.
 
-    Parameters
-    ----------
-    plan : Plan
-        Plan of the study.
-    participant : int
-        Participant number, from 1.
-    log : Path
-        Log of this participant; an existing log with answers is continued.
-    presenter : Presenter
-        Presents the stimuli.
-    policy : {"resume", "restart", "block"}
-        How an interrupted session continues, always at the beginning of a trial: "resume" repeats the unfinished trial
-        and asks only unanswered questions; the others discard answers, which stay in the log.
-    simulated : bool
-        Whether a simulated participant takes part; stored in the log and all results.
-    room : Medium, optional
-        Air in the room, for the log; None if unknown.
-    clock : Clock, optional
-        Source of time; the computer's clock if None.
-    about : mapping, optional
-        Further fields of the "open" event, such as the masking noise.
-    markers : EventMarkers, optional
-        Open outputs that get a marker at each trial and answer; stimuli are marked by a `MarkedPresenter`.
+    Participants are numbered from 1, and an existing `log` with answers is continued. `policy` is how an interrupted
+    session continues, always at the beginning of a trial: "resume" repeats the unfinished trial and asks only
+    unanswered questions; the others discard answers, which stay in the log. `simulated` (a simulated participant takes
+    part) is stored in the log and all results, `room` (the air, None if unknown) in the log, `about` as further fields
+    of its "open" event, such as the masking noise. `clock` is the computer's by default. Open outputs in `markers` get
+    a marker at each trial and answer; stimuli are marked by a `MarkedPresenter`.
     """
 
     def __init__(
@@ -78,7 +61,7 @@ class Session:
         self._policy: Policy = policy
         self._simulated = simulated
         self._room = None if room is None else {"temperature_c": room.temperature, "humidity": room.humidity}
-        self._clock = clock or SystemClock()
+        self._clock = clock or Clock()
         self._about = dict(about or {})
         self._markers = markers
         self._stopped = Event()
@@ -229,11 +212,8 @@ class Session:
 
     def _due(self, trial: Trial) -> Stimulus:
         """Stimulus of a trial; the choice of an adaptive block is logged before the presentation."""
-        if trial.stimulus:
-            self._write("present", trial=trial.code)
-            return self.plan.design.stimulus(trial.stimulus)
-        name = next_stimulus(self.plan, self.standing(), trial)
-        self._write("present", trial=trial.code, stimulus=name)
+        name = trial.stimulus or next_stimulus(self.plan, self.standing(), trial)
+        self._write("present", trial=trial.code, **({} if trial.stimulus else {"stimulus": name}))
         return self.plan.design.stimulus(name)
 
     def _expect(self, *kinds: str) -> TrialStep:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import InputError
-from midair.study.statistics.columns import CellMeans, cell_means, column, frame_of, levels, numbers
+from midair.study.statistics.columns import CellMeans, cell_means, column, factors, frame_of, levels, numbers
 from midair.study.statistics.resample import sign_flip
 
 if TYPE_CHECKING:
@@ -151,23 +151,11 @@ def rm_anova(
     Several answers in one cell are averaged first. Raises InputError if there are fewer participants than groups + 1, a
     cell or group is empty, a factor has one level, a participant is in two groups, or all answers are equal.
 
-    Parameters
-    ----------
-    table : DataFrame or dict of arrays
-        One row per answer.
-    value, participant : str
-        Columns of the answer and of the participant.
-    within : sequence of str
-        Columns of the within-subject factors.
-    between : sequence of str
-        Columns of the between-subject factors, such as the dominant hand.
+    `table` has one row per answer; `within` and `between` name columns of factors, such as the dominant hand.
 
-    Returns
-    -------
-    DataFrame
-        One row per effect; columns effect, df1, df2, F, p, eps_GG, p_GG, eps_HF, p_HF, W, p_W, np2, ges, np2_low,
-        np2_high, ges_low, ges_high, note. An effect with one contrast is spherical: its epsilons and W are 1. A value
-        that is undefined is NaN, and `note` gives the reason.
+    Returns one row per effect, with columns effect, df1, df2, F, p, eps_GG, p_GG, eps_HF, p_HF, W, p_W, np2, ges,
+    np2_low, np2_high, ges_low, ges_high, note. An effect with one contrast is spherical: its epsilons and W are 1. A
+    value that is undefined is NaN, and `note` gives the reason.
     """
     from pandas import DataFrame
 
@@ -209,25 +197,19 @@ def between_groups(data: DataFrame, cells: CellMeans, participant: str, between:
     """Group of each participant; raises InputError if a group is empty or a participant is in two."""
     person = levels(column(data, participant))[1]
     _, first = np.unique(person, return_index=True)
-    numbers: list[NDArray[np.int64]] = []
-    orders: list[list[Any]] = []
-    for name in between:
-        order, number = levels(column(data, name))
-        if len(order) < 2:
-            raise InputError(f"factor {name!r}: expected two or more levels, got {order}; remove it from `between`")
+    found = factors(data, between, option="between")
+    for name, (_, number) in zip(between, found, strict=True):
         if (strange := number != number[first][person]).any():
             who = cells.participants[person[strange][0]]
             raise InputError(f"factor {name!r}: expected one level per participant, got several from participant {who}")
-        numbers.append(number[first])
-        orders.append(order)
-    shape = tuple(len(order) for order in orders)
-    where = np.ravel_multi_index(tuple(numbers), shape) if between else np.zeros(len(first), np.int64)
-    found = Groups(number=np.asarray(where, np.int64), shape=shape, levels=tuple(map(tuple, orders)))
-    if (found.sizes == 0).any():
-        empty = np.unravel_index(int(np.argmin(found.sizes)), shape)
-        what = ", ".join(f"{name}={order[i]}" for name, order, i in zip(between, orders, empty, strict=True))
+    shape = tuple(len(order) for order, _ in found)
+    where = np.ravel_multi_index(tuple(number[first] for _, number in found), shape) if found else first * 0
+    groups = Groups(number=np.asarray(where, np.int64), shape=shape, levels=tuple(tuple(order) for order, _ in found))
+    if (groups.sizes == 0).any():
+        empty = np.unravel_index(int(np.argmin(groups.sizes)), shape)
+        what = ", ".join(f"{name}={order[i]}" for name, (order, _), i in zip(between, found, empty, strict=True))
         raise InputError(f"groups: expected participants in every group, got none with {what}; remove the factor")
-    return found
+    return groups
 
 
 def _rows(cells: CellMeans, groups: Groups, within: list[str], between: list[str]) -> list[dict[str, object]]:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame, Series
 
+Levels = tuple[list[Any], NDArray[np.int64]]
+
 
 def frame_of(table: DataFrame | Mapping[str, Any]) -> DataFrame:
     """DataFrame with the index 0, 1, 2, ...; raises ShapeError unless all columns have one axis and the same length."""
@@ -52,13 +54,22 @@ def numbers(frame: DataFrame, name: str) -> Array:
     return values
 
 
-def levels(values: Series | NDArray[Any]) -> tuple[list[Any], NDArray[np.int64]]:
+def levels(values: Series | NDArray[Any]) -> Levels:
     """Unique values in order of first appearance, and the index of each row's value."""
     from pandas import factorize
 
     # With a sentinel, a missing value would get the index -1, which is the last level.
     number, order = factorize(values, use_na_sentinel=False)
     return order.tolist(), number.astype(np.int64)
+
+
+def factors(frame: DataFrame, names: Sequence[str], *, option: str = "within") -> list[Levels]:
+    """`levels` of each factor; raises InputError if one has a single level, with the name of the option to change."""
+    found = [levels(column(frame, name)) for name in names]
+    for name, (order, _) in zip(names, found, strict=True):
+        if len(order) < 2:
+            raise InputError(f"factor {name!r}: expected two or more levels, got {order}; remove it from `{option}`")
+    return found
 
 
 def _found(frame: DataFrame, name: str) -> Series:
@@ -89,11 +100,8 @@ def cell_means(
     data = frame_of(table)
     values = numbers(data, value)
     people, person = levels(column(data, participant))
-    found = [levels(column(data, name)) for name in within]
+    found = factors(data, within)
     shape = (len(people), *(len(order) for order, _ in found))
-    for name, (order, _) in zip(within, found, strict=True):
-        if len(order) < 2:
-            raise InputError(f"factor {name!r}: expected two or more levels, got {order}; remove it from `within`")
     cell = np.ravel_multi_index((person, *(number for _, number in found)), shape)
     count = np.bincount(cell, minlength=int(np.prod(shape))).reshape(shape)
     total = np.bincount(cell, weights=values, minlength=count.size).reshape(shape)

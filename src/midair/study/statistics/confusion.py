@@ -69,19 +69,10 @@ def confusion_matrix(
 ) -> Confusion:
     """Count the answers to each object by participant.
 
-    Raises ShapeError if the lengths differ or are 0; InputError if an object was never presented, or an answer is no
-    known object.
-
-    Parameters
-    ----------
-    presented, answered : sequence, length trial
-        Names of objects.
-    participant : sequence, length trial, optional
-        Participant of each trial; one participant if None.
-    labels : sequence, optional
-        Objects in the wanted order; by default those presented, in order of appearance.
-    foils : sequence
-        Possible answers that are never correct; they count as wrong.
+    `presented` and `answered` name an object for each trial, `participant` its participant (one if None). `labels` are
+    the objects in the wanted order, by default those presented in order of appearance; `foils` are possible answers
+    that are never correct and count as wrong. Raises ShapeError if the lengths differ or are 0; InputError if an object
+    was never presented, or an answer is no known object.
     """
     truth, answer = np.asarray(presented), np.asarray(answered)
     who = np.zeros(len(truth), int) if participant is None else np.asarray(participant)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.statistics.anova import contrasts, effects
-from midair.study.statistics.columns import column, frame_of, levels, numbers
+from midair.study.statistics.columns import column, factors, frame_of, levels, numbers
+from midair.study.statistics.mixed import likelihood_ratio_test
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -57,46 +58,23 @@ def cumulative_mixed(
     computed from LR as in `logistic_mixed`, which accounts for few participants; otherwise p is from chi2, which is too
     small with few participants or items.
 
-    Parameters
-    ----------
-    table : DataFrame or dict of arrays
-        One row per answer; cells may hold different numbers of answers.
-    value : str
-        Column of the answers: numbers of which only the order matters, 2 to 30 different ones.
-    participant : str
-        Column of the participant.
-    within : sequence of str
-        Columns of the factors; their interactions are tested too.
-    item : str
-        Column of the stimulus or item, if its levels are a sample of many; none by default.
-    slopes : bool
-        Whether effects vary between participants.
+    `table` has one row per answer, and cells may hold different numbers of answers. Column `value` holds numbers of
+    which only the order matters; interactions of the factors `within` are tested too. `item` is the column of the
+    stimulus or item, if its levels are a sample of many. Raises InputError if there are fewer than 2 or more than 30
+    different answers, there is one participant or item, or a cell has no answer.
 
-    Returns
-    -------
-    DataFrame
-        Columns effect, df, chi2, df2, F, p, spread, note. `spread`: standard deviation of the participant x effect
-        levels, in logits. Values that do not apply are NaN.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than 2 or more than 30 different answers, there is one participant or item, or a cell
-        has no answer.
+    Returns the columns effect, df, chi2, df2, F, p, spread, note. `spread`: standard deviation of the participant x
+    effect levels, in logits. Values that do not apply are NaN.
     """
     from pandas import DataFrame
-    from scipy.stats import chi2
-    from scipy.stats import f as f_distribution
 
     data = frame_of(table)
     category = np.unique(numbers(data, value), return_inverse=True)[1]
     if not 1 <= category.max() < 30:
         raise InputError(f"column {value!r}: expected 2 to 30 different answers, got {category.max() + 1}")
     people, person = levels(column(data, participant))
-    found = [levels(column(data, name)) for name in within]
+    found = factors(data, within)
     shape = [len(order) for order, _ in found]
-    if short := [name for name, size in zip(within, shape, strict=True) if size < 2]:
-        raise InputError(f"factor {short[0]!r}: expected two or more levels, got one; remove it from `within`")
     cell = np.ravel_multi_index(tuple(number for _, number in found), shape)
     if empty := int((np.bincount(cell, minlength=int(np.prod(shape))) == 0).sum()):
         raise InputError(f"cells: expected answers in every cell, got none in {empty}; remove a factor")
@@ -123,15 +101,11 @@ def cumulative_mixed(
         first = cuts + sum(sizes[:number])
         begin = np.delete(full.parameters, slice(first, first + sizes[number]))
         less = fit_cumulative(category, np.hstack([np.empty((len(cell), 0)), *rest]), *random, begin)
-        df, many = blocks[number].shape[1], len(people)
         ratio = max(2 * (full.log_likelihood - less.log_likelihood), 0.0)
-        row = {"effect": ":".join(within[i] for i in effect), "df": df, "chi2": ratio, "df2": np.nan, "F": np.nan}
-        row |= {"p": float(chi2.sf(ratio, df)), "spread": np.nan}
+        row: dict[str, Any] = {"effect": ":".join(within[i] for i in effect)}
+        row |= likelihood_ratio_test(ratio, sizes[number], len(people) if slopes and not item else None)
         if slopes and number + 1 < len(inside):
             row["spread"] = float(full.spread[number + 1])
-        if slopes and not item:
-            f, df2 = (many - 1) * float(np.expm1(ratio / (many * df))), df * (many - 1)
-            row |= {"df2": df2, "F": f, "p": float(f_distribution.sf(f, df, df2))}
         done = full.converged and less.converged
         rows.append({**row, "note": "" if done else "the optimiser did not converge: unreliable"})
     return DataFrame(rows)

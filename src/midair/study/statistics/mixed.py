@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.statistics.anova import contrasts, effects
-from midair.study.statistics.columns import column, frame_of, levels, numbers
+from midair.study.statistics.columns import column, factors, frame_of, levels, numbers
 from midair.study.statistics.logistic import CellCounts, LogisticFit, fit_logistic
 
 if TYPE_CHECKING:
@@ -46,14 +46,7 @@ class RightAnswers:
             self.cells[:, kept],
             self.cells[:, differ],
             self.effect[differ],
-            start=None
-            if start is None
-            else LogisticFit(
-                coefficient=start.coefficient[kept],
-                spread=start.spread,
-                log_likelihood=start.log_likelihood,
-                converged=start.converged,
-            ),
+            start=None if start is None else replace(start, coefficient=start.coefficient[kept]),
         )
 
     @property
@@ -87,29 +80,14 @@ def logistic_mixed(
     between participants and trials are many, most of its tests of absent effects are false positives. Raises InputError
     if answers are not 0 and 1, or all the same, or there is one participant.
 
-    Parameters
-    ----------
-    table : DataFrame or dict of arrays
-        One row per answer; cells may hold different numbers of answers.
-    correct : str
-        Column of 0 and 1.
-    participant : str
-        Column of the participant.
-    within : sequence of str
-        Columns of the factors; their interactions are tested too.
-    slopes : bool
-        Whether effects vary between participants.
+    `table` has one row per answer, and cells may hold different numbers of answers; `correct` is a column of 0 and 1.
+    Interactions of the factors `within` are tested too.
 
-    Returns
-    -------
-    DataFrame
-        Columns effect, df, chi2, df2, F, p, spread, note. `spread`: root mean square over cells of the standard
-        deviation of the effect between participants, in logits. Without slopes df2, F and spread are NaN. The note
-        warns of cells with only correct (or only wrong) answers, whose logit is infinite.
+    Returns the columns effect, df, chi2, df2, F, p, spread, note. `spread`: root mean square over cells of the standard
+    deviation of the effect between participants, in logits. Without slopes df2, F and spread are NaN. The note warns of
+    cells with only correct (or only wrong) answers, whose logit is infinite.
     """
     from pandas import DataFrame
-    from scipy.stats import chi2
-    from scipy.stats import f as f_distribution
 
     data = right_answers(table, correct=correct, participant=participant, within=within)
     full = data.fit(slopes=slopes)
@@ -119,16 +97,24 @@ def logistic_mixed(
         less = data.fit(slopes=slopes, without=number, start=full)
         statistic = max(2 * (full.log_likelihood - less.log_likelihood), 0.0)
         df = int((data.effect == number).sum())
-        row = {"effect": name, "df": df, "chi2": statistic, "df2": np.nan, "F": np.nan, "p": np.nan, "spread": np.nan}
-        if slopes:
-            row["df2"] = df * (data.people - 1)
-            row["F"] = (data.people - 1) * float(np.expm1(statistic / (data.people * df)))
-            row["spread"] = float(full.spread[number]) * df**0.5 if number < len(full.spread) else np.nan
-            row["p"] = float(f_distribution.sf(row["F"], df, row["df2"]))
-        else:
-            row["p"] = float(chi2.sf(statistic, df))
+        row = {"effect": name, **likelihood_ratio_test(statistic, df, data.people if slopes else None)}
+        if slopes and number < len(full.spread):
+            row["spread"] = float(full.spread[number]) * df**0.5
         rows.append({**row, "note": note if less.converged else "the optimiser did not converge: unreliable"})
     return DataFrame(rows)
+
+
+def likelihood_ratio_test(ratio: float, df: int, people: int | None) -> dict[str, Any]:
+    """Columns df to spread (empty) of `logistic_mixed` for a likelihood ratio: chi2 if `people` is None."""
+    from scipy.stats import chi2
+    from scipy.stats import f as f_distribution
+
+    if people is None:
+        found = {"df2": np.nan, "F": np.nan, "p": float(chi2.sf(ratio, df))}
+    else:
+        f, df2 = (people - 1) * float(np.expm1(ratio / (people * df))), df * (people - 1)
+        found = {"df2": df2, "F": f, "p": float(f_distribution.sf(f, df, df2))}
+    return {"df": df, "chi2": ratio, **found, "spread": np.nan}
 
 
 def right_answers(
@@ -144,10 +130,7 @@ def right_answers(
     people, person = levels(column(data, participant))
     if len(people) < 2:
         raise InputError("participants: expected two or more for a mixed model, got 1")
-    found = [levels(column(data, name)) for name in within]
-    for name, (order, _) in zip(within, found, strict=True):
-        if len(order) < 2:
-            raise InputError(f"factor {name!r}: expected two or more levels, got {order}; remove it from `within`")
+    found = factors(data, within)
     shape = [len(order) for order, _ in found]
     size = int(np.prod(shape))
     cell = np.ravel_multi_index(tuple(number for _, number in found), shape) if shape else np.zeros(len(y), int)

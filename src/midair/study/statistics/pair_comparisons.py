@@ -42,20 +42,12 @@ def pairwise(
     For an interaction such as "surface:object": the pairs of its cells that differ in one factor, with Holm's
     correction for all of them. Raises InputError as `rm_anova`; also if an effect names an unknown factor.
 
-    Parameters
-    ----------
-    table, value, participant, within, between
-        As for `rm_anova`.
-    effects : sequence of str
-        Factors, or interactions with factors joined by colons; all factors by default.
+    `effects` are factors, or interactions with factors joined by colons; all factors by default.
 
-    Returns
-    -------
-    DataFrame
-        Columns effect, first, second, difference (first - second), low, high (95 % limits, uncorrected), df, t, p,
-        p_pairs (corrected), correction ("Holm" or "Tukey"), d, d_low, d_high, note. `d` is the difference over the
-        standard deviation of the differences (d_z; within) or of the people of a group (Cohen's d; between); its limits
-        are from the noncentral t. Where all differences are equal the tests are NaN, and `note` gives the reason.
+    Returns the columns effect, first, second, difference (first - second), low, high (95 % limits, uncorrected), df, t,
+    p, p_pairs (corrected), correction ("Holm" or "Tukey"), d, d_low, d_high, note. `d` is the difference over the
+    standard deviation of the differences (d_z; within) or of the people of a group (Cohen's d; between); its limits are
+    from the noncentral t. Where all differences are equal the tests are NaN, and `note` gives the reason.
     """
     from pandas import DataFrame
 

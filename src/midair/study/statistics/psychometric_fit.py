@@ -16,8 +16,6 @@ from midair.study.statistics.psychometric import CurveFamily, CurveShape, Psycho
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from midair.study.statistics.psychometric import CurveFamily
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CurveGrid:
@@ -170,25 +168,10 @@ def fit_psychometric(
 ) -> PsychometricFit:
     """Fit threshold, slope and lapse by maximum likelihood (Wichmann and Hill, 2001).
 
-    Raises ShapeError if the lengths differ; InputError if there are fewer than three levels, or the answers do not
-    increase with the level.
-
-    Parameters
-    ----------
-    level : sequence of float
-        Stimulus level; levels may repeat.
-    correct, total : sequence of int
-        Counted answers and all answers at each level; 0/1 and ones for single trials.
-    rng : Generator
-        Draws the data sets for the deviance and the threshold limits.
-    guess : float
-        Known guess rate.
-    lapse_most : float
-        Upper bound of the lapse rate.
-    draws : int
-        Simulated data sets for the deviance.
-    limit_draws : int
-        Simulated data sets per threshold for the limits; 0 for no limits.
+    At each `level` (levels may repeat) `correct` of `total` answers are counted: 0/1 and ones for single trials. The
+    guess rate is known, the lapse rate at most `lapse_most`. `rng` draws `draws` data sets for the deviance, and
+    `limit_draws` per threshold for its limits (0: no limits). Raises ShapeError if the lengths differ; InputError if
+    there are fewer than three levels, or the answers do not increase with the level.
     """
     x, k, n = _merge_levels(level, correct, total)
     if len(x) < 3:
@@ -250,10 +233,9 @@ def _maximise(curves: CurveFamily, right: Array, total: Array, start: Array) -> 
 
 def _saturated_fit(right: Array, total: Array) -> Array:
     """Log likelihood of the saturated model, with a separate rate for each level."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        hits = np.where(right > 0, right * np.log(right / total), 0)
-        misses = np.where(right < total, (total - right) * np.log1p(-right / total), 0)
-    return np.asarray((hits + misses).sum(axis=-1), np.float64)
+    from scipy.special import xlog1py, xlogy
+
+    return np.asarray((xlogy(right, right / total) + xlog1py(total - right, -right / total)).sum(axis=-1), np.float64)
 
 
 def _merge_levels(level: Any, correct: Any, total: Any) -> tuple[Array, Array, Array]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from midair.study.statistics.anova import noncentral_t_limits
 from midair.study.statistics.confusion import f_measure, wilson
 from midair.study.statistics.detection import d_prime_choice
 from midair.study.statistics.paired import bayes_factor
@@ -49,7 +50,7 @@ def published_statistics(published: Published | None = None) -> DataFrame:
 
     paper = published or Published()
     n, d_z = paper.objects, paper.t / paper.objects**0.5
-    low, high = _effect_limits(paper.t, n)
+    low, high = (limit / n**0.5 for limit in noncentral_t_limits(paper.t, n - 1))
     trials = paper.people * paper.real_trials
     # "Over 95 %": the smallest number of answers above it.
     fewest = int(np.floor(paper.real_correct * trials)) + 1
@@ -79,15 +80,3 @@ def chance_of_published(
     counts = rng.multinomial(paper.trials_an_object, [1 / size] * size, size=(draws, size))
     distribution = f_measure(counts).mean(axis=-1)
     return Chance(value=value, distribution=distribution, p=float(np.mean(distribution >= value)))
-
-
-def _effect_limits(t: float, n: int) -> tuple[float, float]:
-    """95 % limits of d_z: t is the 97.5th and the 2.5th percentile of the noncentral t distributions."""
-    from scipy.optimize import brentq
-    from scipy.stats import nct
-
-    def excess(shift: float, share: float) -> float:
-        return float(nct.cdf(t, n - 1, shift)) - share
-
-    low, high = (float(brentq(excess, -30, 60, args=(share,))) for share in (0.975, 0.025))
-    return low / n**0.5, high / n**0.5

@@ -100,27 +100,11 @@ def limits_over_people(
     (docs/decisions/0034-analysis.md). Raises InputError if there are fewer than five participants, where the coverage
     is too low, or the scale is unknown.
 
-    Parameters
-    ----------
-    statistic : callable
-        Function of an array like `by_person`, for any number of participants, that returns a number or an array.
-    by_person : ndarray, shape (participant, ...)
-        Data of each participant.
-    scale : {"plain", "share", "positive", "correlation"}
-        Range of the statistic.
-    level : float
-        Confidence level.
-    answers : callable, optional
-        Function of an array like `by_person` that returns the number of answers behind a "share" or "correlation".
-    added : tuple of float
-        Answers of each kind added for the centre of the interval, and for its width.
-    independent : bool
-        Whether answers are independent, so that few wrong ones have a binomial variance.
-
-    Returns
-    -------
-    Interval
-        With the shape of the statistic; NaN if the statistic is at its bound or equal without any participant.
+    `statistic` is a function of an array like `by_person`, shape (participant, ...), for any number of participants,
+    that returns a number or an array; `answers` such a function that returns the number of answers behind a "share" or
+    "correlation". `added` are the answers of each kind added for the centre of the interval, and for its width;
+    `independent` answers have a binomial variance where few are wrong. The interval has the shape of the statistic; its
+    limits are NaN if the statistic is at its bound or equal without any participant.
     """
     from scipy.stats import t as t_distribution
 
