@@ -8,15 +8,13 @@ from fractions import Fraction
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import BandError, InputError
 from midair.model import BAND
 from midair.streaming import BYTES, LazyFrames, convolve_lazily, extend, filter_lazily, read_frames, resample_lazily
 from midair.validation import positive
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Band = tuple[float, float]
 
 

@@ -24,7 +24,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.array_types import Array, Single
+from midair.array_types import Array, Complex, Single
 from midair.errors import InputError
 from midair.model import AmplitudeFrames, Drive, Provenance, Solution
 from midair.physics import (
@@ -249,7 +249,7 @@ class _PendingFrames:
     target_weights: Array  # Weights from the target's pressure to each place, shape (place, point)
     solution: Solution
     wanted: Single  # Target pressure at the ends of frames in Pa, shape (frame, place)
-    sound: NDArray[np.complex128]  # Envelope of the target's sound, or pressure, shape (point,)
+    sound: Complex  # Envelope of the target's sound, or pressure, shape (point,)
     start: Waves  # Output of the transducers before the first frame, shape (transducer,)
     kept: int = 0  # Number of frames that are already corrected
 

@@ -12,10 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.array_types import Array, Complex
-from midair.dsp import band_edges, band_window, filter_response
+from midair.dsp import Band, band_edges, band_window, filter_response
 from midair.errors import InputError, ShapeError
-
-Band = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

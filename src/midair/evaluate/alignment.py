@@ -3,11 +3,9 @@
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.streaming import LazyFrames, block_ranges, read_frames, shift_earlier
-
-Array = NDArray[np.float64]
 
 
 def find_delay(original: Array | LazyFrames, later: Array | LazyFrames, rate: float, *, longest: float = 0.05) -> float:

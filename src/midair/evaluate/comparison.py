@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate.alignment import advance, find_delay
@@ -15,8 +15,6 @@ from midair.evaluate.spectrum import dominant_frequency, spectral_error
 from midair.model import PressureFrames, SensorGrid
 from midair.streaming import LazyFrames, blocks
 from midair.validation import check_type
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -4,15 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from midair.dsp import band_energy, band_window, filter_response, resample
+from midair.array_types import Array
+from midair.dsp import Band, band_energy, band_window, filter_response, resample
 from midair.errors import MismatchError
 from midair.evaluate.alignment import advance, find_delay
 from midair.model import BAND, PressureFrames
 
-Array = NDArray[np.float64]
-Band = tuple[float, float]
 Limits = tuple[float, float, float]
 """A ratio in dB, and its lower and upper limit: those of 95 % for the scatter of the sensor's noise."""
 

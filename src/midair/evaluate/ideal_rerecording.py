@@ -9,13 +9,11 @@ from dataclasses import replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import band_edges, band_window, filter_response
 from midair.model import PressureFrames
 from midair.streaming import pad_with_silence
-
-Array = NDArray[np.float64]
 
 
 def apply_band_twice(asked: PressureFrames) -> PressureFrames:

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model import Acoustics, ControlGrid, Drive
 from midair.physics import propagate, radiation_pressure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,16 +12,14 @@ from functools import cache
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-from midair.dsp import resample
+from midair.array_types import Array
+from midair.dsp import Band, resample
 from midair.evaluate.alignment import advance, find_delay
-from midair.evaluate.distortion import Band, decibels, finite, in_band
+from midair.evaluate.distortion import decibels, finite, in_band
 from midair.model import BAND, Palm
 from midair.physics import SKINS, SkinMotion, Tissue
 from midair.validation import frozen_array
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

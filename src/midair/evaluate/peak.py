@@ -1,12 +1,11 @@
 """Peak position of a field."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.model import ControlGrid, SensorGrid
 
-Array = NDArray[np.float64]
-Field = NDArray[np.complex128] | NDArray[np.float64]
+Field = Complex | Array
 
 
 def peak_position(values: Array, grid: ControlGrid | SensorGrid) -> tuple[float, float]:

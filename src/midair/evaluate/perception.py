@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import ShapeError
 from midair.evaluate.spectrum import long_stretches
 from midair.streaming import LazyFrames, read_frames
-
-Array = NDArray[np.float64]
 
 RATE = 8000.0
 """Sample rate of the published metrics in Hz."""

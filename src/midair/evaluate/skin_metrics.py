@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import resample
 from midair.errors import ShapeError
 from midair.evaluate.alignment import advance, find_delay
@@ -15,8 +16,6 @@ from midair.evaluate.spectrum import LONGEST
 from midair.evaluate.timbre import TEXTURE, texture
 from midair.model import BAND, PressureFrames
 from midair.streaming import LazyFrames, as_lazy, blocks, each_frame, read_frames
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

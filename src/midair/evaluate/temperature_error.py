@@ -3,14 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import MismatchError
 from midair.model import AmplitudeFrames, Drive, Medium
 from midair.physics import propagate, radiation_pressure, relative_error
 from midair.streaming import blocks
-
-Array = NDArray[np.float64]
 
 
 def error_at_temperature(drive: Drive, target: AmplitudeFrames, medium: Medium, *, frames: int | None = None) -> Array:

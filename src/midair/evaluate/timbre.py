@@ -5,13 +5,11 @@ The balance of high and low frequencies explains most of how noisy vibrations di
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import band_energy
 from midair.errors import InputError
 from midair.model import BAND, PressureFrames
-
-Array = NDArray[np.float64]
 
 THIRD_OCTAVES = tuple(float(1000 * 10 ** (number / 10)) for number in range(-16, -3))
 """Centre frequencies of the third octaves completely within 20 to 470 Hz, 25 to 398 Hz (base ten, IEC 61260-1)."""

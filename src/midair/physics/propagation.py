@@ -3,7 +3,6 @@
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
 from midair.errors import InputError, ShapeError
@@ -70,7 +69,7 @@ def _t4010a1(degrees: Array) -> Array:
     return a + x * (b + x * (c + x * d))
 
 
-Points = ControlGrid | NDArray[np.float64]
+Points = ControlGrid | Array
 
 
 def wavenumber(array: TransducerArray, medium: Medium) -> float:
@@ -105,7 +104,7 @@ _AT_ONCE = 2**16
 """Elements of a transfer matrix that are computed at once."""
 
 
-def _rows(places: NDArray[np.float64], array: TransducerArray, acoustics: Acoustics) -> Complex:
+def _rows(places: Array, array: TransducerArray, acoustics: Acoustics) -> Complex:
     """The transfer matrix at some points."""
     away = places[:, None, :] - array.position[None, :, :]
     distance = np.sqrt(np.einsum("mnx,mnx->mn", away, away))
@@ -131,9 +130,7 @@ def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = Non
     return drive.q @ transfer_matrix(points, drive.array, acoustics=acoustics or drive.acoustics).T
 
 
-def focus_phase(
-    array: TransducerArray, point: NDArray[np.float64], *, acoustics: Acoustics | None = None
-) -> NDArray[np.float64]:
+def focus_phase(array: TransducerArray, point: Array, *, acoustics: Acoustics | None = None) -> Array:
     """Phases that focus all transducers on one point, shape (transducer,), in rad.
 
     theta_n = -k r_n, minus the measured phase of the transducer's response.
@@ -152,21 +149,21 @@ def focus_amplitude(points: Points, array: TransducerArray, *, acoustics: Acoust
     return float(np.abs(matrix).sum(axis=1).max())
 
 
-def quantise_phase(phase: NDArray[np.float64], *, bits: int = 8) -> NDArray[np.float64]:
+def quantise_phase(phase: Array, *, bits: int = 8) -> Array:
     """Phases rounded to 2 pi / 2^bits, 0 to 2 pi, as firmware stores them, same shape, in rad."""
     steps = 2**bits
     # Round before the modulo: the last half step rounds up to a whole turn, which is step 0.
     return np.mod(np.rint(phase / (2 * np.pi) * steps), steps) * (2 * np.pi / steps)
 
 
-def _places(points: Points) -> NDArray[np.float64]:
+def _places(points: Points) -> Array:
     places = points.position if isinstance(points, ControlGrid) else np.asarray(points, float)
     if places.ndim != 2 or places.shape[1] != 3:
         raise ShapeError(f"points: expected shape (point, 3), got {places.shape}")
     return places
 
 
-Field = NDArray[np.complex128] | NDArray[np.float64]
+Field = Complex | Array
 
 
 def relative_error(field: Field, amplitude: Array) -> Array:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model import Progress, Status
 from midair.solvers.fast import Fast
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt, damped
@@ -18,8 +19,6 @@ from midair.solvers.mode_system import System
 from midair.solvers.modes import modes
 from midair.solvers.problem import Answer, Problem, Start, WarmStart
 from midair.solvers.sequence import FrameAnswer, solve_in_turn
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

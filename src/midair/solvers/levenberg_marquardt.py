@@ -10,15 +10,12 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.model import Progress, Status
 from midair.solvers.problem import Answer, Problem, Start, WarmStart, jacobian, residual
 from midair.solvers.sequence import FrameAnswer, solve_in_turn
 from midair.solvers.terms import excess_rows
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

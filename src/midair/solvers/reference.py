@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model import Progress
 from midair.solvers.phases import hold, unit
 from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]
 
 

@@ -9,12 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from midair.dsp import band_window, filter_response
+from midair.dsp import Band, band_window, filter_response
 from midair.model import AmplitudeFrames, PressureFrames, Setting
 from midair.physics import TransducerDynamics, playback_response
 from midair.streaming import each_frame
-
-Band = tuple[float, float]
 
 
 def precompensate(

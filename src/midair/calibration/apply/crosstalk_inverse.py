@@ -1,12 +1,10 @@
 """Inverse of the crosstalk between sensor cells."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import Calibration, Crosstalk
-
-Array = NDArray[np.float64]
 
 
 def undo_matrix(crosstalk: Crosstalk, *, damping: float = 0.0) -> Array:

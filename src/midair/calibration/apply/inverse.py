@@ -7,15 +7,12 @@ depend on the recording, so all recordings are treated alike.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.dsp import Band, band_window, fft_frequencies, fir_from_response
 from midair.errors import BandError, InputError
 from midair.model import Calibration
 from midair.validation import positive
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def inverse_response(

@@ -3,16 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.measure.linearity import distinct
 from midair.calibration.measure.referenced_take import ReferencedTake, check_alike
 from midair.calibration.measure.take_sums import MeasureSettings, TakeSums, sums_of
 from midair.errors import MismatchError
 from midair.model import Calibration, PressureFrames, Provenance, Recording, Setting
 from midair.progress import report_progress
-
-Array = NDArray[np.float64]
 
 
 def measure_response(

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.calibration.measure.array_plan import ArrayCodes
 from midair.errors import ShapeError
 from midair.model import BAND, HEIGHT, RATE, Acoustics, Calibration, ControlGrid, SensorGrid, TransducerArray
 from midair.physics import SensorModel, TransducerDynamics, cell_weights, radiation_pressure, transfer_matrix
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import RATE, Acoustics, SensorGrid, TransducerArray
 from midair.physics import quantise_phase, radiation_pressure, transfer_matrix
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

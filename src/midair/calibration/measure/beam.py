@@ -9,8 +9,8 @@ the differences between channels do not.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.calibration.measure.beam_plan import BeamPlan
 from midair.calibration.measure.delay import channel_delay, upper_half
 from midair.calibration.measure.frequency_response import widened
@@ -18,9 +18,6 @@ from midair.calibration.measure.linearity import bend_uncertainty, fit_levels
 from midair.calibration.measure.noise import quiet_density, white_level
 from midair.errors import InputError, ShapeError
 from midair.model import Calibration, Crosstalk, Linearity, Measurement, Recording
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,14 +1,12 @@
 """Excitation signals for a shaker or a loudspeaker during a calibration: noise, sweeps and tones."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import Band, check_band
 from midair.errors import InputError
 from midair.model import RATE
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 
 def noise_signal(

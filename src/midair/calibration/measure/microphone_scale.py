@@ -10,12 +10,10 @@ neglected: a weight that rebounds transfers up to twice the momentum.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 GRAVITY = 9.81
 """In m/s2."""

@@ -1,14 +1,12 @@
 """Noise of a sensor: density at the output and equivalent pressure."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.measure.frequency_response import band_sums
 from midair.dsp import Band
 from midair.errors import BandError
 from midair.model import BAND, Calibration, Recording
-
-Array = NDArray[np.float64]
 
 
 def quiet_density(recording: Recording, *, resolution: float, width: float) -> tuple[Array, Array, float]:

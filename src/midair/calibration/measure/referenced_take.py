@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, MismatchError, ShapeError
 from midair.model import Recording, SensorGrid
 from midair.validation import frozen_array, positive
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

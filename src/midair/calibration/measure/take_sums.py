@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.measure.crosstalk_matrix import crosstalk_of
 from midair.calibration.measure.delay import channel_delay, upper_half
 from midair.calibration.measure.frequency_response import (
@@ -22,8 +23,6 @@ from midair.calibration.measure.repeatability import repeatability
 from midair.errors import BandError
 from midair.model import Calibration, Crosstalk, Linearity, Measurement, Provenance, Recording, SensorGrid, Setting
 from midair.recordings import dead_channels
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,15 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.calibration.measure.frequency_response import widened
 from midair.errors import BandError, InputError, MismatchError
 from midair.model import Calibration, Measurement, Provenance, Recording
 from midair.validation import positive
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def measure_tone(
