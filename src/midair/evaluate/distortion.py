@@ -70,16 +70,9 @@ def distortion_ratios(
 ) -> dict[str, Limits]:
     """Each ratio of `RATIOS` with its limits; those without noise only if `noise` is given.
 
-    Parameters
-    ----------
-    power, apart : ndarray, shape (channel,)
-        Energy of the original, and that of the residual after the channel's own gain `own`.
-    gain : float
-        Best gain over all channels.
-    noise : ndarray, any shape, optional
-        Rms noise of each channel over the `frames`.
-    values : float
-        Independent values of the noise in a channel: twice its bandwidth times the duration.
+    `power` is the energy of the original in each channel, `apart` that of the residual after the channel's own gain
+    `own`; `gain` is the best one over all channels. `noise` is the rms of each channel over the `frames`, with `values`
+    independent values: twice its bandwidth times the duration.
     """
     touched = (power > 0) & (power >= power.max() * 10 ** (-weakest / 10))
     # Residual of each channel after its own gain, plus the deviation of that gain from the common one.
@@ -151,7 +144,7 @@ def fidelity(
     x, y = (resample(each.pressure, each.rate, rate) for each in (original, delivered))
     frames = min(len(x), len(y))
     x, y = in_band(x[:frames], rate, band), in_band(y[:frames], rate, band)
-    delay = find_delay(x, y, rate, longest=min(0.05, (frames - 1) / rate))
+    delay = find_delay(x, y, rate)
     # Align before fitting a gain, because a delay is no distortion.
     y = advance(y, delay, rate)
     begin, duration = judged or (0.0, frames / rate)

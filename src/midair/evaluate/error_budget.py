@@ -117,20 +117,9 @@ def budget(
 ) -> Budget:
     """Compare the output of each stage with its input and with the original.
 
-    Parameters
-    ----------
-    original : PressureFrames
-        Recorded pressure in the band.
-    outputs : sequence of StageOutput
-        In processing order, all on the original's cells and with the same start and duration.
-    strength : float
-        Target peak over the peak of a single focus.
-    kept : float, optional
-        Part of the recording's power in the band.
-    band, images, judged : tuple of float
-        As in `fidelity`.
-    palm : PalmFidelity, optional
-        Fidelity over a whole palm.
+    `original` is the recorded pressure in the band. `outputs` are in processing order, all on the original's cells and
+    with the same start and duration. `strength`, `kept` and `palm` are fields of `Budget`; `band`, `images` and
+    `judged` are as in `fidelity`.
     """
     lines: list[StageLoss] = []
     before = original

@@ -42,9 +42,8 @@ def band_settling_frames(band: tuple[float, float], rate: float) -> int:
 
 def _edges(asked: PressureFrames) -> tuple[float, float]:
     """Edges of the band in the calibration step of the provenance, or the default edges."""
-    for step in reversed(asked.provenance.steps):
-        edges = step.settings.get("edges_hz")
-        if step.stage == "calibrate" and isinstance(edges, tuple) and len(edges) == 2:
-            rise, fall = (float(width) for width in edges if isinstance(width, int | float))
-            return rise, fall
+    edges = asked.provenance.last("calibrate").get("edges_hz")
+    if isinstance(edges, tuple) and len(edges) == 2:
+        rise, fall = (float(width) for width in edges if isinstance(width, int | float))
+        return rise, fall
     return band_edges(asked.band or (0.0, asked.rate / 2), asked.rate)

@@ -126,12 +126,8 @@ def perceptual_metrics(
     resampling; their overall values are means over the compared cells, weighted by the original's power. Powers are
     summed over the cells.
 
-    Parameters
-    ----------
-    original, reproduced : PressureFrames
-        Pressures of the same cells at the same rate, at least 64 ms long. Lazy frames are read block by block.
-    weakest : float
-        Cells are compared down to this many dB below the strongest cell.
+    Both are pressures of the same cells at the same rate, at least 64 ms long; lazy frames are read block by block.
+    Cells are compared down to `weakest` dB below the strongest cell.
 
     Raises
     ------
@@ -144,7 +140,7 @@ def perceptual_metrics(
     skin, rate = skin or SkinModel(), original.rate
     frames = min(original.frames, reproduced.frames)
     x, y = original.pressure[:frames], reproduced.pressure[:frames]
-    delay = find_delay(x, y, rate, longest=min(0.05, (frames - 1) / rate))
+    delay = find_delay(x, y, rate)
     # A delay of rounding errors would fill silent blocks with noise.
     y = advance(y, delay, rate) if abs(delay) > 1e-9 else y
     power = np.zeros(original.sensor.shape)
