@@ -10,21 +10,11 @@ from midair.model import Acoustics, ControlGrid, Directivity, Drive, Medium, Tra
 
 
 def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: float = 4.5e-3) -> Array:
-    """Amplitude relative to the axis, 1 on the axis.
+    """Amplitude relative to the axis, 1 on the axis, at angles from the transducer's normal in rad, 0 to pi.
 
-    Raises InputError if `kind` is unknown.
-
-    Parameters
-    ----------
-    angle : ndarray, any shape
-        Angle between the transducer's normal and the point, in rad, 0 to pi.
-    kind : {"point", "piston", "t4010a1"}
-        "point": 1 everywhere. "piston": 2 J1(x) / x, x = k a sin(theta), a circular piston in a baffle. "t4010a1":
-        the measured table of AUTD3's transducer.
-    wavenumber : float
-        k in rad/m, used by the piston.
-    radius : float
-        a of the piston, in m.
+    "point" is 1 everywhere, "piston" 2 J1(x) / x with x = k a sin(theta), a circular piston in a baffle, and "t4010a1"
+    the measured table of AUTD3's transducer. k is `wavenumber` in rad/m, and a the `radius` of the piston in m. Raises
+    InputError if `kind` is unknown.
     """
     angle = np.asarray(angle, float)
     if kind == "point":
@@ -83,12 +73,8 @@ def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoust
     G_mn = C D(theta_mn) exp(-beta r_mn) exp(j k r_mn) / r_mn, with C the pressure of one transducer at 1 m. Complex,
     shape (point, transducer). Raises InputError if a point lies on a transducer.
 
-    Parameters
-    ----------
-    points : ControlGrid or ndarray, shape (point, 3)
-        Positions in m.
-    acoustics : Acoustics, optional
-        Speed and attenuation of the air, and D; the paper's if None.
+    Positions, shape (point, 3), are in m. `acoustics` gives speed and attenuation of the air, and D; the paper's if
+    None.
     """
     acoustics = acoustics or Acoustics()
     places = _places(points)
@@ -120,12 +106,7 @@ def _rows(places: Array, array: TransducerArray, acoustics: Acoustics) -> Comple
 def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = None) -> Complex:
     """The steady-state field of each frame of a drive, p = G q, paper eq. (1); complex, peak, in Pa, (frame, point).
 
-    Parameters
-    ----------
-    points : ControlGrid or ndarray, shape (point, 3)
-        Positions in m.
-    acoustics : Acoustics, optional
-        If None, those that the drive was solved for.
+    Positions, shape (point, 3), are in m; `acoustics` are those that the drive was solved for if None.
     """
     return drive.q @ transfer_matrix(points, drive.array, acoustics=acoustics or drive.acoustics).T
 

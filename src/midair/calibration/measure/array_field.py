@@ -136,4 +136,4 @@ def _padded(code: NDArray[np.int8], settle: int) -> NDArray[np.int64]:
 
 def pole_of(dynamics: TransducerDynamics) -> complex:
     """-1 / time constant + j detuning, in rad/s."""
-    return complex(-1 / dynamics.time_constant, dynamics.detuning)
+    return dynamics.pole
