@@ -116,8 +116,9 @@ class ArrayField:
         q(t + dt) = c + (q(t) - c) e^(p dt), with the pole p in rad/s. Both results are complex, of shape (step,
         transducer of the group); the derivative is in s/rad.
         """
-        code, members, settle = self.codes.codes[group], self.codes.groups[group], self.codes.settle
-        command = self.codes.level * np.exp(1j * (self.codes.still[members] + np.pi / 2 * _padded(code, settle // 2)))
+        members, half = self.codes.groups[group], self.codes.settle // 2
+        code = np.pad(self.codes.codes[group].astype(np.int64), ((half, half), (0, 0)))
+        command = self.codes.level * np.exp(1j * (self.codes.still[members] + np.pi / 2 * code))
         time = np.arange(1, self.steps + 1)[:, None] / (self.codes.rate * self.steps)
         decay = np.exp(pole * time)
         q = np.empty((len(command), self.steps, len(members)), complex)
@@ -128,10 +129,6 @@ class ArrayField:
             q[frame] = drive + (now - drive) * decay
             now, moving = q[frame, -1], change[frame, -1]
         return q.reshape(-1, len(members)), change.reshape(-1, len(members))
-
-
-def _padded(code: NDArray[np.int8], settle: int) -> NDArray[np.int64]:
-    return np.pad(code.astype(np.int64), ((settle, settle), (0, 0)))
 
 
 def pole_of(dynamics: TransducerDynamics) -> complex:

@@ -140,11 +140,7 @@ class BeamField:
 
 
 def beam_field(
-    array: TransducerArray,
-    sensor: SensorGrid,
-    setting: BeamSetting,
-    *,
-    acoustics: Acoustics | None = None,
+    array: TransducerArray, sensor: SensorGrid, setting: BeamSetting, *, acoustics: Acoustics | None = None
 ) -> BeamField:
     """Compute the pressure around a sensor for a focus on each of its cells."""
     acoustics = acoustics or Acoustics()
