@@ -169,12 +169,9 @@ def fidelity(
 
 def in_band(pressure: Array, rate: float, band: Band) -> Array:
     """Filter pressure, shape (frame, ...), to a band with sharp edges and without delay."""
-    high = min(band[1], rate / 2)
+    inside, axes = (band[0], min(band[1], rate / 2)), [1] * (pressure.ndim - 1)
     return filter_response(
-        pressure,
-        rate,
-        lambda f: band_window(f, (band[0], high), edges=(0.0, 0.0)).reshape(-1, *[1] * (pressure.ndim - 1)),
-        reach=0.1,
+        pressure, rate, lambda f: band_window(f, inside, edges=(0.0, 0.0)).reshape(-1, *axes), reach=0.1
     )
 
 

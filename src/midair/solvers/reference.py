@@ -26,9 +26,8 @@ class Naive:
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Compute phases for each frame independently."""
-        return _shape_only(
-            problem, unit(problem.amplitude.astype(complex) @ problem.G.conj()), self.iterations, after, progress
-        )
+        q = unit(problem.amplitude.astype(complex) @ problem.G.conj())
+        return _shape_only(problem, q, self.iterations, after, progress)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
