@@ -8,26 +8,18 @@ from fractions import Fraction
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import BandError, InputError
 from midair.model import BAND
 from midair.streaming import BYTES, LazyFrames, convolve_lazily, extend, filter_lazily, read_frames, resample_lazily
 from midair.validation import positive
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Band = tuple[float, float]
 
 
 def check_band(band: Band, rate: float) -> Band:
-    """Return `band` as two floats if 0 <= low < high <= rate / 2.
-
-    Raises
-    ------
-    BandError
-        If it does not fit; the message suggests a band that does.
-    """
+    """Return `band` as two floats; raise a BandError that suggests another one unless 0 <= low < high <= rate / 2."""
     low, high = float(band[0]), float(band[1])
     nyquist = rate / 2
     if not 0 <= low < high <= nyquist:
@@ -48,21 +40,9 @@ def band_edges(band: Band, rate: float) -> tuple[float, float]:
 def band_window(frequency: Array, band: Band, *, edges: tuple[float, float]) -> Array:
     """Raised-cosine window B(f): 1 inside the band, 0 outside, 0.5 at its two corners.
 
-    B rises as a half cosine over `edges[0]` around the lower corner and falls over `edges[1]` around the upper one.
-
-    Parameters
-    ----------
-    frequency : ndarray, any shape
-        In Hz.
-    band : tuple of float
-        (low, high) corners, in Hz.
-    edges : tuple of float
-        Full widths of the edges, in Hz; 0 for a step, which includes the corner itself.
-
-    Raises
-    ------
-    BandError
-        If the edges overlap or reach below 0 Hz.
+    B rises as a half cosine over `edges[0]` around the lower corner and falls over `edges[1]` around the upper one; a
+    width of 0 is a step, which includes the corner itself. All frequencies are in Hz. Raises BandError if the edges
+    overlap or reach below 0 Hz.
     """
     (low, high), (rise, fall) = band, edges
     if rise < 0 or fall < 0 or rise > 2 * low or low + rise / 2 > high - fall / 2:
@@ -115,17 +95,8 @@ def fir_from_response(response: Complex, taps: int) -> Array:
     The truncated impulse response is the least-squares fit over all frequencies (Oppenheim and Schafer, Discrete-Time
     Signal Processing, 7.5). A zero-phase response gives a symmetric, linear-phase filter.
 
-    Parameters
-    ----------
-    response : ndarray of complex, shape (bin, ...)
-        Response at evenly spaced frequencies from 0 to half the rate, both included.
-    taps : int
-        Odd, so that the delay is a whole number of frames; below 2 (bin - 1).
-
-    Returns
-    -------
-    ndarray, shape (taps, ...)
-        Real.
+    `response`, shape (bin, ...), is given at evenly spaced frequencies from 0 to half the rate, both included. `taps`
+    is odd, so that the delay is a whole number of frames, and below 2 (bin - 1).
     """
     length = 2 * (len(response) - 1)
     if taps < 1 or taps % 2 == 0 or taps >= length:
@@ -138,12 +109,7 @@ def fir_from_response(response: Complex, taps: int) -> Array:
 def filter_fir(x: Array, fir: Array) -> Array:
     """Convolve along time with an odd-length filter and remove its delay of (taps - 1) / 2 frames.
 
-    Parameters
-    ----------
-    x : ndarray, shape (frame, ...)
-        Any unit; held beyond its ends, as in `filter_response`.
-    fir : ndarray, shape (taps, ...)
-        As many further axes as `x`.
+    `fir`, shape (taps, ...), has as many axes as `x`, which is held beyond its ends, as in `filter_response`.
     """
     from scipy.signal import oaconvolve
 
@@ -158,19 +124,8 @@ def filter_fir(x: Array, fir: Array) -> Array:
 def welch(x: Array | LazyFrames, rate: float, *, resolution: float = 4.0) -> tuple[Array, Array]:
     """One-sided power spectral density by Welch's method: Hann segments that overlap by half, mean removed.
 
-    Parameters
-    ----------
-    x : ndarray, shape (frame, ...)
-        Any unit.
-    resolution : float
-        Bin spacing in Hz; coarser only where the signal is shorter than 1 / resolution.
-
-    Returns
-    -------
-    frequency : ndarray, shape (bin,)
-        In Hz.
-    density : ndarray, shape (bin, ...)
-        In unit^2/Hz: its integral is the variance.
+    Returns the frequencies (bin,) in Hz and the density (bin, ...) in unit^2/Hz of `x`, shape (frame, ...); its
+    integral is the variance. `resolution` is the bin spacing in Hz, coarser where the signal is shorter than 1 / it.
     """
     from scipy.signal import welch as scipy_welch
 
@@ -195,14 +150,7 @@ def band_energy(x: Array, rate: float, band: Band, *, resolution: float = 2.0) -
 
     Welch's method with Blackman-Harris segments that overlap by three quarters. Their side lobes are 92 dB down: a
     drift or a strong tone more than four bins away does not leak into the band. Samples in the first or last tenth of a
-    segment from either end of the signal have almost no weight.
-
-    Parameters
-    ----------
-    x : ndarray, shape (frame, ...)
-        Any unit.
-    resolution : float
-        Bin spacing in Hz; coarser only where the signal is shorter than 1 / resolution.
+    segment from either end of the signal have almost no weight. `resolution` is as in `welch`.
     """
     from scipy.signal import welch as scipy_welch
 
@@ -220,18 +168,9 @@ def resample(x: Array, rate: float, new_rate: float) -> Array:
     """The same band-limited signal at another rate; frame 0 stays at time 0.
 
     Polyphase filter (`scipy.signal.resample_poly`) with a Kaiser window: flat to 0.1 % up to 94 % of half the lower
-    rate (470 of 500 Hz), -6 dB at half the lower rate, and 80 dB down from 106 % on.
-
-    Parameters
-    ----------
-    x : ndarray, shape (frame, ...)
-        Any unit; held beyond its ends.
-    rate, new_rate : float
-        In Hz. Their ratio is rounded to the nearest fraction with a denominator up to 1000.
-
-    Returns
-    -------
-    ndarray, shape (ceil(frame * new_rate / rate), ...)
+    rate (470 of 500 Hz), -6 dB at half the lower rate, and 80 dB down from 106 % on. The ratio of the rates is rounded
+    to the nearest fraction with a denominator up to 1000. `x`, shape (frame, ...), is held beyond its ends; the result
+    has the shape (ceil(frame * new_rate / rate), ...).
     """
     from scipy.signal import firwin, resample_poly
 

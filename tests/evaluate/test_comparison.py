@@ -6,8 +6,8 @@ from scipy.signal import firwin
 
 from midair.dsp import filter_fir, welch
 from midair.errors import MismatchError, RateError
-from midair.evaluate import advance, compare, dominant_frequency, find_delay, in_band, spectral_error
-from midair.model import PressureFrames, Provenance, SensorGrid
+from midair.evaluate import advance, compare, dominant_frequency, find_delay, in_band, peak_position, spectral_error
+from midair.model import ControlGrid, PressureFrames, Provenance, SensorGrid
 from midair.streaming import LazyFrames
 
 
@@ -159,3 +159,12 @@ def test_the_figures_equal_their_definitions():
     assert said.spectral_error == pytest.approx(spectral_error(before, after), rel=1e-12)
     assert said.frequency == (dominant_frequency(x, 1000.0), dominant_frequency(y, 1000.0))
     assert said.rms == pytest.approx([np.sqrt((each**2).mean(axis=0).max()) for each in (x, y)], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "grid", [ControlGrid(rows=3, columns=5, pitch=0.01), SensorGrid(rows=3, columns=5, pitch=0.01)]
+)
+def test_peak_is_where_it_was_put(grid):
+    values = np.zeros(grid.shape)
+    values[2, 0] = 1
+    assert peak_position(values, grid) == pytest.approx((-0.02, 0.01))

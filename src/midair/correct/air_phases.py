@@ -3,14 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model import Drive, Medium
 from midair.physics import wavenumber
 from midair.streaming import LazyFrames
 
 
-def correct_air(drive: Drive, room: Medium, centre: NDArray[np.float64]) -> Drive:
+def correct_air(drive: Drive, room: Medium, centre: Array) -> Drive:
     """Change the phases of a drive so that its waves arrive at one point as they do in the air it was solved for.
 
     ``phase_i - (k_room - k_solved) d_i``, with d_i the distance of transducer i from the point `centre` (m), such as

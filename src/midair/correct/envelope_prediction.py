@@ -24,9 +24,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.array_types import Array, Single
+from midair.array_types import Array, Complex, Single
 from midair.errors import InputError
-from midair.model import AmplitudeFrames, Drive, Provenance, Solution
+from midair.model import AmplitudeFrames, Drive, Setting, Solution
 from midair.physics import (
     SensorModel,
     TransducerDynamics,
@@ -52,13 +52,7 @@ class EnvelopeTracking:
     comes: Waves  # Output after one frame of a drive of 1, shape (transducer,)
 
     @classmethod
-    def of(
-        cls,
-        drive: Drive,
-        transducers: Transducers,
-        points: Array,
-        weights: Array,
-    ) -> "EnvelopeTracking":
+    def of(cls, drive: Drive, transducers: Transducers, points: Array, weights: Array) -> "EnvelopeTracking":
         """Make it for a drive's array and air, these transducers, and weights (place, point) of places at points."""
         G = transfer_matrix(points, drive.array.nominal, acoustics=drive.acoustics)
         unit = float(radiation_pressure(np.ones(1), drive.acoustics.medium)[0])
@@ -204,24 +198,24 @@ class EnvelopePrediction:
         once.
         """
         pending, done = None, 0
+        settings: dict[str, Setting] = {"highest_hz": self.highest, "slow": self.slow, "iterations": self.iterations}
         for part in chain(parts, [None]):
             if part is not None:
                 amplitude = read_frames(target.amplitude, done, done + part.drive.frames)
-                pending = _PendingFrames.of(self, part, target) if pending is None else pending.followed_by(part)
+                if pending is None:
+                    pending = _PendingFrames.of(self, part, target)
+                else:
+                    pending = replace(pending, solution=Solution.joined([pending.solution, part]))
                 pending = pending.with_target(amplitude)
                 done += part.drive.frames
             while pending is not None and (count := self._next(pending.open, last=part is None)):
                 corrected, pending = pending.corrected(count)
-                yield replace(corrected, drive=replace(corrected.drive, provenance=self._noted(corrected.drive)))
+                noted = corrected.drive.provenance.then("foresee the array", settings)
+                yield replace(corrected, drive=replace(corrected.drive, provenance=noted))
 
     def _next(self, count: int, *, last: bool) -> int:
         """Number of frames of the next block; 0 while there are too few."""
         return self.block if count >= self.block + self.around else count * last
-
-    def _noted(self, drive: Drive) -> Provenance:
-        return drive.provenance.then(
-            "foresee the array", {"highest_hz": self.highest, "slow": self.slow, "iterations": self.iterations}
-        )
 
     def metric(self, part: slice, frames: int, rate: float) -> Single:
         """The matrix (F^T F + slow), (frame, frame), for frames of which `part` is the block."""
@@ -249,7 +243,7 @@ class _PendingFrames:
     target_weights: Array  # Weights from the target's pressure to each place, shape (place, point)
     solution: Solution
     wanted: Single  # Target pressure at the ends of frames in Pa, shape (frame, place)
-    sound: NDArray[np.complex128]  # Envelope of the target's sound, or pressure, shape (point,)
+    sound: Complex  # Envelope of the target's sound, or pressure, shape (point,)
     start: Waves  # Output of the transducers before the first frame, shape (transducer,)
     kept: int = 0  # Number of frames that are already corrected
 
@@ -278,14 +272,10 @@ class _PendingFrames:
         """Number of frames to be corrected."""
         return self.solution.drive.frames - self.kept
 
-    def followed_by(self, part: Solution) -> "_PendingFrames":
-        """Append frames."""
-        return replace(self, solution=Solution.joined([self.solution, part]))
-
     def with_target(self, amplitude: Array) -> "_PendingFrames":
         """Append the target pressure of the next frames."""
         drive, dynamics = self.solution.drive, self.settings.dynamics
-        e = np.exp(complex(-1 / dynamics.time_constant, dynamics.detuning) / drive.rate)
+        e = np.exp(dynamics.pole / drive.rate)
         squared = self.settings.linear == "pressure"
         now, sound = self.sound, np.empty_like(amplitude)
         for frame, asked in enumerate(amplitude**2 if squared else amplitude):

@@ -40,22 +40,8 @@ def beam_drive(
 
     The sensor does not measure steady pressure, so the pressure is a raised sine: P(t) = level^2 P_full (1 - cos 2 pi f
     t) / 2. Pressure is proportional to the squared amplitude, so the drive is its root. The drive has cycles * rate /
-    frequency frames per level.
-
-    Parameters
-    ----------
-    point : ndarray, shape (3,)
-        Position of the focus, in m.
-    levels : ndarray, shape (level,)
-        Maximum drive at each level, 0 to 1.
-    frequency : float
-        Frequency of the oscillation, in Hz; `rate` over it must be whole.
-    cycles : int
-        Cycles per level.
-    rate : float
-        Frames per second, in Hz.
-    acoustics : Acoustics, optional
-        Air and directivity for the focus.
+    frequency frames per level, of which rate / frequency must be whole; both are in Hz. `point`, shape (3,), is the
+    position of the focus in m, `levels` the maximum drive at each level, 0 to 1.
     """
     period = rate / frequency
     if abs(period - round(period)) > 1e-9 or period < 4:
@@ -77,11 +63,7 @@ def beam_drive(
 
 
 def commanded_pressure(
-    array: TransducerArray,
-    point: Array,
-    levels: Array,
-    *,
-    acoustics: Acoustics | None = None,
+    array: TransducerArray, point: Array, levels: Array, *, acoustics: Acoustics | None = None
 ) -> Array:
     """Modelled radiation pressure at the focus for each level, shape (level,), in Pa."""
     matrix = transfer_matrix(np.reshape(point, (1, 3)), array, acoustics=acoustics)

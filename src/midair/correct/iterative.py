@@ -12,10 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.array_types import Array, Complex
-from midair.dsp import band_edges, band_window, filter_response
+from midair.dsp import Band, band_edges, band_window, filter_response
 from midair.errors import InputError, ShapeError
-
-Band = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,18 +35,10 @@ def measured_response(asked: Array, heard: Array, rate: float, *, band: Band, re
     """H1 = S_uy / S_uu by Welch's method, the cross-spectra summed over the cells.
 
     Bins with less than 1e-4 of the strongest bin's power contain no information; they take H of the nearest bin with
-    more. Raises ShapeError if the shapes differ and InputError if the commanded pressure is zero in the band.
-
-    Parameters
-    ----------
-    asked, heard : ndarray, shape (frame, row, column)
-        Commanded and re-recorded pressure in Pa, at the same times.
-    rate : float
-        In Hz.
-    band : tuple of float
-        (low, high) in Hz; bins outside are ignored.
-    resolution : float
-        Spacing of the bins, in Hz; H is assumed smooth over it.
+    more, and bins outside the band (low, high) are ignored. H is assumed smooth over the spacing of the bins,
+    `resolution`; all frequencies are in Hz. `asked` and `heard`, shape (frame, row, column), are the commanded and the
+    re-recorded pressure in Pa, at the same times. Raises ShapeError if their shapes differ and InputError if the
+    commanded pressure is zero in the band.
     """
     from scipy.signal import csd
     from scipy.signal import welch as scipy_welch

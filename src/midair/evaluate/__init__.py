@@ -7,6 +7,7 @@ from .alignment import advance as advance
 from .alignment import find_delay as find_delay
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
+from .comparison import peak_position as peak_position
 from .distortion import OVERALL as OVERALL
 from .distortion import RATIOS as RATIOS
 from .distortion import TOUCHED as TOUCHED
@@ -33,7 +34,6 @@ from .palm_metrics import PalmFrames as PalmFrames
 from .palm_metrics import PressedPalm as PressedPalm
 from .palm_metrics import palm_fidelity as palm_fidelity
 from .palm_metrics import palm_frames as palm_frames
-from .peak import peak_position as peak_position
 from .perception import FELT_BANDS as FELT_BANDS
 from .perception import SkinModel as SkinModel
 from .perception import band_levels as band_levels

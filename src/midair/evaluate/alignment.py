@@ -3,26 +3,17 @@
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.streaming import LazyFrames, block_ranges, read_frames, shift_earlier
-
-Array = NDArray[np.float64]
 
 
 def find_delay(original: Array | LazyFrames, later: Array | LazyFrames, rate: float, *, longest: float = 0.05) -> float:
     """Delay of `later` after `original` in s, from the peak of the cross-correlation summed over the channels.
 
-    The peak is located between samples by band-limited interpolation. The delay is 0 if either signal is silent.
-
-    Parameters
-    ----------
-    original, later : ndarray or LazyFrames, shape (frame, ...)
-        The same channels at the same rate.
-    rate : float
-        In Hz.
-    longest : float
-        Largest delay in either direction, in s.
+    The peak is located between samples by band-limited interpolation. The delay is 0 if either signal is silent. Both
+    signals, shape (frame, ...), have the same channels and `rate` in Hz; `longest` is the largest delay in either
+    direction, in s, and at most the length of the signals.
     """
     reach = max(1, min(round(longest * rate), max(len(original), len(later)) - 1))
     around = _correlation(original, later, reach)
@@ -79,14 +70,8 @@ def _correlation(original: Array | LazyFrames, later: Array | LazyFrames, reach:
 def advance(samples: Array, delay: float, rate: float) -> Array:
     """Shift `samples` earlier by `delay` seconds, with silence on both sides, by a linear phase on the spectrum.
 
-    Parameters
-    ----------
-    samples : ndarray or LazyFrames, shape (frame, ...)
-        Lazy frames give lazy frames, see `midair.streaming.lazy_filters.shift_earlier`.
-    delay : float
-        In s, of any sign, also fractions of a frame.
-    rate : float
-        In Hz.
+    The delay may have any sign, also fractions of a frame. `samples` have the shape (frame, ...) and a `rate` in Hz;
+    lazy frames give lazy frames, see `midair.streaming.lazy_filters.shift_earlier`.
     """
     if isinstance(samples, LazyFrames):
         return cast("Array", shift_earlier(samples, delay * rate))

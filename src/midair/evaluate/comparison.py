@@ -4,19 +4,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.distortion import OVERALL, Limits, distortion_ratios
-from midair.evaluate.peak import peak_position
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
-from midair.model import PressureFrames, SensorGrid
+from midair.model import ControlGrid, PressureFrames, SensorGrid
 from midair.streaming import LazyFrames, blocks
 from midair.validation import check_type
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,8 +113,7 @@ def compare(
     check_alike(original, reproduced)
     frames = min(original.frames, reproduced.frames - first)
     part, x, shape = slice(first, first + frames), original.pressure[:frames], original.sensor.shape
-    longest = min(longest_delay, (frames - 1) / original.rate)
-    delay = find_delay(x, reproduced.pressure[part], original.rate, longest=longest)
+    delay = find_delay(x, reproduced.pressure[part], original.rate, longest=longest_delay)
     # The delay is removed before all figures: half a period of delay would invert a wave.
     y = advance(reproduced.pressure, delay, original.rate)[part]
     sums = _Sums.of(x, y, original.rate)
@@ -134,10 +130,7 @@ def compare(
         ratios=found,
         spectral_error=_spectral_error(sums, band or original.band),
         peak=_peaks(sums.xx.reshape(shape) / frames, sums.yy.reshape(shape) / frames, original.sensor),
-        frequency=(
-            dominant_frequency(x, original.rate),
-            dominant_frequency(y, original.rate),
-        ),
+        frequency=(dominant_frequency(x, original.rate), dominant_frequency(y, original.rate)),
         rms=(float(np.sqrt(sums.xx.max() / frames)), float(np.sqrt(sums.yy.max() / frames))),
         channel_correlation=_over(sums.xy, np.sqrt(sums.xx * sums.yy)).reshape(shape),
         channel_gain=own.reshape(shape),
@@ -197,6 +190,12 @@ def _products(x: Array, y: Array) -> Array:
 
 def _squares(x: Array) -> Array:
     return _products(x, x)
+
+
+def peak_position(values: Array, grid: ControlGrid | SensorGrid) -> tuple[float, float]:
+    """(x, y) of the largest value of a map (row, column) or (point,), relative to the centre of its grid, in m."""
+    row, column = np.unravel_index(int(np.argmax(values)), grid.shape)
+    return float(grid.x[column]), float(grid.y[row])
 
 
 def _peaks(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[tuple[float, float], tuple[float, float]]:

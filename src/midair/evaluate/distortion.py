@@ -4,15 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from midair.dsp import band_energy, band_window, filter_response, resample
+from midair.array_types import Array
+from midair.dsp import Band, band_energy, band_window, filter_response, resample
 from midair.errors import MismatchError
 from midair.evaluate.alignment import advance, find_delay
 from midair.model import BAND, PressureFrames
 
-Array = NDArray[np.float64]
-Band = tuple[float, float]
 Limits = tuple[float, float, float]
 """A ratio in dB, and its lower and upper limit: those of 95 % for the scatter of the sensor's noise."""
 
@@ -72,16 +70,9 @@ def distortion_ratios(
 ) -> dict[str, Limits]:
     """Each ratio of `RATIOS` with its limits; those without noise only if `noise` is given.
 
-    Parameters
-    ----------
-    power, apart : ndarray, shape (channel,)
-        Energy of the original, and that of the residual after the channel's own gain `own`.
-    gain : float
-        Best gain over all channels.
-    noise : ndarray, any shape, optional
-        Rms noise of each channel over the `frames`.
-    values : float
-        Independent values of the noise in a channel: twice its bandwidth times the duration.
+    `power` is the energy of the original in each channel, `apart` that of the residual after the channel's own gain
+    `own`; `gain` is the best one over all channels. `noise` is the rms of each channel over the `frames`, with `values`
+    independent values: twice its bandwidth times the duration.
     """
     touched = (power > 0) & (power >= power.max() * 10 ** (-weakest / 10))
     # Residual of each channel after its own gain, plus the deviation of that gain from the common one.
@@ -153,7 +144,7 @@ def fidelity(
     x, y = (resample(each.pressure, each.rate, rate) for each in (original, delivered))
     frames = min(len(x), len(y))
     x, y = in_band(x[:frames], rate, band), in_band(y[:frames], rate, band)
-    delay = find_delay(x, y, rate, longest=min(0.05, (frames - 1) / rate))
+    delay = find_delay(x, y, rate)
     # Align before fitting a gain, because a delay is no distortion.
     y = advance(y, delay, rate)
     begin, duration = judged or (0.0, frames / rate)
@@ -178,12 +169,9 @@ def fidelity(
 
 def in_band(pressure: Array, rate: float, band: Band) -> Array:
     """Filter pressure, shape (frame, ...), to a band with sharp edges and without delay."""
-    high = min(band[1], rate / 2)
+    inside, axes = (band[0], min(band[1], rate / 2)), [1] * (pressure.ndim - 1)
     return filter_response(
-        pressure,
-        rate,
-        lambda f: band_window(f, (band[0], high), edges=(0.0, 0.0)).reshape(-1, *[1] * (pressure.ndim - 1)),
-        reach=0.1,
+        pressure, rate, lambda f: band_window(f, inside, edges=(0.0, 0.0)).reshape(-1, *axes), reach=0.1
     )
 
 

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from midair.array_types import Array
 
 FAINT = 1e-2
 """Frames with less than this part of the strongest frame's power are faint."""

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-import numpy as np
-from numpy.typing import NDArray
-
-from midair.evaluate.distortion import Band, Fidelity, fidelity, finite
+from midair.array_types import Array
+from midair.dsp import Band
+from midair.evaluate.distortion import Fidelity, fidelity, finite
 from midair.evaluate.laboratory_loss import LaboratoryLoss
 from midair.evaluate.leakage import Leak
 from midair.evaluate.palm_metrics import PalmFidelity
@@ -27,7 +26,7 @@ class StageOutput:
     """Pressure outside the square, if the stage has a field."""
     reference: PressureFrames | None = None
     """Output of a perfect stage, compared instead of the original."""
-    noise: NDArray[np.float64] | None = None
+    noise: Array | None = None
     """Rms noise of the sensor in the pressure, in the band, in Pa, shape (row, column)."""
     tells_images: bool = True
     """Whether the bandwidth includes the images; that of a 1 kHz sensor does not, at any output rate."""
@@ -118,20 +117,9 @@ def budget(
 ) -> Budget:
     """Compare the output of each stage with its input and with the original.
 
-    Parameters
-    ----------
-    original : PressureFrames
-        Recorded pressure in the band.
-    outputs : sequence of StageOutput
-        In processing order, all on the original's cells and with the same start and duration.
-    strength : float
-        Target peak over the peak of a single focus.
-    kept : float, optional
-        Part of the recording's power in the band.
-    band, images, judged : tuple of float
-        As in `fidelity`.
-    palm : PalmFidelity, optional
-        Fidelity over a whole palm.
+    `original` is the recorded pressure in the band. `outputs` are in processing order, all on the original's cells and
+    with the same start and duration. `strength`, `kept` and `palm` are fields of `Budget`; `band`, `images` and
+    `judged` are as in `fidelity`.
     """
     lines: list[StageLoss] = []
     before = original

@@ -9,13 +9,11 @@ from dataclasses import replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import band_edges, band_window, filter_response
 from midair.model import PressureFrames
 from midair.streaming import pad_with_silence
-
-Array = NDArray[np.float64]
 
 
 def apply_band_twice(asked: PressureFrames) -> PressureFrames:
@@ -44,9 +42,8 @@ def band_settling_frames(band: tuple[float, float], rate: float) -> int:
 
 def _edges(asked: PressureFrames) -> tuple[float, float]:
     """Edges of the band in the calibration step of the provenance, or the default edges."""
-    for step in reversed(asked.provenance.steps):
-        edges = step.settings.get("edges_hz")
-        if step.stage == "calibrate" and isinstance(edges, tuple) and len(edges) == 2:
-            rise, fall = (float(width) for width in edges if isinstance(width, int | float))
-            return rise, fall
+    edges = asked.provenance.last("calibrate").get("edges_hz")
+    if isinstance(edges, tuple) and len(edges) == 2:
+        rise, fall = (float(width) for width in edges if isinstance(width, int | float))
+        return rise, fall
     return band_edges(asked.band or (0.0, asked.rate / 2), asked.rate)

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model import Acoustics, ControlGrid, Drive
 from midair.physics import propagate, radiation_pressure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,14 +29,8 @@ def surroundings(
 ) -> tuple[ControlGrid, NDArray[np.bool_]]:
     """Create a larger grid around a control grid, with a mask (point,) of its points outside the square.
 
-    Parameters
-    ----------
-    grid : ControlGrid
-        Control points; their square ends half a pitch beyond the outermost points.
-    reach : float
-        Margin of the larger grid around the square, in m.
-    pitch : float
-        Pitch of the larger grid, in m; 2.5 mm is a third of a wavelength at 40 kHz.
+    The square ends half a pitch beyond the outermost control points. The larger grid has the margin `reach` around it
+    and another `pitch`, both in m; 2.5 mm is a third of a wavelength at 40 kHz.
     """
     half_x, half_y = grid.columns * grid.pitch / 2, grid.rows * grid.pitch / 2
     rows, columns = (2 * int(np.ceil((half + reach) / pitch)) + 1 for half in (half_y, half_x))
@@ -59,18 +52,9 @@ def leak(
 ) -> Leak:
     """Compute the pressure of a drive outside the square that it was solved for.
 
-    Parameters
-    ----------
-    amplitude : ndarray, shape (frame, point)
-        Target, peak sound pressure in Pa.
-    grid : ControlGrid
-        Control points of the target.
-    acoustics : Acoustics, optional
-        Those of the drive by default.
-    frames : int
-        Number of evenly spaced frames to compute, besides the strongest one.
-    reach : float
-        Margin around the square, in m.
+    `amplitude`, shape (frame, point), is the target at the points of `grid`, peak sound pressure in Pa; `acoustics` are
+    those of the drive by default. `frames` evenly spaced frames are computed, besides the strongest one, with the
+    margin `reach` around the square, in m.
     """
     acoustics = acoustics or drive.acoustics
     wanted = radiation_pressure(amplitude, acoustics.medium)
@@ -83,8 +67,7 @@ def leak(
     pressure = np.where(outside, radiation_pressure(field, acoustics.medium), 0.0)
     top = float(wanted.max())
     hottest = pressure.max(axis=1)
-    where = int(np.argmax(pressure[int(np.argmax(hottest))]))
-    row, column = divmod(where, around.columns)
+    row, column = divmod(int(np.argmax(pressure[int(np.argmax(hottest))])), around.columns)
     over = hottest / top if top > 0 else np.zeros(len(hottest))
     return Leak(
         peak=float(over.max()),

@@ -12,16 +12,14 @@ from functools import cache
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-from midair.dsp import resample
+from midair.array_types import Array
+from midair.dsp import Band, resample
 from midair.evaluate.alignment import advance, find_delay
-from midair.evaluate.distortion import Band, decibels, finite, in_band
+from midair.evaluate.distortion import decibels, finite, in_band
 from midair.model import BAND, Palm
 from midair.physics import SKINS, SkinMotion, Tissue
 from midair.validation import frozen_array
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -129,15 +127,14 @@ def palm_fidelity(
         name: _ratio(*(_displacement(tissue, each, palm, slow, band)[part] for each in (x, y)))
         for name, tissue in skins.items()
     }
+    rms = [_on_grid(np.sqrt((each[part] ** 2).mean(axis=0)), palm) for each in (x, y)]
     return PalmFidelity(
         outside=float(power[beyond].sum() / max(float(power.sum()), np.finfo(float).tiny)),
         pressure=_ratio(x[part], y[part]),
         square=_ratio(x[part][:, ~beyond], y[part][:, ~beyond]),
         displacement=MappingProxyType(moved),
         palm=palm.name,
-        pressed=PressedPalm(
-            wanted=_rms_map(x[part], palm), delivered=_rms_map(y[part], palm), pitch=palm.pitch, square=square
-        ),
+        pressed=PressedPalm(wanted=rms[0], delivered=rms[1], pitch=palm.pitch, square=square),
     )
 
 
@@ -176,12 +173,7 @@ def palm_frames(
 ) -> PalmFrames:
     """Frames at about 1 kHz of the quantities that `palm_fidelity` compares, for display.
 
-    Parameters
-    ----------
-    wanted, delivered, palm, rates, square, judged, band
-        As in `palm_fidelity`.
-    skin : str
-        Name of one of `physics.SKINS`.
+    The parameters are those of `palm_fidelity`; `skin` is the name of one of `physics.SKINS`.
     """
     x, y, rate = _aligned_in_band(wanted, delivered, rates, band)
     # Scale the target to the level of the delivered pressure.
@@ -207,33 +199,21 @@ def _aligned_in_band(
     wanted: Array, delivered: Array, rates: tuple[float, float], band: Band
 ) -> tuple[Array, Array, float]:
     """Both pressures in the band at one rate and aligned, and that rate."""
-    slow = _rate_for(band)
+    # For an exact delay from the cross-correlation: eight times the band's end, 4 kHz for the paper's.
+    slow = float(1000 * np.ceil(8 * band[1] / 1000))
     x, y = (
         in_band(resample(each, rate, slow), slow, band) for each, rate in zip((wanted, delivered), rates, strict=True)
     )
     frames = min(len(x), len(y))
     x, y = x[:frames], y[:frames]
-    y = advance(y, find_delay(x, y, slow, longest=min(0.05, (frames - 1) / slow)), slow)
-    return x, y, slow
+    return x, advance(y, find_delay(x, y, slow), slow), slow
 
 
 def _on_grid(values: Array, palm: Palm) -> Array:
-    """Values of the skin's points on the palm's grid, NaN beside the skin."""
-    on_grid = np.full((len(values), *palm.inside.shape), np.nan)
-    on_grid[:, palm.inside] = values
+    """Values (..., point) of the skin's points on the palm's grid, NaN beside the skin."""
+    on_grid = np.full((*values.shape[:-1], *palm.inside.shape), np.nan)
+    on_grid[..., palm.inside] = values
     return on_grid
-
-
-def _rms_map(pressure: Array, palm: Palm) -> Array:
-    """Rms at each point of the palm's grid, NaN beside the skin."""
-    on_grid = np.full(palm.inside.shape, np.nan)
-    on_grid[palm.inside] = np.sqrt((pressure**2).mean(axis=0))
-    return on_grid
-
-
-def _rate_for(band: Band) -> float:
-    """Rate for an exact delay from the cross-correlation: eight times the band's end, 4 kHz for the paper's."""
-    return float(1000 * np.ceil(8 * band[1] / 1000))
 
 
 def _displacement(tissue: Tissue, pressure: Array, palm: Palm, rate: float, band: Band) -> Array:

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import ShapeError
 from midair.evaluate.spectrum import long_stretches
 from midair.streaming import LazyFrames, read_frames
-
-Array = NDArray[np.float64]
 
 RATE = 8000.0
 """Sample rate of the published metrics in Hz."""
@@ -153,19 +152,11 @@ def st_sim(reference: Array, distorted: Array, *, eta: float = 2 / 3, block: int
     spectra; both are means over the blocks of sum(r d) / sum(r^2). Blocks with a silent reference are ignored; vibromaf
     counts them as 0. A negative tau, for which vibromaf has no result, gives 0.
 
-    Parameters
-    ----------
-    reference, distorted : ndarray, shape (sample,)
-        Signals at 8 kHz on one scale; the longer one is cut.
-    eta : float
-        Weight of the temporal part.
-
-    Returns
-    -------
-    float
-        1 for equal signals, 0 for no similarity; above 1 if the distorted signal is felt more than the reference.
+    The signals, shape (sample,), at 8 kHz are on one scale; the longer one is cut. `eta` is the weight of the temporal
+    part. The result is 1 for equal signals, 0 for no similarity; above 1 if the distorted signal is felt more than the
+    reference.
     """
-    return _over_stretches(reference, distorted, block, lambda: _StSim(eta=eta, block=block))
+    return _over_stretches(reference, distorted, block, _StSim(eta=eta, block=block))
 
 
 def spqi(reference: Array, distorted: Array, *, eta: float = 0.3, threshold: float = -2.0, block: int = 512) -> float:
@@ -175,17 +166,10 @@ def spqi(reference: Array, distorted: Array, *, eta: float = 0.3, threshold: flo
     reference and the distorted signal: differences are weighted by their level over the threshold, and phase is
     ignored. Blocks with a silent reference are ignored.
 
-    Parameters
-    ----------
-    reference, distorted : ndarray, shape (sample,)
-        Signals at 8 kHz on one scale; the longer one is cut.
-
-    Returns
-    -------
-    float
-        1 for equal signals; .02 if the difference is as large as the reference.
+    The signals, shape (sample,), at 8 kHz are on one scale; the longer one is cut. The result is 1 for equal signals;
+    .02 if the difference is as large as the reference.
     """
-    return _over_stretches(reference, distorted, block, lambda: _Spqi(eta=eta, threshold=threshold, block=block))
+    return _over_stretches(reference, distorted, block, _Spqi(eta=eta, threshold=threshold, block=block))
 
 
 def similarities(
@@ -207,8 +191,7 @@ def similarities(
     return found
 
 
-def _over_stretches(reference: Array, distorted: Array, block: int, begin: Callable[[], "_StSim | _Spqi"]) -> float:
-    found = begin()
+def _over_stretches(reference: Array, distorted: Array, block: int, found: "_StSim | _Spqi") -> float:
     for each, other in _stretches(np.asarray(reference, float), np.asarray(distorted, float), block):
         found.add(each, other)
     return found.value
@@ -274,14 +257,7 @@ def pacinian_level(pressure: Array | LazyFrames, rate: float, skin: SkinModel | 
     It predicts the perceived roughness of textures (Bensmaia and Hollins, Percept. Psychophys. 65(6), 2003). X are the
     peak amplitudes of the Fourier components of the whole signal without its mean. For long signals the mean power of
     segments is used, see `midair.evaluate.spectrum.long_stretches`. A sine at the threshold has 0 dB, silence minus
-    infinity.
-
-    Parameters
-    ----------
-    pressure : ndarray or LazyFrames, shape (frame, ...)
-        In Pa.
-    rate : float
-        In Hz.
+    infinity. `pressure`, shape (frame, ...), is in Pa, and `rate` in Hz.
     """
     skin = skin or SkinModel()
     return _weighted_level(pressure, rate, skin, lambda f: 1 / skin.threshold(f)[None] ** 2)[0]

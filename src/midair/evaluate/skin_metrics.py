@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import resample
 from midair.errors import ShapeError
 from midair.evaluate.alignment import advance, find_delay
@@ -15,8 +16,6 @@ from midair.evaluate.spectrum import LONGEST
 from midair.evaluate.timbre import TEXTURE, texture
 from midair.model import BAND, PressureFrames
 from midair.streaming import LazyFrames, as_lazy, blocks, each_frame, read_frames
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,12 +126,8 @@ def perceptual_metrics(
     resampling; their overall values are means over the compared cells, weighted by the original's power. Powers are
     summed over the cells.
 
-    Parameters
-    ----------
-    original, reproduced : PressureFrames
-        Pressures of the same cells at the same rate, at least 64 ms long. Lazy frames are read block by block.
-    weakest : float
-        Cells are compared down to this many dB below the strongest cell.
+    Both are pressures of the same cells at the same rate, at least 64 ms long; lazy frames are read block by block.
+    Cells are compared down to `weakest` dB below the strongest cell.
 
     Raises
     ------
@@ -145,7 +140,7 @@ def perceptual_metrics(
     skin, rate = skin or SkinModel(), original.rate
     frames = min(original.frames, reproduced.frames)
     x, y = original.pressure[:frames], reproduced.pressure[:frames]
-    delay = find_delay(x, y, rate, longest=min(0.05, (frames - 1) / rate))
+    delay = find_delay(x, y, rate)
     # A delay of rounding errors would fill silent blocks with noise.
     y = advance(y, delay, rate) if abs(delay) > 1e-9 else y
     power = np.zeros(original.sensor.shape)

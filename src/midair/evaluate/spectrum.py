@@ -1,11 +1,9 @@
 """Difference between spectra, and dominant frequency."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.streaming import LazyFrames, read_frames
-
-Array = NDArray[np.float64]
 
 
 def spectral_error(original: Array, later: Array) -> float:

@@ -3,14 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import MismatchError
 from midair.model import AmplitudeFrames, Drive, Medium
 from midair.physics import propagate, radiation_pressure, relative_error
 from midair.streaming import blocks
-
-Array = NDArray[np.float64]
 
 
 def error_at_temperature(drive: Drive, target: AmplitudeFrames, medium: Medium, *, frames: int | None = None) -> Array:
@@ -19,19 +17,9 @@ def error_at_temperature(drive: Drive, target: AmplitudeFrames, medium: Medium, 
     The target pressure stays the same; the required sound pressure depends on density and speed of sound. The result is
     ``|| |G q| - p || / || p ||`` of each computed frame, empty if all frames are silent.
 
-    Parameters
-    ----------
-    target : AmplitudeFrames
-        Target that the drive was solved for.
-    medium : Medium
-        Air in which the drive is played.
-    frames : int, optional
-        Number of evenly spaced frames to compute among those that are not silent; all if None.
-
-    Raises
-    ------
-    MismatchError
-        If target and drive differ in their number of frames.
+    `target` is the one that the drive was solved for, `medium` the air in which it is played. Only `frames` evenly
+    spaced frames among those that are not silent are computed; all if None. Raises MismatchError if target and drive
+    differ in their number of frames.
     """
     if target.frames != drive.frames:
         raise MismatchError(f"target: expected {drive.frames} frames as in the drive, got {target.frames}")

@@ -5,13 +5,11 @@ The balance of high and low frequencies explains most of how noisy vibrations di
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import band_energy
 from midair.errors import InputError
 from midair.model import BAND, PressureFrames
-
-Array = NDArray[np.float64]
 
 THIRD_OCTAVES = tuple(float(1000 * 10 ** (number / 10)) for number in range(-16, -3))
 """Centre frequencies of the third octaves completely within 20 to 470 Hz, 25 to 398 Hz (base ten, IEC 61260-1)."""
@@ -22,14 +20,8 @@ _FLOOR = 1e-6  # relative to the total power; anything below is rounding noise
 def third_octaves(pressure: PressureFrames) -> Array:
     """Level of each third octave relative to the total power of all cells, in dB, shape (13,), at least -60 dB.
 
-    The levels do not depend on the overall level, so a texture and a weaker copy of it have the same levels.
-
-    Raises
-    ------
-    InputError
-        If there is no power in any band.
-    BandError
-        If the rate is too low for the last band; 1 kHz is enough.
+    The levels do not depend on the overall level, so a texture and a weaker copy of it have the same levels. Raises
+    InputError if there is no power in any band, BandError if the rate is too low for the last one; 1 kHz is enough.
     """
     power = _third_octave_power(pressure.pressure, pressure.rate).reshape(len(THIRD_OCTAVES), -1).sum(axis=1)
     if not power.sum() > 0:

@@ -9,6 +9,11 @@ from midair.model import Acoustics, TransducerArray
 from midair.physics.propagation import wavenumber
 
 
+def combined(*axes: Array) -> Array:
+    """All combinations of coordinates, shape (point, axis), the last coordinate changing fastest."""
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)).astype(np.float64)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
     """Place of an ear or a hand, and its limit."""
@@ -30,8 +35,7 @@ class Place:
     def points(self) -> Array:
         """3 x 3 x 3 points of the cube, shape (27, 3), in m."""
         steps = np.array([-1.0, 0.0, 1.0]) * self.reach
-        cube = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
-        return np.asarray(cube + np.array(self.position), np.float64)
+        return combined(steps, steps, steps) + np.array(self.position)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +88,7 @@ def cone_points(place: Place, array: TransducerArray, acoustics: Acoustics, *, s
     # The cone of one transducer is a line: limit the spacing to the width of the cube.
     apart = np.minimum(step / np.maximum(wavenumber(array, acoustics.medium) * half, 1e-9), 2 * reach)
     count = np.ceil(reach * np.abs(axes).sum(axis=1) / apart).astype(int) + 1
-    i, j, k = (each.ravel() for each in np.meshgrid(*[np.arange(-n, n + 1) for n in count], indexing="ij"))
+    i, j, k = combined(*[np.arange(-n, n + 1) for n in count]).T
     white = (i + j) % 2 == 0
     steps = np.stack([i, j, k + 0.5 * (i % 2)], axis=1)[white]
     free = steps * apart @ axes

@@ -39,8 +39,6 @@ def simulate(
         From `transfer_matrix`, in Pa.
     chain : PlaybackChain, optional
         Simulated effects; if None, 8-bit phases that are held, and ideal transducers.
-    rate : float
-        Moments per second, in Hz: a whole multiple of the drive's rate.
     acoustics : Acoustics, optional
         Its medium determines the radiation pressure; if None, that of the drive.
     weights : ndarray, shape (cell, point), optional
@@ -59,7 +57,8 @@ def simulate(
     spread = Spread.of(G, acoustics.medium, weights, chain.precision)
     if chain.hold == "ideal":
         # Band-limited interpolation can give negative values, which radiation pressure cannot have.
-        return np.maximum(resample(_still(drive, chain, spread), drive.rate, rate), 0.0)
+        still = np.concatenate([spread.pressure(q) for q, _ in radiate(drive, chain, 1)])
+        return np.maximum(resample(still, drive.rate, rate), 0.0)
     out = np.empty((drive.frames * steps, spread.width))
     done = 0
     for q, _ in radiate(drive, chain, steps):
@@ -79,19 +78,11 @@ def playback_response(
     / tau + j dw. Without detuning H is 1 / (1 + 2 pi j f tau). It applies to the amplitude of sound of constant phase;
     and to pressure, which is quadratic in amplitude, for small relative changes.
 
-    Parameters
-    ----------
-    frequency : ndarray, any shape
-        In Hz.
-    rate : float
-        R, frames per second, in Hz.
-    dynamics : TransducerDynamics, optional
-        Dynamics of the transducers; the default ones if None.
-    ramp : float
-        T, time over which a silencer spreads each step, in s.
+    f is `frequency` and R the `rate` of frames, both in Hz; T is `ramp`, the time over which a silencer spreads each
+    step, in s. The `dynamics` are the default ones if None.
     """
     dynamics, f = dynamics or TransducerDynamics(), np.asarray(frequency, float)
-    pole = complex(-1 / dynamics.time_constant, dynamics.detuning)
+    pole = dynamics.pole
     follows = (pole / (pole - 2j * np.pi * f) + np.conj(pole / (pole + 2j * np.pi * f))) / 2
     held = np.sinc(f / rate) * np.sinc(f * ramp) * np.exp(-1j * np.pi * f * (1 / rate + ramp))
     return np.asarray(held * follows, np.complex128)
@@ -154,11 +145,6 @@ class Spread:
         field = q.astype(self.G.dtype, copy=False) @ self.G
         power = field.real**2 + field.imag**2
         return self.factor * np.asarray(power if self.weights is None else power @ self.weights, np.float64)
-
-
-def _still(drive: Drive, chain: PlaybackChain, spread: Spread) -> Array:
-    """Steady-state pressure of each frame, shape (frame, point or cell)."""
-    return np.concatenate([spread.pressure(q) for q, _ in radiate(drive, chain, 1)])
 
 
 def _check(drive: Drive, G: Complex, chain: PlaybackChain, weights: Array | None) -> None:

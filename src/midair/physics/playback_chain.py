@@ -76,23 +76,9 @@ def radiate(
     The envelope is exact for a drive that changes linearly within each step: without ramps it is exact everywhere; with
     ramps of r rad per step the chord of the drive deviates by r^2 / 8 from its arc.
 
-    Parameters
-    ----------
-    chain : PlaybackChain
-        With hold "step".
-    steps : int
-        Moments per frame; the last one is at the end of the frame.
-    start : Moment, optional
-        State before the first frame; silent if None.
-    together : int
-        Approximate number of moments per block.
-
-    Yields
-    ------
-    q : ndarray of complex, shape (frames * steps, transducer)
-        Output as a fraction of full drive.
-    moment : Moment
-        State after it.
+    The chain is one with hold "step". There are `steps` moments per frame, the last one at its end, and about
+    `together` per block; before the first frame the state is `start`, silent if None. Each output, complex, shape
+    (frames * steps, transducer), is a fraction of full drive, and comes with the state after it.
     """
     exact = np.complex64 if chain.precision == "single" else np.complex128
     moment, block = start or TransducerState.silent(drive.array.count), max(1, together // steps)

@@ -3,7 +3,6 @@
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
 from midair.errors import InputError, ShapeError
@@ -11,21 +10,11 @@ from midair.model import Acoustics, ControlGrid, Directivity, Drive, Medium, Tra
 
 
 def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: float = 4.5e-3) -> Array:
-    """Amplitude relative to the axis, 1 on the axis.
+    """Amplitude relative to the axis, 1 on the axis, at angles from the transducer's normal in rad, 0 to pi.
 
-    Raises InputError if `kind` is unknown.
-
-    Parameters
-    ----------
-    angle : ndarray, any shape
-        Angle between the transducer's normal and the point, in rad, 0 to pi.
-    kind : {"point", "piston", "t4010a1"}
-        "point": 1 everywhere. "piston": 2 J1(x) / x, x = k a sin(theta), a circular piston in a baffle. "t4010a1":
-        the measured table of AUTD3's transducer.
-    wavenumber : float
-        k in rad/m, used by the piston.
-    radius : float
-        a of the piston, in m.
+    "point" is 1 everywhere, "piston" 2 J1(x) / x with x = k a sin(theta), a circular piston in a baffle, and "t4010a1"
+    the measured table of AUTD3's transducer. k is `wavenumber` in rad/m, and a the `radius` of the piston in m. Raises
+    InputError if `kind` is unknown.
     """
     angle = np.asarray(angle, float)
     if kind == "point":
@@ -70,7 +59,7 @@ def _t4010a1(degrees: Array) -> Array:
     return a + x * (b + x * (c + x * d))
 
 
-Points = ControlGrid | NDArray[np.float64]
+Points = ControlGrid | Array
 
 
 def wavenumber(array: TransducerArray, medium: Medium) -> float:
@@ -84,12 +73,8 @@ def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoust
     G_mn = C D(theta_mn) exp(-beta r_mn) exp(j k r_mn) / r_mn, with C the pressure of one transducer at 1 m. Complex,
     shape (point, transducer). Raises InputError if a point lies on a transducer.
 
-    Parameters
-    ----------
-    points : ControlGrid or ndarray, shape (point, 3)
-        Positions in m.
-    acoustics : Acoustics, optional
-        Speed and attenuation of the air, and D; the paper's if None.
+    Positions, shape (point, 3), are in m. `acoustics` gives speed and attenuation of the air, and D; the paper's if
+    None.
     """
     acoustics = acoustics or Acoustics()
     places = _places(points)
@@ -105,7 +90,7 @@ _AT_ONCE = 2**16
 """Elements of a transfer matrix that are computed at once."""
 
 
-def _rows(places: NDArray[np.float64], array: TransducerArray, acoustics: Acoustics) -> Complex:
+def _rows(places: Array, array: TransducerArray, acoustics: Acoustics) -> Complex:
     """The transfer matrix at some points."""
     away = places[:, None, :] - array.position[None, :, :]
     distance = np.sqrt(np.einsum("mnx,mnx->mn", away, away))
@@ -121,19 +106,12 @@ def _rows(places: NDArray[np.float64], array: TransducerArray, acoustics: Acoust
 def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = None) -> Complex:
     """The steady-state field of each frame of a drive, p = G q, paper eq. (1); complex, peak, in Pa, (frame, point).
 
-    Parameters
-    ----------
-    points : ControlGrid or ndarray, shape (point, 3)
-        Positions in m.
-    acoustics : Acoustics, optional
-        If None, those that the drive was solved for.
+    Positions, shape (point, 3), are in m; `acoustics` are those that the drive was solved for if None.
     """
     return drive.q @ transfer_matrix(points, drive.array, acoustics=acoustics or drive.acoustics).T
 
 
-def focus_phase(
-    array: TransducerArray, point: NDArray[np.float64], *, acoustics: Acoustics | None = None
-) -> NDArray[np.float64]:
+def focus_phase(array: TransducerArray, point: Array, *, acoustics: Acoustics | None = None) -> Array:
     """Phases that focus all transducers on one point, shape (transducer,), in rad.
 
     theta_n = -k r_n, minus the measured phase of the transducer's response.
@@ -152,21 +130,21 @@ def focus_amplitude(points: Points, array: TransducerArray, *, acoustics: Acoust
     return float(np.abs(matrix).sum(axis=1).max())
 
 
-def quantise_phase(phase: NDArray[np.float64], *, bits: int = 8) -> NDArray[np.float64]:
+def quantise_phase(phase: Array, *, bits: int = 8) -> Array:
     """Phases rounded to 2 pi / 2^bits, 0 to 2 pi, as firmware stores them, same shape, in rad."""
     steps = 2**bits
     # Round before the modulo: the last half step rounds up to a whole turn, which is step 0.
     return np.mod(np.rint(phase / (2 * np.pi) * steps), steps) * (2 * np.pi / steps)
 
 
-def _places(points: Points) -> NDArray[np.float64]:
+def _places(points: Points) -> Array:
     places = points.position if isinstance(points, ControlGrid) else np.asarray(points, float)
     if places.ndim != 2 or places.shape[1] != 3:
         raise ShapeError(f"points: expected shape (point, 3), got {places.shape}")
     return places
 
 
-Field = NDArray[np.complex128] | NDArray[np.float64]
+Field = Complex | Array
 
 
 def relative_error(field: Field, amplitude: Array) -> Array:

@@ -1,9 +1,8 @@
 """Convert between sound amplitude and radiation pressure (paper, 2.1 and 4.1)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from midair.array_types import Array
+from midair.array_types import Array, Complex
 from midair.errors import NegativePressureError
 from midair.model import Medium
 
@@ -33,7 +32,7 @@ def sound_amplitude(pressure: Array, medium: Medium) -> Array:
     return medium.speed * np.sqrt(2 * medium.density * pressure / medium.alpha)
 
 
-def radiation_pressure(amplitude: NDArray[np.float64] | NDArray[np.complex128], medium: Medium) -> Array:
+def radiation_pressure(amplitude: Array | Complex, medium: Medium) -> Array:
     """Radiation pressure in Pa of a plane wave of peak `amplitude` (Pa, complex or magnitude) on a surface.
 
     P = alpha p0^2 / (rho c^2) with p0 = amplitude / sqrt(2) the rms sound pressure, section 2.1.

@@ -132,24 +132,11 @@ def sense(
     H(f) is applied to the spectrum of the pressure, which is assumed band-limited between samples, 0 before the first
     one (so the start is the transient of a sensor at rest), and held after the last one, then faded out. The record is
     padded until the slowest part of H has decayed to 1e-8. Every frequency below half the output rate gets H(f) itself;
-    frequencies above are removed (an ideal anti-alias filter). Raises ShapeError if the shape of the pressure does not
-    match the sensor.
+    frequencies above are removed (an ideal anti-alias filter).
 
-    Parameters
-    ----------
-    pressure : ndarray, shape (frame, row, column)
-        Pressure on the cells, in Pa, at `rate` times `oversample`.
-    rate : float
-        Sampling rate of the output, in Hz.
-    rng : numpy.random.Generator, optional
-        Source of the noise; no noise if None.
-    oversample : int
-        Frames of pressure per sample of the output.
-
-    Returns
-    -------
-    ndarray, shape (ceil(frame / oversample), row, column)
-        In V, clipped and quantised. Sample i is at i / rate.
+    `pressure` on the cells, shape (frame, row, column), in Pa, has `oversample` frames per sample of the output. The
+    result, shape (ceil(frame / oversample), row, column), is in V, clipped and quantised; sample i is at i / rate.
+    There is no noise if `rng` is None. Raises ShapeError if the shape of the pressure does not match the sensor.
     """
     if oversample < 1 or oversample != int(oversample):
         raise InputError(f"oversample: expected a whole number, 1 or more, got {oversample}")
@@ -169,7 +156,9 @@ def sensor_output(model: SensorModel, volts: Array, rate: float, *, rng: np.rand
     if rng is not None:
         # White noise of one-sided density n has the variance n^2 rate / 2.
         volts = volts + model.noise * np.sqrt(rate / 2) * rng.standard_normal(volts.shape)
-    return _convert(model, volts)
+    # The converter clips and rounds to the codes -2^(bits-1) to 2^(bits-1) - 1.
+    half = 2.0 ** (model.bits - 1)
+    return np.clip(np.rint(volts / model.step), -half, half - 1) * model.step
 
 
 def calibration_of(model: SensorModel, *, highest: float = 4000.0, bins: int = 1024) -> Calibration:
@@ -225,12 +214,6 @@ def settling_frames(model: SensorModel, rate: float) -> int:
 def fade_window(length: int) -> Array:
     """Factor on the last pressure in each step after it, shape (length - 1,)."""
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.arange(1, length) / length), np.float64)
-
-
-def _convert(model: SensorModel, volts: Array) -> Array:
-    """Clip and round to the codes -2^(bits-1) to 2^(bits-1) - 1."""
-    half = 2.0 ** (model.bits - 1)
-    return np.clip(np.rint(volts / model.step), -half, half - 1) * model.step
 
 
 Between = Literal["steps", "lines", "waves"]

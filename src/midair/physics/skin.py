@@ -106,13 +106,9 @@ bone in both layers, and incompressibility."""
 def skin_compliance(tissue: Tissue, k: Numbers, omega: Numbers) -> Complex:
     """H(k, omega): inward displacement of the surface over the pressure on it, complex, in m/Pa.
 
-    Parameters
-    ----------
-    k : ndarray of float or complex
-        Wavenumber along the surface, in rad/m, with an imaginary part of 0 or more.
-    omega : ndarray, broadcasts with `k`
-        Angular frequency, above 0, in rad/s. In layers rounding errors dominate below a thousandth of k c_T, with
-        c_T the speed of shear waves.
+    `k` is the wavenumber along the surface, in rad/m, float or complex with an imaginary part of 0 or more. `omega`,
+    which broadcasts with it, is the angular frequency, above 0, in rad/s; in layers rounding errors dominate below a
+    thousandth of k c_T, with c_T the speed of shear waves.
     """
     k, mu = np.asarray(k, np.complex128), tissue.stiffness + 1j * np.asarray(omega, float) * tissue.viscosity
     kt2 = tissue.density * np.asarray(omega, float) ** 2 / mu

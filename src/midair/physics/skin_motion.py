@@ -54,24 +54,11 @@ class SkinMotion:
         edge: float = 10.0,
         settle: float = 0.25,
     ) -> "SkinMotion":
-        """Compute the response.
+        """Compute the response on a grid of `shape` (row, column) and `pitch` in m.
 
-        Raises InputError if the band with its transitions does not fit below half the rate.
-
-        Parameters
-        ----------
-        shape : tuple of int
-            Rows and columns of the grid.
-        pitch : float
-            Distance between its points, in m.
-        rate : float
-            Sampling rate of the pressure, in Hz.
-        band : tuple of float
-            Passband in Hz; static pressure causes no motion here.
-        edge : float
-            Width of the transition on either side of the band, in Hz.
-        settle : float
-            Length of the impulse response, in s.
+        `rate` is that of the pressure, `band` the passband, without static pressure, and `edge` the width of the
+        transition on either side of it, all in Hz; `settle` is the length of the impulse response, in s. Raises
+        InputError if the band with its transitions does not fit below half the rate.
         """
         positive(pitch, "pitch", "m")
         if not 0 < edge < band[0] < band[1] < rate / 2:
@@ -128,7 +115,8 @@ class SkinMotion:
         inside = fft.rfft(early, axis=0)[self.bins]
         for first in range(0, len(inside), _TOGETHER):
             some = slice(first, first + _TOGETHER)
-            wide = fft.fft2(inside[some], (2 * rows, 2 * columns)) * _mirrored(self.response[some])
+            whole = np.pad(self.response[some], ((0, 0), (0, rows - 1), (0, columns - 1)), mode="reflect")
+            wide = fft.fft2(inside[some], (2 * rows, 2 * columns)) * whole
             waves[self.bins][some] = fft.ifft2(wide)[:, :rows, :columns]
         return fft.irfft(waves, self.length, axis=0)[: len(block) + 2 * self.reach].astype(np.float64)
 
@@ -174,8 +162,3 @@ def _even_spectrum(kernel: Complex) -> NDArray[np.complex64]:
 
     parts = [dctn(part, type=1, axes=(1, 2)) for part in (kernel.real, kernel.imag)]
     return np.asarray(parts[0] + 1j * parts[1], np.complex64)
-
-
-def _mirrored(quarter: NDArray[np.complex64]) -> NDArray[np.complex64]:
-    whole = np.concatenate([quarter, quarter[:, -2:0:-1]], axis=1)
-    return np.concatenate([whole, whole[:, :, -2:0:-1]], axis=2)

@@ -33,6 +33,11 @@ class TransducerDynamics:
     def __post_init__(self) -> None:
         positive(self.time_constant, "time constant", "s")
 
+    @property
+    def pole(self) -> complex:
+        """-1 / tau + j dw, in rad/s."""
+        return complex(-1 / self.time_constant, self.detuning)
+
 
 def envelope(
     q: Complex, rate: float, substeps: int, dynamics: TransducerDynamics, *, start: Complex | None = None
@@ -46,7 +51,7 @@ def envelope(
     if substeps < 1:
         raise InputError(f"substeps: expected 1 or more per frame, got {substeps}")
     step = 1 / (rate * substeps)
-    decay = np.exp((-1 / dynamics.time_constant + 1j * dynamics.detuning) * step * np.arange(1, substeps + 1))
+    decay = np.exp(dynamics.pole * step * np.arange(1, substeps + 1))
     out = np.empty((len(q), substeps, q.shape[1]), complex)
     now = np.zeros(q.shape[1], complex) if start is None else start
     for frame, drive in enumerate(q):
@@ -82,7 +87,7 @@ class Transducers:
     @classmethod
     def alike(cls, count: int, dynamics: TransducerDynamics | None = None) -> "Transducers":
         """`count` transducers of the same dynamics, with the strength of the field model."""
-        return cls(pole=np.full(count, _pole(dynamics or TransducerDynamics())), response=np.ones(count, complex))
+        return cls(pole=np.full(count, (dynamics or TransducerDynamics()).pole), response=np.ones(count, complex))
 
     @classmethod
     def varied(
@@ -98,19 +103,9 @@ class Transducers:
     ) -> "Transducers":
         """`count` transducers with random differences, as in real arrays.
 
-        Parameters
-        ----------
-        dynamics : TransducerDynamics, optional
-            Mean dynamics; the default ones if None.
-        gain : float
-            Mean strength relative to the field model.
-        gain_spread : float
-            Standard deviation of the strengths, as a fraction of the mean.
-        resonance_spread : float
-            Standard deviation of the resonance frequencies, in Hz.
-        quality_spread : float
-            Standard deviation of the quality factors, as a fraction of the mean; values below a fifth of it are
-            clipped.
+        `dynamics` are the mean ones, the default ones if None, and `gain` is the mean strength relative to the field
+        model. The spreads are standard deviations: of the strengths and of the quality factors as a fraction of their
+        means, and of the resonance frequencies in Hz. Quality factors below a fifth of the mean are clipped.
         """
         if min(gain, gain_spread, resonance_spread, quality_spread) < 0:
             raise InputError(
@@ -122,7 +117,7 @@ class Transducers:
         strength = np.clip(gain * (1 + gain_spread * rng.standard_normal(count)), 0, None)
         resonance = resonance_spread * rng.standard_normal(count)
         quality = np.clip(1 + quality_spread * rng.standard_normal(count), 0.2, None)
-        nominal = _pole(dynamics or TransducerDynamics())
+        nominal = (dynamics or TransducerDynamics()).pole
         pole = nominal.real / quality + 1j * (nominal.imag + 2 * np.pi * resonance)
         return cls(pole=pole, response=strength * nominal / pole)
 
@@ -130,7 +125,3 @@ class Transducers:
     def measured(cls, calibration: ArrayCalibration) -> "Transducers":
         """The measured transducers; a dead one is silent."""
         return cls(pole=calibration.pole, response=calibration.response)
-
-
-def _pole(dynamics: TransducerDynamics) -> complex:
-    return complex(-1 / dynamics.time_constant, dynamics.detuning)

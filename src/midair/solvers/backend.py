@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, MissingExtraError
 
 Rows = Any
@@ -63,7 +64,7 @@ class Backend:
         copy = np.array(array, kinds.get(array.dtype.kind), order="C")
         return copy if self.xp is np else self.xp.asarray(copy, device=self.device)
 
-    def get(self, array: Rows) -> NDArray[np.float64]:
+    def get(self, array: Rows) -> Array:
         """Copy an array to NumPy in double precision."""
         return np.asarray(self.host(array), np.float64)
 

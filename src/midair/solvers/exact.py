@@ -6,20 +6,18 @@ error than fifty from zero.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from midair.model import Progress, Status
+from midair.array_types import Array
+from midair.model import Progress
 from midair.solvers.fast import Fast
-from midair.solvers.levenberg_marquardt import LevenbergMarquardt, damped
+from midair.solvers.levenberg_marquardt import Damped, LevenbergMarquardt
 from midair.solvers.mode_system import System
 from midair.solvers.modes import modes
 from midair.solvers.problem import Answer, Problem, Start, WarmStart
 from midair.solvers.sequence import FrameAnswer, solve_in_turn
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +55,7 @@ class Exact:
         plain = LevenbergMarquardt()
 
         def one(p: Array, x: Array, iterations: int) -> FrameAnswer:
-            state = ExactState.at(system, p, x, self.tau * max(diagonal, float((p**2).max())))
+            state = _at(system, p, x, self.tau * max(diagonal, float((p**2).max())))
             while state.status is None and state.iterations < max(iterations - last, 1):
                 state = self.step(system, p, state)
             # Continue with the current lambda, not with an initial one.
@@ -82,7 +80,7 @@ class Exact:
         """The solver for the initial phases: `Fast` without its refinement."""
         return Fast(iterations=0, more_iterations=0)
 
-    def step(self, system: System, p: Array, state: "ExactState") -> "ExactState":
+    def step(self, system: System, p: Array, state: Damped) -> Damped:
         """Make one iteration: accept a step that lowers the cost, otherwise raise lambda."""
         K = system.normal(state.x) if state.normal is None else state.normal
         state = replace(state, iterations=state.iterations + 1, normal=K)
@@ -91,20 +89,9 @@ class Exact:
             return state.refused()
         if np.linalg.norm(h) <= self.step_tolerance * (np.linalg.norm(state.x) + self.step_tolerance):
             return replace(state, status="converged")
-        trial = ExactState.at(system, p, state.x + h, state.damping)
-        fall = state.cost - trial.cost
+        trial = _at(system, p, state.x + h, state.damping)
         promised = 0.5 * float(h @ (state.damping * h - system.gradient(p, state.x, state.residual)))
-        # An exact step always predicts a decrease; a step with rounding errors may not, and is rejected.
-        gain = fall / promised if promised > 0 else -1.0
-        if not gain > 0:
-            return state.refused()
-        done = fall <= self.cost_tolerance * state.cost
-        return replace(
-            trial,
-            damping=damped(state.damping, gain),
-            iterations=state.iterations,
-            status="converged" if done else None,
-        )
+        return state.judged(trial, promised, self.cost_tolerance)
 
     def _first(self, problem: Problem) -> Array | None:
         """Initial [theta, psi] of frames without a warm start, shape (frame, transducer + point); None for zero."""
@@ -120,26 +107,7 @@ class Exact:
         return x
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ExactState:
-    """State of the iteration for one frame; the fields are those of `levenberg_marquardt.State`, with K as `normal`."""
-
-    x: Array
-    residual: NDArray[np.complexfloating[Any, Any]]
-    cost: float
-    damping: float
-    growth: float = 2.0
-    iterations: int = 0
-    status: Status | None = None
-    normal: NDArray[np.floating[Any]] | None = None
-
-    @classmethod
-    def at(cls, system: System, p: Array, x: Array, damping: float) -> "ExactState":
-        """The state at x before its first step."""
-        residual = system.residual(p, x)
-        return cls(x=x, residual=residual, cost=0.5 * float(np.vdot(residual, residual).real), damping=damping)
-
-    def refused(self) -> "ExactState":
-        """The same x with more damping; status "stalled" once lambda is above 1e12."""
-        worse = self.damping * self.growth
-        return replace(self, damping=worse, growth=2 * self.growth, status="stalled" if worse > 1e12 else None)
+def _at(system: System, p: Array, x: Array, damping: float) -> Damped:
+    """The state at x before its first step."""
+    residual = system.residual(p, x)
+    return Damped(x=x, residual=residual, cost=0.5 * float(np.vdot(residual, residual).real), damping=damping)

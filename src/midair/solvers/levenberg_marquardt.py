@@ -7,34 +7,58 @@ Nielsen & Tingleff, "Methods for non-linear least squares problems" (2004), sect
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.model import Progress, Status
 from midair.solvers.problem import Answer, Problem, Start, WarmStart, jacobian, residual
 from midair.solvers.sequence import FrameAnswer, solve_in_turn
 from midair.solvers.terms import excess_rows
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class State:
-    """State of the iteration for one frame."""
+class Damped:
+    """State of the damped iteration for one frame."""
 
     x: Array  # [theta, psi] in rad, shape (transducer + point,)
-    residual: Complex  # G q - diag(p) u at x, shape (point,)
-    gradient: Array  # J^T f at x, shape (transducer + point,)
+    residual: NDArray[np.complexfloating[Any, Any]]  # G q - diag(p) u at x, shape (point,)
     cost: float  # || f ||^2 / 2
     damping: float  # lambda
     growth: float = 2.0  # Factor on lambda after a rejected step; it doubles with each one
     iterations: int = 0  # Iterations made, rejected steps included
     status: Status | None = None  # None until the iteration ends
-    # J J^T at x, shape (2 point, 2 point), kept after rejected steps, without the rows of the guard
-    normal: Array | None = None
+    # J J^T or another matrix of the linear system at x, kept after rejected steps, without the rows of the guard
+    normal: NDArray[np.floating[Any]] | None = None
+
+    def refused(self) -> Self:
+        """The same x with more damping; status "stalled" once lambda is above 1e12."""
+        worse = self.damping * self.growth
+        return replace(self, damping=worse, growth=2 * self.growth, status="stalled" if worse > 1e12 else None)
+
+    def judged(self, trial: Self, promised: float, tolerance: float) -> Self:
+        """Accept or reject a trial by its gain ratio: actual over predicted decrease of the cost (Nielsen's rule)."""
+        fall = self.cost - trial.cost
+        # An exact step always predicts a decrease; a step with rounding errors may not, and is rejected.
+        gain = fall / promised if promised > 0 else -1.0
+        # "not >" also rejects NaN.
+        if not gain > 0:
+            return self.refused()
+        return replace(
+            trial,
+            damping=self.damping * max(1 / 3, 1 - (2 * gain - 1) ** 3),
+            iterations=self.iterations,
+            status="converged" if fall <= tolerance * self.cost else None,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class State(Damped):
+    """State of "lm" for one frame, with J J^T, shape (2 point, 2 point), as `normal`."""
+
+    gradient: Array  # J^T f at x, shape (transducer + point,)
     # Residuals of the guard, shape (active guard point,), see `terms.guard.excess_rows`
     excess: Array = field(default_factory=lambda: np.zeros(0))
     # Derivative of `excess` by theta, shape (active guard point, transducer)
@@ -96,31 +120,12 @@ class LevenbergMarquardt:
         try:
             h = dual_step(problem, p, state) if self.form == "dual" else primal_step(problem, p, state)
         except np.linalg.LinAlgError:
-            return _refused(state)
+            return state.refused()
         if np.linalg.norm(h) <= self.step_tolerance * (np.linalg.norm(state.x) + self.step_tolerance):
             return replace(state, status="converged")
-        return self._judged(problem, p, state, h)
-
-    def _judged(self, problem: Problem, p: Array, state: State, h: Array) -> State:
-        """Accept or reject the step h by its gain ratio: actual over predicted decrease of the cost."""
         trial = _at(problem, p, state.x + h, damping=state.damping)
-        fall = state.cost - trial.cost
         # (lambda h - J^T f) . h / 2 is the predicted decrease without another product with J.
-        gain = fall / (0.5 * float(h @ (state.damping * h - state.gradient)))
-        # "not >" also rejects NaN.
-        if not gain > 0:
-            return _refused(state)
-        return replace(
-            trial,
-            damping=damped(state.damping, gain),
-            iterations=state.iterations,
-            status="converged" if fall <= self.cost_tolerance * state.cost else None,
-        )
-
-
-def damped(damping: float, gain: float) -> float:
-    """The next lambda after an accepted step, from its gain ratio (Nielsen's rule)."""
-    return damping * max(1 / 3, 1 - (2 * gain - 1) ** 3)
+        return state.judged(trial, 0.5 * float(h @ (state.damping * h - state.gradient)), self.cost_tolerance)
 
 
 def dual_step(problem: Problem, p: Array, state: State) -> Array:
@@ -186,7 +191,7 @@ def _transposed_jacobian(problem: Problem, p: Array, x: Array, y: Complex) -> Ar
     return np.concatenate([problem.level * (np.exp(-1j * theta) * back).imag, -(p * u.conj() * y).imag])
 
 
-def _bordered(problem: Problem, normal: Array, state: State) -> Array:
+def _bordered(problem: Problem, normal: NDArray[np.floating[Any]], state: State) -> NDArray[np.floating[Any]]:
     """J J^T with the rows of the guard, shape (2 point + active guard point, the same).
 
     The rows of J by theta are -I and R, with T = A G diag(exp j theta) = R + j I; the guard does not depend on psi.
@@ -212,14 +217,3 @@ def _at(problem: Problem, p: Array, x: Array, *, damping: float) -> State:
     gradient = state.gradient.copy()
     gradient[: problem.transducers] += excess @ slope
     return replace(state, gradient=gradient, cost=state.cost + 0.5 * float(excess @ excess), excess=excess, slope=slope)
-
-
-def _refused(state: State) -> State:
-    """The same x with more damping; status "stalled" once lambda is above 1e12."""
-    stalled = state.damping * state.growth > 1e12
-    return replace(
-        state,
-        damping=state.damping * state.growth,
-        growth=2 * state.growth,
-        status="stalled" if stalled else None,
-    )

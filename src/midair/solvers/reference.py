@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model import Progress
 from midair.solvers.phases import hold, unit
 from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]
 
 
@@ -26,9 +26,8 @@ class Naive:
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Compute phases for each frame independently."""
-        return _shape_only(
-            problem, unit(problem.amplitude.astype(complex) @ problem.G.conj()), self.iterations, after, progress
-        )
+        q = unit(problem.amplitude.astype(complex) @ problem.G.conj())
+        return _shape_only(problem, q, self.iterations, after, progress)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,12 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from midair.dsp import band_window, filter_response
+from midair.dsp import Band, band_window, filter_response
 from midair.model import AmplitudeFrames, PressureFrames, Setting
 from midair.physics import TransducerDynamics, playback_response
 from midair.streaming import each_frame
-
-Band = tuple[float, float]
 
 
 def precompensate(
@@ -30,16 +28,9 @@ def precompensate(
     envelope (`physics.playback_response`). Delays are compensated, too. Apply it before a mapping, which handles the
     negative values that it adds.
 
-    Parameters
-    ----------
-    pressure : PressureFrames
-        At the frame rate of playback.
-    dynamics : TransducerDynamics, optional
-        Dynamics of the transducers; the default ones if None.
-    ramp : float
-        Time over which a silencer spreads each step, in s; 1 / rate gives linear interpolation.
-    band : tuple of float
-        (low, high) of full compensation, in Hz; cosine transitions from 0 to low and from high to 1.05 high.
+    The pressure has the frame rate of playback, and the `dynamics` are the default ones if None. `ramp` is the time
+    over which a silencer spreads each step, in s; 1 / rate gives linear interpolation. `band` is (low, high) of full
+    compensation, in Hz, with cosine transitions from 0 to low and from high to 1.05 high.
     """
     dynamics, (low, high) = dynamics or TransducerDynamics(), band
 

@@ -4,12 +4,11 @@ from dataclasses import replace
 from typing import cast
 
 from midair.array_types import Array
+from midair.dsp import Band
 from midair.errors import InputError
 from midair.model import BAND, PressureFrames, Provenance
 from midair.streaming import pad_with_fade
 from midair.targets.mapping import SlowBias, mapping_of
-
-Band = tuple[float, float]
 
 LONGEST = 10.0
 """Longest lead, in s."""

@@ -131,19 +131,10 @@ class MappingStream:
     """One mapping of a stream of frames; all blocks together equal the mapping of the whole recording.
 
     `push` takes blocks of any length and returns the frames that are ready, `delay` frames late; `finish` returns the
-    rest. Raises InputError if the mapping is unknown, or an offset is missing for "constant-offset" or given for
-    another.
-
-    Parameters
-    ----------
-    mapping : {"half-wave", "constant-offset", "slow-bias"}
-        Name of the mapping.
-    rate : float
-        Frames per second, in Hz.
-    offset : ndarray, shape (row, column), or float, optional
-        The constant offset in Pa, since a stream does not know the later minimum of its cells.
-    band : tuple of float, optional
-        (low, high) in Hz, which determines a slow bias; from 20 Hz on if None.
+    rest. `mapping` is a name in `MAPPINGS`, and `rate` is in Hz. A constant offset needs `offset` in Pa, shape (row,
+    column) or one number, since a stream does not know the later minimum of its cells. `band`, (low, high) in Hz,
+    determines a slow bias; from 20 Hz on if None. Raises InputError if the mapping is unknown, or an offset is missing
+    for "constant-offset" or given for another.
     """
 
     def __init__(
@@ -226,12 +217,12 @@ def mapping_report(pressure: PressureFrames, mapping: str, *, band: tuple[float,
     x = pressure.pressure
     pushed = mapping_of(mapping, band)(x, pressure.rate)
     wanted, got = _in_band(x, pressure.rate, band), _in_band(pushed, pressure.rate, band)
-    power = float((wanted**2).sum())
-    gain = float((wanted * got).sum()) / power if power else 0.0
+    power, gain = float((wanted**2).sum()), _gain(wanted, got)
     rest = float(((got - gain * wanted) ** 2).sum())
     peak = float(pushed.max())
-    reference = float(half_wave(x).sum())
     # The half-wave mapping keeps about half of the recorded part, so it needs twice the pressure for the same gain.
+    cut = half_wave(x)
+    half = _gain(wanted, _in_band(cut, pressure.rate, band))
     return MappingReport(
         mapping=mapping,
         gain=gain,
@@ -240,23 +231,24 @@ def mapping_report(pressure: PressureFrames, mapping: str, *, band: tuple[float,
         mean=float(pushed.mean(axis=0).max()),
         peak=peak,
         on=float(np.mean((pushed > 0).reshape(len(pushed), -1).any(axis=1))),
-        exposure=_decibels(float(pushed.sum()) * _half_wave_gain(x, wanted, pressure.rate, band), reference * gain),
+        exposure=_decibels(float(pushed.sum()) * half, float(cut.sum()) * gain),
     )
 
 
-def _half_wave_gain(x: Array, wanted: Array, rate: float, band: tuple[float, float]) -> float:
+def _gain(wanted: Array, got: Array) -> float:
+    """Least-squares factor from the recorded to the mapped pressure; 0 for silence."""
     power = float((wanted**2).sum())
-    return float((wanted * _in_band(half_wave(x), rate, band)).sum()) / power if power else 0.0
+    return float((wanted * got).sum()) / power if power else 0.0
 
 
 def _in_band(x: Array, rate: float, band: tuple[float, float]) -> Array:
     edges = band_edges(band, rate)
+
+    def window(frequency: Array) -> Array:
+        return band_window(frequency, band, edges=edges).reshape(-1, *[1] * (x.ndim - 1))
+
     # Two periods of the lower transition, which is half as wide as `low` and has the longest impulse response.
-    return filter_response(x, rate, lambda f: _column(band_window(f, band, edges=edges), x.ndim), reach=4 / band[0])
-
-
-def _column(values: Array, axes: int) -> Array:
-    return values.reshape(-1, *[1] * (axes - 1))
+    return filter_response(x, rate, window, reach=4 / band[0])
 
 
 def _decibels(signal: float, rest: float) -> float:

@@ -130,9 +130,9 @@ def _spread(cells: Array, sensor: SensorGrid, grid: ControlGrid, circle: Circle 
 
 def sensor_from_provenance(provenance: Provenance) -> SensorGrid:
     """The sensor cells in a drive's provenance, so that a virtual sensor can have the same; the paper's if unknown."""
-    for step in reversed(provenance.steps):
-        shape, pitch = step.settings.get("cells"), step.settings.get("cell_pitch_m")
-        if step.stage == "prepare" and isinstance(shape, tuple) and len(shape) == 2 and isinstance(pitch, int | float):
-            rows, columns = (int(length) for length in shape if isinstance(length, int | float))
-            return SensorGrid(rows=rows, columns=columns, pitch=float(pitch))
+    settings = provenance.last("prepare")
+    shape, pitch = settings.get("cells"), settings.get("cell_pitch_m")
+    if isinstance(shape, tuple) and len(shape) == 2 and isinstance(pitch, int | float):
+        rows, columns = (int(length) for length in shape if isinstance(length, int | float))
+        return SensorGrid(rows=rows, columns=columns, pitch=float(pitch))
     return SensorGrid()

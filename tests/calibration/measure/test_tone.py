@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from midair.calibration import measure_calibration, measure_tone, scale_to_tone
-from midair.calibration.measure.excitation import noise_signal, tone_signal
+from midair.calibration.measure.excitation import noise_signal
 from midair.errors import BandError, InputError, MismatchError
 from midair.model import Recording, SensorGrid
 from midair.physics import channel_response
 
 
 def pistonphone(bench, seed, *, rms=10.0, frequency=250.0, duration=8.0):
-    return bench.recordings(tone_signal(rms, frequency, duration), number=seed)[0]
+    time = np.arange(round(1000 * duration)) / 1000
+    return bench.recordings(np.sqrt(2) * rms * np.sin(2 * np.pi * frequency * time), number=seed)[0]
 
 
 def test_a_pistonphone_blind(bench):

@@ -6,6 +6,7 @@ import pytest
 from midair.files import profile_named
 from midair.model import Acoustics, TransducerArray
 from midair.physics import transfer_matrix
+from midair.physics.exposure_places import combined
 from midair.physics.exposure_search.exposure_grid import bands, between, lattice, middle, slow_field, stacks
 
 ARRAY = TransducerArray.autd3()
@@ -13,7 +14,7 @@ EAR = profile_named("occupational-110").places[0]
 
 
 def test_a_lattice_reaches_the_faces_and_crowds_there():
-    axis = lattice(np.array([12.0, 4.0, 2.0]), 1.0).axes[0]
+    axis = lattice(np.array([12.0, 4.0, 2.0]), 1.0)[0]
     assert (axis[0], axis[-1]) == (-1, 1)
     gaps = np.diff(axis)
     assert gaps.max() * 12 < 1.0
@@ -23,7 +24,7 @@ def test_a_lattice_reaches_the_faces_and_crowds_there():
 
 @pytest.mark.parametrize("wave", [0.0, 3.3, 8.0])
 def test_waves_between_nodes(wave):
-    nodes, at = lattice(np.array([8.0, 2.0, 2.0]), 1.6).axes[0], np.linspace(-1, 1, 50)
+    nodes, at = lattice(np.array([8.0, 2.0, 2.0]), 1.6)[0], np.linspace(-1, 1, 50)
     found = between(nodes, at, 8.0) @ np.exp(1j * wave * nodes)
     np.testing.assert_allclose(found, np.exp(1j * wave * at), atol=5e-3)
 
@@ -46,7 +47,7 @@ def test_stacks_are_the_inside_and_all_of_the_surface_each_point_once():
     assert (np.abs(surface).max(axis=1) == 1).all()
     assert len(np.unique(surface.round(9), axis=0)) == len(surface)
     closer = lattice(np.array([3.0, 8.0, 5.0]), 1.0)
-    assert len(surface) == (np.abs(closer.points).max(axis=1) == 1).sum()
+    assert len(surface) == (np.abs(combined(*closer)).max(axis=1) == 1).sum()
 
 
 def test_bands_are_how_far_a_phase_turns_from_the_middle_of_the_cube_to_a_face():

@@ -10,7 +10,7 @@ from midair.files import profile_named
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import ExposureProfile, Place, exposure, focus_amplitude, focus_phase, sound_level, transfer_matrix
 from midair.physics.exposure_search.exposure_products import Workspace
-from midair.physics.exposure_search.exposure_search import ALLOWANCE, cube_search, searched_points, searches_of
+from midair.physics.exposure_search.exposure_search import ALLOWANCE, searched_points, searches_of
 from midair.solvers import solve
 from midair.targets import prepare
 
@@ -164,7 +164,7 @@ def test_levels_of_strokes_are_at_most_one_and_a_half_decibels_too_high(thing):
 
 def test_the_field_is_that_of_the_transfer_matrix_at_all_points():
     """The truncation error of modes, shapes and planes is at most `left_out`."""
-    search, rng = cube_search(EAR, ARRAY, AIR), np.random.default_rng(8)
+    search, rng = searches_of((EAR,), ARRAY, AIR).each[0], np.random.default_rng(8)
     q = np.exp(1j * rng.uniform(0, 2 * np.pi, (8, ARRAY.count)))
     true = np.abs(q @ transfer_matrix(searched_points(EAR, ARRAY, AIR), ARRAY).T).max(axis=1)
     parts = np.stack([q.real, q.imag, q.real + q.imag]).astype(np.float32)
@@ -174,7 +174,7 @@ def test_the_field_is_that_of_the_transfer_matrix_at_all_points():
 
 
 def test_no_more_than_all_transducers_in_step():
-    search = cube_search(EAR, ARRAY, AIR)
+    search = searches_of((EAR,), ARRAY, AIR).each[0]
     told = drive(focus_phase(ARRAY, np.array(EAR.position))[None])
     most = np.abs(transfer_matrix(EAR.points, ARRAY)).max(axis=0).sum()
     np.testing.assert_allclose(search.ceiling.sum(), most)
@@ -219,8 +219,8 @@ def test_other_arrays_and_airs(array, acoustics):
 def test_arrays_of_the_same_numbers_share_a_search_and_others_do_not():
     again = TransducerArray.autd3()
     assert again is not ARRAY
-    kept = cube_search(EAR, ARRAY, AIR)
-    assert cube_search(EAR, again, AIR) is kept
+    kept = searches_of((EAR,), ARRAY, AIR)
+    assert searches_of((EAR,), again, AIR) is kept
     for other in (
         replace(ARRAY, pressure=2 * ARRAY.pressure),
         replace(ARRAY, frequency=41e3),
@@ -228,7 +228,7 @@ def test_arrays_of_the_same_numbers_share_a_search_and_others_do_not():
         replace(ARRAY, normal=-ARRAY.normal),
         MEASURED,
     ):
-        assert cube_search(small(), other, AIR) is not cube_search(small(), ARRAY, AIR)
+        assert searches_of((small(),), other, AIR) is not searches_of((small(),), ARRAY, AIR)
 
 
 def test_silence_is_silent():

@@ -9,15 +9,13 @@ error.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.apply.crosstalk_inverse import crosstalk_inverse
 from midair.calibration.apply.inverse import check_band_covered, inverse_response, regularised_power
 from midair.dsp import Band, band_edges, band_window, check_band, fft_frequencies
 from midair.errors import InputError, ShapeError
 from midair.model import BAND, Calibration
-
-Array = NDArray[np.float64]
 
 _BINS = 16
 """Frequencies in the fit per filter tap."""
@@ -111,16 +109,8 @@ def causal_error(
 
     For a flat input spectrum within each part of the band: the root of the sum over f of ``|H W exp(j 2 pi f delay) - H
     W0|^2`` over the sum of ``|H W0|^2``, with W0 from `inverse_response`, in mean square over the channels. An output
-    of zeros has the error 1.
-
-    Parameters
-    ----------
-    fir : ndarray, shape (taps, row, column)
-        From `causal_fir`.
-    calibration, rate, band, delay, floor, edges
-        The arguments of `causal_fir`.
-    parts : sequence of tuple of float
-        (low, high) of each part in Hz.
+    of zeros has the error 1. `fir` is the result of `causal_fir` for the same arguments, and `parts` are (low, high) in
+    Hz.
     """
     band, edges = _checked(calibration, rate, band, edges, delay, len(fir))
     frequency = fft_frequencies(_BINS * len(fir), rate)
@@ -136,21 +126,8 @@ def causal_error(
 class CausalInverse:
     """Apply the filter of `causal_fir` to a stream, frame by frame, in preallocated memory.
 
-    The attribute `delay` is the delay of the output in s, and `fir` is the filter, shape (taps, row, column).
-
-    Parameters
-    ----------
-    rate : float
-        Frame rate in Hz.
-    band, delay, taps, below, floor, edges
-        As in `causal_fir`.
-    crosstalk, damping
-        As in `calibrate`.
-
-    Raises
-    ------
-    BandError, InputError
-        As in `causal_fir`, or if the calibration has no crosstalk matrix to undo.
+    The attribute `delay` is the delay of the output in s, and `fir` is the filter, shape (taps, row, column). The
+    parameters and errors are those of `causal_fir`, with `crosstalk` and `damping` as in `calibrate`.
     """
 
     def __init__(

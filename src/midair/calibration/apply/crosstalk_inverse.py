@@ -1,12 +1,10 @@
 """Inverse of the crosstalk between sensor cells."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import Calibration, Crosstalk
-
-Array = NDArray[np.float64]
 
 
 def undo_matrix(crosstalk: Crosstalk, *, damping: float = 0.0) -> Array:
@@ -14,12 +12,7 @@ def undo_matrix(crosstalk: Crosstalk, *, damping: float = 0.0) -> Array:
 
     With a damping d = 0 this is the inverse. A large d leaves the pressure unchanged (Tikhonov regularisation towards
     no crosstalk), so that nearly identical rows do not amplify noise. Multiply the matrix with the pressures of all
-    channels.
-
-    Raises
-    ------
-    InputError
-        If the damping is negative, or the matrix cannot be inverted.
+    channels. Raises InputError if the damping is negative, or the matrix cannot be inverted.
     """
     if not 0 <= damping < np.inf:
         raise InputError(f"damping: expected 0 or more, got {damping:g}")

@@ -7,15 +7,12 @@ depend on the recording, so all recordings are treated alike.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.dsp import Band, band_window, fft_frequencies, fir_from_response
 from midair.errors import BandError, InputError
 from midair.model import Calibration
 from midair.validation import positive
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def inverse_response(
@@ -23,16 +20,8 @@ def inverse_response(
 ) -> Complex:
     """Compute W(f) of every channel, complex, shape (bin, row, column), in Pa per unit of the output.
 
-    Parameters
-    ----------
-    calibration : Calibration
-        Provides H and n, the noise density at the output.
-    frequency : ndarray, shape (bin,)
-        In Hz.
-    band, edges : tuple of float
-        Corners and edges of B(f) in Hz, see `midair.dsp.band_window`.
-    floor : float
-        Density of the weakest relevant pressure, in Pa/sqrt(Hz).
+    The calibration provides H and n, the noise density at the output. `band` and `edges` are the corners and edges of
+    B(f) in Hz, see `midair.dsp.band_window`; `floor` is the density of the weakest relevant pressure, in Pa/sqrt(Hz).
     """
     response = calibration.response_at(frequency)
     below = regularised_power(calibration, response, floor)
@@ -59,16 +48,8 @@ def inverse_fir(
     """Compute W(f) as a FIR filter for a stream; it inverts the phase of H and delays by (taps - 1) / 2 frames.
 
     It is the least-squares fit of that length; where B(0) = 0, with the constraint that a constant input gives exactly
-    0. The result has the shape (taps, row, column), in Pa per unit of the output.
-
-    Parameters
-    ----------
-    calibration, band, edges, floor
-        As in `inverse_response`.
-    rate : float
-        Frame rate in Hz.
-    taps : int, optional
-        Odd; `default_taps` by default.
+    0. The result has the shape (taps, row, column), in Pa per unit of the output. `taps` is odd, and `default_taps` by
+    default; the other parameters are as in `inverse_response`.
     """
     taps = default_taps(rate, edges) if taps is None else taps
     if taps < 3 or taps % 2 == 0:

@@ -4,8 +4,8 @@ from types import NoneType
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.calibration.apply.crosstalk_inverse import crosstalk_inverse
 from midair.calibration.apply.inverse import check_band_covered, default_taps, inverse_fir, inverse_response
 from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, filter_response
@@ -129,8 +129,8 @@ def typical_uncertainty(calibration: Calibration, band: Band) -> float | None:
 
 def _by_fft(
     recording: Recording, calibration: Calibration, band: Band, edges: tuple[float, float], floor: float
-) -> NDArray[np.float64]:
-    def undo(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+) -> Array:
+    def undo(frequency: Array) -> Complex:
         return inverse_response(calibration, frequency, band, edges=edges, floor=floor)
 
     # Four periods of the narrowest edge on both sides: four times the reach of the default FIR filter.
@@ -198,7 +198,7 @@ def _share_inside(recording: Recording, band: Band) -> float:
     return share
 
 
-def _inside(samples: NDArray[np.float64], rate: float, band: Band) -> NDArray[np.float64]:
+def _inside(samples: Array, rate: float, band: Band) -> Array:
     """Mean square within the band, for samples of shape (frame, ...), with the segment length that finds the most."""
     low, high = band
     inside, length = band_energy(samples, rate, band, resolution=rate / len(samples)), len(samples) // 4

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from midair.calibration.measure.linearity import distinct
 from midair.calibration.measure.referenced_take import ReferencedTake, check_alike
@@ -11,8 +10,6 @@ from midair.calibration.measure.take_sums import MeasureSettings, TakeSums, sums
 from midair.errors import MismatchError
 from midair.model import Calibration, PressureFrames, Provenance, Recording, Setting
 from midair.progress import report_progress
-
-Array = NDArray[np.float64]
 
 
 def measure_response(
@@ -25,29 +22,14 @@ def measure_response(
 ) -> Calibration:
     """Measure a calibration from one recording of a known pressure that differs from cell to cell.
 
-    Only valid bins are kept; a dead channel has the response 0.
-
-    Parameters
-    ----------
-    pressure : PressureFrames
-        Pressure on the cells at the recording's times and rate: noise or a sweep that fills the band, for at least 12 /
-        resolution seconds.
-    resolution, coherence
-        See `MeasureSettings`.
-    date : str
-        ISO 8601.
-
-    Raises
-    ------
-    MismatchError
-        If the two differ in cells, rate or number of frames.
-    BandError
-        If fewer than two bins are valid.
+    Only valid bins are kept; a dead channel has the response 0. The pressure on the cells at the recording's times and
+    rate is noise or a sweep that fills the band, for at least 12 / resolution seconds; `resolution` and `coherence` are
+    those of `MeasureSettings`. Raises MismatchError if the two differ in cells, rate or number of frames, BandError if
+    fewer than two bins are valid.
     """
     _check_pair(recording, pressure)
     settings = MeasureSettings(resolution=resolution, coherence=coherence)
-    x, y = (values.reshape(len(values), -1) for values in (pressure.pressure, recording.samples))
-    part = sums_of(x, y, recording.rate, settings)
+    part = sums_of(pressure.pressure.reshape(pressure.frames, -1), recording, settings)
     simulated = pressure.provenance.simulated
     found = TakeSums(recording=recording, parts=(part,), own=(part,), settings=settings, reference="known pressure")
     history = recording.provenance.then("measure response", settings.as_settings(), simulated=simulated)
@@ -91,7 +73,7 @@ def measure_calibration(
     first = takes[0].recording
     _check_quiet(quiet, first)
     parts = tuple(
-        sums_of(take.reference.pressure[:, None], _flat(take.recording), first.rate, settings)
+        sums_of(take.reference.pressure[:, None], take.recording, settings)
         for take in report_progress(takes, len(takes))
     )
     alone = _pressed_alone(takes)
@@ -131,10 +113,6 @@ def measure_calibration(
     }
     history = history.then("measure calibration", details)
     return found.calibration(date=date, version=version, provenance=history, method=method)
-
-
-def _flat(recording: Recording) -> Array:
-    return recording.samples.reshape(recording.frames, -1)
 
 
 def _pressed_alone(takes: Sequence[ReferencedTake]) -> bool:

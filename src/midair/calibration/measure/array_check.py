@@ -5,14 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.measure.array_field import ArrayField, SensorPlace
 from midair.calibration.measure.group_fit import GroupFit
 from midair.calibration.measure.shared_parameters import DEAD, ArrayState, TransducerPrior, fit_shared
 from midair.errors import MismatchError
 from midair.model import ArrayCalibration
 from midair.physics import wavenumber
-
-Array = NDArray[np.float64]
 
 _SWEEPS = 2
 """Fits of each group; the calibration is a close start."""

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.calibration.measure.array_plan import ArrayCodes
 from midair.errors import ShapeError
 from midair.model import BAND, HEIGHT, RATE, Acoustics, Calibration, ControlGrid, SensorGrid, TransducerArray
 from midair.physics import SensorModel, TransducerDynamics, cell_weights, radiation_pressure, transfer_matrix
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,8 +116,9 @@ class ArrayField:
         q(t + dt) = c + (q(t) - c) e^(p dt), with the pole p in rad/s. Both results are complex, of shape (step,
         transducer of the group); the derivative is in s/rad.
         """
-        code, members, settle = self.codes.codes[group], self.codes.groups[group], self.codes.settle
-        command = self.codes.level * np.exp(1j * (self.codes.still[members] + np.pi / 2 * _padded(code, settle // 2)))
+        members, half = self.codes.groups[group], self.codes.settle // 2
+        code = np.pad(self.codes.codes[group].astype(np.int64), ((half, half), (0, 0)))
+        command = self.codes.level * np.exp(1j * (self.codes.still[members] + np.pi / 2 * code))
         time = np.arange(1, self.steps + 1)[:, None] / (self.codes.rate * self.steps)
         decay = np.exp(pole * time)
         q = np.empty((len(command), self.steps, len(members)), complex)
@@ -132,10 +131,6 @@ class ArrayField:
         return q.reshape(-1, len(members)), change.reshape(-1, len(members))
 
 
-def _padded(code: NDArray[np.int8], settle: int) -> NDArray[np.int64]:
-    return np.pad(code.astype(np.int64), ((settle, settle), (0, 0)))
-
-
 def pole_of(dynamics: TransducerDynamics) -> complex:
     """-1 / time constant + j detuning, in rad/s."""
-    return complex(-1 / dynamics.time_constant, dynamics.detuning)
+    return dynamics.pole

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import RATE, Acoustics, SensorGrid, TransducerArray
 from midair.physics import quantise_phase, radiation_pressure, transfer_matrix
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,19 +88,8 @@ def array_codes(
 ) -> ArrayCodes:
     """Generate the codes of a plan for an array with a sensor over its centre.
 
-    Parameters
-    ----------
-    array : TransducerArray
-        Nominal array.
-    sensor : SensorGrid
-        Sensor that lies over its centre.
-    height : float
-        Height of the sensor above the array, in m.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than twice as many measured numbers as unknowns in a group.
+    `array` is the nominal one, and the sensor lies at `height` in m above it. Raises InputError if there are fewer than
+    twice as many measured numbers as unknowns in a group.
     """
     rng = np.random.default_rng(plan.seed)
     count = max(1, round(array.count / plan.group))

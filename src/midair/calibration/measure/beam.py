@@ -9,8 +9,8 @@ the differences between channels do not.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.calibration.measure.beam_plan import BeamPlan
 from midair.calibration.measure.delay import channel_delay, upper_half
 from midair.calibration.measure.frequency_response import widened
@@ -18,9 +18,6 @@ from midair.calibration.measure.linearity import bend_uncertainty, fit_levels
 from midair.calibration.measure.noise import quiet_density, white_level
 from midair.errors import InputError, ShapeError
 from midair.model import Calibration, Crosstalk, Linearity, Measurement, Recording
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,19 +46,8 @@ def tone_amplitudes(signal: Array, rate: float, plan: BeamPlan, *, lag: int = 0)
 
     The amplitude is the peak 2 / N sum y e^(-j 2 pi f t), with t from the start of the window.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (frame, channel)
-        Signal at `rate`.
-    rate : float
-        In Hz, a whole multiple of the plan's.
-    lag : int
-        Delay of the signal in frames of `rate`.
-
-    Raises
-    ------
-    ShapeError
-        If the signal is shorter than the plan.
+    `signal`, shape (frame, channel), comes `lag` of its frames late; its `rate` in Hz is a whole multiple of the
+    plan's. Raises ShapeError if it is shorter than the plan.
     """
     steps = round(rate / plan.rate)
     window, stretch = plan.window * steps, plan.stretch * steps
@@ -78,12 +64,8 @@ def tone_amplitudes(signal: Array, rate: float, plan: BeamPlan, *, lag: int = 0)
 def find_lag(signal: Array, expected: Array) -> int:
     """Find the number of frames before the beam begins, at the maximum of the cross-correlation with the command.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (frame,)
-        Output of the channel under the beam.
-    expected : ndarray, shape (frame,)
-        Commanded pressure at the same rate, not longer than the signal.
+    `signal` (frame,) is the output of the channel under the beam; `expected` (frame,), the commanded pressure at the
+    same rate, is not longer.
     """
     from scipy.signal import correlate
 
@@ -104,21 +86,8 @@ def measure_beam(
     the line, the lengths that determine B (each changed by its standard uncertainty), and the array's level and
     dynamics.
 
-    Parameters
-    ----------
-    reading : BeamReading
-        Readings of every cell.
-    sensor : Recording
-        Any of the recordings; provides grid, unit and provenance.
-    quiet : Recording
-        A recording without any sound.
-    date, version
-        As in `Calibration`.
-
-    Raises
-    ------
-    InputError
-        If a channel does not measure the beam.
+    `sensor` is any of the recordings, which provides grid, unit and provenance; `quiet` is one without any sound.
+    Raises InputError if a channel does not measure the beam.
     """
     slope, spread = _slopes(reading)
     inverse = np.linalg.inv(reading.shares)

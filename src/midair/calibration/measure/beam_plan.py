@@ -3,14 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import BAND, HEIGHT, HEIGHTS, RATE, Acoustics, ControlGrid, SensorGrid, TransducerArray
 from midair.physics import SensorModel, cell_weights, focus_phase, radiation_pressure, transfer_matrix
 from midair.validation import length, positive
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,11 +140,7 @@ class BeamField:
 
 
 def beam_field(
-    array: TransducerArray,
-    sensor: SensorGrid,
-    setting: BeamSetting,
-    *,
-    acoustics: Acoustics | None = None,
+    array: TransducerArray, sensor: SensorGrid, setting: BeamSetting, *, acoustics: Acoustics | None = None
 ) -> BeamField:
     """Compute the pressure around a sensor for a focus on each of its cells."""
     acoustics = acoustics or Acoustics()

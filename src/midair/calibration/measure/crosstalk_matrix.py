@@ -5,11 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.calibration.measure.frequency_response import FrequencyResponse
 from midair.model import Crosstalk
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def crosstalk_of(

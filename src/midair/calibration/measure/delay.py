@@ -1,12 +1,9 @@
 """Delay of each channel from the slope of its phase."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import BandError
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def channel_delay(frequency: Array, response: Complex, uncertainty: Array) -> tuple[Array, Array]:

@@ -1,14 +1,12 @@
-"""Excitation signals for a shaker or a loudspeaker during a calibration: noise, sweeps and tones."""
+"""Excitation signals for a shaker or a loudspeaker during a calibration: noise and sweeps."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.dsp import Band, check_band
 from midair.errors import InputError
 from midair.model import RATE
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 
 def noise_signal(
@@ -16,16 +14,8 @@ def noise_signal(
 ) -> Array:
     """Generate Gaussian noise with a flat spectrum within a band and zero outside, shape (frame,).
 
-    Parameters
-    ----------
-    rms : float
-        In any unit.
-    duration : float
-        In s; 12 s or more for bins of 1 Hz. Longer signals reduce the uncertainty.
-    rate : float
-        In Hz.
-    band : tuple of float
-        (low, high) in Hz; wider than the band to be calibrated.
+    `rms` has any unit. Bins of 1 Hz need a `duration` of 12 s or more, and longer signals reduce the uncertainty. The
+    band (low, high) in Hz is wider than the band to be calibrated.
     """
     low, high = check_band(band, rate)
     frames = _frames(duration, rate)
@@ -43,18 +33,8 @@ def sweep_signal(
     phase = 2 pi f_1 L (e^(t / L) - 1), L = duration / ln(f_2 / f_1) (Farina, AES 108, 2000). The silences separate the
     response of the sensor from the transients at the ends of the recording.
 
-    Parameters
-    ----------
-    rms : float
-        Rms of the sine, in any unit.
-    duration : float
-        Duration of the sweep in s.
-    rate : float
-        In Hz.
-    band : tuple of float
-        (f_1, f_2) in Hz, f_1 above 0; the first and last twentieth of the duration fade in and out.
-    silence : float
-        Duration of the silence before and after, in s.
+    `rms` is that of the sine, in any unit; `band` is (f_1, f_2) in Hz, f_1 above 0. The first and last twentieth of the
+    `duration` in s fade in and out; each `silence` comes in addition.
     """
     low, high = check_band(band, rate)
     if low <= 0:
@@ -65,13 +45,6 @@ def sweep_signal(
     fade = np.clip(np.minimum(np.arange(frames), np.arange(frames)[::-1]) / max(frames / 20, 1), 0, 1)
     tone = np.sin(2 * np.pi * low * scale * np.expm1(time / scale)) * np.sin(np.pi / 2 * fade) ** 2
     return np.pad(np.sqrt(2) * positive(rms, "rms") * tone, round(silence * rate))
-
-
-def tone_signal(rms: float, frequency: float, duration: float, *, rate: float = RATE) -> Array:
-    """Generate a sine like that of a pistonphone, shape (frame,)."""
-    check_band((0.0, positive(frequency, "frequency", "Hz")), rate)
-    time = np.arange(_frames(duration, rate)) / rate
-    return np.sqrt(2) * positive(rms, "rms") * np.sin(2 * np.pi * frequency * time)
 
 
 def _frames(duration: float, rate: float) -> int:

@@ -12,16 +12,14 @@ phase.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.errors import BandError
 from midair.validation import positive
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,8 +42,8 @@ class BandSums:
     def only(self, channels: NDArray[np.bool_]) -> "BandSums":
         """Return a copy with 0 for all other channels."""
         keep = channels.astype(float)
-        return BandSums(
-            frequency=self.frequency,
+        return replace(
+            self,
             gram=self.gram * keep[:, None, None],
             cross=self.cross * keep[:, None],
             power=self.power * keep,
@@ -99,7 +97,8 @@ def band_sums(x: Array, y: Array, rate: float, *, resolution: float, width: floa
     fits = (first >= 1) & (first + count <= frames // 2 + 1)
     centres, bins = centres[fits], first[fits, None] + np.arange(count)
     offset = (bins * step - centres[:, None]) * 2 / width
-    smooth = _polynomials(count, order + 1)
+    # Orthonormal polynomials in the place within a band, for T.
+    smooth = np.linalg.qr(np.linspace(-1, 1, count)[:, None] ** np.arange(order + 1))[0]
     inputs = _spectrum(x, rate)[bins][..., None] * (offset[..., None] ** np.arange(terms))[:, :, None, :]
     z = _without(smooth, inputs)
     outputs = _without(smooth, _spectrum(y, rate)[bins])
@@ -118,10 +117,10 @@ def band_sums(x: Array, y: Array, rate: float, *, resolution: float, width: floa
 
 def solve_sums(parts: Sequence[BandSums]) -> FrequencyResponse:
     """Fit one response to all recordings with the same bands."""
-    gram, cross = sum(part.gram for part in parts), sum(part.cross for part in parts)
-    power, points = sum(part.power for part in parts), sum(part.points for part in parts)
+    gram, cross = (sum(getattr(part, name) for part in parts) for name in ("gram", "cross"))
     gram, cross = np.asarray(gram, np.complex128), np.asarray(cross, np.complex128)
-    power, points = np.asarray(power, float), np.asarray(points, float)
+    sums = (sum(getattr(part, name) for part in parts) for name in ("power", "points", "peaks"))
+    power, points, peaks = (np.asarray(each, float) for each in sums)
     terms = gram.shape[-1]
     size = np.trace(gram, axis1=-2, axis2=-1).real
     # Without any input the matrix would be singular.
@@ -141,7 +140,7 @@ def solve_sums(parts: Sequence[BandSums]) -> FrequencyResponse:
         coherence=np.clip(1 - np.divide(noise, whole, out=np.ones_like(whole), where=whole > 0), 0, 1),
         noise=noise,
         averages=averages,
-        excited=_ratio(gram[..., 0, 0].real ** 2, np.asarray(sum(part.peaks for part in parts), float)),
+        excited=np.divide(gram[..., 0, 0].real ** 2, peaks, out=np.zeros_like(peaks), where=peaks > 0),
     )
 
 
@@ -158,22 +157,11 @@ def check_resolution(resolution: float, width: float | None) -> tuple[float, flo
     return step, 2 * step if width is None else positive(width, "width of a band", "Hz")
 
 
-def _ratio(above: Array, below: Array) -> Array:
-    """Quotient of two arrays, 0 where the denominator is 0."""
-    return np.divide(above, below, out=np.zeros_like(above), where=below > 0)
-
-
 def _spectrum(signal: Array, rate: float) -> Complex:
     """FFT of the signal without its mean, scaled so that its mean square is the one-sided power density."""
     from scipy.fft import rfft
 
     return np.asarray(rfft(signal - signal.mean(axis=0), axis=0) * np.sqrt(2 / (rate * len(signal))), np.complex128)
-
-
-def _polynomials(count: int, terms: int) -> Array:
-    """Orthonormal polynomials of degree 0 to terms - 1 over `count` points, shape (count, terms)."""
-    place = np.linspace(-1, 1, count)[:, None]
-    return np.linalg.qr(place ** np.arange(terms))[0]
 
 
 def _without(smooth: Array, spectra: Complex) -> Complex:

@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.measure.frequency_response import BandSums, FrequencyResponse, widened
 from midair.errors import InputError
 from midair.model import Linearity
-
-Array = NDArray[np.float64]
 
 
 def fit_levels(pressure: Array, output: Array, uncertainty: Array) -> Linearity:

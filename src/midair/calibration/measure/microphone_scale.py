@@ -10,12 +10,10 @@ neglected: a weight that rebounds transfers up to twice the momentum.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 GRAVITY = 9.81
 """In m/s2."""
@@ -35,21 +33,9 @@ class MicrophoneScale:
 
 
 def scale_of_tone(samples: Array, rate: float, *, level: float = 94.0) -> MicrophoneScale:
-    """Compute the scale from a tone of known level.
+    """Compute the scale from samples (frame,), in the file's units, of a tone of known `level` in dB re 20 uPa.
 
-    Parameters
-    ----------
-    samples : ndarray, shape (frame,)
-        Recording of the tone, in the file's units.
-    rate : float
-        In Hz.
-    level : float
-        Sound pressure level of the tone in dB re 20 uPa.
-
-    Raises
-    ------
-    InputError
-        If the tone has less than nine tenths of the power.
+    Raises InputError if the tone has less than nine tenths of the power.
     """
     window = np.hanning(len(samples))
     power = np.abs(np.fft.rfft((samples - samples.mean()) * window)) ** 2
@@ -74,23 +60,9 @@ def scale_of_tone(samples: Array, rate: float, *, level: float = 94.0) -> Microp
 def scale_of_drop(samples: Array, rate: float, *, mass: float, height: float, diameter: float) -> MicrophoneScale:
     """Compute the scale from a weight that drops on the skin over the microphone and stays there.
 
-    Parameters
-    ----------
-    samples : ndarray, shape (frame,)
-        Recording of one impact, in the file's units.
-    rate : float
-        In Hz; the impact should last ten frames or more.
-    mass : float
-        In kg.
-    height : float
-        Height of the fall in m.
-    diameter : float
-        Diameter of the round contact area in m.
-
-    Raises
-    ------
-    InputError
-        If no impact stands out, or it is shorter than four frames.
+    `samples` (frame,), in the file's units, hold one impact, which should last ten frames or more. `mass` is in kg, the
+    `height` of the fall and the `diameter` of the round contact area in m. Raises InputError if no impact stands out,
+    or it is shorter than four frames.
     """
     for value, name, unit in ((mass, "mass", "kg"), (height, "height", "m"), (diameter, "diameter", "m")):
         positive(value, f"{name} of the drop", unit)

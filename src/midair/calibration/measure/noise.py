@@ -1,14 +1,12 @@
 """Noise of a sensor: density at the output and equivalent pressure."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.measure.frequency_response import band_sums
 from midair.dsp import Band
 from midair.errors import BandError
 from midair.model import BAND, Calibration, Recording
-
-Array = NDArray[np.float64]
 
 
 def quiet_density(recording: Recording, *, resolution: float, width: float) -> tuple[Array, Array, float]:
@@ -38,12 +36,8 @@ def noise_equivalent_pressure(calibration: Calibration, band: Band = BAND) -> Ar
     """Rms pressure in a band that is as strong as each channel's noise, in Pa, shape (row, column).
 
     It is the root of the integral of ``S_nn / |H|^2`` over the band, or uses the white `noise` if no density was
-    measured. It is infinite for a channel whose response is 0 somewhere in the band.
-
-    Raises
-    ------
-    BandError
-        If the band (low, high) in Hz is not within the calibration's.
+    measured. It is infinite for a channel whose response is 0 somewhere in the band. Raises BandError if the band (low,
+    high) in Hz is not within the calibration's.
     """
     low, high = band
     first, last = calibration.frequency[0], calibration.frequency[-1]
@@ -54,9 +48,9 @@ def noise_equivalent_pressure(calibration: Calibration, band: Band = BAND) -> Ar
     if measured is None:
         density = np.broadcast_to(calibration.noise, (512, *calibration.noise.shape))
     else:
-        density = np.stack(
-            [np.interp(frequency, calibration.frequency, one) for one in _channels(measured.noise_density)], axis=1
-        ).reshape(512, *calibration.noise.shape)
+        channels = measured.noise_density.reshape(len(calibration.frequency), -1).T
+        density = np.array([np.interp(frequency, calibration.frequency, one) for one in channels]).T
+        density = density.reshape(512, *calibration.noise.shape)
     size = np.abs(calibration.response_at(frequency))
     hidden = np.divide(density, size, out=np.full(size.shape, np.inf), where=size > 0)
     return np.sqrt(np.trapezoid(hidden**2, frequency, axis=0))
@@ -69,7 +63,3 @@ def known_noise(calibration: Calibration | None, band: Band = BAND) -> Array | N
     first, last = calibration.frequency[0], calibration.frequency[-1]
     found = noise_equivalent_pressure(calibration, (max(band[0], first), min(band[1], last)))
     return found if np.isfinite(found).all() else None
-
-
-def _channels(values: Array) -> Array:
-    return values.reshape(len(values), -1).T

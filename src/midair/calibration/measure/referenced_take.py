@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, MismatchError, ShapeError
 from midair.model import Recording, SensorGrid
 from midair.validation import frozen_array, positive
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,17 +93,9 @@ def split_channel(
 ) -> tuple[Recording, Recording]:
     """Split one channel, such as a reference on a spare input, off a recording; return the rest and the reference.
 
-    Parameters
-    ----------
-    channel : int
-        Number of the reference's channel, row by row from 0.
-    sensor : SensorGrid, optional
-        Cells of the other channels; by default a square if their number is a square, otherwise one row.
-
-    Raises
-    ------
-    ShapeError
-        If the channel does not exist, or the other channels do not fit the sensor.
+    Channels count row by row from 0. `sensor` has the cells of the other channels; by default it is a square if their
+    number is a square, otherwise one row. Raises ShapeError if the channel does not exist, or the other channels do not
+    fit the sensor.
     """
     count = recording.sensor.count - 1
     if not 0 <= channel <= count or count < 1:

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.measure.frequency_response import BandSums, FrequencyResponse, solve_sums, widened
-
-Array = NDArray[np.float64]
 
 
 def repeatability(

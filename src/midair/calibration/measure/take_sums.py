@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.measure.crosstalk_matrix import crosstalk_of
 from midair.calibration.measure.delay import channel_delay, upper_half
 from midair.calibration.measure.frequency_response import (
@@ -20,10 +21,8 @@ from midair.calibration.measure.noise import quiet_density, white_level
 from midair.calibration.measure.referenced_take import ReferencedTake
 from midair.calibration.measure.repeatability import repeatability
 from midair.errors import BandError
-from midair.model import Calibration, Crosstalk, Linearity, Measurement, Provenance, Recording, SensorGrid, Setting
+from midair.model import Calibration, Crosstalk, Linearity, Measurement, Provenance, Recording, Setting
 from midair.recordings import dead_channels
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,12 +117,9 @@ class TakeSums:
             "delay": delay,
             "delay_uncertainty": np.where(alive, delay_error, 0),
         }
-        return {name: _on_cells(values, self.recording.sensor) for name, values in found.items()}
-
-    @property
-    def _overlap(self) -> float:
-        step, width = check_resolution(self.settings.resolution, self.settings.width)
-        return max(width / step, 1.0)
+        return {
+            name: values.reshape(*values.shape[:-1], *self.recording.sensor.shape) for name, values in found.items()
+        }
 
     def _alive(self) -> NDArray[np.bool_]:
         """Channels whose output changes in at least one of the takes that press on them."""
@@ -149,11 +145,11 @@ class TakeSums:
     def _noise(self, fit: FrequencyResponse, counts: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
         """Amplitude density in every bin, its white level, and the uncertainty of that level."""
         power, averages = fit.noise[counts], float(fit.averages.mean())
+        step, width = check_resolution(self.settings.resolution, self.settings.width)
         if self.quiet is not None:
-            step, width = check_resolution(self.settings.resolution, self.settings.width)
             bins, quiet, averages = quiet_density(self.quiet, resolution=step, width=width)
             power = np.stack([np.interp(fit.frequency[counts], bins, one) for one in quiet.T], axis=1)
-        level, error = white_level(power, averages, self._overlap)
+        level, error = white_level(power, averages, width / step)
         return np.sqrt(power), level, error
 
     def _crosstalk(self, counts: NDArray[np.bool_], repeat: Array) -> Crosstalk:
@@ -182,12 +178,8 @@ class TakeSums:
         return line, bend_uncertainty(share, error)
 
 
-def sums_of(x: Array, y: Array, rate: float, settings: MeasureSettings) -> BandSums:
-    """Compute `band_sums` with the settings of a measurement."""
+def sums_of(x: Array, recording: Recording, settings: MeasureSettings) -> BandSums:
+    """Compute `band_sums` of a pressure (frame, channel) and its recording with the settings of a measurement."""
     step, width = check_resolution(settings.resolution, settings.width)
-    return band_sums(x, y, rate, resolution=step, width=width, order=settings.order)
-
-
-def _on_cells(values: Array, sensor: SensorGrid) -> Array:
-    """Reshape channels to rows and columns."""
-    return values.reshape(*values.shape[:-1], *sensor.shape)
+    y = recording.samples.reshape(recording.frames, -1)
+    return band_sums(x, y, recording.rate, resolution=step, width=width, order=settings.order)

@@ -3,15 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.calibration.measure.frequency_response import widened
 from midair.errors import BandError, InputError, MismatchError
 from midair.model import Calibration, Measurement, Provenance, Recording
 from midair.validation import positive
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def measure_tone(
@@ -116,19 +113,9 @@ def scale_to_tone(shape: Calibration, tone: Calibration) -> Calibration:
     The uncertainty that all bins of the shape share (that of its reference) is replaced by the uncertainty of the tone
     and of the shape at the tone's frequency.
 
-    Parameters
-    ----------
-    shape : Calibration
-        Calibration of the same sensor whose band covers the tone, for example from a focused beam.
-    tone : Calibration
-        Calibration from `measure_tone`.
-
-    Raises
-    ------
-    MismatchError
-        If the two have different sensors or units, or `tone` has more than one bin.
-    BandError
-        If the tone is outside the shape's frequencies.
+    The band of `shape`, for example from a focused beam, covers the `tone` of `measure_tone`. Raises MismatchError if
+    the two have different sensors or units, or `tone` has more than one bin; BandError if the tone is outside the
+    shape's frequencies.
     """
     if (shape.sensor, shape.unit) != (tone.sensor, tone.unit) or len(tone.frequency) != 1:
         raise MismatchError(
@@ -146,7 +133,6 @@ def scale_to_tone(shape: Calibration, tone: Calibration) -> Calibration:
     return replace(
         shape,
         response=shape.response * factor,
-        noise=shape.noise,
         provenance=shape.provenance.then("anchor", settings, simulated=tone.provenance.simulated),
         measurement=_anchored_measurement(shape, tone),
         # The linearity was stated in Pa with the previous level of the response.
@@ -159,9 +145,8 @@ def _anchored_measurement(shape: Calibration, tone: Calibration) -> Measurement 
     if have is None or level is None:
         return None
     own = np.sqrt(np.maximum(have.magnitude_uncertainty**2 - have.reference_uncertainty**2, 0))
-    there = np.stack(
-        [np.interp(tone.frequency, shape.frequency, one) for one in own.reshape(len(own), -1).T], axis=1
-    ).reshape(1, *shape.sensor.shape)
+    there = np.array([np.interp(tone.frequency, shape.frequency, one) for one in own.reshape(len(own), -1).T])
+    there = there.reshape(1, *shape.sensor.shape)
     magnitude = np.sqrt(own**2 + there**2 + level.magnitude_uncertainty**2)
     return replace(
         have,

@@ -20,17 +20,8 @@ def fit_tracker(held: Array, places: Array) -> TrackerPlacement:
     s sqrt(2 / n) for each coordinate of a placed point, on average over the places, times the ratio of Student's t to
     the normal distribution, so that twice the uncertainty covers 95 %.
 
-    Parameters
-    ----------
-    held : ndarray, shape (place, 3)
-        Places by the tracker, in m.
-    places : ndarray, shape (place, 3)
-        The same places in array coordinates, in m.
-
-    Raises
-    ------
-    InputError
-        If there are less than three places, they are collinear, or they do not fit a rotation.
+    `held`, shape (place, 3), are the places by the tracker, and `places` the same ones in array coordinates, in m.
+    Raises InputError if there are less than three, they are collinear, or they do not fit a rotation.
     """
     count = len(places)
     if count < 3 or held.shape != places.shape:

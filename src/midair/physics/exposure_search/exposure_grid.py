@@ -11,36 +11,17 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.model import Acoustics, TransducerArray
-from midair.physics.exposure_places import Place
+from midair.physics.exposure_places import Place, combined
 from midair.physics.propagation import wavenumber
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Lattice:
-    """Points on planes through a cube, its faces included: all combinations of three coordinates."""
-
-    axes: tuple[Array, Array, Array]  # Coordinates, from -1 to 1 at the faces
-
-    @property
-    def points(self) -> Array:
-        """All points, shape (point, 3), the last coordinate changing fastest."""
-        return np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(-1, 3)
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Number of points along each axis."""
-        x, y, z = (len(each) for each in self.axes)
-        return x, y, z
-
-
-def lattice(bands: Array, step: float, *, crowd: float = 1.5) -> Lattice:
-    """Points with at most `step` rad of phase change of the fastest wave between neighbours.
+def lattice(bands: Array, step: float, *, crowd: float = 1.5) -> list[Array]:
+    """Coordinates, -1 to 1 at the faces, with at most `step` rad of phase change of the fastest wave between them.
 
     They are denser at the faces, like Chebyshev nodes, by `crowd` rad, since no points outside constrain the field.
     `bands` (3,) is in rad.
     """
-    x, y, z = (_crowded(float(band), step, crowd) for band in bands)
-    return Lattice(axes=(x, y, z))
+    return [_crowded(float(band), step, crowd) for band in bands]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,17 +49,13 @@ def stacks(wide: Array, *, inside: float, faces: float) -> tuple[Stack, Stack, S
     """
     axis = int(wide.argmax())
     one, other = (each for each in range(3) if each != axis)
-    wider, closer = lattice(wide, inside).axes, lattice(wide, faces).axes
-    face = _pairs(closer[one], closer[other])
+    wider, closer = lattice(wide, inside), lattice(wide, faces)
+    face = combined(closer[one], closer[other])
     return (
-        Stack(axis=axis, along=wider[axis][1:-1], across=_pairs(wider[one][1:-1], wider[other][1:-1])),
+        Stack(axis=axis, along=wider[axis][1:-1], across=combined(wider[one][1:-1], wider[other][1:-1])),
         Stack(axis=axis, along=closer[axis][1:-1], across=face[np.abs(face).max(axis=1) == 1]),
         Stack(axis=axis, along=closer[axis][[0, -1]], across=face),
     )
-
-
-def _pairs(one: Array, other: Array) -> Array:
-    return np.stack(np.meshgrid(one, other, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def _crowded(band: float, step: float, crowd: float) -> Array:

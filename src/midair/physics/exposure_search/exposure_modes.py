@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Single
+from midair.physics.exposure_places import combined
 from midair.physics.exposure_search.exposure_grid import Stack, between, lattice
 from midair.physics.exposure_search.exposure_products import Product, Workspace, power_of
 
@@ -76,14 +77,14 @@ def field_by_modes(
     """
     nodes, axis = lattice(wide, step, crowd=2.0), stacks[0].axis
     # All airs share the same modes: the field in one air is that of a slightly different place in another.
-    waves, modes = _modes(np.concatenate([field(nodes.points) for field in fields]), tried, enough)
+    waves, modes = _modes(np.concatenate([field(combined(*nodes)) for field in fields]), tried, enough)
     # The planes are perpendicular to the axis along which the field changes most.
-    planes = np.moveaxis(waves.reshape(len(fields), *nodes.shape, -1), axis + 1, 1)
+    planes = np.moveaxis(waves.reshape(len(fields), *map(len, nodes), -1), axis + 1, 1)
     count = planes.shape[1]
     planes = planes.reshape(len(fields) * count, -1, waves.shape[1])
     few = _shapes(planes * np.linalg.norm(modes, axis=1), 0.4 * enough / np.sqrt(modes.shape[1]))
     to_planes = (few.T.astype(np.float32) @ planes).reshape(len(fields), count, few.shape[1], -1)
-    interpolations = [_interpolation(each, nodes.axes, wide, few) for each in stacks]
+    interpolations = [_interpolation(each, nodes, wide, few) for each in stacks]
     rest = []
     for field, own in zip(fields, to_planes, strict=True):
         tests = [
@@ -101,7 +102,7 @@ def field_by_modes(
     )
 
 
-def _interpolation(stack: Stack, axes: tuple[Array, Array, Array], wide: Array, few: Array) -> tuple[Array, Array]:
+def _interpolation(stack: Stack, axes: list[Array], wide: Array, few: Array) -> tuple[Array, Array]:
     """From the nodes' planes to those of a stack, and from the shapes on a plane to its points."""
     one, other = (each for each in range(3) if each != stack.axis)
     along = between(axes[stack.axis], stack.along, float(wide[stack.axis]))

@@ -165,16 +165,11 @@ class _ArrayKey:
         return hash(self.numbers)
 
 
-def cube_search(place: Place, array: TransducerArray, airs: Airs) -> CubeSearch | PointSearch:
-    """The search of a place: its whole cube if the limit is enforced, otherwise its 27 points.
+def searches_of(places: tuple[Place, ...], array: TransducerArray, airs: Airs) -> Searches:
+    """The searches of all places: the whole cube if the limit is enforced, otherwise its 27 points.
 
     Cached, since the exposure of a drive is computed in parts, more than once, and for many drives.
     """
-    return _cube_search(place, _ArrayKey(array), airs)
-
-
-def searches_of(places: tuple[Place, ...], array: TransducerArray, airs: Airs) -> Searches:
-    """The searches of all places, cached."""
     return _searches_of(places, _ArrayKey(array), airs)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from midair.calibration import measure_calibration
-from midair.calibration.measure.excitation import noise_signal, tone_signal
+from midair.calibration.measure.excitation import noise_signal
 from midair.cli import run
 from midair.cli.commands.calibrate.output import drift
 from midair.files import load_calibration, load_pressure, save, save_calibration
@@ -116,7 +116,8 @@ def test_a_force_cell_has_a_face(bench):
 
 
 def test_a_pistonphone_and_the_shape_of_another(known):
-    save(BENCH.recordings(tone_signal(10.0237, 250, 4))[0], Path("tone.h5"))
+    tone = np.sqrt(2) * 10.0237 * np.sin(np.pi / 2 * np.arange(4000))
+    save(BENCH.recordings(tone)[0], Path("tone.h5"))
     tone = ["calibrate", "tone", "tone.h5", "--pressure", "114dB", "--uncertainty", "0.01"]
     assert run([*tone, "--output", "tone.calibration.h5"]) == 0
     found = load_calibration("tone.calibration.h5")
