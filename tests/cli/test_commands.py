@@ -1,5 +1,3 @@
-"""The commands as a person types them: what they make, what they print, and their exit status."""
-
 import html
 import json
 import re

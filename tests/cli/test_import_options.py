@@ -1,5 +1,3 @@
-"""Import of what others recorded, footprints, and export with what is lost."""
-
 import json
 from pathlib import Path
 

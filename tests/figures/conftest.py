@@ -1,5 +1,3 @@
-"""Checks for every figure: units on its axes, a mark if simulated, and data."""
-
 import io
 
 import numpy as np

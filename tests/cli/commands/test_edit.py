@@ -1,5 +1,3 @@
-"""Editing commands: files in and out, their calibration, what is told, and what is refused."""
-
 import json
 from pathlib import Path
 

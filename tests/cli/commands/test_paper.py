@@ -1,5 +1,3 @@
-"""The command paper as a person types it."""
-
 import json
 from pathlib import Path
 

@@ -1,5 +1,3 @@
-"""`midair play` on arrays, `midair exposure` and `midair stop`, as a person types them."""
-
 import json
 import os
 import re

@@ -1,5 +1,3 @@
-"""midair record as a person meets it: on a real terminal, and as a program does."""
-
 import json
 import os
 import pty

@@ -1,5 +1,3 @@
-"""The command `show`: pages, films and sounds of a file."""
-
 import re
 import sys
 import webbrowser

@@ -1,5 +1,3 @@
-"""The solver's terms as a person types them."""
-
 import json
 from dataclasses import replace
 

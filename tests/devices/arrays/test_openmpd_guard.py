@@ -1,5 +1,3 @@
-"""The guard silences boards if the playing program is killed or stopped."""
-
 import os
 import random
 import signal

@@ -1,5 +1,3 @@
-"""Frames reported as silent, with instants that can be counted by hand."""
-
 import pytest
 
 from midair.devices.arrays.banks import UnitsState

@@ -1,5 +1,3 @@
-"""Prediction of a palm."""
-
 import numpy as np
 import pytest
 from scipy.linalg import expm

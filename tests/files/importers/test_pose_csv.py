@@ -1,5 +1,3 @@
-"""Poses of a palm in CSV."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""`midair calibrate` and its sub-commands, as a person types them."""
-
 import json
 import shutil
 from dataclasses import replace

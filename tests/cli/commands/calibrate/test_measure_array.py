@@ -1,5 +1,3 @@
-"""The command calibrate array, and drives that are solved for what it wrote."""
-
 import json
 from dataclasses import replace
 from pathlib import Path

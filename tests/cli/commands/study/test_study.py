@@ -1,5 +1,3 @@
-"""The commands from end to end, and the terminal."""
-
 import io
 import json
 import re

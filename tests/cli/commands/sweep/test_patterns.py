@@ -1,5 +1,3 @@
-"""`midair sweep` as a person types it, on processes of its own."""
-
 import json
 import os
 import signal
