@@ -1,5 +1,3 @@
-"""Steering a solved field to a palm that moved, and the pressure on a palm that moves."""
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

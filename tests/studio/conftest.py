@@ -1,5 +1,3 @@
-"""Fixtures: a studio in its own process, and browser pages on it."""
-
 import os
 import subprocess
 import sys

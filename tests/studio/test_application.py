@@ -1,5 +1,3 @@
-"""The application without its processes: answers and refusals."""
-
 import asyncio
 import json
 import os

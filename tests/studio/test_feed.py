@@ -1,5 +1,3 @@
-"""Flow control of the sections of a sensor or of live touch."""
-
 import asyncio
 
 import numpy as np

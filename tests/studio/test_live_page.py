@@ -1,5 +1,3 @@
-"""The panel Live in a real browser: frames, freezing, saving, silence."""
-
 import time
 
 import pytest

@@ -1,5 +1,3 @@
-"""The air of the room and hot units in a real browser."""
-
 import time
 
 import pytest

@@ -1,5 +1,3 @@
-"""Continuous answers: a slider from 0 to 100 is analysed as a rating."""
-
 import pytest
 
 from midair.study.design import answers_table

@@ -1,5 +1,3 @@
-"""The included templates, from plan to report, with simulated participants."""
-
 from typing import get_args
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Keys at a terminal, with a pseudo-terminal."""
-
 import os
 import sys
 import termios

@@ -1,5 +1,3 @@
-"""Check of the files of a study: changes are reported, intact files are not."""
-
 import json
 import re
 import shutil

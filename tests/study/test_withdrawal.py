@@ -1,5 +1,3 @@
-"""Withdrawal deletes one participant everywhere and leaves all others unchanged."""
-
 import json
 import os
 import shutil

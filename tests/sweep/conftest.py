@@ -1,5 +1,3 @@
-"""Fixtures: sweeps solved in this process, and clusters on this machine."""
-
 import json
 import subprocess
 import sys

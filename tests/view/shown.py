@@ -1,5 +1,3 @@
-"""Small data to show."""
-
 import numpy as np
 
 from midair.model import AmplitudeFrames, ControlGrid, Drive, PressureFrames, Provenance, Recording, TransducerArray

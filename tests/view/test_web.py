@@ -1,5 +1,3 @@
-"""The canvases in a real browser."""
-
 import numpy as np
 import pytest
 from tests.view.shown import FOCUS, GRID, focus, focus_drive, pressure, recording

@@ -1,5 +1,3 @@
-"""Trackers by name."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""The thermometer is compared with the air of the drive while it plays."""
-
 import json
 import time
 

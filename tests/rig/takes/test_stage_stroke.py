@@ -1,5 +1,3 @@
-"""Strokes of a stage during a take: their times in the file, and their end with the take."""
-
 import threading
 import time
 

@@ -1,5 +1,3 @@
-"""Every registered term on its interface, and a term of another package."""
-
 import os
 import subprocess
 import sys

@@ -1,5 +1,3 @@
-"""Append-only log: exactly the confirmed events are read."""
-
 import hashlib
 import json
 import os

@@ -1,5 +1,3 @@
-"""Further steps of a session: forms, training, breaks, cues, time limits, several sessions."""
-
 from dataclasses import replace
 
 import pytest

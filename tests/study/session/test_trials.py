@@ -1,5 +1,3 @@
-"""Sessions: questions, stored answers, and recovery after a crash."""
-
 import json
 import signal
 import subprocess
