@@ -21,7 +21,6 @@ from midair.model import Recording
 
 
 def commands(at=app, names=()):
-    """Every command and folder of commands, by the words that people type."""
     for name in at:
         if not name.startswith("-"):
             yield (*names, name), at[name]
@@ -107,7 +106,6 @@ def test_help_fits_and_loses_nothing(names, width):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Files by the names that the examples give them."""
     folder = tmp_path_factory.mktemp("examples")
     rng = np.random.default_rng(3)
     samples = rng.normal(size=(1000, 4, 4)) * np.hanning(1000)[:, None, None]

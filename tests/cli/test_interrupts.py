@@ -34,7 +34,6 @@ AT_THE_END = {
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory):
-    """A recording, its drive and a sound."""
     folder = tmp_path_factory.mktemp("desk")
     grid = SensorGrid()
     noise = 0.05 * np.random.default_rng(0).standard_normal((300, *grid.shape))

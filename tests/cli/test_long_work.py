@@ -119,7 +119,6 @@ def test_every_command_has_a_bar_or_a_reason_for_none():
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory):
-    """Recordings, a drive, sounds, a study that was answered, a sweep."""
     folder = tmp_path_factory.mktemp("long")
     before = Path.cwd()
     os.chdir(folder)
@@ -162,7 +161,6 @@ def files_here():
 
 
 def lines(*slow):
-    """Those that begin so are slow."""
     return [pytest.param(each, marks=pytest.mark.slow if each.startswith(slow) else ()) for each in LINES]
 
 

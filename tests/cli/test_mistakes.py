@@ -253,7 +253,6 @@ MISTAKES = (
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """Recordings with and without a calibration, a drive, files of other programs, damaged ones."""
     folder, before = tmp_path_factory.mktemp("mistakes"), os.getcwd()
     os.chdir(folder)
     try:

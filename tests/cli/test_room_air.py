@@ -56,7 +56,6 @@ def loud():
 
 
 def air_of(text):
-    """The temperature that a verdict names."""
     return re.search(r"in air of (-?\d+) °C", " ".join(text.split()))[1]
 
 

@@ -23,8 +23,6 @@ def words():
 
 @pytest.fixture(scope="package")
 def check_figure(words):
-    """Apply the common checks to a figure."""
-
     def check(figure, *units, simulated):
         said = words(figure)
         assert ("SIMULATED" in said) == simulated

@@ -75,7 +75,6 @@ class OpenMpdSimulator(BehindPty):
 
     @property
     def held(self) -> PinFrame:
-        """The current frame."""
         return self.frames[-1]
 
     @property
@@ -85,7 +84,6 @@ class OpenMpdSimulator(BehindPty):
 
     @property
     def heard(self) -> list[PinFrame]:
-        """All frames that were audible."""
         return [frame for frame in self.frames if frame.sounds]
 
     def settle(self, limit: float = 30.0) -> None:

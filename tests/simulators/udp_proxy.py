@@ -68,7 +68,6 @@ class UdpProxy:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop the thread and close all sockets."""
         self._ends = True
         self._thread.join(2)
         for each in (self.inner, *self.outer.values()):

@@ -41,7 +41,6 @@ class LoopStarted:
 
 @pytest.fixture
 def studio_at(tmp_path):
-    """Open studios and end them after the test."""
     made = []
 
     def open_studio(*words):
@@ -70,7 +69,6 @@ class Look:
             self.elsewhere.append(url)
 
     def until(self, script, *, timeout=60.0):
-        """Wait until a script returns a true value, and return it."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
             try:
@@ -84,7 +82,6 @@ class Look:
         raise AssertionError(f"{script}: not within {timeout} s; {state}; {self.wrong}")
 
     def go(self, address):
-        """Open another panel."""
         self.page.evaluate(f"location.hash = {address!r}")
 
     def hold_to_begin(self):
@@ -104,7 +101,6 @@ class Look:
 
 @pytest.fixture
 def look(chromium):
-    """Open pages on a studio."""
     contexts = []
 
     def open_page(studio, *, link=None, context=None, **how):

@@ -9,8 +9,6 @@ from midair.view import Kind, Section, pack, unpack
 
 
 class Wire:
-    """A page that receives messages or hangs."""
-
     def __init__(self):
         self.got, self.hangs = [], False
 

@@ -41,7 +41,6 @@ def table_of(tmp_path_factory):
 
 
 def told(plan, power):
-    """Power of one statement on the page to be registered."""
     (part,) = (
         one
         for one in plan_parts(replace(plan, design=replace(plan.design, power=(power,))), runs=400)
@@ -157,7 +156,6 @@ def test_power_of_two_conditions(table_of, test):
 
 
 def shares(d):
-    """Probabilities of the answers to three objects."""
     right = float(proportion_correct(d, alternatives=3))
     return np.where(np.eye(3) == 1, right, (1 - right) / 2)
 

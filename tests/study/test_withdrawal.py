@@ -42,7 +42,6 @@ def study(made, tmp_path, monkeypatch):
 
 
 def everything(folder):
-    """Content of all files by name."""
     return {str(path): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 

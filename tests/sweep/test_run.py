@@ -45,7 +45,6 @@ def asked(sweep):
 
 
 def expected(sweep):
-    """E of every task, solved here."""
     error = np.full((len(sweep.conditions()), len(sweep.patterns())), np.nan)
     for task in sweep.tasks():
         some = sweep.patterns()[task.first : task.last]
@@ -263,8 +262,6 @@ def _plain_answers(processes):
 
 
 class FakeClient:
-    """A client whose scheduler gives prepared answers."""
-
     def __init__(self, *answers):
         self.answers = list(answers)
 

@@ -11,7 +11,6 @@ from midair.model import Calibration, PressureFrames, Provenance, Recording, Sen
 
 @pytest.fixture(autouse=True)
 def take(tmp_path, monkeypatch):
-    """A recording of half a second with a calibration and pressure, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     samples = np.random.default_rng(0).normal(size=(500, 4, 4))
     samples[:100] *= 1e-3

@@ -13,7 +13,6 @@ from midair.model import Calibration, Solution
 
 @pytest.fixture(autouse=True)
 def files(tmp_path, monkeypatch):
-    """take.h5, again.h5 and take.drive.h5 in a folder of their own."""
     monkeypatch.chdir(tmp_path)
     take = recording(200)
     save(take, "take.h5", calibration=Calibration.flat(take.sensor, sensitivity=0.02))

@@ -8,8 +8,6 @@ MS = 1_000_000
 
 
 class Answers:
-    """Banks that only report an instant and a state."""
-
     failsafe = 0.5
 
     def __init__(self):

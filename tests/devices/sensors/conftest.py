@@ -62,7 +62,6 @@ def lsl_sender():
 
 @pytest.fixture(scope="module")
 def lsl_sender_of_a_module():
-    """The same, for senders that several tests share."""
     with _lsl_senders() as start:
         yield start
 
@@ -126,7 +125,6 @@ class SerialLine:
 
 @pytest.fixture
 def serial_line():
-    """Starts a sensor on a pty and returns it."""
     pytest.importorskip("serial")
     with contextlib.ExitStack() as stack:
 
@@ -177,13 +175,11 @@ def _environment(**values):
 
 @pytest.fixture(scope="session")
 def jack_server():
-    """Starts JACK; a context manager that yields its process."""
     return _jack_server
 
 
 @pytest.fixture(scope="session")
 def pulse_server():
-    """Starts PulseAudio; a context manager that yields its process."""
     return _pulse_server
 
 

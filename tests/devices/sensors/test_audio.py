@@ -42,7 +42,6 @@ def check_ramp(sensor, seconds):
 
 
 def resident():
-    """Memory of this process, in bytes."""
     return psutil.Process().memory_info().rss
 
 

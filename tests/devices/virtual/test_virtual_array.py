@@ -117,7 +117,6 @@ def error_at_play(solution, target, room):
 
 @pytest.fixture(scope="module")
 def warm():
-    """A solution for 26 degrees, and its target."""
     grid = ControlGrid(rows=12, columns=12, pitch=5e-3, height=0.15)
     amplitude = 400.0 * np.random.default_rng(0).random((5, grid.count))
     target = AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid)

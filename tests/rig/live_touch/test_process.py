@@ -22,7 +22,6 @@ ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a t
 
 @pytest.fixture
 def skin(monkeypatch):
-    """A sender's name as a sensor, and its process."""
     pytest.importorskip("pylsl")
     monkeypatch.setenv("LSLAPICFG", str(HERE.parents[1] / "devices" / "sensors" / "lsl_api.cfg"))
     name = f"midair live {os.getpid()} {time.monotonic_ns()}"

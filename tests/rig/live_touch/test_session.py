@@ -292,7 +292,6 @@ def test_an_existing_take_is_not_overwritten(tmp_path):
 
 @contextmanager
 def skin(rate):
-    """Name of a simulated sensor over LSL that states 1000 Hz and has another rate."""
     name, here = f"midair-{os.getpid()}-{rate}", Path(__file__).parent
     sender = subprocess.Popen([sys.executable, str(here / "touch_sender.py"), name, str(rate)], stdout=subprocess.PIPE)
     try:

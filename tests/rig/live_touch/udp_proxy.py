@@ -47,7 +47,6 @@ class Proxy:
         self._back.close()
 
     def again(self, datagrams):
-        """Send all recorded datagrams again to the current receiver."""
         for each in datagrams:
             self._back.sendto(each, self.to)
 

@@ -46,7 +46,6 @@ def palm(centre, time=None, *, confidence=1.0, tilt=0.0) -> PalmPath:
 
 
 def swaying(duration=0.6) -> PalmPath:
-    """A palm that sways by 10 mm at 1 Hz."""
     time = np.arange(round(duration * 100)) / 100
     return palm(np.stack([10e-3 * np.sin(2 * np.pi * time), 0 * time, 4e-3 * time], axis=1))
 
@@ -247,8 +246,6 @@ def test_frames_of_a_block_are_bit_equal_to_the_steered_drive(tmp_path) -> None:
 
 
 class Loud:
-    """A device with sound, for the exposure check."""
-
     name, array, gated, steps_a_turn = "loud", TransducerArray.autd3(), True, 256
 
 

@@ -27,8 +27,6 @@ def plan():
 
 
 class Recorder:
-    """A presenter that records its calls."""
-
     def __init__(self):
         self.done = []
         self.silenced = 0

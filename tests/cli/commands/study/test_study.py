@@ -165,8 +165,6 @@ def test_refusals_are_one_clear_line(tmp_path):
 
 
 class Typist(Console):
-    """A console with scripted input."""
-
     def __init__(self, lines):
         super().__init__(record=True, width=200, quiet=False, file=open("/dev/null", "w"))  # noqa: SIM115
         self.lines = iter(lines)
