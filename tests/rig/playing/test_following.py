@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.palms import palm_path
 
 from midair.cli.app import run
 from midair.devices import ExposureChoices, VirtualUnits, check_exposure, phase_bytes, virtual_immediate
@@ -35,14 +36,8 @@ AIR = Acoustics()
 def palm(centre, time=None, *, confidence=1.0, tilt=0.0) -> PalmPath:
     """A palm along centres (pose, 3) in m from the solved place, 100 poses a second."""
     centre = np.atleast_2d(centre) + SOLVED
-    one = np.ones((len(centre), 1))
-    return PalmPath(
-        time=np.arange(len(centre)) / 100 if time is None else np.asarray(time),
-        centre=centre,
-        normal=one * [np.sin(tilt), 0, -np.cos(tilt)],
-        fingers=one * [0.0, 1.0, 0.0],
-        confidence=np.broadcast_to(confidence, len(centre)).copy(),
-    )
+    time = np.arange(len(centre)) / 100 if time is None else np.asarray(time)
+    return palm_path(time, centre, confidence=confidence, tilt=tilt)
 
 
 def swaying(duration=0.6) -> PalmPath:
