@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from tests.simulators.exposure_override import clear_any_exposure
 from tests.simulators.udp_proxy import READ_STATE
+from tests.waiting import wait_until
 
 from midair.devices import Cooling, autd3_array
 from midair.devices.arrays.banks import TooLateError
@@ -297,18 +298,11 @@ def test_units_do_not_execute_replayed_commands(tap):
     for port, datagram in old:
         before = len(answers)
         tap.inner.sendto(datagram, ("::1", port))
-        wait_for(lambda before=before: len(answers) > before)
+        wait_until(lambda before=before: len(answers) > before)
     assert {answer[4] for answer in answers} == {last}
     port, datagram = old[0]
     tap.inner.sendto(datagram[:4] + bytes([(last + 1) % 256]) + datagram[5:], ("::1", port))
-    wait_for(lambda: answers[-1][4] == (last + 1) % 256)
-
-
-def wait_for(true, limit=10.0):
-    end = time.monotonic() + limit
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.001)
+    wait_until(lambda: answers[-1][4] == (last + 1) % 256)
 
 
 @pytest.mark.long

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.waiting import wait_until
 
 HERE = Path(__file__).parent
 os.environ.setdefault("LSLAPICFG", str(HERE / "lsl_api.cfg"))
@@ -254,10 +255,7 @@ def _pulse_server(folder, *, rate, what, channel_map=PULSE_MAP):
         ) as server,
     ):
         try:
-            limit = time.monotonic() + 20
-            while not (folder / "pipe").exists() or not (folder / "native").exists():
-                assert time.monotonic() < limit
-                time.sleep(0.02)
+            wait_until(lambda: (folder / "pipe").exists() and (folder / "native").exists(), 20)
             with _program(sys.executable, HERE / "tone_sender.py", folder / "pipe", rate, what):
                 yield server
         finally:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.waiting import wait_until
 
 import midair
 from midair.devices import ExposureChoices
@@ -56,6 +57,4 @@ def test_a_program_that_ends_is_a_sensor_that_is_lost(skin):
     ):
         session.wait(1.0)
         running.kill()
-        end = time.monotonic() + 10
-        while session.wait(0.1):
-            assert time.monotonic() < end
+        wait_until(lambda: not session.wait(0.1), 10)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from tests.rig.live_touch.test_receiving import Listener
 from tests.simulators.udp_proxy import UdpProxy
+from tests.waiting import wait_until
 
 import midair
 from midair.devices import Cooling, ExposureChoices, stop_on_input, stop_playing
@@ -133,9 +134,7 @@ def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_w
     line += ["--override-exposure", "a test", "--duration", "60s"]
     environment = {**os.environ, "MIDAIR_STATE": str(tmp_path / "state")}
     running = subprocess.Popen(line, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
-    until = time.monotonic() + 60
-    while len(tap.frames()) < 2000 and running.poll() is None and time.monotonic() < until:
-        time.sleep(0.05)
+    wait_until(lambda: len(tap.frames()) >= 2000 or running.poll() is not None)
     tap.hot, began = range(65536), time.monotonic()
     _, said = running.communicate(timeout=30)
     assert "units 0, 1, 2, 3 too hot after " in said
@@ -158,9 +157,7 @@ def test_a_command_that_waits_for_hot_units_is_silent_and_ends_with_status_0(tmp
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     running = subprocess.Popen(line, cwd=tmp_path, env=environment, text=True, **pipes)
     request.addfinalizer(running.kill)
-    until = time.monotonic() + 60
-    while len(tap.frames()) < 2000 and running.poll() is None and time.monotonic() < until:
-        time.sleep(0.05)
+    wait_until(lambda: len(tap.frames()) >= 2000 or running.poll() is not None)
     tap.hot = range(65536)
     told = iter(running.stderr.readline, "")
     assert any("units 0, 1, 2, 3 too hot" in each for each in told)
@@ -242,9 +239,7 @@ def test_a_killed_process_is_reported():
 def test_the_command_prints_numbers_for_a_program_and_ends_by_ctrl_c(tmp_path, stated, status, words):
     line = [sys.executable, "-m", "midair", "live", "--json", "--keep", "felt.h5", *stated]
     running = subprocess.Popen(line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    until = time.monotonic() + 60
-    while not (tmp_path / "felt.h5").exists() and time.monotonic() < until:
-        time.sleep(0.1)
+    wait_until((tmp_path / "felt.h5").exists)
     time.sleep(1.0)
     running.send_signal(signal.SIGINT)
     said, beside = running.communicate(timeout=30)
