@@ -19,8 +19,7 @@ PROGRAM = "import sys; from midair.cli import run; sys.exit(run(sys.argv[1:]))"
 
 
 @pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def _stage_file(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     Path("stage.toml").write_text(EXAMPLE.read_text(encoding="utf-8"), encoding="utf-8")
 

@@ -8,11 +8,6 @@ from midair.cli.commands.paper import _print
 from midair.paper import PaperResult
 
 
-@pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 @pytest.mark.slow
 def test_figure_9_makes_picture_table_and_json(capsys):
     assert run(["paper", "made", "--figure", "9"]) == 0

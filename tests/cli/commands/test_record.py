@@ -24,8 +24,7 @@ SOURCE = Recording(samples=np.random.default_rng(0).normal(size=(600, 4, 4)), ra
 
 
 @pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def _source():
     save(SOURCE, "source.h5")
 
 

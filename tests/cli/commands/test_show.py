@@ -12,8 +12,7 @@ from midair.model import Calibration, Solution
 
 
 @pytest.fixture(autouse=True)
-def files(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def files(tmp_path):
     take = recording(200)
     save(take, "take.h5", calibration=Calibration.flat(take.sensor, sensitivity=0.02))
     save(take, "again.h5", calibration=Calibration.flat(take.sensor, sensitivity=0.02))
