@@ -30,13 +30,6 @@ ARRAY = TransducerArray.autd3()
 SWITCH, SILENCE = 0x12, 0x16
 
 
-@pytest.fixture
-def tap():
-    one = UdpProxy(4)
-    yield one
-    one.close()
-
-
 def make(name, level=0.008, frames=200, rate=1000.0, array=ARRAY):
     rng = np.random.default_rng(0)
     phase, solved = rng.uniform(0, 6, (frames, array.count)), {"array_calibration": array.calibration_id}

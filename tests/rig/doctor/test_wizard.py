@@ -12,7 +12,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
 from midair.cli import run
@@ -27,14 +26,6 @@ from midair.rig.doctor.wizard import NOISY, _transducers, click_drive, run_wizar
 
 WIZARD = ["doctor", "--device", "autd3:emulator", "--wizard"]
 SWITCH, SILENCE = 0x12, 0x16
-
-
-@pytest.fixture
-def tap():
-    pytest.importorskip("autd3")
-    one = UdpProxy(4)
-    yield one
-    one.close()
 
 
 def stored(name="autd3:emulator"):

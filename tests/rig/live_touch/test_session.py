@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.rig.live_touch.test_receiving import Listener
-from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
 import midair
@@ -127,9 +126,7 @@ def test_a_hardware_stop_silences_it():
 
 
 @pytest.mark.slow
-def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_why(tmp_path, request):
-    tap = UdpProxy(4)
-    request.addfinalizer(tap.close)
+def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_why(tmp_path, tap):
     line = [sys.executable, "-m", "midair", "live", "--sensor", "virtual:brush", "--device", f"autd3:{tap.address}"]
     line += ["--override-exposure", "a test", "--duration", "60s"]
     environment = {**os.environ, "MIDAIR_STATE": str(tmp_path / "state")}
@@ -148,9 +145,7 @@ def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_w
 
 
 @pytest.mark.slow
-def test_a_command_that_waits_for_hot_units_is_silent_and_ends_with_status_0(tmp_path, request):
-    tap = UdpProxy(4)
-    request.addfinalizer(tap.close)
+def test_a_command_that_waits_for_hot_units_is_silent_and_ends_with_status_0(tmp_path, tap, request):
     line = [sys.executable, "-m", "midair", "live", "--sensor", "virtual:brush", "--device", f"autd3:{tap.address}"]
     line += ["--override-exposure", "a test", "--duration", "12s", "--when-hot", "wait"]
     environment = {**os.environ, "MIDAIR_STATE": str(tmp_path / "state"), "COLUMNS": "300"}
@@ -176,9 +171,8 @@ def test_a_command_that_waits_for_hot_units_is_silent_and_ends_with_status_0(tmp
 
 
 @pytest.mark.slow
-def test_live_drops_frames_while_units_are_too_hot_and_continues(request):
-    tap, told = UdpProxy(4), []
-    request.addfinalizer(tap.close)
+def test_live_drops_frames_while_units_are_too_hot_and_continues(tap):
+    told = []
     cooling = Cooling(report=told.append)
     with midair.live(
         "virtual:brush", f"autd3:{tap.address}", exposure=ANSWERED, cooling=cooling, duration=8.0
@@ -209,9 +203,7 @@ def test_a_stop_of_its_own_silences_it_at_once():
 
 
 @pytest.mark.slow
-def test_a_session_continues_after_a_pause_of_the_computer(request):
-    tap = UdpProxy(4)
-    request.addfinalizer(tap.close)
+def test_a_session_continues_after_a_pause_of_the_computer(tap):
     with midair.live("virtual:towel", f"autd3:{tap.address}", exposure=ANSWERED) as session:
         session.wait(1.5)
         os.kill(session._process.pid, signal.SIGSTOP)
