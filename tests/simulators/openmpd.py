@@ -48,16 +48,8 @@ class PinFrame:
 class OpenMpdSimulator(BehindPty):
     """A simulated OpenMPD board; a driver opens `port`, and `close` ends it.
 
-    Attributes
-    ----------
-    port : str
-        Name of the pty.
-    frames : list of PinFrame
-        All frames since the start; the first is silence.
-    begins : list of float
-        Start time of each frame by the board's clock, in s.
-    stalled : bool
-        Set to True to stop reading bytes.
+    `frames` are all since the start, of which the first is silence, and `begins` their times by the board's clock,
+    in s. With `stalled` set to True it reads no bytes.
     """
 
     def __init__(self) -> None:

@@ -7,15 +7,7 @@ import pytest
 
 
 class LoopStarted:
-    """A studio that runs.
-
-    Attributes
-    ----------
-    process : subprocess.Popen
-    link : str
-        That it printed.
-    folder : Path
-    """
+    """A studio that runs: its process, its folder, and the link that it printed."""
 
     def __init__(self, folder, state, *words):
         self.folder = folder
