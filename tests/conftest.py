@@ -1,5 +1,3 @@
-"""Settings of all tests."""
-
 import gc
 import itertools
 import os
@@ -9,6 +7,7 @@ import sys
 
 import pytest
 from hypothesis import HealthCheck, settings
+from tests.simulators.udp_proxy import UdpProxy
 
 # Machines are noisy: a deadline would make the clock part of the law. The same examples each time, so that a red run
 # stays red.
@@ -45,6 +44,15 @@ def _states(tmp_path_factory):
 def _own_state(_states, monkeypatch):
     """Logs and lines of playing go to a folder of the test's own."""
     monkeypatch.setenv("MIDAIR_STATE", next(_states))
+
+
+@pytest.fixture
+def tap():
+    """A proxy in front of four emulated units."""
+    pytest.importorskip("autd3")
+    one = UdpProxy(4)
+    yield one
+    one.close()
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,6 @@ class DoorsContract(Contract):
     """No import names a module more than one level below the nearest package that holds both ends."""
 
     def check(self, graph: ImportGraph, verbose: bool) -> ContractCheck:
-        """Every direct import of the tree, held against the rule."""
         past = sorted(
             (importer, imported)
             for importer in graph.modules
@@ -23,7 +22,6 @@ class DoorsContract(Contract):
         return ContractCheck(kept=not past, metadata={"past": past})
 
     def render_broken_contract(self, check: ContractCheck) -> None:
-        """Each import that goes past a face, and the face that it should take."""
         for importer, imported in check.metadata["past"]:
             output.print_error(f"{importer} imports {imported}; take it from the face of its folder", bold=False)
 

@@ -30,7 +30,6 @@ NAME = "import numpy; from threadpoolctl import threadpool_info as info; print(i
 
 
 def instructions() -> set[str]:
-    """Instructions of this processor; none where the system does not list them."""
     listed = Path("/proc/cpuinfo")
     if platform.machine() not in {"x86_64", "AMD64"} or not listed.exists():
         return set()

@@ -66,7 +66,6 @@ SHORTER = {"--duration 1s": "--duration 20ms", "calibrate bench lab": "calibrate
 
 
 def fenced(page):
-    """Language and text of each block of a page, in order."""
     found, language, lines = [], None, []
     for line in (ROOT / page).read_text(encoding="utf-8").splitlines():
         if language is None and line.startswith("```"):

@@ -1,5 +1,3 @@
-"""The tree of errors equals the one in the docstring."""
-
 import inspect
 import pickle
 import re

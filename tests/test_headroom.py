@@ -1,5 +1,3 @@
-"""Largest pressure of an array, and the pressure that a drive requests."""
-
 import tracemalloc
 from dataclasses import replace
 

@@ -1,5 +1,3 @@
-"""Rules of the repository: sizes of folders and packages, names of files in the docs, pinned packages, extras."""
-
 import re
 import tomllib
 from collections import Counter

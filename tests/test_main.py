@@ -1,5 +1,3 @@
-"""`python -m midair` is the command `midair`."""
-
 import subprocess
 import sys
 

@@ -1,5 +1,3 @@
-"""Classification of materials: different ones are separated, equal ones are not, and names come from folders."""
-
 import numpy as np
 import pytest
 from benchmarks.materials import (

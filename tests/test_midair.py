@@ -73,7 +73,6 @@ def test_import_loads_nothing_heavy():
 
 
 def types_of(*functions):
-    """Types of names in a program that has imported every module."""
     modules = ", ".join(f"midair.{module}" for module in names("modules"))
     types = f"type(getattr(midair, n)).__name__ for n in {functions}"
     code = f"import {modules}, midair.rig.correction, midair; print(*({types}))"

@@ -1,5 +1,3 @@
-"""Registries: midair's own objects, those of other packages, and packages that are missing or broken."""
-
 import sys
 
 import pytest

@@ -1,5 +1,3 @@
-"""The commands as a person types them: what they make, what they print, and their exit status."""
-
 import html
 import json
 import re
@@ -20,11 +18,6 @@ from midair.model import Medium, Recording, SensorGrid
 QUICK = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--iterations", "2", "1"]
 
 
-@pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     path = tmp_path_factory.mktemp("recorded") / "take.h5"
@@ -40,12 +33,6 @@ def take(recorded):
 
 def said(capsys):
     return capsys.readouterr().err.strip()
-
-
-def one_line_of(capsys):
-    lines = [line for line in said(capsys).splitlines() if line.startswith("midair: ")]
-    assert len(lines) == 1
-    return lines[0]
 
 
 @pytest.mark.long
@@ -138,17 +125,17 @@ def test_real_data_from_csv_to_comparison(capsys):
     assert json.loads(capsys.readouterr().out)["figures"]["correlation"]["value"] > 0.5
 
 
-def test_real_data_has_nothing_in_the_paper_s_band(capsys):
+def test_real_data_has_nothing_in_the_paper_s_band(one_line):
     assert run(["import", "sample:denim", "denim.h5", "--peak", "30Pa"]) == 0
     assert run(["solve", "denim.h5"]) == 1
-    assert "17.8" in one_line_of(capsys)
+    assert "17.8" in one_line()
     assert not Path("denim.drive.h5").exists()
 
 
-def test_counts_without_a_calibration_are_refused_with_a_way_out(capsys):
+def test_counts_without_a_calibration_are_refused_with_a_way_out(one_line):
     assert run(["import", str(sample_path("denim")), "denim.h5"]) == 0
     assert run(["solve", "denim.h5", "--band", "1Hz", "15Hz"]) == 1
-    assert "calibration" in one_line_of(capsys)
+    assert "calibration" in one_line()
     assert run(["calibrate", "denim.h5", "--sensitivity", "2count/Pa", "--band", "1Hz", "15Hz"]) == 0
     assert load_calibration("denim.h5").response[0, 0, 0] == 2
 
@@ -276,11 +263,11 @@ def test_the_paper_s_mode_by_glide_is_that_by_its_own_solver(capsys):
     assert heard[0] == pytest.approx(heard[1], abs=0.2)
 
 
-def test_a_demo_is_not_written_over_in_silence(capsys, monkeypatch):
+def test_a_demo_is_not_written_over_in_silence(one_line, monkeypatch):
     Path("out").mkdir()
     Path("out/report.html").write_text("mine")
     assert run(["demo", "out"]) == 1
-    assert "--force" in one_line_of(capsys)
+    assert "--force" in one_line()
     assert Path("out/report.html").read_text() == "mine"
 
 
@@ -327,7 +314,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_wrong_input_gives_one_line_a_status_and_leaves_nothing(case, take, capsys):
+def test_wrong_input_gives_one_line_a_status_and_leaves_nothing(case, take, capsys, one_line):
     Path("empty.h5").touch()
     Path("truncated.h5").write_bytes(take.read_bytes()[:2000])
     Path("text.csv").write_text("this is\nno recording\n")
@@ -339,7 +326,7 @@ def test_wrong_input_gives_one_line_a_status_and_leaves_nothing(case, take, caps
     capsys.readouterr()
     tokens, status, word = WRONG[case]
     assert run(tokens) == status
-    assert word in one_line_of(capsys)
+    assert word in one_line()
     assert {path.name: path.read_bytes() for path in Path().iterdir()} == before
 
 

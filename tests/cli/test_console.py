@@ -6,6 +6,7 @@ import time
 import pytest
 from rich.console import Console
 from rich.table import Table
+from tests.waiting import wait_until
 
 from midair.cli import app, run
 from midair.cli.console import (
@@ -109,17 +110,10 @@ def screen(*, terminal):
     return Console(file=io.StringIO(), force_terminal=terminal, width=60)
 
 
-def until(true, *, within=5.0):
-    ends = time.monotonic() + within
-    while not true() and time.monotonic() < ends:
-        time.sleep(0.005)
-    return true()
-
-
 def test_appears_when_it_takes_long_and_goes_with_the_end():
     console = screen(terminal=True)
     line = BusyBar("compare", console, after=0.01)
-    assert until(lambda: line.visible)
+    wait_until(lambda: line.visible)
     line.end()
     line.end()
     assert not line.visible

@@ -6,6 +6,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from contextlib import chdir
 from io import StringIO
 
 import numpy as np
@@ -21,7 +22,6 @@ from midair.model import Recording
 
 
 def commands(at=app, names=()):
-    """Every command and folder of commands, by the words that people type."""
     for name in at:
         if not name.startswith("-"):
             yield (*names, name), at[name]
@@ -107,13 +107,10 @@ def test_help_fits_and_loses_nothing(names, width):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Files by the names that the examples give them."""
     folder = tmp_path_factory.mktemp("examples")
     rng = np.random.default_rng(3)
     samples = rng.normal(size=(1000, 4, 4)) * np.hanning(1000)[:, None, None]
-    before = os.getcwd()
-    os.chdir(folder)
-    try:
+    with chdir(folder):
         save(Recording(samples=samples, rate=1000), "take.h5")
         tone = np.sqrt(2) * 0.2 * np.sin(2 * np.pi * 250 * np.arange(2000) / 2000)
         save(Recording(samples=np.tile(tone[:, None, None], (1, 4, 4)), rate=2000), "tone.h5")
@@ -129,15 +126,12 @@ def made(tmp_path_factory):
         assert run(["solve", "take.h5", *paper]) == 0
         assert run(["play", "take.drive.h5"]) == 0
         os.rename("take.rerecorded.h5", "kept.h5")
-    finally:
-        os.chdir(before)
     return folder
 
 
 @pytest.fixture
-def folder(made, tmp_path, monkeypatch):
+def folder(made, tmp_path):
     shutil.copytree(made, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 

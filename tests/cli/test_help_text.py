@@ -1,5 +1,3 @@
-"""Examples of a docstring become lines that can be copied."""
-
 from midair.cli.help_text import epilogue, examples_of
 
 

@@ -1,6 +1,3 @@
-"""Import of what others recorded, footprints, and export with what is lost."""
-
-import json
 from pathlib import Path
 
 import numpy as np
@@ -16,25 +13,17 @@ from midair.recordings.footprint import Footprint, covered
 
 
 @pytest.fixture(autouse=True)
-def wave(tmp_path, monkeypatch):
+def wave():
     """A sweep of two seconds in one channel at 2 kHz, full scale."""
-    monkeypatch.chdir(tmp_path)
     time = np.arange(4000) / 2000
     samples = 0.5 * np.sin(2 * np.pi * (50 + 40 * time) * time)
     soundfile.write("towel.wav", samples, 2000, subtype="DOUBLE")
     return samples
 
 
-def answer(capsys, *words):
-    capsys.readouterr()
-    assert run([*words, "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
-
-
-def test_one_channel_becomes_a_field(wave, capsys):
-    told = answer(
-        capsys, "import", "towel.wav", "towel.h5", "--scale", "30Pa", "--footprint", "circle:20mm", "--speed", "50mm/s"
-    )
+def test_one_channel_becomes_a_field(wave, answer, capsys):
+    words = "--scale 30Pa --footprint circle:20mm --speed 50mm/s"
+    told = answer("import", "towel.wav", "towel.h5", *words.split())
     assert told["simulated"] is True
     text = " ".join(told["notes"])
     assert "synthetic field from one channel" in text
@@ -49,11 +38,9 @@ def test_one_channel_becomes_a_field(wave, capsys):
     assert "SIMULATED" in capsys.readouterr().err
 
 
-def test_every_word_of_the_footprint_counts(wave, capsys):
+def test_every_word_of_the_footprint_counts(wave, answer):
     words = ["--footprint", "line:5mm", "--speed", "-80mm/s", "--path", "diagonal", "--turn", "back"]
-    told = answer(
-        capsys, "import", "towel.wav", "a.h5", "--unit", "V", "--layout", "2x3:8mm", "--resample", "1kHz", *words
-    )
+    told = answer("import", "towel.wav", "a.h5", "--unit", "V", "--layout", "2x3:8mm", "--resample", "1kHz", *words)
     assert "leaves the sensor" not in " ".join(told["notes"])
     recording = load("a.h5")
     sensor = SensorGrid(rows=2, columns=3, pitch=8e-3)
@@ -129,8 +116,8 @@ KEPT = {"h5": [], "csv": ["calibration", "pressure"], "npz": ["calibration", "pr
 
 
 @pytest.mark.parametrize(("ending", "lost"), KEPT.items(), ids=KEPT)
-def test_export_prints_losses(ending, lost, calibrated, capsys):
-    told = answer(capsys, "export", "take.h5", f"out.{ending}")
+def test_export_prints_losses(ending, lost, calibrated, answer):
+    told = answer("export", "take.h5", f"out.{ending}")
     assert [loss["what"] for loss in told["lost"]] == lost
     np.testing.assert_array_equal(load(f"out.{ending}").samples, calibrated.samples)
     if ending == "h5":
@@ -138,8 +125,8 @@ def test_export_prints_losses(ending, lost, calibrated, capsys):
 
 
 @pytest.mark.parametrize("ending", ["wav", "mat", "hjif", "ahap"])
-def test_export_prints_a_line_for_every_loss(ending, calibrated, capsys):
-    told = answer(capsys, "export", "take.h5", f"out.{ending}")
+def test_export_prints_a_line_for_every_loss(ending, calibrated, answer, capsys):
+    told = answer("export", "take.h5", f"out.{ending}")
     assert run(["export", "take.h5", f"out.{ending}", "--force"]) == 0
     printed = [
         line.removeprefix("lost: ") for line in capsys.readouterr().out.splitlines() if line.startswith("lost: ")
@@ -148,8 +135,8 @@ def test_export_prints_a_line_for_every_loss(ending, calibrated, capsys):
     assert {"calibration", "pressure"} <= {loss["what"] for loss in told["lost"]}
 
 
-def test_export_of_the_pressure(calibrated, capsys):
-    told = answer(capsys, "export", "take.h5", "out.csv", "--pressure")
+def test_export_of_the_pressure(calibrated, answer, capsys):
+    told = answer("export", "take.h5", "out.csv", "--pressure")
     assert told["lost"] == []
     assert load("out.csv").unit == "Pa"
     np.testing.assert_allclose(load("out.csv").samples, 50 * calibrated.samples)

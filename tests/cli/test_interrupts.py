@@ -3,8 +3,8 @@
 At the first step of a bar it is in test_long_work.py.
 """
 
-import os
 import shutil
+from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +34,6 @@ AT_THE_END = {
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory):
-    """A recording, its drive and a sound."""
     folder = tmp_path_factory.mktemp("desk")
     grid = SensorGrid()
     noise = 0.05 * np.random.default_rng(0).standard_normal((300, *grid.shape))
@@ -44,19 +43,14 @@ def desk(tmp_path_factory):
         Recording(samples=noise[:, :1, :1], rate=1000.0, unit="Pa", sensor=SensorGrid(rows=1, columns=1)),
         folder / "song.wav",
     )
-    before = Path.cwd()
-    os.chdir(folder)
-    try:
+    with chdir(folder):
         assert run(["solve", "take.h5", *QUICK.split()]) == 0
-    finally:
-        os.chdir(before)
     return folder
 
 
 @pytest.fixture
-def folder(desk, tmp_path, monkeypatch):
+def folder(desk, tmp_path):
     shutil.copytree(desk, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 

@@ -1,5 +1,3 @@
-"""Keys without Enter from a terminal that is left as it was, and signals that are noted."""
-
 import io
 import os
 import signal

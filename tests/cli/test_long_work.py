@@ -1,7 +1,7 @@
 """Every command that may work longer than two seconds: a bar that knows its end, and Ctrl-C that says what was kept."""
 
-import os
 import shutil
+from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
@@ -119,11 +119,8 @@ def test_every_command_has_a_bar_or_a_reason_for_none():
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory):
-    """Recordings, a drive, sounds, a study that was answered, a sweep."""
     folder = tmp_path_factory.mktemp("long")
-    before = Path.cwd()
-    os.chdir(folder)
-    try:
+    with chdir(folder):
         grid, rng = SensorGrid(), np.random.default_rng(0)
         noise = 0.05 * rng.standard_normal((300, *grid.shape))
         take = Recording(samples=noise, rate=1000.0, unit="V", sensor=grid)
@@ -138,15 +135,12 @@ def desk(tmp_path_factory):
         assert run(["solve", "take.h5", *QUICK.split()]) == 0
         assert run(["study", "new", "touch", "--drives", "none", "--participants", "2"]) == 0
         assert run(["study", "run", "touch", "--simulate"]) == 0
-    finally:
-        os.chdir(before)
     return folder
 
 
 @pytest.fixture
-def folder(desk, tmp_path, monkeypatch):
+def folder(desk, tmp_path):
     shutil.copytree(desk, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
@@ -162,7 +156,6 @@ def files_here():
 
 
 def lines(*slow):
-    """Those that begin so are slow."""
     return [pytest.param(each, marks=pytest.mark.slow if each.startswith(slow) else ()) for each in LINES]
 
 

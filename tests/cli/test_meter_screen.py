@@ -1,5 +1,3 @@
-"""Meters and lines in the terminal during a take."""
-
 import io
 
 import numpy as np

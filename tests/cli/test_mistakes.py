@@ -1,7 +1,7 @@
 """What people type wrong, all in one table: one line that says so, the status, nothing left, nothing changed."""
 
-import os
 import shlex
+from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
@@ -253,33 +253,15 @@ MISTAKES = (
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """Recordings with and without a calibration, a drive, files of other programs, damaged ones."""
-    folder, before = tmp_path_factory.mktemp("mistakes"), os.getcwd()
-    os.chdir(folder)
-    try:
+    folder = tmp_path_factory.mktemp("mistakes")
+    with chdir(folder):
         rng = np.random.default_rng(3)
         samples = rng.normal(size=(300, 4, 4))
         for name in ("raw.h5", "take.h5", "there.h5"):
             save(Recording(samples=samples, rate=1000), name)
         assert run(["calibrate", "take.h5", "--peak", "30Pa"]) == 0
-        assert (
-            run(
-                [
-                    "solve",
-                    "take.h5",
-                    "there.drive.h5",
-                    "--mode",
-                    "paper",
-                    "--method",
-                    "naive",
-                    "--duration",
-                    "10ms",
-                    "--lead",
-                    "0s",
-                ]
-            )
-            == 0
-        )
+        quick = "--mode paper --method naive --duration 10ms --lead 0s"
+        assert run(["solve", "take.h5", "there.drive.h5", *quick.split()]) == 0
         small = SensorGrid(rows=2, columns=2)
         save(Recording(samples=samples[:, :2, :2], rate=1000, unit="Pa", sensor=small), "small.h5")
         soundfile.write("song.wav", 0.5 * np.sin(np.arange(4000) / 9), 8000)
@@ -293,8 +275,6 @@ def files(tmp_path_factory):
         Path("x.m4a").write_text("x")
         Path("there").mkdir()
         Path("there/report.html").write_text("x")
-    finally:
-        os.chdir(before)
     return folder
 
 
@@ -303,15 +283,14 @@ def state(folder):
 
 
 @pytest.mark.parametrize(("typed", "status", "words"), MISTAKES, ids=[typed for typed, _, _ in MISTAKES])
-def test_a_mistake_is_one_line(files, monkeypatch, capsys, typed, status, words):
+def test_a_mistake_is_one_line(files, monkeypatch, capsys, one_line, typed, status, words):
     monkeypatch.chdir(files)
     before = state(files)
     capsys.readouterr()
     assert run(shlex.split(typed)) == status
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
-    assert len(lines) == 1
-    assert words in lines[0]
-    assert "error in midair" not in lines[0]
+    line = one_line()
+    assert words in line
+    assert "error in midair" not in line
     assert state(files) == before
 
 

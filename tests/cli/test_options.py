@@ -88,8 +88,7 @@ def test_mode_and_file_together_are_refused(tmp_path):
 
 
 @pytest.mark.long
-def test_a_drive_is_made_again_from_its_own_settings(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_drive_is_made_again_from_its_own_settings():
     assert run(["record", "virtual:am-i", "am.h5", "--duration", "0.1s"]) == 0
     part = ["--start-at", "20ms", "--duration", "5ms"]
     words = ["--mode", "quick", "--points", "6", "--pitch", "11mm", "--guard", "22mm"]
@@ -142,23 +141,7 @@ def test_the_paper_s_mode_has_no_comparison():
     assert mode_name(SolveOptions(mode="paper")) == "the paper's mode"
 
 
-SMALL = [
-    "--mode",
-    "paper",
-    "--points",
-    "6",
-    "--pitch",
-    "11mm",
-    "--method",
-    "fast",
-    "--iterations",
-    "2",
-    "2",
-    "--duration",
-    "10ms",
-    "--lead",
-    "0s",
-]
+SMALL = "--mode paper --points 6 --pitch 11mm --method fast --iterations 2 2 --duration 10ms"
 
 
 def test_a_hand_of_a_picture_is_kept_quiet(stroke, tmp_path):
@@ -169,7 +152,7 @@ def test_a_hand_of_a_picture_is_kept_quiet(stroke, tmp_path):
     imsave(tmp_path / "hand.png", dark)
     (tmp_path / "hand.toml").write_text('picture = "hand.png"\nwidth_mm = 120', encoding="utf-8")
     words = ["--quiet-palm", "0.2", "--palm", str(tmp_path / "hand.toml")]
-    assert run(["solve", str(stroke), str(tmp_path / "hand.drive.h5"), *SMALL, *words]) == 0
+    assert run(["solve", str(stroke), str(tmp_path / "hand.drive.h5"), *SMALL.split(), "--lead", "0s", *words]) == 0
     drive = load_solution(tmp_path / "hand.drive.h5").drive
     term = Settings.of(drive.provenance).solver.quiet_palm
     assert (term.weight, term.outline) == (0.2, load_palm(tmp_path / "hand.toml").rows)
@@ -179,7 +162,7 @@ def test_a_hand_of_a_picture_is_kept_quiet(stroke, tmp_path):
 @pytest.mark.parametrize("command", ["solve", "loop", "sweep recordings x.zarr"])
 def test_an_unused_palm_outline_is_refused(stroke, tmp_path, command, capsys):
     (tmp_path / "hand.toml").write_text("disc_mm = 90", encoding="utf-8")
-    assert run([*command.split(), str(stroke), *SMALL[:-2], "--palm", str(tmp_path / "hand.toml")]) == 1
+    assert run([*command.split(), str(stroke), *SMALL.split(), "--palm", str(tmp_path / "hand.toml")]) == 1
     assert "--palm: expected --quiet-palm or --mode finest with it" in capsys.readouterr().err
 
 

@@ -1,5 +1,3 @@
-"""Writing a recording, and printing notes and losses."""
-
 import json
 
 import numpy as np

@@ -17,6 +17,7 @@ from midair.model import Acoustics, Drive, Medium, Solution, TransducerArray
 from midair.physics import exposure, focus_phase, transfer_matrix
 from midair.rig import LiveSettings
 
+pytestmark = pytest.mark.usefixtures("own_state")
 ARRAY = TransducerArray.autd3()
 NOWHERE = f"autd3:nowhere{os.getpid()}"
 """An interface of this run alone, since a lock holds for the whole computer."""
@@ -32,12 +33,6 @@ questions = [{ name = "which", kind = "choice", text = "Which?", options = ["one
 stimuli = [{ name = "f", kind = "drive", source = "loud.drive.h5", levels = { object = "one" } }]
 blocks = [{ name = "all", stimuli = ["f"], questions = ["which"] }]
 """
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
 
 
 def save(name, phase, level, acoustics=WARM):
@@ -56,7 +51,6 @@ def loud():
 
 
 def air_of(text):
-    """The temperature that a verdict names."""
     return re.search(r"in air of (-?\d+) °C", " ".join(text.split()))[1]
 
 

@@ -29,9 +29,7 @@ blocks = [{ name = "all", stimuli = ["f"], questions = ["which"] }]
 
 
 @pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+def _thermometer(own_state):
     Path("room.txt").write_text("22.0\n", encoding="utf-8")
 
 

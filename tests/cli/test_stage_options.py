@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from tests.simulators.grbl import GrblSimulator
+from tests.waiting import wait_until
 
 from midair.cli import run
 from midair.files import load
@@ -19,8 +20,7 @@ PROGRAM = "import sys; from midair.cli import run; sys.exit(run(sys.argv[1:]))"
 
 
 @pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def _stage_file(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     Path("stage.toml").write_text(EXAMPLE.read_text(encoding="utf-8"), encoding="utf-8")
 
@@ -120,11 +120,8 @@ def test_control_c_holds_the_stage_and_ends_with_130(machine):
         stderr=subprocess.PIPE,
         text=True,
     )
-    end = time.monotonic() + 120
-    while not any(move.speed == pytest.approx(20) for move in machine.moves):
-        assert time.monotonic() < end
-        assert process.poll() is None, process.stderr.read()
-        time.sleep(0.01)
+    moves = machine.moves
+    wait_until(lambda: process.poll() is not None or any(each.speed == pytest.approx(20) for each in moves), 120)
     time.sleep(0.5)
     process.send_signal(signal.SIGINT)
     said = process.communicate(timeout=60)[1]

@@ -1,5 +1,3 @@
-"""A calibration that is stated: its number, and what cannot be stated."""
-
 import numpy as np
 import pytest
 

@@ -69,8 +69,7 @@ def test_interrupted_work_stores_no_speed(monkeypatch, stored):
 
 
 @pytest.mark.long
-def test_a_slow_method_is_tried_before_it_starts(stored, monkeypatch, tmp_path, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_a_slow_method_is_tried_before_it_starts(stored, capsys):
     save(Recording(samples=np.random.default_rng(1).normal(size=(60, 4, 4)), rate=1000, unit="Pa"), "take.h5")
     words = ["solve", "take.h5", "--mode", "paper", "--method", "lm", "--points", "6", "--pitch", "9mm", "--lead", "0s"]
     assert run(words) == 0

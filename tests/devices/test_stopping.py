@@ -200,8 +200,6 @@ def test_nothing_sounds_after_a_stop_of_a_command_at_two_hundred_moments(tap, tm
 
 
 class Loud(VirtualArray):
-    """A virtual array that is treated as one with sound."""
-
     simulated, gated = False, True
 
 

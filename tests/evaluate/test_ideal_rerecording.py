@@ -1,5 +1,3 @@
-"""Re-recording of a perfect reproduction."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -16,7 +16,6 @@ ROOM = Acoustics(medium=Medium.at(temperature=26.0))
 
 
 def focused(frames, air=None):
-    """A focus at three levels in turn, with its own field as the target."""
     phase = np.broadcast_to(focus_phase(ARRAY, POINT.position[0], acoustics=air), (frames, ARRAY.count))
     level = np.tile([0.2, 0.5, 0.0], frames)[:frames]
     drive = Drive(phase=phase, level=level, rate=1000.0, array=ARRAY, acoustics=air or Acoustics())

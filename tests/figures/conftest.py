@@ -1,5 +1,3 @@
-"""Checks for every figure: units on its axes, a mark if simulated, and data."""
-
 import io
 
 import numpy as np
@@ -25,8 +23,6 @@ def words():
 
 @pytest.fixture(scope="package")
 def check_figure(words):
-    """Apply the common checks to a figure."""
-
     def check(figure, *units, simulated):
         said = words(figure)
         assert ("SIMULATED" in said) == simulated

@@ -1,5 +1,3 @@
-"""Spread of E in each trial."""
-
 import dataclasses
 
 import numpy as np

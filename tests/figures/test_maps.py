@@ -1,5 +1,3 @@
-"""Maps of one quantity on one scale, and phases on the array."""
-
 import numpy as np
 import pytest
 

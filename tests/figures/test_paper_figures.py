@@ -1,5 +1,3 @@
-"""The paper's figures 3, 4 and 9."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""Figure style: mark of simulated data, plain axes, and size of the PNG."""
-
 import io
 
 import pytest

@@ -1,5 +1,3 @@
-"""Traces and spectra of pressure, and the figure of the beam test."""
-
 import numpy as np
 import pytest
 

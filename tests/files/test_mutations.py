@@ -1,5 +1,3 @@
-"""Damaged files: a reader returns a value or raises an error of one line."""
-
 import struct
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""`open_take` reads calibration and journal whatever the name of a file."""
-
 from pathlib import Path
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Loss report of a format that cannot store a calibration."""
-
 import numpy as np
 import pytest
 

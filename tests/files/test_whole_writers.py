@@ -1,5 +1,3 @@
-"""An interrupted writer leaves the previous file, or none."""
-
 import ast
 import json
 import re

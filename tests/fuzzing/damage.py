@@ -287,7 +287,6 @@ def _holders(value: Any) -> list[Any]:
 
 
 def json_text(data: bytes, rng: np.random.Generator) -> bytes:
-    """A JSON document, or one whose brackets go a hundred thousand deep."""
     if rng.random() < 0.03:
         return b'{"a":' * 100_000
     if rng.random() < 0.05:

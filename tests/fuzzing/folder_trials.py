@@ -60,7 +60,6 @@ questions = ["rate"]
 
 
 def make_folders(folder: Path) -> None:
-    """Write one of each kind into a folder."""
     study = _study(folder / "study", paper_design_text().replace("repetitions = 4", "repetitions = 1"), "small")
     plan = study.plan()
     answers = answers_table(plan, study.sessions())
@@ -127,20 +126,17 @@ def study(path: Path) -> None:
 
 
 def design(path: Path) -> None:
-    """A study's TOML."""
     from midair.files import read_text
 
     read_design(read_text(path, "the TOML of a study"))
 
 
 def bids(path: Path) -> None:
-    """A table of other people's answers among others."""
     root = next(parent for parent in path.parents if parent.name == "bids")
     _columns(read_bids(root), path)
 
 
 def answers(path: Path) -> None:
-    """A table of other people's answers."""
     _columns(read_csv(path), path)
 
 

@@ -30,7 +30,6 @@ RNG = np.random.default_rng(5)
 
 
 def make_all(folder: Path) -> None:
-    """Write one of each kind into a folder."""
     _own(folder)
     _sounds_and_tables(folder)
     _robots_and_laboratories(folder)

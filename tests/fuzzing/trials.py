@@ -261,7 +261,6 @@ def _tell(writing: int, line: str) -> None:
 
 
 def told(found: Findings, seconds: float) -> Iterator[str]:
-    """What is said at the end."""
     kinds = Counter(what.split(": ")[1].split(" at ")[0] for what in found.bad.elements())
     dead = sum(count for kind, count in kinds.items() if kind.startswith("SIG"))
     hangs = kinds["hang"]
@@ -276,7 +275,6 @@ def told(found: Findings, seconds: float) -> Iterator[str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Try what the command line says."""
     import argparse
 
     parser = argparse.ArgumentParser(prog="python -m tests.fuzzing", description=__doc__)

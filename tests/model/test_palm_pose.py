@@ -1,5 +1,3 @@
-"""Poses of a palm."""
-
 from typing import Any
 
 import numpy as np

@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from tests.palms import palm_path
 
 from midair import model
 from midair.model import (
@@ -22,7 +23,6 @@ from midair.model import (
     Measurement,
     Medium,
     Palm,
-    PalmPath,
     Placement,
     PlayedTouch,
     PressureFrames,
@@ -105,13 +105,7 @@ ORDINARY = {
     "Measurement": measurement(257, 4, 4, reference="microphone", takes=3),
     "Medium": Medium.at(),
     "Palm": Palm.disc(),
-    "PalmPath": PalmPath(
-        time=np.arange(2.0),
-        centre=np.full((2, 3), 0.2),
-        normal=np.tile([0.0, 0.0, -1.0], (2, 1)),
-        fingers=np.tile([0.0, 1.0, 0.0], (2, 1)),
-        confidence=np.ones(2),
-    ),
+    "PalmPath": palm_path(np.arange(2.0), np.full((2, 3), 0.2)),
     "Placement": Placement.grid(),
     "PlayedTouch": PlayedTouch(
         phase_steps=np.zeros((50, 996), np.uint8),

@@ -1,5 +1,3 @@
-"""Positions of a stage: those beyond its travel are refused; its speed is that of the middle of its path."""
-
 import dataclasses
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Coordinates of small pictures, computed by hand."""
-
 import re
 from xml.etree import ElementTree
 

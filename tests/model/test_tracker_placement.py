@@ -1,5 +1,3 @@
-"""Rotation and offset from a tracker to the array."""
-
 import numpy as np
 import pytest
 

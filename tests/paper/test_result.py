@@ -1,5 +1,3 @@
-"""Rows and pictures as complete, readable files."""
-
 import json
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Output of the transducers during playback: against slow loops, and in closed form."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,7 @@
-"""Steering a solved field to a palm that moved, and the pressure on a palm that moves."""
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.palms import palm_path
 
 from midair.model import Acoustics, ControlGrid, Drive, PalmPath, TransducerArray
 from midair.physics import (
@@ -55,13 +54,7 @@ def test_a_focus_on_the_aim_stays_a_focus_on_the_moved_palm() -> None:
 
 
 def test_a_palm_in_its_solved_place_is_not_steered() -> None:
-    rest = PalmPath(
-        time=np.zeros(1),
-        centre=SOLVED[None],
-        normal=np.array([[0.0, 0.0, -1.0]]),
-        fingers=np.array([[0.0, 1.0, 0.0]]),
-        confidence=np.ones(1),
-    )
+    rest = palm_path(np.zeros(1), SOLVED[None])
     assert np.abs(steering_phase(ARRAY, AIR.medium, SOLVED, rest)).max() == 0
 
 

@@ -1,5 +1,3 @@
-"""Editing recordings: laws, hand-checked numbers, and the provenance."""
-
 from dataclasses import replace
 
 import numpy as np

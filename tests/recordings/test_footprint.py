@@ -1,5 +1,3 @@
-"""A footprint over the sensor: hand-checked areas, and laws."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Power outside the band and on dead cells, by hand."""
-
 from dataclasses import replace
 
 import numpy as np

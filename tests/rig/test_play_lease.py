@@ -3,6 +3,7 @@ import time
 
 import numpy as np
 import pytest
+from tests.waiting import wait_until
 
 from midair.devices import VirtualArray, check_exposure
 from midair.errors import DeviceStateError, InputError, StoppedError
@@ -164,9 +165,7 @@ def test_a_thread_silences_the_array_between_its_own_checks(permit, clock):
     with under_lease(array, permit, leave, every=0.001):
         array.check()
         clock.now += 0.5
-        end = time.monotonic() + 5
-        while not silenced and time.monotonic() < end:
-            time.sleep(0.001)
+        wait_until(lambda: silenced, 5)
         with pytest.raises(StoppedError, match="did not renew its permission"):
             array.check()
     assert len(silenced) == 1

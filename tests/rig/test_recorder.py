@@ -1,5 +1,3 @@
-"""Record, play and loop from Python on devices by name."""
-
 from dataclasses import replace
 
 import numpy as np

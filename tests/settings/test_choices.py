@@ -1,5 +1,3 @@
-"""Every setting has an option, except those that are listed as Python only."""
-
 from dataclasses import fields, is_dataclass
 
 import pytest

@@ -99,29 +99,10 @@ class ParserState:
 class GrblSimulator(BehindPty):
     """A simulated Grbl machine; a driver opens `port`, and `close` ends it.
 
-    Parameters
-    ----------
-    homed : bool
-        Whether homing is done; if not, and homing is enabled, the machine is locked.
-    settings : mapping of int to float, optional
-        Settings that differ from `USUAL`.
-    baud : int
-        Bits per second; a byte takes ten bits in both directions.
-
-    Attributes
-    ----------
-    port : str
-        Name of the pty.
-    lines : list of str
-        Received lines, in order.
-    moves : list of PlannedMove
-        Started moves, with their times.
-    lost : int
-        Bytes that did not fit into the receive buffer.
-    switch : tuple of int and float or None
-        Axis and position (mm) of a limit switch.
-    mute : bool
-        Set to True to stop all responses.
+    If homing is enabled and not done (`homed`), the machine is locked. `settings` differ from `USUAL`; a byte takes
+    ten bits at `baud`, in both directions. `lines` and `moves` hold what was received and started, `lost` the bytes
+    that did not fit into the receive buffer. `switch` may be set to axis and position in mm of a limit switch,
+    `mute` to True.
     """
 
     RECEIVES = 128

@@ -76,7 +76,6 @@ class LeapServer:
             pass
 
     def send(self, content):
-        """A message, as text or as an object."""
         text = content if isinstance(content, str) else json.dumps(content)
         for client in list(self.clients):
             try:

@@ -48,16 +48,8 @@ class PinFrame:
 class OpenMpdSimulator(BehindPty):
     """A simulated OpenMPD board; a driver opens `port`, and `close` ends it.
 
-    Attributes
-    ----------
-    port : str
-        Name of the pty.
-    frames : list of PinFrame
-        All frames since the start; the first is silence.
-    begins : list of float
-        Start time of each frame by the board's clock, in s.
-    stalled : bool
-        Set to True to stop reading bytes.
+    `frames` are all since the start, of which the first is silence, and `begins` their times by the board's clock,
+    in s. With `stalled` set to True it reads no bytes.
     """
 
     def __init__(self) -> None:
@@ -75,7 +67,6 @@ class OpenMpdSimulator(BehindPty):
 
     @property
     def held(self) -> PinFrame:
-        """The current frame."""
         return self.frames[-1]
 
     @property
@@ -85,7 +76,6 @@ class OpenMpdSimulator(BehindPty):
 
     @property
     def heard(self) -> list[PinFrame]:
-        """All frames that were audible."""
         return [frame for frame in self.frames if frame.sounds]
 
     def settle(self, limit: float = 30.0) -> None:

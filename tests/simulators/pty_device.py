@@ -23,7 +23,6 @@ class BehindPty(ABC):
         self._thread.start()
 
     def close(self) -> None:
-        """Stop the thread and close the pty."""
         self._halt()
         for end in (self._master, self._slave):
             if end >= 0:

@@ -21,26 +21,13 @@ THERMAL = 0x01
 
 
 class UdpProxy:
-    """A proxy between a client and `units` emulated units; it forwards and records datagrams.
+    """A proxy between a client and `units` emulated units, at `address`; it forwards and records datagrams.
 
-    Header of a datagram: version, kind, message id (2 bytes); of a frame also: sequence number, command.
-
-    Attributes
-    ----------
-    address : str
-        Address for a client, as ``autd3:ADDRESS``.
-    passes : bool
-        Set to False to block all datagrams.
-    twice : bool
-        Set to True to forward every datagram of the client twice, as a loop in the network does.
-    hot : container of int
-        Ports of the units that report overheating; `range(65536)` means all.
-    sent : list of tuple
-        (time in s, unit's port, datagram) of all datagrams from the client.
-    loss : float
-        Share of the datagrams of both directions that are dropped at random.
-    lost : int
-        Number of dropped datagrams, by `lose` or at random.
+    Header of a datagram: version, kind, message id (2 bytes); of a frame also: sequence number, command. `sent`
+    holds (time in s, unit's port, datagram) of all datagrams from the client; `lost` counts those that were
+    dropped, by `lose` or at random by the share `loss`, in both directions. `passes` set to False blocks all, and
+    `twice` set to True forwards each of the client's twice, as a loop in the network does. `hot` are the ports of
+    units that report overheating; `range(65536)` means all.
     """
 
     def __init__(self, units: int, *, loss: float = 0.0, seed: int = 1) -> None:
@@ -68,7 +55,6 @@ class UdpProxy:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop the thread and close all sockets."""
         self._ends = True
         self._thread.join(2)
         for each in (self.inner, *self.outer.values()):

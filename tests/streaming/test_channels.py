@@ -1,5 +1,3 @@
-"""Single channels equal those of the whole array."""
-
 import numpy as np
 
 from midair.streaming import LazyFrames, channels

@@ -1,5 +1,3 @@
-"""Filters of lazy frames equal the same filters in memory."""
-
 import numpy as np
 import pytest
 

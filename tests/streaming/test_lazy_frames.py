@@ -1,5 +1,3 @@
-"""Lazy frames read like the arrays that they represent."""
-
 import numpy as np
 import pytest
 

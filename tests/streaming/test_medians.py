@@ -1,5 +1,3 @@
-"""Medians by counting equal medians by sorting."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""Temporary frames on disk are read back unchanged."""
-
 import tempfile
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Fixtures: a studio in its own process, and browser pages on it."""
-
 import os
 import subprocess
 import sys
@@ -9,15 +7,7 @@ import pytest
 
 
 class LoopStarted:
-    """A studio that runs.
-
-    Attributes
-    ----------
-    process : subprocess.Popen
-    link : str
-        That it printed.
-    folder : Path
-    """
+    """A studio that runs: its process, its folder, and the link that it printed."""
 
     def __init__(self, folder, state, *words):
         self.folder = folder
@@ -43,7 +33,6 @@ class LoopStarted:
 
 @pytest.fixture
 def studio_at(tmp_path):
-    """Open studios and end them after the test."""
     made = []
 
     def open_studio(*words):
@@ -72,7 +61,6 @@ class Look:
             self.elsewhere.append(url)
 
     def until(self, script, *, timeout=60.0):
-        """Wait until a script returns a true value, and return it."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
             try:
@@ -86,7 +74,6 @@ class Look:
         raise AssertionError(f"{script}: not within {timeout} s; {state}; {self.wrong}")
 
     def go(self, address):
-        """Open another panel."""
         self.page.evaluate(f"location.hash = {address!r}")
 
     def hold_to_begin(self):
@@ -106,7 +93,6 @@ class Look:
 
 @pytest.fixture
 def look(chromium):
-    """Open pages on a studio."""
     contexts = []
 
     def open_page(studio, *, link=None, context=None, **how):

@@ -1,5 +1,3 @@
-"""The application without its processes: answers and refusals."""
-
 import asyncio
 import json
 import os
@@ -11,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from starlette.websockets import WebSocketDisconnect
+from tests.waiting import wait_until
 
 from midair.datasets import stroke
 from midair.errors import DeviceStateError, StoppedError
@@ -165,9 +164,7 @@ def test_drive_and_re_recording_are_replaced_only_with_consent(studio, talk):
     assert studio.jobs.unfinished() == []
     assert (drive.read_bytes(), again.read_bytes()) == (before, b"played")
     assert solve(replaces=anew["replaces"]) == {"job": 1}
-    end = time.monotonic() + 120
-    while studio.jobs.unfinished() and time.monotonic() < end:
-        time.sleep(0.05)
+    wait_until(lambda: not studio.jobs.unfinished(), 120)
     assert drive.read_bytes() != before
     assert not again.exists()
     assert not studio.takes.comparison_path("towel.h5").exists(), "the comparison was with the drive before"

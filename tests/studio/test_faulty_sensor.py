@@ -16,7 +16,6 @@ HERE = Path(__file__).parent
 
 @pytest.fixture
 def sender(monkeypatch):
-    """Start a sensor with faults; it ends with the test."""
     pytest.importorskip("pylsl")
     monkeypatch.setenv("LSLAPICFG", str(HERE.parent / "devices" / "sensors" / "lsl_api.cfg"))
     made, name = [], f"faulty {time.monotonic_ns()}"

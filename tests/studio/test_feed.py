@@ -1,5 +1,3 @@
-"""Flow control of the sections of a sensor or of live touch."""
-
 import asyncio
 
 import numpy as np
@@ -11,8 +9,6 @@ from midair.view import Kind, Section, pack, unpack
 
 
 class Wire:
-    """A page that receives messages or hangs."""
-
     def __init__(self):
         self.got, self.hangs = [], False
 

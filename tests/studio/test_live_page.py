@@ -1,5 +1,3 @@
-"""The panel Live in a real browser: frames, freezing, saving, silence."""
-
 import time
 
 import pytest
@@ -14,8 +12,6 @@ PLAYS = "studio.link.state.live.state === 'plays'"
 
 @pytest.fixture
 def feeling(studio_at, look):
-    """A page on live touch that plays."""
-
     def begin(**how):
         studio = studio_at()
         page = look(studio, **how)
@@ -31,7 +27,6 @@ def feeling(studio_at, look):
 
 
 def in_silence(page):
-    """Wait until the page reports silence; return the reason."""
     page.until("studio.link.state.live.state === 'idle'", timeout=10)
     assert not page.page.evaluate("studio.link.state.player.emitting")
     return page.page.evaluate("studio.link.state.live.said")

@@ -1,5 +1,3 @@
-"""Display and recent frames of live touch; the browser tests cover the running loop."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""Panel Live without its process: answers and refusals."""
-
 import json
 import warnings
 

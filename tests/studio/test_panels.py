@@ -202,7 +202,6 @@ questions = ["felt"]
 
 
 def drive_of(folder):
-    """A quiet drive and its digest, for a study plan."""
     record("virtual:towel", 0.2, path=folder / "towel.h5")
     made = str(folder / "weak.drive.h5")
     choices = (("method", "naive"), ("level", 0.01))

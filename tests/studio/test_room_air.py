@@ -5,6 +5,7 @@ import json
 import time
 
 import pytest
+from tests.waiting import wait_until
 
 from midair.devices import state_folder
 from midair.errors import MidairError
@@ -24,13 +25,6 @@ def _air(tmp_path, monkeypatch):
 def state(air, temperature="", humidity=None):
     asyncio.run(air.state(None, AirForm(temperature=temperature, humidity=humidity)))
     return air._store.state["air"]
-
-
-def until(true, within=20.0):
-    limit = time.monotonic() + within
-    while not true():
-        assert time.monotonic() < limit
-        time.sleep(0.01)
 
 
 def log():
@@ -70,12 +64,12 @@ def test_a_thermometer_is_followed_until_another_air_is_stated(air, tmp_path):
     room.write_text("22.5", encoding="utf-8")
     assert state(air, f"file:{room}")["degrees"] == 22.5
     room.write_text("23.75", encoding="utf-8")
-    until(lambda: air.stated["temperature"] == 23.75)
+    wait_until(lambda: air.stated["temperature"] == 23.75)
     room.unlink()
-    until(lambda: "no longer checked: file:" in air._store.state["air"]["problem"])
+    wait_until(lambda: "no longer checked: file:" in air._store.state["air"]["problem"])
     assert air.stated["temperature"] == 23.75
     room.write_text("22", encoding="utf-8")
-    until(lambda: not air._store.state["air"]["problem"])
+    wait_until(lambda: not air._store.state["air"]["problem"])
     state(air, "25C")
     room.write_text("19", encoding="utf-8")
     time.sleep(0.1)
@@ -88,9 +82,9 @@ def test_a_drift_from_the_drive_that_plays_is_logged_once(air, tmp_path):
     state(air, f"file:{room}")
     air.plays("autd3", 22.0)
     room.write_text("23.0", encoding="utf-8")
-    until(lambda: air.stated["temperature"] == 23.0)
+    wait_until(lambda: air.stated["temperature"] == 23.0)
     room.write_text("24.0", encoding="utf-8")
-    until(lambda: air.stated["temperature"] == 24.0)
+    wait_until(lambda: air.stated["temperature"] == 24.0)
     air.plays()
     air.plays("autd3", 24.5)
     (entry,) = log()

@@ -1,9 +1,6 @@
-"""The air of the room and hot units in a real browser."""
-
 import time
 
 import pytest
-from tests.simulators.udp_proxy import UdpProxy
 
 pytestmark = pytest.mark.browser
 
@@ -52,10 +49,7 @@ def test_a_drift_of_the_room_is_shown_and_corrected_or_solved_again(studio_at, l
     assert page.wrong == []
 
 
-def test_hot_units_are_shown_at_once_and_the_play_waits_for_the_choice(studio_at, look, request):
-    pytest.importorskip("autd3")
-    tap = UdpProxy(4)
-    request.addfinalizer(tap.close)
+def test_hot_units_are_shown_at_once_and_the_play_waits_for_the_choice(studio_at, look, tap):
     studio = studio_at("--device", f"autd3:{tap.address}")
     page = look(studio)
     page.until(SOLVED, timeout=120)

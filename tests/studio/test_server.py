@@ -1,5 +1,3 @@
-"""The socket on which the studio listens."""
-
 import asyncio
 import socket
 

@@ -1,5 +1,3 @@
-"""Takes of the studio's folder: renamed, copied, deleted to the bin and brought back, each with the files beside it."""
-
 import pytest
 
 from midair.errors import InputError

@@ -1,5 +1,3 @@
-"""Functions of the worker process, called directly."""
-
 import os
 from dataclasses import replace
 from pathlib import Path

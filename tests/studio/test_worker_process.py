@@ -1,5 +1,3 @@
-"""Requests, events, death and end of a worker process."""
-
 import os
 import threading
 import time

@@ -13,7 +13,6 @@ jack.set_error_function(lambda _: None)
 
 
 def connected():
-    """A client of the server, which may still be starting."""
     limit = time.monotonic() + 60
     while True:
         try:

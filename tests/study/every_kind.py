@@ -27,7 +27,6 @@ MEDIA = {
 
 
 def plan_text(*, media: bool) -> str:
-    """TOML of the plan."""
     stimuli = STIMULI | (MEDIA if media else {})
     single = [name for name in stimuli if name not in ("pair", "mixed")]
     head = "name = 'kinds'\nparticipants = 1\nseed = 1\nconsent = 'You may stop at any time.'\nform = ['text']\n"

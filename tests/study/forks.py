@@ -15,7 +15,6 @@ from midair.study import analyse, data_of_columns, report_page
 
 
 def warm():
-    """Import the modules of analyses and figures once."""
     frame = {"participant": list("aabb"), "shown": list("xyxy"), "said": list("xyyx")}
     report_page(
         analyse(data_of_columns(frame, participant="participant", presented="shown", answered="said"), draws=5),

@@ -1,11 +1,10 @@
-"""Continuous answers: a slider from 0 to 100 is analysed as a rating."""
-
 import pytest
+from tests.study.simulated import simulate
 
 from midair.study.design import answers_table
 from midair.study.findings import analyse
 from midair.study.folder import StudyFolder, read_design
-from midair.study.session import InstantClock, Session, SimulatedParticipant, SimulatedScreen, run
+from midair.study.session import SimulatedParticipant
 from midair.study.verification import data_of_study
 
 PLAN = """
@@ -47,12 +46,7 @@ def test_sliders_have_the_analysis_of_variance_of_their_unrounded_answers(tmp_pa
     from scipy.stats import ttest_rel
 
     folder = StudyFolder.create(tmp_path / "s", PLAN, read_design(PLAN))
-    plan = folder.plan()
-    model = SimulatedParticipant(rating_effect=10, rating_noise=5)
-    for number in range(1, 6):
-        screen = SimulatedScreen(plan=plan, participant=model, number=number)
-        with Session(plan, number, folder.log(number), screen.presenter, simulated=True, clock=InstantClock()) as one:
-            run(one, screen)
+    plan = simulate(folder, SimulatedParticipant(rating_effect=10, rating_noise=5))
     answers = answers_table(plan, folder.sessions())
     given = answers["answer"].astype(float)
     assert (given % 1).any()

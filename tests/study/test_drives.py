@@ -1,5 +1,3 @@
-"""The drives of a study: copied, solved or virtual, and checked by their digests."""
-
 import hashlib
 from dataclasses import replace
 

@@ -46,7 +46,6 @@ order = "fixed"
 
 @pytest.fixture
 def line():
-    """A serial line: the other end, and the name of the port."""
     far, near = os.openpty()
     tty.setraw(far)
     yield far, os.ttyname(near)

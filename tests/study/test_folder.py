@@ -1,5 +1,3 @@
-"""Stimuli and blocks from a CSV table."""
-
 import json
 import shutil
 from pathlib import Path

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.devices.sensors.conftest import _environment, _imported, _needs, _portaudio, _started_jack
+from tests.waiting import wait_until
 
 from midair.cli import run as midair
 from midair.errors import InputError, UnknownDeviceError
@@ -141,10 +142,8 @@ def pulse(folder, rate):
     words = ["-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no", "--disable-shm=yes", "-L", sink]
     with subprocess.Popen(["pulseaudio", *words, "-L", door], env=runs, stderr=subprocess.DEVNULL) as server:
         try:
-            until = time.monotonic() + 10
-            while subprocess.run(["pactl", "info"], env=runs, capture_output=True, check=False).returncode:
-                assert time.monotonic() < until, "PulseAudio does not answer"
-                time.sleep(0.1)
+            ask = {"args": ["pactl", "info"], "env": runs, "capture_output": True}
+            wait_until(lambda: subprocess.run(**ask, check=False).returncode == 0, 10)
             yield runs
         finally:
             server.terminate()

@@ -22,7 +22,6 @@ KILLS = [pytest.param(2, marks=pytest.mark.long), pytest.param(200, marks=pytest
 
 @pytest.fixture(scope="module")
 def killer():
-    """Run midair, and kill it after some seconds."""
     program = [sys.executable, str(Path(__file__).parent / "forks.py")]
     with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as running:
         assert running.stdout.readline() == "ready\n"
@@ -38,7 +37,6 @@ def killer():
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory):
-    """TOML of a short study in a folder with the six drives of the paper."""
     folder = tmp_path_factory.mktemp("plan")
     array = TransducerArray.autd3()
     drive = Drive(phase=np.zeros((5, array.count)), level=np.full(5, 0.01), rate=1000.0, array=array)
@@ -52,7 +50,6 @@ def plan(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def finished(killer, plan, tmp_path_factory):
-    """A study with all answers."""
     folder = tmp_path_factory.mktemp("finished") / "s"
     assert killer("study", "new", folder, "--source", plan)["status"] == 0
     assert killer("study", "run", folder, "--simulate")["status"] == 0

@@ -1,5 +1,3 @@
-"""Texts, pictures and sounds as stimuli."""
-
 import time
 
 import numpy as np

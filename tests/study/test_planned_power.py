@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.study.simulated import simulate
 
 from midair.study.design.analysis_plan import PlannedPower
 from midair.study.design.answers import answers_table
@@ -12,7 +13,6 @@ from midair.study.findings import analyse, data_of_answers
 from midair.study.findings.threshold_findings import adaptive
 from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.registration import plan_parts
-from midair.study.session import InstantClock, Session, SilentPresenter, SimulatedParticipant, SimulatedScreen, run
 from midair.study.statistics import f_measure, proportion_correct
 
 STUDIES = 80
@@ -27,12 +27,7 @@ def table_of(tmp_path_factory):
         if template not in made:
             path, text = tmp_path_factory.mktemp("p") / "s", template_text(template)
             folder = StudyFolder.create(path, text, read_design(text))
-            plan = folder.plan()
-            for number in range(1, plan.design.participants + 1):
-                presenter = SilentPresenter()
-                screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter)
-                with Session(plan, number, folder.log(number), presenter, simulated=True, clock=InstantClock()) as one:
-                    run(one, screen)
+            plan = simulate(folder)
             table = answers_table(plan, folder.sessions())
             made[template] = plan, table.assign(scored=table["scored"] | (table["excluded"] != "n/a"))
         return made[template]
@@ -41,7 +36,6 @@ def table_of(tmp_path_factory):
 
 
 def told(plan, power):
-    """Power of one statement on the page to be registered."""
     (part,) = (
         one
         for one in plan_parts(replace(plan, design=replace(plan.design, power=(power,))), runs=400)
@@ -157,7 +151,6 @@ def test_power_of_two_conditions(table_of, test):
 
 
 def shares(d):
-    """Probabilities of the answers to three objects."""
     right = float(proportion_correct(d, alternatives=3))
     return np.where(np.eye(3) == 1, right, (1 - right) / 2)
 

@@ -5,12 +5,12 @@ import re
 
 import pandas as pd
 import pytest
+from tests.study.simulated import simulate
 
 from midair.errors import FileError, InputError
 from midair.study.design import answers_table
 from midair.study.folder import StudyFolder, paper_design_text, read_design
 from midair.study.psych_ds import write_psych_ds
-from midair.study.session import InstantClock, Session, SimulatedParticipant, SimulatedScreen, run
 
 # Rule `Datafile` of the specification's schema.
 DATA_FILE = r"([a-z]+-[a-zA-Z0-9]+)(_[a-z]+-[a-zA-Z0-9]+)*_data\.(csv|tsv)"
@@ -23,13 +23,7 @@ def study(tmp_path_factory):
     folder = StudyFolder.create(
         tmp_path_factory.mktemp("study") / "s", text, read_design(text, name="small", participants=2)
     )
-    plan = folder.plan()
-    for number in (1, 2):
-        screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(), number=number)
-        with Session(
-            plan, number, folder.log(number), screen.presenter, simulated=True, clock=InstantClock()
-        ) as session:
-            run(session, screen)
+    plan = simulate(folder)
     return plan, answers_table(plan, folder.sessions())
 
 

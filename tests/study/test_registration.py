@@ -1,5 +1,3 @@
-"""The page of a plan: complete and reproducible."""
-
 import re
 from hashlib import sha256
 

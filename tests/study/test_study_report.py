@@ -9,7 +9,6 @@ OBJECTS = ["brush", "sponge", "towel"]
 
 @pytest.fixture(scope="module")
 def reported():
-    """A complete report of choices and ratings, and its page."""
     rng = np.random.default_rng(0)
     who, surface, thing, _ = np.indices((6, 2, 3, 4)).reshape(4, -1)
     right = np.array(OBJECTS)[thing]

@@ -5,13 +5,11 @@ import subprocess
 
 import pandas as pd
 import pytest
+from tests.study.simulated import simulate
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.study.design.answers import answers_table
 from midair.study.folder import StudyFolder, paper_design_text, read_design
-from midair.study.session.participant import SimulatedParticipant, SimulatedScreen
-from midair.study.session.presenters import SilentPresenter
-from midair.study.session.trials import Session, run
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv
 
 
@@ -21,10 +19,7 @@ def study(tmp_path_factory):
     folder = StudyFolder.create(
         tmp_path_factory.mktemp("study") / "s", text, read_design(text, name="small", participants=2)
     )
-    plan = folder.plan()
-    for number in (1, 2):
-        with Session(plan, number, folder.log(number), SilentPresenter(), simulated=True) as session:
-            run(session, SimulatedScreen(plan=plan, participant=SimulatedParticipant()))
+    plan = simulate(folder)
     return plan, answers_table(plan, folder.sessions())
 
 
@@ -66,8 +61,7 @@ def datasets(study, tmp_path_factory):
     design = read_design(text.replace("seed = 2020", stated, 1), participants=1)
     several = StudyFolder.create(folder / "s", text, design)
     for _ in (1, 2):
-        with Session(several.plan(), 1, several.log(1), SilentPresenter(), simulated=True) as session:
-            run(session, SimulatedScreen(plan=several.plan(), participant=SimulatedParticipant()))
+        simulate(several)
     write_bids(answers_table(several.plan(), several.sessions()), several.plan().design, folder / "two")
     return folder
 

@@ -1,9 +1,8 @@
-"""The included templates, from plan to report, with simulated participants."""
-
 from typing import get_args
 
 import numpy as np
 import pytest
+from tests.study.simulated import simulate
 
 from midair.study.design.adaptive_block import thresholds_of
 from midair.study.design.answers import answers_table, excluded_participants
@@ -11,7 +10,7 @@ from midair.study.design.plan import draw_plan
 from midair.study.drives import prepare_drives
 from midair.study.findings import analyse, data_of_answers
 from midair.study.folder import StudyFolder, Template, read_design, template_text
-from midair.study.session import InstantClock, Session, SilentPresenter, SimulatedParticipant, SimulatedScreen, run
+from midair.study.session import SimulatedParticipant
 
 PEOPLE = 6
 
@@ -21,12 +20,7 @@ def done(request, tmp_path_factory):
     """A template after the sessions of six simulated people who meet all criteria."""
     text = template_text(request.param)
     folder = StudyFolder.create(tmp_path_factory.mktemp("t") / "s", text, read_design(text, participants=PEOPLE))
-    plan = folder.plan()
-    for number in range(1, PEOPLE + 1):
-        presenter = SilentPresenter()
-        screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(spread=0, taste=0), presenter=presenter)
-        with Session(plan, number, folder.log(number), presenter, simulated=True, clock=InstantClock()) as session:
-            assert run(session, screen).kind == "done"
+    plan = simulate(folder, SimulatedParticipant(spread=0, taste=0))
     return request.param, plan, folder.sessions()
 
 
@@ -35,7 +29,7 @@ def test_every_template_goes_from_plan_to_report(done):
     _, plan, sessions = done
     assert excluded_participants(plan, sessions).empty
     table = answers_table(plan, sessions)
-    assert set(table["hand"]) == {"left"}
+    assert set(table["hand"]) == {"left", "right", "both"}
     assert "pseudonym" not in table
     data = data_of_answers(table, plan.design.analysis, thresholds=thresholds_of(plan, sessions))
     said = [finding.words for finding in analyse(data, draws=50).findings]

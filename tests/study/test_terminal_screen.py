@@ -1,5 +1,3 @@
-"""Keys at a terminal, with a pseudo-terminal."""
-
 import os
 import sys
 import termios
@@ -19,7 +17,6 @@ CHOICE = Question(name="w", kind="choice", text="Which?", options=("brush", "spo
 
 @pytest.fixture
 def terminal():
-    """Both ends of a pseudo-terminal: one for typing, one that the program reads."""
     master, slave = os.openpty()
     yield master, slave
     os.close(master)

@@ -1,5 +1,3 @@
-"""Check of the files of a study: changes are reported, intact files are not."""
-
 import json
 import re
 import shutil
@@ -39,7 +37,6 @@ def folder(whole, tmp_path):
 
 
 def stripped(path):
-    """Remove the chain from a log, and change an answer."""
     words = re.sub(r', "chain": "[0-9a-f]+"', "", path.read_text())
     path.write_text(words.replace('"answer": "brush"', '"answer": "towel"'))
 

@@ -1,16 +1,15 @@
-"""Withdrawal deletes one participant everywhere and leaves all others unchanged."""
-
 import json
 import os
 import shutil
 import sys
 
 import pytest
+from tests.study.simulated import simulate
 
 from midair.cli import run as midair
 from midair.errors import DeviceStateError, FileError, InputError
 from midair.study.folder import StudyFolder, paper_design_text, read_design
-from midair.study.session import InstantClock, Session, SilentPresenter, SimulatedParticipant, SimulatedScreen, run
+from midair.study.session import Session, SilentPresenter
 from midair.study.tables import read_bids, read_csv
 from midair.study.withdrawal import MADE, log_derived_file, withdraw, withdrawn
 
@@ -21,11 +20,7 @@ def made(tmp_path_factory):
     root = tmp_path_factory.mktemp("withdrawal")
     text = paper_design_text().replace("repetitions = 4", "repetitions = 1")
     folder = StudyFolder.create(root / "s", text, read_design(text, name="s", participants=3))
-    plan = folder.plan()
-    for number in (1, 2, 3):
-        presenter = SilentPresenter()
-        with Session(plan, number, folder.log(number), presenter, simulated=True, clock=InstantClock()) as session:
-            run(session, SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter))
+    simulate(folder)
     for line in (f"analyse {root}/s --draws 20", f"export {root}/s {root}/bids"):
         assert midair(["study", *line.split()]) == 0
     assert midair(["study", "export", f"{root}/s", f"{root}/table.csv", "--format", "csv"]) == 0
@@ -44,7 +39,6 @@ def study(made, tmp_path, monkeypatch):
 
 
 def everything(folder):
-    """Content of all files by name."""
     return {str(path): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 

@@ -1,5 +1,3 @@
-"""Fixtures: sweeps solved in this process, and clusters on this machine."""
-
 import json
 import subprocess
 import sys
@@ -15,8 +13,6 @@ from midair.sweep.store import load_sweep, open_sweep
 
 @pytest.fixture(scope="session")
 def finished():
-    """Solve a sweep in this process into a file; return its results."""
-
     def finish(path, sweep):
         with open_sweep(path, sweep) as store:
             for task in store.missing():

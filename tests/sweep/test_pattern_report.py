@@ -14,7 +14,6 @@ SWEEP = PatternSweep(count=24, curve_count=6, chunk=8, method="naive")
 
 @pytest.fixture(scope="module")
 def results(finished, tmp_path_factory):
-    """A finished sweep, solved here."""
     return PatternResults.of(finished(tmp_path_factory.mktemp("sweep") / "s.zarr", SWEEP))
 
 

@@ -1,5 +1,3 @@
-"""Report of a sweep over recordings."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Sweeps over recordings and settings: the results equal those of `reproduce`."""
-
 import json
 from dataclasses import replace
 

@@ -19,6 +19,7 @@ import numpy as np
 import psutil
 import pytest
 import zarr
+from tests.waiting import wait_until
 
 import midair
 from midair.errors import ClusterError, MidairError
@@ -45,7 +46,6 @@ def asked(sweep):
 
 
 def expected(sweep):
-    """E of every task, solved here."""
     error = np.full((len(sweep.conditions()), len(sweep.patterns())), np.nan)
     for task in sweep.tasks():
         some = sweep.patterns()[task.first : task.last]
@@ -180,7 +180,7 @@ def test_a_killed_sweep_continues_without_losing_or_repeating_anything(tmp_path)
     running = subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     children = []
     try:
-        _wait(lambda: path.exists() and load_sweep(path).known > 0)
+        wait_until(lambda: path.exists() and load_sweep(path).known > 0, 120)
         children = psutil.Process(running.pid).children(recursive=True)
     finally:
         os.kill(running.pid, signal.SIGKILL)
@@ -202,13 +202,6 @@ def test_a_killed_sweep_continues_without_losing_or_repeating_anything(tmp_path)
 def _stored(path):
     group = zarr.open_group(path, mode="r")
     return group["seconds"][:], group["done"][:]
-
-
-def _wait(true, limit=120):
-    until = time.monotonic() + limit
-    while not true():
-        assert time.monotonic() < until
-        time.sleep(0.02)
 
 
 @pytest.mark.slow
@@ -263,8 +256,6 @@ def _plain_answers(processes):
 
 
 class FakeClient:
-    """A client whose scheduler gives prepared answers."""
-
     def __init__(self, *answers):
         self.answers = list(answers)
 

@@ -1,5 +1,3 @@
-"""Errors name the first different setting, with short values in full."""
-
 from dataclasses import replace
 
 import pytest

@@ -1,5 +1,3 @@
-"""Tasks, and settings as JSON values."""
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

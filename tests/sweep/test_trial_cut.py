@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +11,7 @@ import psutil
 import pytest
 import xarray
 import zarr
+from tests.waiting import wait_until
 
 from midair.datasets import am_stimulus
 from midair.errors import InputError, MismatchError
@@ -167,10 +167,7 @@ def test_a_killed_worker_loses_only_its_own_piece(stroke, tmp_path, programs):
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        until = time.monotonic() + 120
-        while not (path.exists() and load_sweep(path).known):
-            assert time.monotonic() < until
-            time.sleep(0.02)
+        wait_until(lambda: path.exists() and load_sweep(path).known, 120)
         os.kill(workers[0].pid, signal.SIGKILL)
         psutil.wait_procs([psutil.Process(workers[0].pid)], timeout=10)
         group = zarr.open_group(path, mode="r")

@@ -1,5 +1,3 @@
-"""The lead before and after a recording."""
-
 from dataclasses import replace
 
 import numpy as np

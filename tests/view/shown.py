@@ -1,5 +1,3 @@
-"""Small data to show."""
-
 import numpy as np
 
 from midair.model import AmplitudeFrames, ControlGrid, Drive, PressureFrames, Provenance, Recording, TransducerArray
@@ -19,7 +17,6 @@ def recording(frames=60, rate=1000.0, **how):
 
 
 def pressure(frames=60, scale=1.0):
-    """The same in Pa."""
     made = recording(frames)
     return PressureFrames(pressure=scale * made.samples, rate=made.rate, provenance=made.provenance)
 
@@ -33,12 +30,10 @@ def focus_drive(frames=8):
 
 
 def focus_target(frames=8):
-    """The target that belongs to the drive."""
     amplitude = np.zeros((frames, GRID.count))
     amplitude[:-1, 9 * 16 + 6] = 3000
     return AmplitudeFrames(amplitude=amplitude, rate=1000, grid=GRID)
 
 
 def focus(frames=8):
-    """View of drive and target."""
     return show_drive(focus_drive(frames), target=focus_target(frames))

@@ -1,5 +1,3 @@
-"""A channel as sound."""
-
 import io
 
 import numpy as np

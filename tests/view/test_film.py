@@ -1,5 +1,3 @@
-"""Films: one picture per frame, with scale and units."""
-
 import shutil
 import subprocess
 

@@ -38,7 +38,6 @@ def sections():
 
 
 def plain(section):
-    """All fields of a section, for a comparison."""
     kept = [section.kind, section.unit, section.first, section.time, section.number]
     return [*kept, section.values.dtype.str, section.values.tolist()]
 

@@ -1,5 +1,3 @@
-"""Interpolation of the field between the control points."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""Data of a view for a page."""
-
 import base64
 import json
 from dataclasses import replace

@@ -1,5 +1,3 @@
-"""Standalone pages."""
-
 import base64
 import hashlib
 import json

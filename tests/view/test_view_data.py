@@ -1,5 +1,3 @@
-"""Views of recordings, targets, drives and comparisons."""
-
 import numpy as np
 import pytest
 from tests.view.shown import GRID, focus, focus_drive, focus_target, pressure, recording

@@ -1,5 +1,3 @@
-"""The canvases in a real browser."""
-
 import numpy as np
 import pytest
 from tests.view.shown import FOCUS, GRID, focus, focus_drive, pressure, recording
@@ -15,7 +13,6 @@ SECOND_TICK = "new Promise(done => requestAnimationFrame(() => requestAnimationF
 
 @pytest.fixture
 def opened(chromium, tmp_path):
-    """A page with a view; console messages and network requests are errors."""
     contexts = []
 
     def open_page(shown, **how):
@@ -47,7 +44,6 @@ def held(page, frame):
 
 
 def picture(page, title):
-    """Pixels and peak of a picture."""
     return page.evaluate(
         f"""title => {{ {VIEW} const p = pictures.find(each => each.label === title);
         return {{shown: Array.from(p.shown), rows: p.shownRows, columns: p.shownColumns, peak: p.peak,
@@ -266,8 +262,6 @@ def test_printed_colour_bar_is_beside_its_maps(opened):
 
 @pytest.fixture
 def all_of_it(opened):
-    """A page with every picture."""
-
     def open_it(**how):
         shown = show_comparison(pressure(), pressure(), sound=focus().sound)
         return opened(shown, reduced_motion="reduce", **how)

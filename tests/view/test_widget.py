@@ -65,7 +65,6 @@ def test_framed_page_loads_nothing():
 
 @pytest.fixture(scope="module")
 def notebook():
-    """An executed notebook with the state of its widgets."""
     import nbformat
     from nbclient import NotebookClient
 

@@ -1,5 +1,3 @@
-"""Inverse of crosstalk: hand-checked matrices and round trips."""
-
 import numpy as np
 import pytest
 from hypothesis import given

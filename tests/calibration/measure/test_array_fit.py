@@ -46,7 +46,6 @@ def secret(count, *, seed, dead=1):
 
 
 def measured(known, plan, *, seed, noise, away=(0.0, 0.0, 0.2)):
-    """Result of a blind measurement with a displaced sensor."""
     model = SensorModel(noise=noise, bits=32).with_spread(seed=seed)
     codes = array_codes(known.array, model.grid, plan, acoustics=ACOUSTICS, height=0.2)
     drive = Drive(

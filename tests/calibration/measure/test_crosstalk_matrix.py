@@ -1,5 +1,3 @@
-"""Crosstalk matrix from presses on each cell alone: hand-computed numbers, and dead channels."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""Delay of a channel: hand-checked numbers, and errors with the stated scatter."""
-
 import numpy as np
 import pytest
 

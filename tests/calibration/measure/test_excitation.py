@@ -1,5 +1,3 @@
-"""Excitation signals for calibration."""
-
 import numpy as np
 import pytest
 

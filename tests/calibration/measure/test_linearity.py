@@ -1,5 +1,3 @@
-"""Lines and curvature through levels: hand-checked numbers, and errors with the stated scatter."""
-
 import numpy as np
 import pytest
 

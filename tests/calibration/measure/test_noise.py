@@ -1,5 +1,3 @@
-"""Noise and noise-equivalent pressure: hand-checked numbers, and a density with the stated scatter."""
-
 import numpy as np
 import pytest
 

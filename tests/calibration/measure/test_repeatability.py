@@ -1,5 +1,3 @@
-"""Variation between takes: detected if present, and zero if the noise explains it."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""Rotation and offset of a tracker from held places."""
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,5 +1,3 @@
-"""Position, angle and time offset of units: the Jacobian, what cannot be measured, and a blind measurement."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""The command compare as a person types it."""
-
 import json
 import re
 from dataclasses import replace

@@ -1,6 +1,3 @@
-"""Editing commands: files in and out, their calibration, what is told, and what is refused."""
-
-import json
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +9,7 @@ from midair.model import Calibration, PressureFrames, Provenance, Recording, Sen
 
 
 @pytest.fixture(autouse=True)
-def take(tmp_path, monkeypatch):
-    """A recording of half a second with a calibration and pressure, in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
+def take():
     samples = np.random.default_rng(0).normal(size=(500, 4, 4))
     samples[:100] *= 1e-3
     recording = Recording(samples=samples, rate=1000, provenance=Provenance(source="bench"))
@@ -23,14 +18,8 @@ def take(tmp_path, monkeypatch):
     return recording
 
 
-def answer(capsys, *words):
-    capsys.readouterr()
-    assert run([*words, "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
-
-
-def test_cut_and_join_make_the_same_file_again(take, capsys):
-    told = answer(capsys, "cut", "take.h5", "a.h5", "--end", "200ms")
+def test_cut_and_join_make_the_same_file_again(take, answer):
+    told = answer("cut", "take.h5", "a.h5", "--end", "200ms")
     assert told["notes"] == ["The calibrated pressure was left out; run midair calibrate again."]
     assert run(["cut", "take.h5", "b.h5", "--start", "0.2s"]) == 0
     assert run(["join", "a.h5", "b.h5", "both.h5"]) == 0
@@ -40,9 +29,9 @@ def test_cut_and_join_make_the_same_file_again(take, capsys):
     assert load_pressure("both.h5") is None
 
 
-def test_join_leaves_out_a_calibration_that_is_not_shared(take, capsys):
+def test_join_leaves_out_a_calibration_that_is_not_shared(take, answer):
     save(take, "other.h5", calibration=Calibration.flat(take.sensor, sensitivity=0.03))
-    told = answer(capsys, "join", "take.h5", "other.h5", "both.h5")
+    told = answer("join", "take.h5", "other.h5", "both.h5")
     assert "The calibration was left out: the recordings have different calibrations." in told["notes"]
     assert load_calibration("both.h5") is None
 
@@ -74,8 +63,8 @@ def test_each_command_does_its_edit_and_keeps_the_calibration(words, check, take
     assert load_calibration("made.h5") is not None
 
 
-def test_the_result_can_be_of_any_format_and_losses_are_printed(take, capsys):
-    told = answer(capsys, "cut", "take.h5", "made.csv", "--end", "0.1s")
+def test_the_result_can_be_of_any_format_and_losses_are_printed(take, answer):
+    told = answer("cut", "take.h5", "made.csv", "--end", "0.1s")
     assert [loss["what"] for loss in told["lost"]] == ["calibration"]
     np.testing.assert_array_equal(load("made.csv").samples, take.samples[:100])
 
@@ -98,11 +87,9 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("words", "status", "text"), WRONG.values(), ids=WRONG)
-def test_refuses_in_one_line(words, status, text, capsys):
+def test_refuses_in_one_line(words, status, text, one_line):
     assert run(words) == status
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
-    assert len(lines) == 1
-    assert text in lines[0]
+    assert text in one_line()
     assert not Path("x.h5").exists()
 
 

@@ -19,11 +19,6 @@ def tapped():
         return sensor.read(17_100).samples.reshape(-1, 16)
 
 
-@pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 def bench(samples):
     save(Recording(samples=samples.reshape(-1, 4, 4), rate=1000.0), "taps.h5")
     return ["identify", "replay:taps.h5", *RHYTHM]

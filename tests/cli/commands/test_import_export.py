@@ -1,6 +1,5 @@
 """The command mend, and import of what is packed, clipped or folded; the rest is in tests of what they share."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -14,25 +13,14 @@ from midair.files import load, open_take
 RNG = np.random.default_rng(0)
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
-def answer(capsys, *words):
-    capsys.readouterr()
-    assert run([*words, "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
-
-
-def test_mend_fills_gaps_that_import_refuses_and_reports_them(capsys):
+def test_mend_fills_gaps_that_import_refuses_and_reports_them(answer, capsys):
     samples = RNG.normal(size=(300, 4, 4))
     samples[100:104, 1, 2] = np.nan
     np.save("a.npy", samples)
     said = ("--unit", "V", "--rate", "1kHz")
     assert run(["import", "a.npy", "a.h5", *said]) == 1
     assert "midair mend" in capsys.readouterr().err
-    told = answer(capsys, "mend", "a.npy", "a.h5", *said)
+    told = answer("mend", "a.npy", "a.h5", *said)
     assert "4 numbers were missing in 1 gaps" in " ".join(told["notes"])
     take = open_take("a.h5")
     assert [(row.kind, row.frame, row.frames, row.channel) for row in take.journal] == [("mended", 100, 4, 6)]
@@ -70,43 +58,43 @@ def test_empty_fields_of_a_table_are_mended(capsys):
     assert "none in row 1" in capsys.readouterr().err
 
 
-def test_packed_channels_of_a_wav_are_frames(capsys):
+def test_packed_channels_of_a_wav_are_frames(answer):
     samples = np.round(1000 * RNG.normal(size=(500, 16))).astype(np.int16)
     soundfile.write("a.wav", samples.ravel(), 16000, subtype="PCM_16")
-    told = answer(capsys, "import", "a.wav", "a.h5", "--unit", "count", "--packed", "16")
+    told = answer("import", "a.wav", "a.h5", "--unit", "count", "--packed", "16")
     assert "8000 numbers were taken as 500 frames of 16 channels in turn." in told["notes"]
     recording = load("a.h5")
     assert recording.rate == 1000
     np.testing.assert_array_equal(recording.samples.reshape(-1, 16), samples)
 
 
-def test_a_clipped_wav_and_a_magnitude_are_named(capsys):
+def test_a_clipped_wav_and_a_magnitude_are_named(answer):
     wave = 1.3 * np.sin(2 * np.pi * 83.7 * np.arange(4000) / 8000)
     soundfile.write("a.wav", np.clip(wave, -1, 1), 8000, subtype="PCM_16")
-    assert "clipped: 0" in " ".join(answer(capsys, "import", "a.wav", "a.h5", "--scale", "30Pa")["notes"])
+    assert "clipped: 0" in " ".join(answer("import", "a.wav", "a.h5", "--scale", "30Pa")["notes"])
     np.save("b.npy", np.hypot(*RNG.normal(size=(2, 4000))))
-    told = answer(capsys, "import", "b.npy", "b.h5", "--scale", "1Pa", "--rate", "1kHz")
+    told = answer("import", "b.npy", "b.h5", "--scale", "1Pa", "--rate", "1kHz")
     assert "magnitude" in " ".join(told["notes"])
 
 
 COARSE = ["--mode", "quick", "--points", "4", "--pitch", "11mm", "--guard", "0mm", "--duration", "0.2s"]
 
 
-def test_info_reports_ridges_as_real_and_felt(capsys):
-    told = answer(capsys, "import", "sample:ridges")
+def test_info_reports_ridges_as_real_and_felt(answer):
+    told = answer("import", "sample:ridges")
     assert not told["simulated"]
     assert "licence: MIT" in told["notes"]
-    known = answer(capsys, "info", "ridges.h5")["notes"]
+    known = answer("info", "ridges.h5")["notes"]
     assert known["licence"] == "MIT"
     assert known["felt"].startswith("yes")
     assert "not measured" in known["level"]
 
 
 @pytest.mark.slow
-def test_metrics_report_that_a_palm_would_feel_ridges(capsys):
+def test_metrics_report_that_a_palm_would_feel_ridges(answer):
     assert run(["import", "sample:ridges"]) == 0
     assert run(["solve", "ridges.h5", "--mode", "quick"]) == 0
-    assert answer(capsys, "compare", "ridges.h5", "ridges.drive.h5")["verdict"].startswith("A palm would feel it")
+    assert answer("compare", "ridges.h5", "ridges.drive.h5")["verdict"].startswith("A palm would feel it")
 
 
 def test_the_level_of_ridges_is_the_choice_of_who_plays_them():
@@ -115,15 +103,15 @@ def test_the_level_of_ridges_is_the_choice_of_who_plays_them():
     assert np.abs(calibrate(take.recording, take.calibration).pressure).max() == pytest.approx(1.5 * 24, rel=0.05)
 
 
-def test_denim_names_its_licence_too(capsys):
-    assert "licence: MIT" in answer(capsys, "import", "sample:denim", "denim.h5")["notes"]
-    assert answer(capsys, "info", "denim.h5")["notes"]["licence"] == "MIT"
+def test_denim_names_its_licence_too(answer):
+    assert "licence: MIT" in answer("import", "sample:denim", "denim.h5")["notes"]
+    assert answer("info", "denim.h5")["notes"]["licence"] == "MIT"
 
 
-def test_cells_that_a_footprint_passed_by_are_untouched_and_not_dead(capsys):
+def test_cells_that_a_footprint_passed_by_are_untouched_and_not_dead(answer, capsys):
     soundfile.write("wave.wav", 0.3 * RNG.normal(size=1300).clip(-3, 3), 1000)
     said = ["--scale", "30Pa", "--footprint", "circle:20mm", "--speed", "50mm/s"]
-    told = answer(capsys, "import", "wave.wav", *said)
+    told = answer("import", "wave.wav", *said)
     assert told["untouched_cells"] == [0, 1, 2, 3, 12, 13, 14, 15]
     assert told["dead_channels"] == []
     assert run(["info", "wave.h5"]) == 0

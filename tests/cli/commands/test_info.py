@@ -1,5 +1,3 @@
-"""What `midair info` says of a file, in words and for programs."""
-
 import json
 
 import numpy as np

@@ -5,25 +5,20 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.waiting import wait_until
 
 from midair.cli import run
 from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
 
 pytest.importorskip("autd3")
+pytestmark = pytest.mark.usefixtures("own_state")
 EMULATOR = ["--device", "autd3:emulator"]
 ARRAY = TransducerArray.autd3()
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
 
 
 def make(name, frames=200):
@@ -61,9 +56,7 @@ def test_a_killed_play_is_exported_without_an_end(capsys):
     command = [sys.executable, "-c", "from midair.cli import main; main()", *play, "--repeats", "500"]
     log = Path("state/played.jsonl")
     with subprocess.Popen(command, stdout=-1, stderr=-1) as player:
-        limit = time.monotonic() + 60
-        while not log.exists() and time.monotonic() < limit:
-            time.sleep(0.05)
+        wait_until(log.exists)
         row, _ = exported()
         assert row["end"] == "playing"
         player.send_signal(signal.SIGKILL)

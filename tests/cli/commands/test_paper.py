@@ -1,5 +1,3 @@
-"""The command paper as a person types it."""
-
 import json
 from pathlib import Path
 
@@ -8,11 +6,6 @@ import pytest
 from midair.cli import run
 from midair.cli.commands.paper import _print
 from midair.paper import PaperResult
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.slow

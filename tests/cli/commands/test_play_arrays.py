@@ -1,5 +1,3 @@
-"""`midair play` on arrays, `midair exposure` and `midair stop`, as a person types them."""
-
 import json
 import os
 import re
@@ -16,6 +14,7 @@ import numpy as np
 import pytest
 from tests.model.test_array_calibration import calibration
 from tests.simulators.udp_proxy import UdpProxy
+from tests.waiting import wait_until
 
 from midair.cli import run
 from midair.files import save_solution
@@ -23,24 +22,12 @@ from midair.model import Drive, Provenance, Solution, TransducerArray
 from midair.rig import keep_array_calibration
 
 pytest.importorskip("autd3")
+pytestmark = pytest.mark.usefixtures("own_state")
 EMULATOR = ["--device", "autd3:emulator"]
 NOWHERE = f"autd3:nowhere{os.getpid()}"
 """An interface of this run alone, since a lock holds for the whole computer."""
 ARRAY = TransducerArray.autd3()
 SWITCH, SILENCE = 0x12, 0x16
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
-
-
-@pytest.fixture
-def tap():
-    one = UdpProxy(4)
-    yield one
-    one.close()
 
 
 def make(name, level=0.008, frames=200, rate=1000.0, array=ARRAY):
@@ -198,10 +185,7 @@ def test_stop_from_another_terminal(capsys):
     with subprocess.Popen(
         [*command, "--repeats", "500"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as player:
-        limit = time.monotonic() + 20
-        while not Path("state/played.jsonl").exists() and time.monotonic() < limit:
-            time.sleep(0.05)
-        time.sleep(0.3)
+        wait_for(Path("state/played.jsonl"))
         assert run(["stop"]) == 0
         assert "silent (process" in " ".join(capsys.readouterr().out.split())
         _, error = player.communicate(timeout=20)
@@ -212,9 +196,7 @@ def test_stop_from_another_terminal(capsys):
 
 
 def wait_for(path):
-    limit = time.monotonic() + 60
-    while not path.exists() and time.monotonic() < limit:
-        time.sleep(0.05)
+    wait_until(path.exists)
     time.sleep(0.3)
 
 
@@ -382,12 +364,9 @@ def play_until_it_pauses(tap, *more):
     command = ["play", "three.drive.h5", "--device", f"autd3:{tap.address}", "--when-hot", "wait", *more]
     player = threading.Thread(target=lambda: status.append(run(command)))
     player.start()
-    until = time.monotonic() + 120
-    while not any(frame[2] == SWITCH for frame in tap.frames()) and time.monotonic() < until:
-        time.sleep(0.02)
+    wait_until(lambda: any(frame[2] == SWITCH for frame in tap.frames()), 120)
     tap.hot = range(65536)
-    while (not Path("state/played.jsonl").exists() or log()[-1]["event"] == "play") and time.monotonic() < until:
-        time.sleep(0.02)
+    wait_until(lambda: Path("state/played.jsonl").exists() and log()[-1]["event"] != "play", 120)
     return player, status
 
 
@@ -504,10 +483,7 @@ def test_ctrl_c_again_and_again_is_one_line_and_silence(tap):
     words = ["play", make("a.drive.h5", frames=2000), "--device", f"autd3:{tap.address}", "--repeats", "100"]
     command = [sys.executable, "-m", "midair", *words]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        end = time.monotonic() + 60
-        while not any(each == SWITCH for _, _, each, _ in tap.frames()) and process.poll() is None:
-            assert time.monotonic() < end
-            time.sleep(0.01)
+        wait_until(lambda: any(frame[2] == SWITCH for frame in tap.frames()) or process.poll() is not None)
         while process.poll() is None:
             process.send_signal(signal.SIGINT)
             time.sleep(0.005)

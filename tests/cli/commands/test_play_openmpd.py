@@ -2,23 +2,18 @@
 
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 from tests.simulators.openmpd import OpenMpdSimulator, measured_board
+from tests.waiting import wait_until
 
 from midair.cli import run
 from midair.files import load_solution, load_target
 from midair.physics import quantise_phase, transfer_matrix
 
 pytest.importorskip("serial")
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+pytestmark = pytest.mark.usefixtures("own_state")
 
 
 @pytest.fixture
@@ -41,25 +36,8 @@ def write_board(path, board):
 def solved(path, *words):
     """A felt stroke solved for, 30 frames."""
     assert run(["record", "virtual:towel", "towel.h5", "--duration", "0.3s"]) == 0
-    assert (
-        run(
-            [
-                "solve",
-                "towel.h5",
-                str(path),
-                "--start-at",
-                "100ms",
-                "--duration",
-                "30ms",
-                "--lead",
-                "0s",
-                "--mode",
-                "paper",
-                *words,
-            ]
-        )
-        == 0
-    )
+    part = "--start-at 100ms --duration 30ms --lead 0s --mode paper"
+    assert run(["solve", "towel.h5", str(path), *part.split(), *words]) == 0
     return load_solution(path)
 
 
@@ -141,9 +119,7 @@ def test_stop_in_another_terminal_is_true_when_it_answers(board, capsys):
     order = [sys.executable, "-m", "midair", *words, "--override-exposure", "A Person"]
     player = subprocess.Popen(order, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        end = time.monotonic() + 60
-        while not board.sounds and time.monotonic() < end:
-            time.sleep(0.01)
+        wait_until(lambda: board.sounds)
         assert board.sounds, player.communicate()
         capsys.readouterr()
         assert run(["stop"]) == 0

@@ -1,5 +1,3 @@
-"""midair record as a person meets it: on a real terminal, and as a program does."""
-
 import json
 import os
 import pty
@@ -26,8 +24,7 @@ SOURCE = Recording(samples=np.random.default_rng(0).normal(size=(600, 4, 4)), ra
 
 
 @pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def _source():
     save(SOURCE, "source.h5")
 
 

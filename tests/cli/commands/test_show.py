@@ -1,5 +1,3 @@
-"""The command `show`: pages, films and sounds of a file."""
-
 import re
 import sys
 import webbrowser
@@ -14,9 +12,7 @@ from midair.model import Calibration, Solution
 
 
 @pytest.fixture(autouse=True)
-def files(tmp_path, monkeypatch):
-    """take.h5, again.h5 and take.drive.h5 in a folder of their own."""
-    monkeypatch.chdir(tmp_path)
+def files(tmp_path):
     take = recording(200)
     save(take, "take.h5", calibration=Calibration.flat(take.sensor, sensitivity=0.02))
     save(take, "again.h5", calibration=Calibration.flat(take.sensor, sensitivity=0.02))

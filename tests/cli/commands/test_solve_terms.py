@@ -1,16 +1,12 @@
-"""The solver's terms as a person types them."""
-
 import json
 from dataclasses import replace
 
 import pytest
 
 from midair.cli import run
-from midair.cli.options import SolveOptions
 from midair.evaluate import error_at_temperature
 from midair.files import load_solution, load_target
 from midair.model import Medium
-from midair.solvers import Guard
 from midair.targets import frames_without_lead
 
 SMALL = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--start-at", "20ms", "--duration", "10ms"]
@@ -22,10 +18,6 @@ def stroke(tmp_path_factory):
     path = tmp_path_factory.mktemp("terms") / "am.h5"
     assert run(["record", "virtual:am-i", str(path), "--duration", "0.1s"]) == 0
     return path
-
-
-def test_a_margin_makes_a_guard():
-    assert SolveOptions(mode="paper", guard=0.02).settings().solver.guard == Guard(margin=0.02)
 
 
 def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):
@@ -104,10 +96,8 @@ def test_a_loop_finds_its_own_level(stroke, tmp_path, capsys):
         ("--amplitudes free", "equal", 2),
     ],
 )
-def test_what_cannot_be_is_told_in_one_line(stroke, tmp_path, words, said, status, capsys):
+def test_what_cannot_be_is_told_in_one_line(stroke, tmp_path, words, said, status, one_line):
     drive = tmp_path / "no.drive.h5"
     assert run(["solve", str(stroke), str(drive), *words.split(), *SMALL]) == status
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
-    assert len(lines) == 1
-    assert said in lines[0]
+    assert said in one_line()
     assert not drive.exists()

@@ -1,5 +1,3 @@
-"""Addresses of units: the meaning of each form, and errors for invalid ones."""
-
 import socket
 
 import pytest

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from tests.simulators.exposure_override import clear_any_exposure
 from tests.simulators.udp_proxy import READ_STATE
+from tests.waiting import wait_until
 
 from midair.devices import Cooling, autd3_array
 from midair.devices.arrays.banks import TooLateError
@@ -297,18 +298,11 @@ def test_units_do_not_execute_replayed_commands(tap):
     for port, datagram in old:
         before = len(answers)
         tap.inner.sendto(datagram, ("::1", port))
-        wait_for(lambda before=before: len(answers) > before)
+        wait_until(lambda before=before: len(answers) > before)
     assert {answer[4] for answer in answers} == {last}
     port, datagram = old[0]
     tap.inner.sendto(datagram[:4] + bytes([(last + 1) % 256]) + datagram[5:], ("::1", port))
-    wait_for(lambda: answers[-1][4] == (last + 1) % 256)
-
-
-def wait_for(true, limit=10.0):
-    end = time.monotonic() + limit
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.001)
+    wait_until(lambda: answers[-1][4] == (last + 1) % 256)
 
 
 @pytest.mark.long
@@ -533,9 +527,17 @@ def test_units_report_that_they_are_emulated(tap):
         assert device.simulated
 
 
-def test_a_simulator_that_does_not_run_is_an_error():
-    with pytest.raises(LinkLostError, match=r"no simulator answers at \[::1\]:50123"):
-        autd3_array("simulator:50123", ONE).open()
+@pytest.mark.parametrize(
+    ("where", "error", "words"),
+    [
+        ("simulator:50123", LinkLostError, r"no simulator answers at \[::1\]:50123"),
+        ("server:50124", LinkLostError, r"no server accepts a connection at \[::1\]:50124"),
+        ("[::1]:9", DeviceError, "check power, cables"),
+    ],
+)
+def test_what_does_not_run_is_an_error_with_advice(where, error, words):
+    with pytest.raises(error, match=words):
+        autd3_array(where, ONE).open()
 
 
 def test_a_simulator_at_its_port_receives_the_geometry(tap):
@@ -546,11 +548,6 @@ def test_a_simulator_at_its_port_receives_the_geometry(tap):
     assert tap.sent
 
 
-def test_a_server_that_does_not_run_is_an_error():
-    with pytest.raises(LinkLostError, match=r"no server accepts a connection at \[::1\]:50124"):
-        autd3_array("server:50124", ONE).open()
-
-
 def test_a_server_at_its_port_that_does_not_answer_is_an_error():
     with socket.create_server(("::1", 0), family=socket.AF_INET6) as server:
         port = server.getsockname()[1]
@@ -559,8 +556,3 @@ def test_a_server_at_its_port_that_does_not_answer_is_an_error():
         call, _ = server.accept()
         with call:
             assert len(call.recv(4096)) > 0  # the SDK speaks first
-
-
-def test_units_that_do_not_answer_are_an_error_with_advice():
-    with pytest.raises(DeviceError, match=r"check power, cables"):
-        autd3_array("[::1]:9", ONE).open()

@@ -1,5 +1,3 @@
-"""State of the units as text."""
-
 import pytest
 
 from midair.devices.arrays.banks import UnitsState

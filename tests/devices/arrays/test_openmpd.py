@@ -39,7 +39,6 @@ def array_at(stand_ins, boards):
 
 
 def phases(stand_in, board):
-    """Phases of every transducer in every frame with sound."""
     return np.array([one.sound()[board.pin] for one in stand_in.heard]) * np.exp(1j * board.offset)
 
 

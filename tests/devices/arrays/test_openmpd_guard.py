@@ -1,5 +1,3 @@
-"""The guard silences boards if the playing program is killed or stopped."""
-
 import os
 import random
 import signal
@@ -10,6 +8,7 @@ import time
 import psutil
 import pytest
 from tests.simulators.openmpd import OpenMpdSimulator
+from tests.waiting import wait_until
 
 pytest.importorskip("serial")
 
@@ -48,7 +47,7 @@ def player(board, tmp_path, monkeypatch):
 
     def start():
         made.append(subprocess.Popen([sys.executable, "-c", PLAYER, board.port], stdout=subprocess.PIPE, text=True))
-        until(lambda: board.sounds)
+        wait_until(lambda: board.sounds)
         return made[-1]
 
     yield start
@@ -57,15 +56,8 @@ def player(board, tmp_path, monkeypatch):
         one.communicate()
 
 
-def until(true, limit=60.0):
-    end = time.monotonic() + limit
-    while not true():
-        assert time.monotonic() < end, "it never came"
-        time.sleep(0.002)
-
-
 def assert_stays_silent(board):
-    until(lambda: not board.sounds)
+    wait_until(lambda: not board.sounds)
     board.settle()
     count = len(board.heard)
     time.sleep(0.1)

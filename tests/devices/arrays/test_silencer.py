@@ -28,7 +28,6 @@ def turning(degrees, frames=24, rate=1000.0):
 
 
 def jumping(frames=24):
-    """A focus at a different position in each frame."""
     places = np.random.default_rng(0).uniform(-0.03, 0.03, (frames, 2))
     return drive([focus_phase(ARRAY, np.array([x, y, 0.2])) for x, y in places])
 

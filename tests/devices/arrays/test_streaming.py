@@ -1,5 +1,3 @@
-"""Frames reported as silent, with instants that can be counted by hand."""
-
 import pytest
 
 from midair.devices.arrays.banks import UnitsState
@@ -10,8 +8,6 @@ MS = 1_000_000
 
 
 class Answers:
-    """Banks that only report an instant and a state."""
-
     failsafe = 0.5
 
     def __init__(self):

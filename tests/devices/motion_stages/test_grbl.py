@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import serial
 from tests.simulators.grbl import GrblSimulator
+from tests.waiting import wait_until
 
 from midair.devices.motion_stages.grbl import GrblStage
 from midair.errors import DeviceError, HeldError, InputError, LinkLostError
@@ -24,10 +25,14 @@ def _state(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def machine():
-    made = GrblSimulator()
+def machine(request):
+    made = getattr(request, "param", GrblSimulator)()
     yield made
     made.close()
+
+
+def on(make):
+    return pytest.mark.parametrize("machine", [make], indirect=True)
 
 
 def go(stage, target, speed=0.1, stopped=lambda: False):
@@ -62,16 +67,13 @@ def test_a_move_ends_where_and_when_the_machine_does(machine):
         assert one.position[0] == pytest.approx(true.at(one.time)[0][0] * 1e-3, abs=0.005)
 
 
-def test_inches_and_work_coordinates_are_the_machines_millimetres_all_the_same():
-    machine = GrblSimulator(settings={13: 1, 10: 0})
-    try:
-        with GrblStage(machine.port) as stage:
-            stage.ready(homing=True)
-            go(stage, (-0.0508, -0.001, -0.001))
-            assert stage.ready(homing=True).position[0] == pytest.approx(-0.0508, abs=3e-5)
-        assert machine.place[0] == pytest.approx(-50.8)
-    finally:
-        machine.close()
+@on(lambda: GrblSimulator(settings={13: 1, 10: 0}))
+def test_inches_and_work_coordinates_are_the_machines_millimetres_all_the_same(machine):
+    with GrblStage(machine.port) as stage:
+        stage.ready(homing=True)
+        go(stage, (-0.0508, -0.001, -0.001))
+        assert stage.ready(homing=True).position[0] == pytest.approx(-0.0508, abs=3e-5)
+    assert machine.place[0] == pytest.approx(-50.8)
 
 
 def test_a_stop_holds_the_machine_and_cancels_the_rest(machine):
@@ -101,15 +103,12 @@ def test_a_limit_switch_in_the_middle_is_one_clear_error(machine):
     assert machine.place[0] == pytest.approx(-60, abs=10)
 
 
-def test_soft_limits_of_grbl_are_reported():
-    machine = GrblSimulator(settings={20: 1})
-    try:
-        with GrblStage(machine.port) as stage:
-            stage.ready(homing=True)
-            with pytest.raises(DeviceError, match=r"ALARM:2, the target is beyond the machine's travel"):
-                go(stage, (0.005, 0.0, 0.0))
-    finally:
-        machine.close()
+@on(lambda: GrblSimulator(settings={20: 1}))
+def test_soft_limits_of_grbl_are_reported(machine):
+    with GrblStage(machine.port) as stage:
+        stage.ready(homing=True)
+        with pytest.raises(DeviceError, match=r"ALARM:2, the target is beyond the machine's travel"):
+            go(stage, (0.005, 0.0, 0.0))
 
 
 @pytest.mark.long
@@ -131,39 +130,30 @@ def test_the_error_of_a_lost_port_names_the_remaining_motion(machine):
             go(stage, FAR, 0.02)
 
 
-def test_a_locked_machine_is_refused_until_it_was_homed():
-    machine = GrblSimulator(homed=False)
-    try:
-        with GrblStage(machine.port) as stage:
-            with pytest.raises(DeviceError, match=r"locked \(Alarm\).*--home"):
-                stage.ready(homing=True)
-            assert machine.moves == []
+@on(lambda: GrblSimulator(homed=False))
+def test_a_locked_machine_is_refused_until_it_was_homed(machine):
+    with GrblStage(machine.port) as stage:
+        with pytest.raises(DeviceError, match=r"locked \(Alarm\).*--home"):
+            stage.ready(homing=True)
+        assert machine.moves == []
+        stage.home(lambda: False)
+        assert stage.ready(homing=True).position == pytest.approx((-0.001, -0.001, -0.001))
+
+
+@on(lambda: GrblSimulator(homed=False))
+def test_homing_can_be_stopped_and_is_then_not_done(machine):
+    with GrblStage(machine.port) as stage, pytest.raises(DeviceError, match="its position is unknown"):
+        stage.home(lambda: True)
+
+
+@on(lambda: GrblSimulator(settings={22: 0}))
+def test_a_machine_without_switches_needs_homing_by_hand(machine):
+    with GrblStage(machine.port) as stage:
+        with pytest.raises(DeviceError, match="by hand"):
+            stage.ready(homing=True)
+        stage.ready(homing=False)
+        with pytest.raises(DeviceError, match=r"rejected \$H: error:5, homing is disabled"):
             stage.home(lambda: False)
-            assert stage.ready(homing=True).position == pytest.approx((-0.001, -0.001, -0.001))
-    finally:
-        machine.close()
-
-
-def test_homing_can_be_stopped_and_is_then_not_done():
-    machine = GrblSimulator(homed=False)
-    try:
-        with GrblStage(machine.port) as stage, pytest.raises(DeviceError, match="its position is unknown"):
-            stage.home(lambda: True)
-    finally:
-        machine.close()
-
-
-def test_a_machine_without_switches_needs_homing_by_hand():
-    machine = GrblSimulator(settings={22: 0})
-    try:
-        with GrblStage(machine.port) as stage:
-            with pytest.raises(DeviceError, match="by hand"):
-                stage.ready(homing=True)
-            stage.ready(homing=False)
-            with pytest.raises(DeviceError, match=r"rejected \$H: error:5, homing is disabled"):
-                stage.home(lambda: False)
-    finally:
-        machine.close()
 
 
 class Damaging(GrblSimulator):
@@ -183,29 +173,23 @@ class Damaging(GrblSimulator):
         super()._say(line)
 
 
-def test_answers_from_before_the_port_was_opened_are_ignored():
-    machine = Damaging()
-    try:
-        with GrblStage(machine.port) as stage:
-            assert stage.ready(homing=True).position == pytest.approx((-0.001, -0.001, -0.001))
-    finally:
-        machine.close()
+@on(Damaging)
+def test_answers_from_before_the_port_was_opened_are_ignored(machine):
+    with GrblStage(machine.port) as stage:
+        assert stage.ready(homing=True).position == pytest.approx((-0.001, -0.001, -0.001))
 
 
-def test_one_damaged_status_report_is_queried_again_and_four_end_the_move():
-    machine = Damaging()
-    try:
-        with GrblStage(machine.port) as stage:
-            stage.ready(homing=True)
-            machine.damaged = 3
-            times, _ = go(stage, (-0.02, -0.001, -0.001), 0.05)
-            assert times is not None
-            machine.damaged = 4
-            with pytest.raises(LinkLostError, match=r"got '<Rvn.*check cable and baud rate.*was stopped at x -"):
-                go(stage, FAR, 0.05)
-        assert machine.state == "Idle"
-    finally:
-        machine.close()
+@on(Damaging)
+def test_one_damaged_status_report_is_queried_again_and_four_end_the_move(machine):
+    with GrblStage(machine.port) as stage:
+        stage.ready(homing=True)
+        machine.damaged = 3
+        times, _ = go(stage, (-0.02, -0.001, -0.001), 0.05)
+        assert times is not None
+        machine.damaged = 4
+        with pytest.raises(LinkLostError, match=r"got '<Rvn.*check cable and baud rate.*was stopped at x -"):
+            go(stage, FAR, 0.05)
+    assert machine.state == "Idle"
 
 
 def test_a_machine_in_feed_hold_is_refused(machine):
@@ -269,17 +253,10 @@ def mover(machine):
     process = subprocess.Popen(
         [sys.executable, "-c", MOVER, machine.port], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    until(lambda: machine.place[0] < -1.5)
+    wait_until(lambda: machine.place[0] < -1.5)
     yield process
     process.kill()
     process.communicate()
-
-
-def until(true, limit=30.0):
-    end = time.monotonic() + limit
-    while not true():
-        assert time.monotonic() < end, "it never came"
-        time.sleep(0.005)
 
 
 def opens(port):
@@ -294,11 +271,11 @@ def test_a_program_that_is_killed_in_a_move_leaves_the_machine_at_rest(machine, 
     """Before, the machine ran to the end of its move."""
     mover.kill()
     mover.wait()
-    until(lambda: machine.state == "Idle")
+    wait_until(lambda: machine.state == "Idle")
     stood = machine.place
     assert -20 < stood[0] < -1.5
     # The guard holds the port until it has ended.
-    until(lambda: opens(machine.port))
+    wait_until(lambda: opens(machine.port))
     with GrblStage(machine.port) as stage:
         assert stage.ready(homing=True).position[0] == pytest.approx(stood[0] * 1e-3, abs=1e-5)
 
@@ -306,7 +283,7 @@ def test_a_program_that_is_killed_in_a_move_leaves_the_machine_at_rest(machine, 
 @pytest.mark.long
 def test_a_program_that_hangs_in_a_move_is_held_after_a_second_and_reports_it(machine, mover):
     mover.send_signal(signal.SIGSTOP)
-    until(lambda: machine.state == "Idle")
+    wait_until(lambda: machine.state == "Idle")
     stood = machine.place
     mover.send_signal(signal.SIGCONT)
     _, printed = mover.communicate(timeout=60)

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from tests.waiting import wait_until
 
 from midair.devices.motion_stages.grbl import GrblStage
 from midair.errors import InputError, LinkLostError
@@ -193,10 +194,7 @@ def stroke(machine, tmp_path):
     )
     try:
         # The file appears with the first frames, and the way down takes half a second.
-        end = time.monotonic() + 60
-        while not list(tmp_path.glob("*.h5*")) and process.poll() is None:
-            assert time.monotonic() < end
-            time.sleep(0.01)
+        wait_until(lambda: list(tmp_path.glob("*.h5*")) or process.poll() is not None)
         time.sleep(2.0)
         yield process
     finally:

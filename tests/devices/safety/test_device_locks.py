@@ -1,5 +1,3 @@
-"""One program per device, and no lock left after a process died."""
-
 import getpass
 import os
 import signal

@@ -1,5 +1,3 @@
-"""Log entries of an order and of its end, for an audit; nothing plays without a log."""
-
 import hashlib
 import json
 import os

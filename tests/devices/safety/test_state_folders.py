@@ -1,5 +1,3 @@
-"""Location and access rights of the logs."""
-
 import os
 import sys
 

@@ -1,5 +1,3 @@
-"""Another terminal can always stop playback, and other programs cannot."""
-
 import json
 import os
 import signal

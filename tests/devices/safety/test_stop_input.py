@@ -1,5 +1,3 @@
-"""A byte, a hang-up or a lost device of the hardware stop silences what plays."""
-
 import os
 import subprocess
 import sys

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.waiting import wait_until
 
 HERE = Path(__file__).parent
 os.environ.setdefault("LSLAPICFG", str(HERE / "lsl_api.cfg"))
@@ -62,7 +63,6 @@ def lsl_sender():
 
 @pytest.fixture(scope="module")
 def lsl_sender_of_a_module():
-    """The same, for senders that several tests share."""
     with _lsl_senders() as start:
         yield start
 
@@ -126,7 +126,6 @@ class SerialLine:
 
 @pytest.fixture
 def serial_line():
-    """Starts a sensor on a pty and returns it."""
     pytest.importorskip("serial")
     with contextlib.ExitStack() as stack:
 
@@ -177,13 +176,11 @@ def _environment(**values):
 
 @pytest.fixture(scope="session")
 def jack_server():
-    """Starts JACK; a context manager that yields its process."""
     return _jack_server
 
 
 @pytest.fixture(scope="session")
 def pulse_server():
-    """Starts PulseAudio; a context manager that yields its process."""
     return _pulse_server
 
 
@@ -258,10 +255,7 @@ def _pulse_server(folder, *, rate, what, channel_map=PULSE_MAP):
         ) as server,
     ):
         try:
-            limit = time.monotonic() + 20
-            while not (folder / "pipe").exists() or not (folder / "native").exists():
-                assert time.monotonic() < limit
-                time.sleep(0.02)
+            wait_until(lambda: (folder / "pipe").exists() and (folder / "native").exists(), 20)
             with _program(sys.executable, HERE / "tone_sender.py", folder / "pipe", rate, what):
                 yield server
         finally:

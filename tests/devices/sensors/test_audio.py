@@ -9,6 +9,7 @@ import time
 import numpy as np
 import psutil
 import pytest
+from tests.waiting import wait_until
 
 from midair.errors import DeviceError, UnknownDeviceError
 from midair.files import open_take
@@ -42,7 +43,6 @@ def check_ramp(sensor, seconds):
 
 
 def resident():
-    """Memory of this process, in bytes."""
     return psutil.Process().memory_info().rss
 
 
@@ -136,10 +136,7 @@ def test_a_recording_keeps_its_frames_when_its_device_vanishes(pulse_server, tmp
         with subprocess.Popen(
             command, cwd=tmp_path, env=os.environ, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
         ) as process:
-            end = time.monotonic() + 60
-            while not (tmp_path / "out.h5").exists() and process.poll() is None:
-                assert time.monotonic() < end
-                time.sleep(0.02)
+            wait_until(lambda: (tmp_path / "out.h5").exists() or process.poll() is not None)
             time.sleep(1.0)
             server.kill()
             printed = process.communicate(timeout=60)[1]

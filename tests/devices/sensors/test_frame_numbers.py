@@ -73,7 +73,6 @@ def stream(*, seconds, rate, push, jitter, ppm=0.0, lost=(), seed=0):
 
 
 def numbered(rate, made, **how):
-    """Detected and true frame numbers."""
     frames = StampedFrames(rate, **how)
     true, found = [], []
     for numbers, stamps in made:

@@ -1,5 +1,3 @@
-"""LSL between two processes over loopback."""
-
 import time
 
 import numpy as np

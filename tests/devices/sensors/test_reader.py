@@ -1,5 +1,3 @@
-"""The thread that reads a source: in order, up to a limit, with the source's error at the end."""
-
 import queue
 import threading
 

@@ -1,5 +1,3 @@
-"""A recording as a sensor: all frames, once, unchanged."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""Chunks: their parts keep index and time, and missing frames are left out."""
-
 import numpy as np
 import pytest
 

@@ -15,8 +15,6 @@ from midair.model import SensorGrid, SensorWiring
 
 
 class Script:
-    """A source that returns given chunks, then waits."""
-
     def __init__(self, chunks=(), *, channels=4, rate=1000.0, then=None, **stream):
         self.stream = Stream(channels=channels, rate=rate, **stream)
         self.chunks, self.then = list(chunks), then

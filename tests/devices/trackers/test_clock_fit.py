@@ -1,5 +1,3 @@
-"""Alignment of a tracker's clock."""
-
 import numpy as np
 import pytest
 

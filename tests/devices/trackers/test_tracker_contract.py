@@ -144,7 +144,6 @@ class Hand:
             self.sender.send((1e-4 * self.count, 0.01, 0.2, *FLAT), self.stamp, **changes)
 
     def accepted(self):
-        """A further good pose is accepted."""
         before = self.tracker.status().poses
         self.good()
         return eventually(lambda: self.tracker.status().poses == before + 1)

@@ -2,12 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.palms import palm_path
 from tests.simulators.exposure_override import clear_any_exposure
 
 from midair.devices import VirtualArray, VirtualSkin
 from midair.errors import RateError
 from midair.evaluate import error_at_temperature
-from midair.model import HEIGHT, Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, PalmPath, TransducerArray
+from midair.model import HEIGHT, Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import (
     PlaybackChain,
     SensorModel,
@@ -58,14 +59,7 @@ def test_a_steady_focus_presses_as_the_field_says():
 
 def palm_at(*centres, tilt=0.0):
     """A palm at these places, 10 ms apart."""
-    many = np.ones((len(centres), 1))
-    return PalmPath(
-        time=0.01 * np.arange(len(centres)),
-        centre=np.array(centres),
-        normal=many * [np.sin(tilt), 0, -np.cos(tilt)],
-        fingers=many * [0.0, 1.0, 0.0],
-        confidence=many[:, 0],
-    )
+    return palm_path(0.01 * np.arange(len(centres)), np.array(centres), tilt=tilt)
 
 
 def test_a_palm_that_lies_elsewhere_feels_the_field_there():
@@ -117,7 +111,6 @@ def error_at_play(solution, target, room):
 
 @pytest.fixture(scope="module")
 def warm():
-    """A solution for 26 degrees, and its target."""
     grid = ControlGrid(rows=12, columns=12, pitch=5e-3, height=0.15)
     amplitude = 400.0 * np.random.default_rng(0).random((5, grid.count))
     target = AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid)

@@ -1,5 +1,3 @@
-"""MATLAB files of every version."""
-
 import h5py
 import numpy as np
 import pytest

@@ -1,5 +1,3 @@
-"""Arrays and archives of NumPy."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""Sound files of midair and of other programs."""
-
 import struct
 
 import numpy as np

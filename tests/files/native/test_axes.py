@@ -1,5 +1,3 @@
-"""Stored axes are read back, and edited times are refused."""
-
 from pathlib import Path
 
 import numpy as np

@@ -145,11 +145,18 @@ def test_refuses_a_drive_without_level(path):
         load_solution(path)
 
 
-def test_refuses_a_target_without_grid(path):
+@pytest.mark.parametrize(
+    ("name", "read", "words"),
+    [
+        ("grid_rows", load_target, "expected grid_rows beside the target"),
+        ("air_density_kg_m3", load_solution, "expected air_density_kg_m3 with the rest of the air"),
+    ],
+)
+def test_refuses_a_target_without_grid_and_an_incomplete_air(path, name, read, words):
     with h5py.File(path, "r+") as file:
-        del file.attrs["grid_rows"]
-    with pytest.raises(BrokenFileError, match="expected grid_rows beside the target"):
-        load_target(path)
+        del file.attrs[name]
+    with pytest.raises(BrokenFileError, match=words):
+        read(path)
 
 
 def test_an_early_drive_has_the_papers_air(path):
@@ -157,13 +164,6 @@ def test_an_early_drive_has_the_papers_air(path):
         for name in [name for name in file.attrs if name.startswith("air_") or name == "directivity"]:
             del file.attrs[name]
     assert load_solution(path).drive.acoustics == Acoustics()
-
-
-def test_an_incomplete_air_is_a_damaged_file(path):
-    with h5py.File(path, "r+") as file:
-        del file.attrs["air_density_kg_m3"]
-    with pytest.raises(BrokenFileError, match="expected air_density_kg_m3 with the rest of the air"):
-        load_solution(path)
 
 
 @pytest.mark.parametrize("own_levels", [False, True])

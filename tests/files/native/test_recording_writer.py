@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 import xarray
+from tests.waiting import wait_until
 
 from midair.errors import FileError, InputError, NonFiniteError, ShapeError, UnitError
 from midair.files import RecordingWriter, load, load_calibration, open_take, repair
@@ -43,9 +44,7 @@ def test_a_late_block_does_not_keep_an_early_one_in_memory(recording, options, t
     path = tmp_path / "live.h5"
     with RecordingWriter(path, **options, interval=0.05) as writer:
         writer.append(recording.samples[:10])
-        deadline = time.monotonic() + 5
-        while time.monotonic() < deadline and frames_on_disk(path) < 10:
-            time.sleep(0.01)
+        wait_until(lambda: frames_on_disk(path) >= 10, 5)
         assert frames_on_disk(path) == 10
         assert writer.frames == 10
 

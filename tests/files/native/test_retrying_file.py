@@ -1,5 +1,3 @@
-"""A disk error ends a file with one message, without a crash of HDF5."""
-
 import resource
 import subprocess
 import sys

@@ -1,5 +1,3 @@
-"""Stage positions in the file of a running recording, and in the provenance when it is read."""
-
 import h5py
 import numpy as np
 import pytest

@@ -1,5 +1,3 @@
-"""The TOML file of a motion stage: the documented example is read, and each invalid entry is named."""
-
 from pathlib import Path
 
 import pytest

@@ -1,5 +1,3 @@
-"""Placement of a tracker in TOML."""
-
 import numpy as np
 import pytest
 

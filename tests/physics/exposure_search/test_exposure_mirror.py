@@ -1,5 +1,3 @@
-"""Two mirrored ears get the same levels as each by itself, and no other places form a pair."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Three real products give the complex product, and arrays are reused."""
-
 from types import SimpleNamespace
 
 import numpy as np

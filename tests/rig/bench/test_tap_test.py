@@ -1,5 +1,3 @@
-"""Identification by taps and by tones, from frames to the order of the channels."""
-
 import numpy as np
 import pytest
 

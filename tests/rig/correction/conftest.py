@@ -1,5 +1,3 @@
-"""One loop that several tests share."""
-
 import pytest
 
 from midair.model import ControlGrid

@@ -1,5 +1,3 @@
-"""The error budget on the virtual rig, on coarse points."""
-
 import json
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""The iterative correction on the virtual rig."""
-
 from dataclasses import replace
 
 import numpy as np

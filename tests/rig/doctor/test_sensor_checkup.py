@@ -45,8 +45,6 @@ def test_a_missing_package_gives_advice(wrong, found, advice, monkeypatch):
 
 
 class Sick:
-    """Four channels: one still, one clipping, two well."""
-
     def open(self):
         return Stream(channels=4, rate=1000.0, unit="V", full_scale=2.0)
 

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.simulators.udp_proxy import UdpProxy
+from tests.waiting import wait_until
 
 from midair.cli import run
 from midair.devices import VirtualArray, state_folder
@@ -26,14 +26,6 @@ from midair.rig.doctor.wizard import NOISY, _transducers, click_drive, run_wizar
 
 WIZARD = ["doctor", "--device", "autd3:emulator", "--wizard"]
 SWITCH, SILENCE = 0x12, 0x16
-
-
-@pytest.fixture
-def tap():
-    pytest.importorskip("autd3")
-    one = UdpProxy(4)
-    yield one
-    one.close()
 
 
 def stored(name="autd3:emulator"):
@@ -117,7 +109,7 @@ def test_an_abort_in_a_click_leaves_silence(number, tap):
     with subprocess.Popen(words, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdin.write("22\ny\n")
         process.stdin.flush()
-        wait_for(lambda: any(command == SWITCH for _, _, command, _ in tap.frames()))
+        wait_until(lambda: any(command == SWITCH for _, _, command, _ in tap.frames()))
         process.send_signal(number)
         process.communicate(timeout=60)
     assert process.returncode != 0
@@ -126,13 +118,6 @@ def test_an_abort_in_a_click_leaves_silence(number, tap):
     assert commands[-1] == SILENCE or number == signal.SIGKILL
     assert all(state & 0x80 for state in tap.states())
     assert list(state_folder().glob("checkup-*")) == []
-
-
-def wait_for(true, limit=60.0):
-    end = time.monotonic() + limit
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 @pytest.mark.long

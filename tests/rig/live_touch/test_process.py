@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.waiting import wait_until
 
 import midair
 from midair.devices import ExposureChoices
@@ -22,7 +23,6 @@ ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a t
 
 @pytest.fixture
 def skin(monkeypatch):
-    """A sender's name as a sensor, and its process."""
     pytest.importorskip("pylsl")
     monkeypatch.setenv("LSLAPICFG", str(HERE.parents[1] / "devices" / "sensors" / "lsl_api.cfg"))
     name = f"midair live {os.getpid()} {time.monotonic_ns()}"
@@ -57,6 +57,4 @@ def test_a_program_that_ends_is_a_sensor_that_is_lost(skin):
     ):
         session.wait(1.0)
         running.kill()
-        end = time.monotonic() + 10
-        while session.wait(0.1):
-            assert time.monotonic() < end
+        wait_until(lambda: not session.wait(0.1), 10)

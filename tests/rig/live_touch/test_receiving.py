@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.rig.live_touch.udp_proxy import Proxy
+from tests.waiting import wait_until
 
 from midair.devices import Stream, StreamedSensor
 from midair.errors import DeviceError
@@ -238,9 +239,7 @@ def test_a_replayed_run_is_refused():
 
         speaker.run(goes_on)
         again.again(again.seen[1:])
-        until = time.monotonic() + 10
-        while listener.source.counted.repeated < speaker.spoken.frames - 1 and time.monotonic() < until:
-            time.sleep(0.01)
+        wait_until(lambda: listener.source.counted.repeated >= speaker.spoken.frames - 1, 10)
     listener.close()
     again.close()
     told = listener.source.counted

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.rig.live_touch.test_receiving import Listener
-from tests.simulators.udp_proxy import UdpProxy
+from tests.waiting import wait_until
 
 import midair
 from midair.devices import Cooling, ExposureChoices, stop_on_input, stop_playing
@@ -126,16 +126,12 @@ def test_a_hardware_stop_silences_it():
 
 
 @pytest.mark.slow
-def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_why(tmp_path, request):
-    tap = UdpProxy(4)
-    request.addfinalizer(tap.close)
+def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_why(tmp_path, tap):
     line = [sys.executable, "-m", "midair", "live", "--sensor", "virtual:brush", "--device", f"autd3:{tap.address}"]
     line += ["--override-exposure", "a test", "--duration", "60s"]
     environment = {**os.environ, "MIDAIR_STATE": str(tmp_path / "state")}
     running = subprocess.Popen(line, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
-    until = time.monotonic() + 60
-    while len(tap.frames()) < 2000 and running.poll() is None and time.monotonic() < until:
-        time.sleep(0.05)
+    wait_until(lambda: len(tap.frames()) >= 2000 or running.poll() is not None)
     tap.hot, began = range(65536), time.monotonic()
     _, said = running.communicate(timeout=30)
     assert "units 0, 1, 2, 3 too hot after " in said
@@ -149,18 +145,14 @@ def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_w
 
 
 @pytest.mark.slow
-def test_a_command_that_waits_for_hot_units_is_silent_and_ends_with_status_0(tmp_path, request):
-    tap = UdpProxy(4)
-    request.addfinalizer(tap.close)
+def test_a_command_that_waits_for_hot_units_is_silent_and_ends_with_status_0(tmp_path, tap, request):
     line = [sys.executable, "-m", "midair", "live", "--sensor", "virtual:brush", "--device", f"autd3:{tap.address}"]
     line += ["--override-exposure", "a test", "--duration", "12s", "--when-hot", "wait"]
     environment = {**os.environ, "MIDAIR_STATE": str(tmp_path / "state"), "COLUMNS": "300"}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     running = subprocess.Popen(line, cwd=tmp_path, env=environment, text=True, **pipes)
     request.addfinalizer(running.kill)
-    until = time.monotonic() + 60
-    while len(tap.frames()) < 2000 and running.poll() is None and time.monotonic() < until:
-        time.sleep(0.05)
+    wait_until(lambda: len(tap.frames()) >= 2000 or running.poll() is not None)
     tap.hot = range(65536)
     told = iter(running.stderr.readline, "")
     assert any("units 0, 1, 2, 3 too hot" in each for each in told)
@@ -179,9 +171,8 @@ def test_a_command_that_waits_for_hot_units_is_silent_and_ends_with_status_0(tmp
 
 
 @pytest.mark.slow
-def test_live_drops_frames_while_units_are_too_hot_and_continues(request):
-    tap, told = UdpProxy(4), []
-    request.addfinalizer(tap.close)
+def test_live_drops_frames_while_units_are_too_hot_and_continues(tap):
+    told = []
     cooling = Cooling(report=told.append)
     with midair.live(
         "virtual:brush", f"autd3:{tap.address}", exposure=ANSWERED, cooling=cooling, duration=8.0
@@ -212,9 +203,7 @@ def test_a_stop_of_its_own_silences_it_at_once():
 
 
 @pytest.mark.slow
-def test_a_session_continues_after_a_pause_of_the_computer(request):
-    tap = UdpProxy(4)
-    request.addfinalizer(tap.close)
+def test_a_session_continues_after_a_pause_of_the_computer(tap):
     with midair.live("virtual:towel", f"autd3:{tap.address}", exposure=ANSWERED) as session:
         session.wait(1.5)
         os.kill(session._process.pid, signal.SIGSTOP)
@@ -242,9 +231,7 @@ def test_a_killed_process_is_reported():
 def test_the_command_prints_numbers_for_a_program_and_ends_by_ctrl_c(tmp_path, stated, status, words):
     line = [sys.executable, "-m", "midair", "live", "--json", "--keep", "felt.h5", *stated]
     running = subprocess.Popen(line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    until = time.monotonic() + 60
-    while not (tmp_path / "felt.h5").exists() and time.monotonic() < until:
-        time.sleep(0.1)
+    wait_until((tmp_path / "felt.h5").exists)
     time.sleep(1.0)
     running.send_signal(signal.SIGINT)
     said, beside = running.communicate(timeout=30)
@@ -292,7 +279,6 @@ def test_an_existing_take_is_not_overwritten(tmp_path):
 
 @contextmanager
 def skin(rate):
-    """Name of a simulated sensor over LSL that states 1000 Hz and has another rate."""
     name, here = f"midair-{os.getpid()}-{rate}", Path(__file__).parent
     sender = subprocess.Popen([sys.executable, str(here / "touch_sender.py"), name, str(rate)], stdout=subprocess.PIPE)
     try:

@@ -10,20 +10,11 @@ import numpy as np
 
 
 class Proxy:
-    """Passes datagrams on to a port of this computer, and answers back.
+    """Passes datagrams on to the port `to` of this computer, and answers back.
 
-    Parameters
-    ----------
-    to : int
-        The port of the side that listens.
-    loss : float
-        Share of those that go there and never come.
-    delay, jitter : float
-        Of each, in s: `delay` and up to `jitter` more, evenly spread. Order is kept unless reordered.
-    reordering : float
-        Share that is held for 3 ms more, so that others overtake.
-    repeating : float
-        Share that comes twice.
+    `loss`, `reordering` and `repeating` are shares: those that never come, those that are held for 3 ms more so
+    that others overtake, and those that come twice. Each takes `delay` and up to `jitter` more, in s; order is kept
+    otherwise.
     """
 
     def __init__(self, to, *, loss=0.0, delay=0.0, jitter=0.0, reordering=0.0, repeating=0.0, seed=1):
@@ -47,7 +38,6 @@ class Proxy:
         self._back.close()
 
     def again(self, datagrams):
-        """Send all recorded datagrams again to the current receiver."""
         for each in datagrams:
             self._back.sendto(each, self.to)
 

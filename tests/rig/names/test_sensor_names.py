@@ -78,8 +78,6 @@ def test_options_that_make_no_sense_are_one_clear_line(name, complaint):
 
 
 class NoSource(SensorOptions):
-    """Options of a kind whose sources do not exist."""
-
     def source(self, place):
         raise UnknownDeviceError(place)
 

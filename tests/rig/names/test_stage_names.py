@@ -1,5 +1,3 @@
-"""Motion stages by name."""
-
 import pytest
 
 from midair.errors import InputError, UnknownDeviceError

@@ -1,7 +1,6 @@
-"""Trackers by name."""
-
 import numpy as np
 import pytest
+from tests.palms import palm_path
 
 import midair
 from midair.errors import InputError, UnknownDeviceError
@@ -12,14 +11,8 @@ from midair.model import PalmPath, TrackerPlacement
 @pytest.fixture
 def hand(tmp_path):
     times = np.arange(100) / 100
-    palm = PalmPath(
-        time=times,
-        centre=np.column_stack([0.1 * times, 0 * times, 0.2 + 0 * times]),
-        normal=np.tile([0, 0, -1.0], (100, 1)),
-        fingers=np.tile([0, 1.0, 0], (100, 1)),
-        confidence=np.ones(100),
-    )
-    save_palm_path(palm, tmp_path / "hand.csv")
+    centre = np.column_stack([0.1 * times, 0 * times, 0.2 + 0 * times])
+    save_palm_path(palm_path(times, centre), tmp_path / "hand.csv")
     return tmp_path / "hand.csv"
 
 

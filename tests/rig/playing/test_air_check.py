@@ -1,5 +1,3 @@
-"""Comparison of the room's air with the air of a drive."""
-
 import re
 from dataclasses import replace
 

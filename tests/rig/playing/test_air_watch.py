@@ -1,9 +1,8 @@
-"""The thermometer is compared with the air of the drive while it plays."""
-
 import json
 import time
 
 import pytest
+from tests.waiting import wait_until
 
 from midair.devices import state_folder
 from midair.model import Medium
@@ -22,13 +21,6 @@ def watched(room, said, device=""):
     )
 
 
-def until(true, within=20.0):
-    limit = time.monotonic() + within
-    while not true():
-        assert time.monotonic() < limit
-        time.sleep(0.01)
-
-
 def test_a_drift_of_one_degree_is_reported_and_logged_once(room):
     room.write_text("22.9", encoding="utf-8")
     said = []
@@ -36,7 +28,7 @@ def test_a_drift_of_one_degree_is_reported_and_logged_once(room):
         time.sleep(0.1)
         assert not said
         room.write_text("23.0", encoding="utf-8")
-        until(lambda: said)
+        wait_until(lambda: said)
         room.write_text("24.0", encoding="utf-8")
         time.sleep(0.1)
     assert said == [f"air: file:{room} measures 23.0 °C, the drive was solved for 22.0 °C; solve it again"]
@@ -51,12 +43,12 @@ def test_a_thermometer_that_fails_is_reported_once_and_read_again(room):
     said = []
     with watched(room, said):
         room.unlink()
-        until(lambda: said)
+        wait_until(lambda: said)
         time.sleep(0.1)
         assert len(said) == 1
         assert "the temperature is no longer checked: file:" in said[0]
         room.write_text("20.5", encoding="utf-8")
-        until(lambda: len(said) == 2)
+        wait_until(lambda: len(said) == 2)
     assert "measures 20.5 °C, the drive was solved for 22.0 °C" in said[1]
     assert not (state_folder() / "played.jsonl").exists()
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.palms import palm_path
 
 from midair.cli.app import run
 from midair.devices import ExposureChoices, VirtualUnits, check_exposure, phase_bytes, virtual_immediate
@@ -35,18 +36,11 @@ AIR = Acoustics()
 def palm(centre, time=None, *, confidence=1.0, tilt=0.0) -> PalmPath:
     """A palm along centres (pose, 3) in m from the solved place, 100 poses a second."""
     centre = np.atleast_2d(centre) + SOLVED
-    one = np.ones((len(centre), 1))
-    return PalmPath(
-        time=np.arange(len(centre)) / 100 if time is None else np.asarray(time),
-        centre=centre,
-        normal=one * [np.sin(tilt), 0, -np.cos(tilt)],
-        fingers=one * [0.0, 1.0, 0.0],
-        confidence=np.broadcast_to(confidence, len(centre)).copy(),
-    )
+    time = np.arange(len(centre)) / 100 if time is None else np.asarray(time)
+    return palm_path(time, centre, confidence=confidence, tilt=tilt)
 
 
 def swaying(duration=0.6) -> PalmPath:
-    """A palm that sways by 10 mm at 1 Hz."""
     time = np.arange(round(duration * 100)) / 100
     return palm(np.stack([10e-3 * np.sin(2 * np.pi * time), 0 * time, 4e-3 * time], axis=1))
 
@@ -247,8 +241,6 @@ def test_frames_of_a_block_are_bit_equal_to_the_steered_drive(tmp_path) -> None:
 
 
 class Loud:
-    """A device with sound, for the exposure check."""
-
     name, array, gated, steps_a_turn = "loud", TransducerArray.autd3(), True, 256
 
 

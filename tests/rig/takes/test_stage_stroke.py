@@ -1,10 +1,9 @@
-"""Strokes of a stage during a take: their times in the file, and their end with the take."""
-
 import threading
 import time
 
 import numpy as np
 import pytest
+from tests.waiting import wait_until
 
 from midair.devices import PacedSensor, ReplaySensor, StageDevice
 from midair.errors import DeviceError
@@ -145,10 +144,7 @@ def test_a_request_to_stop_needs_no_frame(tmp_path):
     stroking.begin()
     time.sleep(0.3)
     stop.set()
-    end = time.monotonic() + 10
-    while stage.moving:
-        assert time.monotonic() < end
-        time.sleep(0.01)
+    wait_until(lambda: not stage.moving, 10)
     assert stage.went == [(0.01, 0.02, 0.0)] or len(stage.went) == 2
     stroking.end()
     assert stroking.news().over

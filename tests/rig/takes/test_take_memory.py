@@ -1,5 +1,3 @@
-"""A recording of hours does not grow in memory."""
-
 import numpy as np
 import psutil
 import pytest

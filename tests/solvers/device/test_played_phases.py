@@ -1,5 +1,3 @@
-"""Phases and errors computed on a device equal those of the host."""
-
 import numpy as np
 import pytest
 

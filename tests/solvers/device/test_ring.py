@@ -51,7 +51,6 @@ def launches():
 
 @pytest.fixture(scope="module")
 def patterns(transfer, array, lossless, channels_to_points):
-    """The paper's array with this number of patterns."""
     bits = (np.arange(1, ROWS + 1)[:, None] >> np.arange(16)) & 1
     strength = 0.1 * channels_to_points(bits.astype(float))
     return Problem(G=transfer, amplitude=strength, psi=spreading_phase(ControlGrid(), array, lossless))

@@ -1,5 +1,3 @@
-"""Sequences of targets over the paper's grid, and the problems that they make."""
-
 import numpy as np
 import pytest
 

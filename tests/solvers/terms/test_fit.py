@@ -1,5 +1,3 @@
-"""Errors at control points, in windows and in cells."""
-
 import numpy as np
 import pytest
 

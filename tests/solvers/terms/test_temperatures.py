@@ -1,5 +1,3 @@
-"""Several airs as one problem: the airs, and the initial phases of their fields."""
-
 from dataclasses import replace
 
 import numpy as np

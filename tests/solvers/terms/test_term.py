@@ -1,5 +1,3 @@
-"""Every registered term on its interface, and a term of another package."""
-
 import os
 import subprocess
 import sys
@@ -30,14 +28,11 @@ class StillPhase(PhaseTerm):
     weight: float
 
     def cost(self, xp, q, before):
-        """The cost and its gradient."""
         return self.weight * (1 - xp.mean(xp.real(q), axis=1)), self.weight / q.shape[1] * xp.imag(q)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompiledTerm(StillPhase):
-    """A term for a method whose kernel is compiled."""
-
     keyword = "compiled_term"
     methods = frozenset({"live"})
 
@@ -63,7 +58,6 @@ def register(tmp_path, monkeypatch):
 
 
 def forget():
-    """Look for entry points again."""
     TERMS.__dict__.pop("_others", None)
     registered_terms.cache_clear()
     settings_type.cache_clear()

@@ -1,5 +1,3 @@
-"""The forms of the studio take defaults and ranges from the declared settings."""
-
 import pytest
 from pydantic import ValidationError
 

@@ -50,7 +50,6 @@ def test_the_studio_ends_in_time_while_a_drive_is_presented(tmp_path, monkeypatc
     presents = threading.Event()
 
     def present():
-        """A page that presents the first stimulus, until the studio has gone."""
         client = TestClient(studio.application(), base_url=ROOT)
         client.cookies.set(studio.keys.cookie, studio.keys.session)
         headers = {"origin": ROOT}

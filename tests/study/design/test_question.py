@@ -1,5 +1,3 @@
-"""Valid answers to each kind of question."""
-
 import pytest
 
 from midair.errors import InputError

@@ -1,5 +1,3 @@
-"""A damaged log gives one error line and never a partial session."""
-
 import pytest
 
 from midair.errors import BrokenFileError

@@ -1,5 +1,3 @@
-"""The report has a result for each question of the plan, or the reason why there is none."""
-
 import re
 from dataclasses import replace
 from typing import get_args

@@ -1,5 +1,3 @@
-"""Imported tables: invalid data give one error line."""
-
 import pytest
 
 from midair.errors import InputError

@@ -1,5 +1,3 @@
-"""Known thresholds are estimated correctly; missing ones are reported."""
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,5 +1,3 @@
-"""Append-only log: exactly the confirmed events are read."""
-
 import hashlib
 import json
 import os
@@ -87,7 +85,6 @@ def test_logs_are_readable_by_their_owner_only(tmp_path):
 
 
 def changed(lines, how):
-    """The lines of an edited log."""
     match how:
         case "an answer":
             return [line.replace(b'"n": 1', b'"n": 2') for line in lines]

@@ -1,5 +1,3 @@
-"""Further steps of a session: forms, training, breaks, cues, time limits, several sessions."""
-
 from dataclasses import replace
 
 import pytest
@@ -47,7 +45,6 @@ def block(**changes):
 
 
 def go(plan, log, answer=lambda trial, question: trial.levels["object"], clock=None, steps=10**9):
-    """Drive a session; return its steps in order."""
     seen, trials = [], {trial.code: trial for trial in plan.trials}
     with Session(plan, 1, log, SilentPresenter(), clock=clock or InstantClock()) as one:
         while one.step.kind != "done" and len(seen) < steps:

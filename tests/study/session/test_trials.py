@@ -1,5 +1,3 @@
-"""Sessions: questions, stored answers, and recovery after a crash."""
-
 import json
 import signal
 import subprocess
@@ -29,8 +27,6 @@ def plan():
 
 
 class Recorder:
-    """A presenter that records its calls."""
-
     def __init__(self):
         self.done = []
         self.silenced = 0

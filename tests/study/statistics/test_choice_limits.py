@@ -19,7 +19,6 @@ FIGURES = {"share": share_limits, "F": f_limits, "macro F": macro_f_limits, "d'"
 
 @pytest.fixture
 def counts():
-    """Answers of six people to three objects, of twelve trials each."""
     right = np.array([[4, 4, 3], [4, 3, 4], [2, 3, 3], [4, 4, 4], [3, 2, 2], [4, 3, 3]])
     table = np.zeros((6, 3, 3), int)
     for thing in range(3):

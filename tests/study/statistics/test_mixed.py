@@ -38,7 +38,6 @@ def sizes(name):
 
 
 def answers_of(trials):
-    """Answers of one data set, one row per trial."""
     rows = [row for row in sizes("sizes.csv") if row["trials"] == trials]
     right, total = (np.array([int(row[key]) for row in rows]) for key in ("right", "total"))
     table = {key: np.repeat([row[key] for row in rows], total) for key in ("participant", *WITHIN)}

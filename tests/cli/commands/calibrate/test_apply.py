@@ -1,5 +1,3 @@
-"""`midair calibrate` and its sub-commands, as a person types them."""
-
 import json
 import shutil
 from dataclasses import replace
@@ -20,11 +18,6 @@ from midair.rig.bench.simulated_bench import CalibrationBench, practice_bench
 MODEL = SensorModel(grid=SensorGrid(rows=1, columns=2, name="palm 3")).with_spread(seed=1)
 BENCH = CalibrationBench(model=MODEL, reference_uncertainty=0.01)
 MEASURE = ["--reference-sensitivity", "50mV/Pa", "--reference-uncertainty", "0.02", "--date", "2026-01-31"]
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture(scope="module")
@@ -50,12 +43,6 @@ def known():
     take = BENCH.take(noise_signal(5, 8, rng=np.random.default_rng(1)))
     save_calibration(measure_calibration([take], date="2026-01-31"), "palm.calibration.h5")
     save(BENCH.recordings(noise_signal(5, 2, rng=np.random.default_rng(2)))[0], Path("take.h5"))
-
-
-def one_line_of(capsys):
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
-    assert len(lines) == 1
-    return lines[0]
 
 
 def test_from_takes_to_a_calibration_with_its_page(bench, capsys):
@@ -138,23 +125,23 @@ def test_a_recording_names_its_calibration(known, capsys):
     assert told["uncertainty"].startswith("±")
 
 
-def test_the_calibration_of_another_sensor_is_refused(known, capsys):
+def test_the_calibration_of_another_sensor_is_refused(known, one_line):
     other = CalibrationBench(model=SensorModel(grid=SensorGrid(rows=1, columns=2, name="palm 4")))
     save(other.recordings(noise_signal(5, 2, rng=np.random.default_rng(2)))[0], Path("other.h5"))
     before = Path("other.h5").read_bytes()
     assert run(["calibrate", "other.h5", "--calibration", "palm.calibration.h5"]) == 1
-    assert "expected one of sensor 'palm 4', 1 x 2, got one of 'palm 3'" in one_line_of(capsys)
+    assert "expected one of sensor 'palm 4', 1 x 2, got one of 'palm 3'" in one_line()
     assert Path("other.h5").read_bytes() == before
 
 
-def test_practice_writes_the_inputs_of_measure(capsys, monkeypatch):
+def test_practice_writes_the_inputs_of_measure(capsys, one_line, monkeypatch):
     assert practice_bench(3).model.gain == pytest.approx(practice_bench(3).model.gain)
     assert run(["calibrate", "bench", "lab", "--duration", "1s"]) == 0
     said = capsys.readouterr().out
     assert "midair calibrate measure lab/all-*Pa.h5" in said
     assert len(list(Path("lab").glob("*.h5"))) == 2 * 21 + 1
     assert run(["calibrate", "bench", "lab"]) == 1
-    assert "is there already" in one_line_of(capsys)
+    assert "is there already" in one_line()
 
 
 PAIR = ["all-a.h5", "--reference", "all-a-ref.h5"]
@@ -186,11 +173,11 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_wrong_input_gives_one_line_a_status_and_leaves_nothing(case, bench, capsys):
+def test_wrong_input_gives_one_line_a_status_and_leaves_nothing(case, bench, one_line):
     before = {path.name: path.read_bytes() for path in Path().iterdir()}
     tokens, status, word = WRONG[case]
     assert run(["calibrate", *tokens]) == status
-    assert word in one_line_of(capsys)
+    assert word in one_line()
     assert {path.name: path.read_bytes() for path in Path().iterdir()} == before
 
 

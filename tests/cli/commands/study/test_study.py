@@ -1,5 +1,3 @@
-"""The commands from end to end, and the terminal."""
-
 import io
 import json
 import re
@@ -62,8 +60,7 @@ def test_json_is_for_programs(done, capsys):
 
 
 @pytest.mark.long
-def test_people_in_groups_from_the_form_of_a_plan_to_report_and_from_an_old_table(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_people_in_groups_from_the_form_of_a_plan_to_report_and_from_an_old_table(tmp_path, capsys):
     text = (
         paper_design_text()
         .replace("repetitions = 4", "repetitions = 1")
@@ -167,8 +164,6 @@ def test_refusals_are_one_clear_line(tmp_path):
 
 
 class Typist(Console):
-    """A console with scripted input."""
-
     def __init__(self, lines):
         super().__init__(record=True, width=200, quiet=False, file=open("/dev/null", "w"))  # noqa: SIM115
         self.lines = iter(lines)
@@ -329,7 +324,6 @@ def test_everything_in_the_folder_is_for_its_owner_alone(tmp_path, monkeypatch):
 
 def test_the_printed_next_runs_as_printed(tmp_path, monkeypatch, capsys):
     """With drives that are there already, since virtual strokes take half a minute."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
     study_of_drives(tmp_path, level=0.001)
     said = [line for line in capsys.readouterr().out.splitlines() if "midair study run" in line]

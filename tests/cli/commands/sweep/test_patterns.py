@@ -1,15 +1,13 @@
-"""`midair sweep` as a person types it, on processes of its own."""
-
 import json
 import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.waiting import wait_until
 
 from midair.cli import run
 from midair.model import Acoustics, Medium
@@ -19,19 +17,8 @@ from midair.sweep.store import load_sweep
 SMALL = ["--count", "12", "--curves", "0", "--chunk", "4", "--method", "naive", "--workers", "2"]
 
 
-@pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
-def one_line_of(capsys):
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
-    assert len(lines) == 1
-    return lines[0]
-
-
 @pytest.mark.long
-def test_from_patterns_to_a_report(capsys):
+def test_from_patterns_to_a_report(capsys, one_line):
     ask = ["sweep", "patterns", "s.zarr", "--strength", "0.1", "0.2", "--height", "180mm", "20cm", *SMALL]
     assert run(ask) == 0
     said = capsys.readouterr()
@@ -50,7 +37,7 @@ def test_from_patterns_to_a_report(capsys):
     assert all(Path(name).is_file() for name in answer["files"])
 
     assert run([*ask, "--seed", "7"]) == 1
-    line = one_line_of(capsys)
+    line = one_line()
     assert "seed" in line
     assert "2024" in line
 
@@ -89,15 +76,15 @@ def test_the_air_of_patterns_is_the_paper_s_or_the_stated_one(words, medium):
     ],
     ids=str,
 )
-def test_wrong_usage_is_one_line_and_leaves_nothing(capsys, wrong, status, word):
+def test_wrong_usage_is_one_line_and_leaves_nothing(one_line, wrong, status, word):
     assert run(["sweep", "patterns", "s.zarr", *wrong]) == status
-    assert word in one_line_of(capsys)
+    assert word in one_line()
     assert not Path("s.zarr").exists()
 
 
-def test_a_report_of_nothing_is_one_line(capsys):
+def test_a_report_of_nothing_is_one_line(one_line):
     assert run(["sweep", "report", "none.zarr"]) == 1
-    assert "midair sweep patterns" in one_line_of(capsys)
+    assert "midair sweep patterns" in one_line()
 
 
 @pytest.mark.slow
@@ -111,10 +98,7 @@ def test_ctrl_c_is_one_line_and_results_are_kept():
         text=True,
         start_new_session=True,
     )
-    until = time.monotonic() + 120
-    while not Path("s.zarr").exists() or load_sweep(Path("s.zarr")).known == 0:
-        assert time.monotonic() < until
-        time.sleep(0.05)
+    wait_until(lambda: Path("s.zarr").exists() and load_sweep(Path("s.zarr")).known > 0, 120)
     os.killpg(running.pid, signal.SIGINT)
     _, said = running.communicate(timeout=60)
     assert running.returncode == 130
@@ -133,7 +117,7 @@ def take():
 
 
 @pytest.mark.long
-def test_recordings_under_settings(take, capsys):
+def test_recordings_under_settings(take, capsys, one_line):
     ask = ["sweep", "recordings", "r.zarr", take, "--vary", "method=naive,gs", "height=150mm,200mm"]
     ask += ["--duration", "20ms", *COARSE]
     assert run(ask) == 0
@@ -148,7 +132,7 @@ def test_recordings_under_settings(take, capsys):
     ]
     assert all(Path(name).is_file() for name in answer["files"])
     assert run([*ask, "--bits", "4"]) == 1
-    assert "bits" in one_line_of(capsys)
+    assert "bits" in one_line()
 
 
 @pytest.mark.parametrize(
@@ -164,13 +148,13 @@ def test_recordings_under_settings(take, capsys):
     ],
     ids=str,
 )
-def test_a_wrong_variation_is_one_line_and_leaves_nothing(take, capsys, wrong, word):
+def test_a_wrong_variation_is_one_line_and_leaves_nothing(take, capsys, one_line, wrong, word):
     capsys.readouterr()
     assert run(["sweep", "recordings", "r.zarr", take, *wrong]) == 1
-    assert word in one_line_of(capsys)
+    assert word in one_line()
     assert not Path("r.zarr").exists()
 
 
-def test_a_sweep_of_no_recordings_is_one_line(capsys):
+def test_a_sweep_of_no_recordings_is_one_line(one_line):
     assert run(["sweep", "recordings", "r.zarr"]) == 1
-    assert "expected recordings" in one_line_of(capsys)
+    assert "expected recordings" in one_line()
