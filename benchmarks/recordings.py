@@ -264,12 +264,12 @@ def _product(asked: Problem, method: Glide) -> float:
         asked, backend("numpy"), tolerance=method.tolerance, memory=method.memory, outside=method.outside
     )
     rows = method.rows or machine.backend.rows
-    q = np.ones((rows, machine.drive.shape[1]), np.complex64)
-    y = np.ones((rows, machine.field.shape[1]), np.complex64)
+    q = np.ones((rows, machine.kinds.columns), np.complex64)
+    y = np.ones((rows, machine.field.columns), np.complex64)
 
     def once() -> None:
-        (q @ machine.drive_back) @ machine.field
-        (y @ machine.field_back) @ machine.drive
+        machine.kinds_field.ahead(machine.kinds.back(q))
+        machine.kinds.ahead(machine.kinds_field.back(y))
 
     return fastest(once) / rows
 

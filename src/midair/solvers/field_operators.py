@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from midair.solvers.backend import Backend, Numbers, Rows, squares
 from midair.solvers.device import RingLBFGS
+from midair.solvers.folding import Dense, Folded, FoldedDrives, Mixed
 from midair.solvers.lbfgs import LBFGS, Function, RowsState
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
@@ -47,46 +48,70 @@ class FieldOperators:
 
     backend: Backend
     problem: Problem
-    field: Rows  # (U diag(s) A)^T, from V^H q to the field, shape (mode, listener)
-    drive: Rows  # V transposed, shape (mode, transducer)
-    field_back: Rows  # Adjoint of `field`
-    drive_back: Rows  # Adjoint of `drive`
+    field: Dense  # (U diag(s) A)^T, from V^H q to the field, (mode, listener)
+    drive: Dense | Mixed  # V transposed, (mode, unknown)
+    # The same as `field` and `drive`, but by more drives of four kinds where the array is symmetric
+    kinds_field: Dense
+    kinds: Dense | Folded
+    loud: Rows  # V of all transducers, transposed, shape (mode, transducer)
     root: Numbers  # Square roots of A s, shape (mode,)
     strongest: float  # Largest singular value times A
     psi: Numbers  # exp j psi, initial phases of the field, shape (point,)
-    initial_drive: Rows  # The drive that all frames start from, shape (1, transducer)
+    initial_drive: Rows  # The drive that all frames start from, shape (1, unknown)
+    # Index of each transducer among the unknowns, which are the transducers, or the places of a lattice
+    seat: NDArray[np.intp]
     weights: Rows  # Weights of the cells, shape (point, cell), or None
     ceiling: Rows  # Ceiling of the guard, shape (1, guard point), or None
     memory: int  # Number of pairs that L-BFGS keeps
 
     @classmethod
     def of(
-        cls, problem: Problem, backend: Backend, *, tolerance: float, memory: int, outside: float = 1.0
+        cls,
+        problem: Problem,
+        backend: Backend,
+        *,
+        tolerance: float,
+        memory: int,
+        outside: float = 1.0,
+        fold: bool = True,
     ) -> "FieldOperators":
         """Compute the matrices, in double precision, from the modes above `tolerance` of the strongest.
 
         `outside` is the weight of guard points relative to control points in the choice of modes: a field that shall
-        only be quiet needs less precision.
+        only be quiet needs less precision. Without `fold`, mirror symmetry is not used.
         """
-        listeners, weighted = problem.G, problem.G
+        weighted = problem.G
         if problem.guard is not None:
-            listeners = np.concatenate([problem.G, problem.guard.G])
             weighted = np.concatenate([problem.G, outside * problem.guard.G])
+        psi = np.exp(1j * problem.first_psi)
         kept = modes(weighted, tolerance=tolerance)
-        s, psi = problem.level * kept.s, np.exp(1j * problem.first_psi)
-        first_drive = (psi @ kept.U[: problem.points].conj() / np.where(s > 0, s, 1)) @ kept.V.T
-        field, drive = backend.put(problem.level * (listeners @ kept.V).T), backend.put(kept.V.T)
+        fields = kept.U * kept.s
+        drive = kinds = Dense.of(backend, kept.V.T)
+        folded, seat, kinds_fields = None, np.arange(problem.transducers), fields
+        # Costs couple the phases of successive frames, in the order of the transducers.
+        if fold and problem.position is not None and not problem.costs:
+            folded = FoldedDrives.of(weighted, problem.position, problem.response, tolerance=tolerance, rank=kept.rank)
+        if folded is not None:
+            kinds, seat, kinds_fields = Folded.of(backend, folded.W, folded.factor), folded.seat, folded.fields
+            drive = Mixed(kinds=kinds, mixing=Dense.of(backend, kinds_fields.T @ kept.U.conj() / kept.s))
+        outside_too = np.where(np.arange(len(weighted)) < problem.points, 1.0, outside)[:, None]
+        field = Dense.of(backend, problem.level * (fields / outside_too).T)
+        first_drive = (psi @ kept.U[: problem.points].conj() / np.where(kept.s > 0, kept.s, 1)) @ kept.V.T
+        initial = np.ones(kinds.columns, complex)
+        initial[seat] = rippled(first_drive)
         return cls(
             backend=backend,
             problem=problem,
             field=field,
             drive=drive,
-            field_back=backend.adjoint(field),
-            drive_back=backend.adjoint(drive),
-            root=backend.put(np.sqrt(s)),
-            strongest=float(s[0]),
+            kinds_field=Dense.of(backend, problem.level * (kinds_fields / outside_too).T) if folded else field,
+            kinds=kinds,
+            loud=backend.put(kept.V.T),
+            root=backend.put(np.sqrt(problem.level * kept.s)),
+            strongest=float(problem.level * kept.s[0]),
             psi=backend.put(psi),
-            initial_drive=backend.put(rippled(first_drive)[None, :]),
+            initial_drive=backend.put(initial[None, :]),
+            seat=seat,
             weights=None if problem.cells is None else backend.put(problem.cells.weights.T),
             ceiling=None if problem.guard is None else backend.put(problem.guard.ceilings[None, :]),
             memory=memory,
@@ -106,25 +131,34 @@ class FieldOperators:
 
     def best_field(self, batch: Batch, iterations: int, *, loudness: float, floor: float, every: int) -> Rows:
         """Coordinates V^H q of the best field with free amplitudes, (row, mode)."""
-        move = self.field_move(loudness=loudness, floor=floor, sampled=np.arange(0, self.problem.transducers, every))
+        move = self.field_move(loudness=loudness, floor=floor, every=every)
         one = self.backend.xp.ones_like(batch.gain[:, 0])
         state = move.run(batch, move.first(batch.p * self.psi), one / self.strongest, iterations)
         return move.coordinates(batch, state)
 
-    def field_move(self, *, loudness: float, floor: float, sampled: NDArray[np.int64]) -> "FieldMove":
-        """The field step; `loudness` is the weight of amplitudes above full drive at the `sampled` transducers."""
+    def field_move(self, *, loudness: float, floor: float, every: int, evenly: bool = False) -> "FieldMove":
+        """The field step; `loudness` is the weight of amplitudes above full drive at one in `every` transducers.
+
+        With `evenly` these are spread over the array, otherwise they are in the order of the transducers.
+        """
+        place = self.problem.position
+        sampled = np.arange(0, self.problem.transducers, every)
+        if evenly and place is not None:
+            sampled = evenly_spread(place, every=every)
         # Convergence is best in z = sqrt(s) a, for strong and weak modes; a and s a are both slower.
-        heard_at = self.backend.xp.take(self.drive, self.backend.put(sampled), axis=1)
-        out, loud = self.field / self.root[:, None], heard_at / self.root[:, None]
         return FieldMove(
             operators=self,
-            out=out,
-            loud=loud,
-            out_back=self.backend.adjoint(out),
-            loud_back=self.backend.adjoint(loud),
-            loudness=loudness / loud.shape[1],
+            out=self.field.over(self.backend, self.root),
+            loud=Dense.on(
+                self.backend, self.backend.xp.take(self.loud, self.backend.put(sampled), axis=1) / self.root[:, None]
+            ),
+            loudness=loudness / len(sampled),
             pseudo=self.root / (self.root**4 + (floor * self.strongest) ** 2),
         )
+
+    def phases(self, theta: NDArray[Any]) -> NDArray[Any]:
+        """Phases of the transducers from the unknowns (row, unknown)."""
+        return theta[:, self.seat] if isinstance(self.kinds, Folded) else theta
 
     @property
     def descent(self) -> LBFGS:
@@ -139,7 +173,7 @@ class FieldOperators:
         """
         xp, q = self.backend.xp, self.initial_drive
         for _ in range(iterations):
-            q = self.backend.unit(q + relaxation * ((a - q @ self.drive_back) @ self.drive))
+            q = self.backend.unit(q + relaxation * self.drive.ahead(a - self.drive.back(q)))
         q = xp.broadcast_to(q, (a.shape[0], q.shape[1]))
         return xp.atan2(xp.imag(q), xp.real(q))
 
@@ -149,7 +183,7 @@ class FieldOperators:
         True where the minimum-norm drive needs at most this fraction of the array's power.
         """
         xp = self.backend.xp
-        power = xp.real(xp.vecdot(a, a)) / self.drive.shape[1]
+        power = xp.real(xp.vecdot(a, a)) / self.problem.transducers
         return np.asarray(self.backend.get(power) <= max_power_share)
 
     def admm(self, batch: Batch, a: Rows, q: Rows, iterations: int, *, stiffness: float, relaxation: float) -> Rows:
@@ -160,18 +194,18 @@ class FieldOperators:
         initial field, q (row, transducer) a drive of magnitude 1 close to it; `stiffness` is the penalty relative to
         the strongest mode, `relaxation` 1 to 2 applies to the step towards q. Returns q.
         """
-        backend, s, points = self.backend, self.root**2, batch.p.shape[1]
+        backend, s, control = self.backend, self.root**2, self.field.first(batch.p.shape[1])
         weight = (stiffness * self.strongest * batch.gain) ** 2
         inverse = 1 / ((s * batch.gain) ** 2 + weight)
-        b, u = q @ self.drive_back, 0 * a
+        b, u = self.drive.back(q), 0 * a
         for _ in range(iterations):
-            y = ((batch.gain * a) @ self.field)[:, :points]
-            wanted = (batch.gain * (batch.p * backend.unit(y))) @ self.field_back[:points, :]
+            y = control.ahead(batch.gain * a)
+            wanted = control.back(batch.gain * (batch.p * backend.unit(y)))
             a = (wanted + weight * (b - u)) * inverse
             # Less than the full step of the dual, which at few iterations overshoots.
             u = u + 0.8 * (a - b)
-            q = backend.unit(q + relaxation * ((a + u - b) @ self.drive))
-            b = q @ self.drive_back
+            q = backend.unit(q + relaxation * self.drive.ahead(a + u - b))
+            b = self.drive.back(q)
         return q
 
     def refine(self, theta: Rows, batch: Batch, iterations: int, *, more: int) -> Rows:
@@ -227,8 +261,8 @@ class FieldOperators:
 
         def function(theta: Rows) -> tuple[Numbers, Rows]:
             q = self.backend.phasor(theta)
-            cost, slope = self.cost_and_slope(batch, (gain * (q @ self.drive_back)) @ self.field)
-            back = (gain * (slope @ self.field_back)) @ self.drive
+            cost, slope = self.cost_and_slope(batch, self.kinds_field.ahead(gain * self.kinds.back(q)))
+            back = self.kinds.ahead(gain * self.kinds_field.back(slope))
             if xp is not np:
                 return cost, xp.real(q) * xp.imag(back) - xp.imag(q) * xp.real(back)
             back *= xp.conj(q)
@@ -251,6 +285,16 @@ class FieldOperators:
         return cost + extra, xp.concat([slope, outside], axis=1)
 
 
+def evenly_spread(position: NDArray[np.float64], *, every: int) -> NDArray[np.int64]:
+    """Indices of one in `every` transducers, evenly over the array: each next is the farthest from those before it."""
+    chosen = [int(position[:, :2].sum(axis=1).argmin())]
+    distance = np.full(len(position), np.inf)
+    while len(chosen) < max(len(position) // every, 1):
+        distance = np.minimum(distance, ((position - position[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(distance.argmax()))
+    return np.sort(np.array(chosen))
+
+
 def in_order(backend: Backend, parts: list[tuple[NDArray[np.int64], Rows]]) -> Rows:
     """Concatenate rows that were computed separately, in the order of their indices."""
     if len(parts) == 1:
@@ -267,18 +311,14 @@ class FieldMove:
     """
 
     operators: FieldOperators
-    out: Rows  # From z to the listeners, shape (mode, listener)
-    out_back: Rows  # Adjoint of `out`
-    # From z to the sampled transducers, shape (mode, sampled): drives of r modes are smooth, so a sample is
-    # enough
-    loud: Rows
-    loud_back: Rows  # Adjoint of `loud`
+    out: Dense  # From z to the listeners
+    loud: Dense  # From z to the sampled transducers: drives of r modes are smooth, so a sample is enough
     loudness: float  # Weight of amplitudes above full drive, per sampled transducer
     pseudo: Numbers  # Damped inverse from the field at the points to z, shape (mode,)
 
     def first(self, y: Rows) -> Rows:
         """The z whose field at the control points comes close to y, (row, point): root s U^H y / (s^2 + floor^2)."""
-        return (y @ self.operators.field_back[: y.shape[1], :]) * self.pseudo
+        return self.operators.field.first(y.shape[1]).back(y) * self.pseudo
 
     def run(self, batch: Batch, z: Rows, scale: Numbers, iterations: int) -> RowsState:
         """L-BFGS from z on; `scale` (row,) is the inverse curvature, 1 / s of the strongest mode if unknown."""
@@ -295,10 +335,10 @@ class FieldMove:
 
         def function(x: Rows) -> tuple[Numbers, Rows]:
             z = backend.as_complex(x)
-            cost, slope = self.operators.cost_and_slope(batch, z @ self.out)
-            q = inverse * (z @ self.loud)
+            cost, slope = self.operators.cost_and_slope(batch, self.out.ahead(z))
+            q = inverse * self.loud.ahead(z)
             above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
-            gradient = slope @ self.out_back + heavy * ((above * q) @ self.loud_back)
+            gradient = self.out.back(slope) + heavy * self.loud.back(above * q)
             return cost + 0.25 * weight * squares(xp, above), backend.as_real(gradient)
 
         return function

@@ -93,7 +93,10 @@ def pieces(solver: "Glide", sounds: NDArray[np.bool_], *, together: int) -> Iter
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SolvedFrames:
-    """Solutions of frames as NumPy arrays, one row per frame, with the fields of `FrameSolution`."""
+    """Solutions of frames as NumPy arrays, one row per frame, with the fields of `FrameSolution`.
+
+    Phases are the unknowns of `FieldOperators`, which with an array with symmetry include empty places.
+    """
 
     theta: NDArray[np.floating[Any]]
     z: NDArray[np.complexfloating[Any, Any]]
@@ -104,7 +107,7 @@ class SolvedFrames:
     @classmethod
     def empty(cls, frames: int, bisection: BisectionStep) -> "SolvedFrames":
         """Allocate this number of rows."""
-        modes, transducers = bisection.operators.drive.shape
+        modes, transducers = bisection.operators.root.shape[0], bisection.operators.drive.columns
         real, kind = (np.float32, np.complex64) if bisection.operators.backend.single else (np.float64, np.complex128)
         return cls(
             theta=np.zeros((frames, transducers), real),
@@ -191,21 +194,24 @@ class FrameBlock:
 
     def _mean_target(self, rows: Indices) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
         """The mean of the neighbours' targets, and its least-squares factor in the frame's own target."""
-        before, after = self._time_weights(rows)
-        mean = before * self._p[rows[:, 0]] + after * self._p[rows[:, 2]]
-        # The mean of two non-negative targets of norm 1 has a squared norm of at least 1/2; the limit only guards.
+        mean = _mixed(self._p, *self._shares(rows))
+        # The limit only guards against a mean of norm 0, which targets of norm 1 without negative numbers do not have.
         square = np.maximum((mean * mean).sum(axis=1, keepdims=True), 1e-20)
         return mean, (self._p[rows[:, 1]] * mean).sum(axis=1, keepdims=True) / square
 
     def _neighbours(self, rows: Indices) -> Neighbours:
         backend, known = self._bisection.operators.backend, self.known
         put, first, last = backend.put, rows[:, 0], rows[:, 2]
-        before, after = (put(share) for share in self._time_weights(rows))
+        frames, weights = self._shares(rows)
         mean, part = self._mean_target(rows)
-        mixed = before * backend.phasor(put(known.theta[first])) + after * backend.phasor(put(known.theta[last]))
+        drives = [
+            put(weights[:, each, None]) * backend.phasor(put(known.theta[frames[:, each]]))
+            for each in range(4)
+            if weights[:, each].any()
+        ]
         return Neighbours(
-            q=backend.unit(mixed),
-            z=before * put(known.z[first]) + after * put(known.z[last]),
+            q=backend.unit(sum(drives[1:], drives[0])),
+            z=put(_mixed(known.z, frames, weights)),
             p=put(mean),
             part=put(part),
             missed=put(self._p[rows[:, 1]] - part * mean),
@@ -213,13 +219,33 @@ class FrameBlock:
             field_scale=put(np.sqrt(known.field_scale[first] * known.field_scale[last])),
         )
 
-    def _time_weights(self, rows: Indices) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
-        """Weights of the frames before and after, by their distance in time, shape (row, 1) each."""
-        after = ((rows[:, 1] - rows[:, 0]) / (rows[:, 2] - rows[:, 0])).astype(self._p.dtype)[:, None]
-        return 1 - after, after
+    def _shares(self, rows: Indices) -> tuple[Indices, NDArray[np.floating[Any]]]:
+        """Solved frames around each frame, shape (row, 4), and their weights in its mean.
+
+        A cubic through two frames on each side where all are solved and close, else a line through one on each side.
+        """
+        before, middle, after = rows.T
+        gap, count = after - before, len(self.known.scale)
+        frames = np.stack([before - gap, before, after, after + gap], axis=1)
+        cubic = (frames[:, 0] >= 0) & (frames[:, 3] < count) & (gap <= self._efforts.bend)
+        frames = np.clip(frames, 0, count - 1)
+        cubic &= (self.known.scale[frames] > 0).all(axis=1)
+        x = (middle - before) / gap
+        line = np.stack([0 * x, 1 - x, x, 0 * x], axis=1)
+        lagrange = [-x * (x - 1) * (x - 2) / 6, (x + 1) * (x - 1) * (x - 2) / 2]
+        lagrange += [-(x + 1) * x * (x - 2) / 2, (x + 1) * x * (x - 1) / 6]
+        return frames, np.where(cubic[:, None], np.stack(lagrange, axis=1), line).astype(self._p.dtype)
 
     def _keep(self, index: Indices, solved: FrameSolution, iterations: int) -> None:
         self.known.keep(index, solved, iterations, self._bisection.operators.backend)
+
+
+def _mixed(array: NDArray[Any], frames: Indices, weights: NDArray[np.floating[Any]]) -> NDArray[Any]:
+    """The rows of some frames (row, 4) times their weights."""
+    # Usually the outer two have no weight at all.
+    used = [each for each in range(4) if weights[:, each].any()]
+    parts = [weights[:, each, None] * array[frames[:, each]] for each in used]
+    return np.asarray(sum(parts[1:], parts[0])) if parts else array[frames[:, 0]]
 
 
 def _some(xp: Any, state: RowsState, index: Rows) -> RowsState:
