@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midair.model import Acoustics, Board, ControlGrid, Placement, TransducerArray, array_of_boards
-from midair.solvers import Fast, Glide, error_of, multi_plane_problem, place_grid
+from midair.solvers import Fast, Glide, error_of, multi_plane_problem, place_grid, prepared
 from midair.solvers.backend import backend
 from midair.solvers.field_operators import FieldOperators
 from midair.solvers.folding import Folded
@@ -93,3 +93,62 @@ def test_other_libraries_fold_alike():
     method = Fast(iterations=4, more_iterations=0, field_iterations=4, precision="double")
     ours, theirs = (replace(method, backend=name).solve(problem).phase for name in ("numpy", "strict"))
     np.testing.assert_allclose(np.exp(1j * theirs), np.exp(1j * ours), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["2 x 2", "measured, three dead", "two amplitudes"])
+def test_compiled_work_is_that_of_numpy(name, monkeypatch):
+    pytest.importorskip("numba")
+    problem = PROBLEMS[name]()
+    operators = FieldOperators.of(problem, backend("numpy"), tolerance=5e-3, memory=4)
+    batch = operators.batch(np.arange(8), faintest=1e-12)
+    theta = np.random.default_rng(2).uniform(-9, 9, (8, operators.kinds.columns)).astype(np.float32)
+
+    def descended():
+        function, step = operators.phase_function(batch), 1 / (operators.strongest * batch.gain[:, 0]) ** 2
+        cost, gradient = (np.array(each) for each in function(theta))
+        return cost, gradient, operators.descent.run(function, theta, step, 6).x
+
+    compiled = descended()
+    assert operators.kernel is not None
+    monkeypatch.setattr("midair.solvers.field_operators._fused_kernel", lambda: None)
+    for ours, theirs in zip(compiled, descended(), strict=True):
+        assert np.abs(ours - theirs).max() < 2e-4 * np.abs(theirs).max()
+
+
+def test_the_error_in_single_precision_is_that_in_double():
+    problem = problem_of(ARRAY)
+    theta, level = np.random.default_rng(5).uniform(-40, 40, (32, 996)), np.linspace(0.2, 1, 32)
+    for part in (None, level, level[:, None] * np.ones(996)):
+        single, double = (error_of(problem, theta, part, single=each) for each in (True, False))
+        np.testing.assert_allclose(single, double, atol=1e-4)
+
+
+class Shelf:
+    def __init__(self):
+        self.kept, self.reads = {}, 0
+
+    def read(self, key):
+        self.reads += key in self.kept
+        return self.kept.get(key)
+
+    def write(self, key, arrays):
+        self.kept[key] = arrays
+
+
+def test_modes_are_made_once_for_a_matrix(monkeypatch):
+    shelf, made = Shelf(), []
+    monkeypatch.setattr(prepared, "_KEPT", prepared._Kept())
+    prepared.keep_modes_in(shelf)
+
+    def make():
+        made.append(1)
+        return {"x": np.arange(3)}
+
+    for matrix in (np.ones(2), np.ones(2), np.ones(2, np.float32), np.zeros(2)):
+        prepared.prepared((matrix, None, 1e-2), make)
+    assert len(made) == len(shelf.kept) == 3
+    monkeypatch.setattr(prepared, "_KEPT", prepared._Kept())
+    prepared.keep_modes_in(shelf)
+    assert prepared.prepared((np.ones(2), None, 1e-2), make)["x"].tolist() == [0, 1, 2]
+    assert len(made) == 3
+    assert shelf.reads == 1

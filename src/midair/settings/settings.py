@@ -262,7 +262,8 @@ def best_mode() -> Settings:
 
 def quick_mode() -> Settings:
     """Return the best mode with fewer iterations."""
-    return best_mode().but(method=Glide(coarse=512, near=0.2, smooth=4, wide=32, smooth_wide=20, bend=8, tolerance=1e-2))
+    method = Glide(coarse=512, near=0.2, smooth=4, wide=32, smooth_wide=20, bend=8, tolerance=1e-2)
+    return best_mode().but(method=method)
 
 
 def finest_mode() -> Settings:

@@ -3,7 +3,9 @@
 All arrays are those of the backend; a row is a frame.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -13,8 +15,9 @@ from midair.solvers.backend import Backend, Numbers, Rows, squares
 from midair.solvers.device import RingLBFGS
 from midair.solvers.folding import Dense, Folded, FoldedDrives, Mixed
 from midair.solvers.lbfgs import LBFGS, Function, RowsState
-from midair.solvers.modes import modes
+from midair.solvers.modes import Modes, modes
 from midair.solvers.phases import rippled
+from midair.solvers.prepared import Arrays, prepared
 from midair.solvers.problem import Problem
 from midair.solvers.terms import cell_misfit, excess, misfit
 
@@ -84,18 +87,28 @@ class FieldOperators:
         if problem.guard is not None:
             weighted = np.concatenate([problem.G, outside * problem.guard.G])
         psi = np.exp(1j * problem.first_psi)
-        kept = modes(weighted, tolerance=tolerance)
-        fields = kept.U * kept.s
-        drive = kinds = Dense.of(backend, kept.V.T)
-        folded, seat, kinds_fields = None, np.arange(problem.transducers), fields
         # Costs couple the phases of successive frames, in the order of the transducers.
-        if fold and problem.position is not None and not problem.costs:
-            folded = FoldedDrives.of(weighted, problem.position, problem.response, tolerance=tolerance, rank=kept.rank)
-        if folded is not None:
-            kinds, seat, kinds_fields = Folded.of(backend, folded.W, folded.factor), folded.seat, folded.fields
+        position = problem.position if fold and not problem.costs else None
+        made = prepared(
+            (weighted, position, problem.response, tolerance),
+            lambda: _modes_and_drives(weighted, position, problem.response, tolerance),
+        )
+        kept = Modes(U=made["U"], s=made["s"], V=made["V"])
+        whole_fields = np.asarray(kept.U * kept.s, np.complex128)
+        drive = kinds = Dense.of(backend, kept.V.T)
+        folded, seat, kinds_fields = "W" in made, np.arange(problem.transducers), whole_fields
+        if folded:
+            kinds, seat, kinds_fields = (
+                Folded.of(backend, made["W"], made["factor"]),
+                made["seat"],
+                np.asarray(made["fields"], np.complex128),
+            )
             drive = Mixed(kinds=kinds, mixing=Dense.of(backend, kinds_fields.T @ kept.U.conj() / kept.s))
-        outside_too = np.where(np.arange(len(weighted)) < problem.points, 1.0, outside)[:, None]
-        field = Dense.of(backend, problem.level * (fields / outside_too).T)
+        weight = np.where(np.arange(len(weighted)) < problem.points, 1.0, outside)[:, None]
+        scale = problem.level / weight
+        field = kinds_field = Dense.of(backend, (scale * whole_fields).T)
+        if folded:
+            kinds_field = Dense.of(backend, (scale * kinds_fields).T)
         first_drive = (psi @ kept.U[: problem.points].conj() / np.where(kept.s > 0, kept.s, 1)) @ kept.V.T
         initial = np.ones(kinds.columns, complex)
         initial[seat] = rippled(first_drive)
@@ -104,7 +117,7 @@ class FieldOperators:
             problem=problem,
             field=field,
             drive=drive,
-            kinds_field=Dense.of(backend, problem.level * (kinds_fields / outside_too).T) if folded else field,
+            kinds_field=kinds_field,
             kinds=kinds,
             loud=backend.put(kept.V.T),
             root=backend.put(np.sqrt(problem.level * kept.s)),
@@ -156,14 +169,22 @@ class FieldOperators:
             pseudo=self.root / (self.root**4 + (floor * self.strongest) ** 2),
         )
 
+    @property
+    def kernel(self) -> Any:
+        """The module `fused_kernel` where it applies: a folded array, NumPy in single precision, Numba installed."""
+        applies = isinstance(self.kinds, Folded) and self.backend.xp is np and self.backend.single
+        return _fused_kernel() if applies else None
+
     def phases(self, theta: NDArray[Any]) -> NDArray[Any]:
         """Phases of the transducers from the unknowns (row, unknown)."""
         return theta[:, self.seat] if isinstance(self.kinds, Folded) else theta
 
     @property
     def descent(self) -> LBFGS:
-        """The implementation for the backend: `LBFGS` for NumPy, `RingLBFGS` for others."""
+        """The implementation for the backend: `LBFGS` for NumPy, by Numba if folded, and `RingLBFGS` for others."""
         method = LBFGS if self.backend.xp is np else RingLBFGS
+        if (kernel := self.kernel) is not None:
+            method = kernel.FusedLBFGS
         return method(memory=self.memory, xp=self.backend.xp)
 
     def phase_fit(self, a: Rows, iterations: int, *, relaxation: float) -> Rows:
@@ -257,7 +278,9 @@ class FieldOperators:
 
         With r the slope of the cost by the field, its gradient by theta_n is Im(conj(q_n) (G^H r)_n).
         """
-        xp, gain = self.backend.xp, batch.gain
+        xp, gain, kernel = self.backend.xp, batch.gain, self.kernel
+        if kernel is not None and isinstance(self.kinds, Folded):
+            return self._fused_function(batch, self.kinds, kernel)
 
         def function(theta: Rows) -> tuple[Numbers, Rows]:
             q = self.backend.phasor(theta)
@@ -268,6 +291,25 @@ class FieldOperators:
             back *= xp.conj(q)
             # NumPy's imaginary part is a strided view that would keep the whole product in memory.
             return cost, xp.asarray(xp.imag(back), copy=True)
+
+        return function
+
+    def _fused_function(self, batch: Batch, kinds: Folded, kernel: Any) -> Function:
+        """The same function with its element-wise work compiled; each call overwrites the results of the one before."""
+        rows, (_, each, places) = len(batch.gain), kinds.kinds.shape
+        shape = (rows, *kinds.factor.shape)
+        real, imaginary = (np.ascontiguousarray(part, np.float32) for part in (kinds.factor.real, kinds.factor.imag))
+        cosine, sine, gradient = (np.empty(shape, np.float32) for _ in range(3))
+        parts, a = np.empty((4, rows, places), np.complex64), np.empty((rows, 4, each), np.complex64)
+
+        def function(theta: Rows) -> tuple[Numbers, Rows]:
+            kernel.spread(np.ascontiguousarray(theta).reshape(shape), real, imaginary, cosine, sine, parts)
+            np.matmul(parts, kinds.adjoint, out=a.transpose(1, 0, 2))
+            cost, slope = self.cost_and_slope(batch, self.kinds_field.ahead(batch.gain * a.reshape(rows, -1)))
+            b = batch.gain * self.kinds_field.back(slope)
+            np.matmul(b.reshape(rows, 4, each).transpose(1, 0, 2), kinds.kinds, out=parts)
+            kernel.slope(parts, real, imaginary, cosine, sine, gradient)
+            return cost, gradient.reshape(rows, -1)
 
         return function
 
@@ -283,6 +325,30 @@ class FieldOperators:
             return cost, slope
         extra, outside = excess(xp, y[:, points:], self.ceiling * batch.peak, guard.weight)
         return cost + extra, xp.concat([slope, outside], axis=1)
+
+
+def _modes_and_drives(
+    G: NDArray[np.complex128],
+    position: NDArray[np.float64] | None,
+    response: NDArray[np.complex128] | None,
+    tolerance: float,
+) -> Arrays:
+    """U, s and V of `Modes`, and the arrays of `FoldedDrives` if the array folds."""
+    kept = modes(G, tolerance=tolerance)
+    made: Arrays = {"U": kept.U, "s": kept.s, "V": kept.V}
+    if position is not None:
+        folded = FoldedDrives.of(G, position, response, tolerance=tolerance, rank=kept.rank)
+        if folded is not None:
+            made |= {each.name: getattr(folded, each.name) for each in fields(folded)}
+    return made
+
+
+@cache
+def _fused_kernel() -> Any:
+    try:
+        return import_module("midair.solvers.fused_kernel")
+    except ImportError:
+        return None
 
 
 def evenly_spread(position: NDArray[np.float64], *, every: int) -> NDArray[np.int64]:

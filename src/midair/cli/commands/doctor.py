@@ -6,13 +6,13 @@ from dataclasses import asdict
 
 from rich.table import Table
 
-from midair.cli.console import banner, err, out, print_json, print_note
+from midair.cli.console import banner, err, out, print_json, print_note, print_rows
 from midair.cli.exposure_options import AirOptions, ExposureOptions
 from midair.cli.options import Json, Length, Placement
 from midair.errors import InputError
 from midair.files import load_placement
 from midair.model import HEIGHT
-from midair.rig import VirtualRig, array_named, run_checks, run_wizard, sensor_named, store_checkup
+from midair.rig import VirtualRig, array_named, clear_modes, run_checks, run_wizard, sensor_named, store_checkup
 
 
 def doctor_command(
@@ -22,6 +22,7 @@ def doctor_command(
     sensor: str | None = None,
     height: Length = HEIGHT,
     yes: bool = False,
+    clear_cache: bool = False,
     placement: Placement = None,
     air: AirOptions | None = None,
     exposure: ExposureOptions | None = None,
@@ -46,6 +47,8 @@ def doctor_command(
         Height of the sensor of --wizard above the array.
     yes
         Ask nothing; what a person would confirm is reported as not checked.
+    clear_cache
+        Remove the modes of arrays that midair solve stored to start sooner (256 MB at most), and check nothing.
     air
         Air of the room for --wizard; asked if not stated.
     exposure
@@ -57,6 +60,9 @@ def doctor_command(
     $ midair doctor --device autd3:emulator
     $ midair doctor --device autd3:emulator --wizard --yes
     """
+    if clear_cache:
+        print_rows([("removed", f"{clear_modes() / 1e6:.1f} MB of stored modes")])
+        return 0
     if not wizard and (sensor or yes or placement or air or exposure or height != HEIGHT):
         raise InputError(
             "--sensor, --height, --yes and options of placement, air and exposure: expected --wizard, got none"

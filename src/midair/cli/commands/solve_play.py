@@ -45,6 +45,7 @@ from midair.model import Acoustics, Drive, Medium
 from midair.pipeline import Reproduction, reproduce_stream, required_lead
 from midair.rig import (
     ArrayKind,
+    ModeStore,
     PlaySettings,
     array_of_kind,
     check_air,
@@ -56,6 +57,7 @@ from midair.rig import (
     rerecord,
 )
 from midair.settings import Settings
+from midair.solvers import keep_modes_in
 from midair.targets import add_lead, frames_without_lead
 
 
@@ -95,6 +97,7 @@ def solve_command(
     $ midair solve take.h5
     $ midair solve take.h5 part.drive.h5 --duration 0.1s --mode quick
     """
+    keep_modes_in(ModeStore())
     options = options or SolveOptions()
     settings = options.settings()
     options.refuse_idle_palm()

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.solvers.backend import Backend, Rows
+from midair.solvers.backend import Backend
 from midair.solvers.field_operators import Batch
 from midair.solvers.glide.bisection_step import BisectionStep, Effort, FrameSolution, Neighbours
-from midair.solvers.lbfgs import RowsState
 
 if TYPE_CHECKING:
     from midair.solvers.glide.glide import Glide
@@ -170,7 +169,7 @@ class FrameBlock:
             if not near.all():
                 index = backend.put(np.flatnonzero(near))
                 batch, around = batch.some(backend.xp, index), around.some(backend.xp, index)
-                state = _some(backend.xp, state, index)
+                state = state.some(backend.xp, index)
             iterations = efforts.smooth_wide if wide else efforts.smooth
             self._keep(rows[near, 1], self._bisection.refine_mean(batch, around, state, iterations), iterations)
         return rows[~near]
@@ -246,9 +245,3 @@ def _mixed(array: NDArray[Any], frames: Indices, weights: NDArray[np.floating[An
     used = [each for each in range(4) if weights[:, each].any()]
     parts = [weights[:, each, None] * array[frames[:, each]] for each in used]
     return np.asarray(sum(parts[1:], parts[0])) if parts else array[frames[:, 0]]
-
-
-def _some(xp: Any, state: RowsState, index: Rows) -> RowsState:
-    """The rows with these indices of a descent that has just begun."""
-    names = ("x", "gradient", "cost", "scale", "length")
-    return RowsState(**{name: xp.take(getattr(state, name), index, axis=0) for name in names}, pairs=[])

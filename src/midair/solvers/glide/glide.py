@@ -48,6 +48,8 @@ class Glide:
     """Iterations of that refinement."""
     smooth_wide: int = 40
     """The same where the neighbours are at least `wide` frames away, since all frames between build on them."""
+    mend: int = 20
+    """More iterations of such frames whose error is three times the median of their batch."""
     far: float = 0.3
     """Largest relative difference of a target from its neighbours' mean for a bent frame; above it is rough."""
     bent: Effort = (7, 9, 8)
