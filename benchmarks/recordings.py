@@ -193,14 +193,14 @@ def fold(seconds: float, runs: int = 3) -> None:
     tilted = place_grid(grid, centre=(0.0, 0.0, grid.height), normal=(0.1, 0.0, 1.0))
     board = array_of_kind("openmpd")
     middle = (ARRAY.position.min(axis=0) + ARRAY.position.max(axis=0)) / 2
-    aside = grid.position + [*middle[:2], 0.0]
+    aside = grid.position + np.array([*middle[:2], 0.0])
     places = {
         "as it is": asked,
         "measured array": measured,
         "points in the lattice's middle": _elsewhere(asked, ARRAY, aside, air),
-        "points 10 mm aside": _elsewhere(asked, ARRAY, grid.position + [0.01, 0, 0], air),
+        "points 10 mm aside": _elsewhere(asked, ARRAY, grid.position + np.array([0.01, 0, 0]), air),
         "palm tilted by 6 degrees": _elsewhere(asked, ARRAY, tilted, air),
-        "openmpd, points at 80 mm": _elsewhere(asked, board, grid.position - [0, 0, grid.height - 0.08], air),
+        "openmpd, points at 80 mm": _elsewhere(asked, board, grid.position - np.array([0, 0, grid.height - 0.08]), air),
     }
     print(f"\nbest mode, {len(asked.amplitude)} frames of a towel, modes known; least CPU of {runs} runs; {load()}")
     heading("E mean", "E worst", "ms", "MFLOP", "GFLOP/s", "kB")
@@ -227,7 +227,7 @@ def _elsewhere(asked: Problem, array: TransducerArray, points: np.ndarray, air: 
 
 
 def _traffic(asked: Problem, method: Glide) -> tuple[float, float, float]:
-    """Of the products of one evaluation of a frame: MFLOP, GFLOP/s, and kB of matrices that a frame's share of reads."""
+    """MFLOP of the products of one evaluation of a frame, their GFLOP/s, and the kB that a frame reads and writes."""
     machine = FieldOperators.of(
         asked, backend("numpy"), tolerance=method.tolerance, memory=4, outside=method.outside, fold=method.fold
     )
