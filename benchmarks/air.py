@@ -4,7 +4,9 @@ A part of a virtual towel stroke, at one strength, in both modes and at three he
 degrees Celsius, for the same with a temperature range of two degrees (`--robust 2C`), and for the paper's 340 m/s. E is
 the mean over the frames, in %, when it is played in air of other temperatures (`midair.evaluate.error_at_temperature`).
 The table `corrected`: the drive for 22 degrees as it is, with its phases corrected (`midair play --correct-air`), and
-solved again for each temperature. Both tables are printed as the Markdown of docs/air.md.
+solved again for each temperature. The table `ratio`: signal to distortion of the touched cells on the skin in dB, for
+.12 s, with and without `--robust 2C`, which windows do not support. The tables are printed as the Markdown of
+docs/air.md.
 """
 
 from __future__ import annotations
@@ -23,8 +25,11 @@ from midair.evaluate import error_at_temperature
 from midair.figures import png_bytes
 from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import Acoustics, Medium, TransducerArray
+from midair.paper import FidelityPlan
+from midair.paper.modes_compared import at_strength, original_of
 from midair.physics import focus_amplitude
-from midair.pipeline import Reproduction, calibrated_pressure, reproduce, target_amplitude
+from midair.pipeline import Reproduction, calibrated_pressure, reproduce, required_lead, target_amplitude
+from midair.rig import BudgetPlan, VirtualRig, error_budget
 from midair.settings import MODES, Settings
 
 ARRAY = TransducerArray.autd3()
@@ -35,7 +40,9 @@ SOLVED: Mapping[str, tuple[Medium, float]] = {
     "340 m/s": (Medium(), 0.0),
 }
 COLUMNS = (14, 18, 20, 21, 22, 23, 24, 26, 30)
+TABLES = ("effect", "corrected", "ratio")
 CORRECTED = (14, 18, 20, 22, 24, 26, 30)
+RATIO = (18, 20, 22, 24, 26)
 SMOOTH = np.arange(14.0, 30.1, 0.5)
 
 
@@ -48,16 +55,19 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=0.02, help="duration of the part in s (default .02)")
     parser.add_argument("--strength", type=float, default=0.1, help="target peak over a single focus (default .1)")
     parser.add_argument("--modes", nargs="+", choices=("paper", "best"), default=["paper", "best"])
-    parser.add_argument("--tables", nargs="+", choices=("effect", "corrected"), default=["effect", "corrected"])
+    parser.add_argument("--tables", nargs="+", choices=TABLES, default=["effect", "corrected"])
     options = parser.parse_args()
     stroke = midair.record("virtual:towel", 1.0)
-    print(f"towel, {options.duration:g} s, strength {options.strength:g}; mean E in %")
+    if options.tables != ["ratio"]:
+        print(f"towel, {options.duration:g} s, strength {options.strength:g}; mean E in %")
     if "effect" in options.tables:
         curves = print_effect(stroke, options)
         if options.figure:
             options.figure.write_bytes(drawn(curves, options.heights))
     if "corrected" in options.tables:
         print_corrected(stroke, options)
+    if "ratio" in options.tables:
+        print_ratio(options)
 
 
 def print_effect(
@@ -69,6 +79,8 @@ def print_effect(
     for mode in options.modes:
         for height in options.heights:
             for name, (medium, robust) in SOLVED.items():
+                if mode == "best" and robust:
+                    continue
                 settings = settings_at(mode, height).but(robust=robust, acoustics=Acoustics(medium=medium))
                 made, cost = solved(stroke, settings, options.duration, options.strength)
                 row = " | ".join(f"{100 * error(made, each):.1f}" for each in COLUMNS)
@@ -121,6 +133,27 @@ def print_corrected(take: midair.files.OpenedTake, options: argparse.Namespace) 
                 row = (error(own, temperature), after, error(again, temperature))
                 cells.append(" / ".join(f"{100 * each:.1f}" for each in row))
             print(f"| {mode}, {1e3 * height:.0f} mm | " + " | ".join(cells) + " |", flush=True)
+
+
+def print_ratio(options: argparse.Namespace) -> None:
+    """Signal to distortion on the skin in air of other temperatures, with and without a range of temperatures."""
+    print("towel, 0.12 s, strength 0.15; signal to distortion in dB")
+    print_head(("mode", "solved for"), RATIO)
+    best = MODES["best"]()
+    ways = {"paper": MODES["paper"]().but(method="glide"), "best": best, "best, --fit points": best.but(fit="points")}
+    for name, settings in ways.items():
+        if name.split(",")[0] not in options.modes:
+            continue
+        for robust in (0.0, 2.0) if settings.solver.fit == "points" else (0.0,):
+            chosen, cells = settings.but(robust=robust, acoustics=Acoustics(medium=ROOM)), []
+            for temperature in RATIO:
+                air = Acoustics(medium=Medium.at(temperature=temperature, humidity=0.5))
+                plan = FidelityPlan(strength=0.15, rig=VirtualRig(acoustics=air))
+                original = original_of("towel", plan, chosen)
+                alike = at_strength(original, chosen, plan)
+                made = error_budget(original, BudgetPlan(settings=alike, rig=plan.rig, lead=required_lead(alike)))
+                cells.append(f"{made.stage('silencer').so_far.distortion_ratio:.1f}")
+            print(f"| {name} | 22 °C{', robust 2C' * bool(robust)} | {' | '.join(cells)} |", flush=True)
 
 
 def error(made: Reproduction, temperature: float) -> float:

@@ -2,10 +2,12 @@
 
 For each signal and method: signal to distortion on the cells; the share of the power in the band on a palm of 85 mm
 outside the sensor's square; signal to distortion of its pressure and of the displacement of four skin models; the leak
-within 20 mm of the square over the target's peak (maximum, typical); the level; and the CPU time of solving one second.
-Simulated, all stages except the sensor. Parts: `table`, signals in three modes; `strengths`; `fast`, a guard with the
-solver of independent frames; `ears`, sound levels of the exposure check; `floor`, see `benchmarks.palm_floor`. The rows
-are those of the tables in docs/decisions/0029-palm.md.
+within 20 mm of the square over the target's peak (maximum, typical); the level; and the CPU time of solving one second,
+without envelope prediction. Simulated, all stages except the sensor. Parts: `table`, signals in three modes;
+`recordings`, twelve recordings in the best and the finest mode, of which four, marked *, were used to choose the finest
+mode; `strengths`; `fast`, a guard with the solver of independent frames; `cost`, CPU time of a whole reproduction;
+`ears`, sound levels of the exposure check; `floor`, see `benchmarks.palm_floor`. The rows are those of the tables in
+docs/decisions/0029-palm.md. Six recordings are from ../shared/data.
 """
 
 from __future__ import annotations
@@ -18,12 +20,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.palm_floor import floor
-from midair.datasets import sample
+from benchmarks.real_pressure import pressure
+from benchmarks.recordings import cloth, pressure_of, rain
 from midair.devices import measure_exposure
 from midair.files import profile_named
-from midair.model import Acoustics, Calibration, Palm, PressureFrames, Progress
+from midair.model import Acoustics, Palm, PressureFrames, Progress
 from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
-from midair.pipeline import calibrated_pressure, reproduce, required_lead
+from midair.pipeline import reproduce, required_lead, resample_pressure
 from midair.rig import BudgetPlan, VirtualRig, error_budget
 from midair.settings import Settings, best_mode, finest_mode, paper_mode
 from midair.solvers import Fast, Guard, automatic_level
@@ -31,6 +34,9 @@ from midair.targets import add_lead
 
 ROOM = Acoustics(medium=best_mode().acoustics.medium)
 THINGS = ("towel", "sponge", "brush", "noise", "denim")
+TUNED = ("towel *", "sponge *", "noise *", "denim *")
+UNSEEN = ("linen", "grating of 2 mm", "stick on fabric", "stick on metal", "connect", "confirm", "cloth", "rain")
+NOISES = {"cloth": cloth, "rain": rain}
 MODES: Mapping[str, Settings] = {
     "paper": paper_mode().but(acoustics=ROOM),
     "best": best_mode(),
@@ -61,14 +67,12 @@ def fast_ways() -> dict[str, Settings]:
 
 
 def original(thing: str, plan: FidelityPlan, settings: Settings) -> PressureFrames:
-    """Pressure of a signal for a mode: one of `midair paper --fidelity`, or denim sixteen times as fast."""
-    if thing != "denim":
-        return original_of(thing, plan, settings)
-    taxels = sample("denim")
-    # The taxels give 36 values per second, below the band; 570 values per second are a slide at .8 m/s.
-    fast = replace(taxels, rate=16 * taxels.rate)
-    flat = Calibration.flat(fast.sensor, sensitivity=float(abs(fast.samples).max()) / 30, unit=fast.unit)
-    return calibrated_pressure(fast, flat, settings.but(band=(20.0, 250.0))).cut(0.1, plan.duration)
+    """Pressure of a signal for a mode: one of `benchmarks.real_pressure` or of `midair paper --fidelity`."""
+    thing = thing.removesuffix(" *")
+    if thing in NOISES:
+        made = pressure_of(NOISES[thing](plan.duration + 0.2))
+        return resample_pressure(made, settings.target.rate).cut(0.1, plan.duration)
+    return pressure(thing, settings, plan.duration) or original_of(thing, plan, settings)
 
 
 @dataclass
@@ -102,14 +106,15 @@ def row(title: str, thing: str, settings: Settings, plan: FidelityPlan) -> None:
     level = settings.solver.level
     level = automatic_level(np.array(plan.strength)) if level == "auto" else level
     spent = clock.spent / (asked.frames / asked.rate + 2 * lead)
+    worst = min(palm.displacement.values())
     print(
-        f"| {title} | {cells:.1f} | {100 * palm.outside:.1f} % | {palm.pressure:.1f}, {palm.square:.1f} | {skins} | "
-        f"{leak} | {level:.2f} | {spent:.1f} |",
+        f"| {title} | {cells:.1f} | {100 * palm.outside:.1f} % | {palm.pressure:.1f}, {palm.square:.1f} | "
+        f"{skins}; {worst:.1f} | {leak} | {level:.2f} | {spent:.1f} |",
         flush=True,
     )
 
 
-HEAD = "| | | cells | outside | pressure, in square | displacement | leak | level | CPU s/s |"
+HEAD = "| | | cells | outside | pressure, in square | displacement; worst | leak | level | CPU s/s |"
 
 
 def table(things: Sequence[str], ways: Mapping[str, Settings], plan: FidelityPlan) -> None:
@@ -120,30 +125,14 @@ def table(things: Sequence[str], ways: Mapping[str, Settings], plan: FidelityPla
             row(f"{'' if number else thing} | {name}", thing, settings, plan)
 
 
-def strengths(things: Sequence[str], asked: Sequence[float], plan: FidelityPlan) -> None:
-    """Print results by strength: the best mode, and the finest mode also with less drive and free amplitudes."""
-    finest = finest_mode()
-    ways = {
-        "best": best_mode(),
-        "finest": finest,
-        "finest, level auto": finest.but(level="auto"),
-        "finest, auto, bounded": finest.but(level="auto", amplitudes="bounded"),
-    }
+def strengths(things: Sequence[str], ways: Mapping[str, Settings], asked: Sequence[float], plan: FidelityPlan) -> None:
+    """Print results by strength."""
     print(f"{plan.duration:g} s\n{HEAD}\n{'| --- ' * 9}|")
     for thing in things:
         for strength in asked:
             for number, (name, settings) in enumerate(ways.items()):
-                # Skip the second row if the automatic level is 1.
-                if settings.solver.level == "auto" and automatic_level(np.array(strength)) == 1:
-                    settings = settings.but(level=1.0)
-                    if settings.solver.amplitudes == "equal":
-                        continue
-                row(
-                    f"{'' if number else f'{thing} {strength:g}'} | {name}",
-                    thing,
-                    settings,
-                    replace(plan, strength=strength),
-                )
+                title = f"{'' if number else f'{thing} {strength:g}'} | {name}"
+                row(title, thing, settings, replace(plan, strength=strength))
 
 
 def ears(things: Sequence[str], ways: Mapping[str, Settings], plan: FidelityPlan) -> None:
@@ -162,13 +151,27 @@ def ears(things: Sequence[str], ways: Mapping[str, Settings], plan: FidelityPlan
             print(f"| {'' if number else thing} | {name} | {cells} | {found.pressure:.0f} |", flush=True)
 
 
-PARTS = ("table", "strengths", "fast", "ears", "floor")
+def cost(things: Sequence[str], ways: Mapping[str, Settings], plan: FidelityPlan) -> None:
+    """Print the CPU time of a whole reproduction, with envelope prediction where a mode has it."""
+    for thing in things:
+        for name, settings in ways.items():
+            asked = original(thing, plan, settings)
+            lead = required_lead(settings)
+            settings, asked = at_strength(asked, settings, plan), add_lead(asked, lead)
+            began = time.process_time()
+            reproduce(asked, plan.rig.array, settings)
+            print(
+                f"{thing}, {name}: {(time.process_time() - began) * asked.rate / asked.frames:.1f} CPU s/s", flush=True
+            )
+
+
+PARTS = ("table", "recordings", "strengths", "fast", "cost", "ears", "floor")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.palm", description=__doc__.splitlines()[0])
     parser.add_argument("--part", choices=PARTS, nargs="+", default=["table"], help="(default table)")
-    parser.add_argument("--things", nargs="+", default=list(THINGS), help="(default all)")
+    parser.add_argument("--things", nargs="+", default=[], help="(default all of the part)")
     parser.add_argument("--ways", nargs="+", help="names of settings (default all)")
     parser.add_argument(
         "--weights", type=float, nargs="*", default=[], help="weights of a quiet palm instead of the guard"
@@ -193,15 +196,20 @@ def main() -> None:
     fast = fast_ways()
     if options.ways:
         ways, fast = ({name: each[name] for name in options.ways if name in each} for each in (ways, fast))
+    both = {name: each for name, each in ways.items() if name != "paper"}
     for part in options.part:
         if part == "table":
-            table(options.things, ways, plan)
+            table(options.things or THINGS, ways, plan)
+        elif part == "recordings":
+            table(options.things or (*TUNED, *UNSEEN), both, plan)
         elif part == "strengths":
-            strengths(options.things, options.strengths, plan)
+            strengths(options.things or THINGS, both, options.strengths, plan)
         elif part == "fast":
-            table(options.things, fast, plan)
+            table(options.things or THINGS, fast, plan)
+        elif part == "cost":
+            cost(options.things or ["towel"], both, plan)
         elif part == "ears":
-            ears(options.things, ways, plan)
+            ears(options.things or THINGS, ways, plan)
         else:
             floor(
                 options.units,

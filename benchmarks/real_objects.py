@@ -3,8 +3,8 @@
 Recordings with a low rate are sped up to 1 kHz, and one channel becomes a field through a disc of 20 mm that moves at
 50 mm/s; both are printed. `fidelity`: one recording of each collection in the paper's and the best mode, on nominal
 transducers and on transducers with individual resonance, quality factor and strength, as in `midair paper --fidelity`
-with files; the paper's mode is solved as a whole. `materials`: strokes over seven fabrics, as in `midair paper
---materials --recordings`.
+with files; the paper's mode is solved as a whole. `materials`: strokes over seven fabrics, as in
+`python -m benchmarks.materials --recordings FOLDER`.
 """
 
 from __future__ import annotations
@@ -14,28 +14,24 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
 from benchmarks.clock import load, timed
+from benchmarks.materials import MaterialsPlan, materials_table
 from benchmarks.places import ratio_at
+from benchmarks.real_pressure import DATA, RATE, flat_30_pa, over_the_sensor
 from midair.files import open_take, save
-from midair.model import Calibration, Recording
-from midair.paper import FidelityPlan, MaterialsPlan, fidelity_table, materials_table
+from midair.model import Recording
+from midair.paper import FidelityPlan, fidelity_table
 from midair.paper.modes_compared import at_strength, original_of
 from midair.physics import PlaybackChain, Transducers
 from midair.pipeline import reproduce, required_lead
-from midair.recordings import Footprint, footprint_field
 from midair.settings import Mode, paper_mode
 from midair.solvers import one_blas_thread
 from midair.targets import add_lead
 
-HERE = Path(__file__).parents[1].parent / "shared" / "data"
-RATE = 1000.0
-
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.real_objects", description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=HERE, help="folder with fabricslide, hapmat and audio-to-tactile")
+    parser.add_argument("--data", type=Path, default=DATA, help="folder with fabricslide, hapmat and audio-to-tactile")
     parser.add_argument("--part", choices=("fidelity", "materials"), nargs="*", default=["fidelity", "materials"])
     parser.add_argument(
         "--mode", choices=("best", "quick"), default="best", help="mode to compare with the paper's (default best)"
@@ -64,16 +60,9 @@ def fast(recording: Recording) -> Recording:
     return replace(recording, rate=RATE)
 
 
-def over_the_sensor(recording: Recording) -> Recording:
-    """Field of a waveform under a disc that moves back and forth over 4 x 4 cells."""
-    return footprint_field(recording, Footprint(turn="back"))
-
-
 def kept(recording: Recording, path: Path) -> Path:
     """Save a recording with a calibration that makes its largest change 30 Pa."""
-    samples = np.asarray(recording.samples, float)
-    change = float(np.abs(samples - np.median(samples, axis=0)).max())
-    save(recording, path, calibration=Calibration.flat(recording.sensor, sensitivity=change / 30, unit=recording.unit))
+    save(recording, path, calibration=flat_30_pa(recording))
     return path
 
 

@@ -4,6 +4,9 @@ Three random sequences with fixed seeds, and the package's denim sample, with mi
 targets. Paper's mode: 1 kHz, strength .1; the plain form of the paper's method solves only the first frames. Best mode:
 4 kHz, strength .15, guard. One run, one BLAS thread. `was` is the former best mode: `fast`, 320 iterations, --smooth
 0.2, a ceiling of .6.
+`kinds`: eight recordings in the place of A to H of an earlier check (strokes A, B; sixteen taxels C; a waveform under
+a disc D, E, and on 3 x 3 cells H; test signals F, and G with sixteen independent channels) in a mode: as
+modelled, on unknown and on measured arrays. Files are from ../shared/data.
 Times are CPU times of this process including set-up, except for those labelled wall.
 """
 
@@ -13,22 +16,33 @@ import argparse
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_info
 
 from benchmarks.clock import fastest, frame_times, heading, line, load, timed
+from benchmarks.measured_array import kept
+from benchmarks.real_pressure import pressure as real_pressure
 from benchmarks.sequence import warm
 from benchmarks.targets import ARRAY, moving_blob, problem_of, towel
 from benchmarks.yardstick import plain
 from midair.datasets import sample, stroke
 from midair.dsp import resample
+from midair.evaluate import TOUCHED, StageOutput, budget
 from midair.model import Acoustics, Calibration, PressureFrames, Provenance, SensorGrid, TransducerArray
 from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
-from midair.physics import focus_amplitude, transfer_matrix
-from midair.pipeline import calibrated_pressure, required_lead, resample_pressure, target_amplitude
-from midair.rig import BudgetPlan, array_of_kind, error_budget
-from midair.settings import Settings, best_mode, paper_mode
+from midair.physics import Transducers, cell_weights, focus_amplitude, simulate, transfer_matrix
+from midair.pipeline import (
+    Reproduction,
+    calibrated_pressure,
+    reproduce,
+    required_lead,
+    resample_pressure,
+    target_amplitude,
+)
+from midair.rig import BudgetPlan, VirtualRig, array_of_kind, error_budget
+from midair.settings import MODES, Mode, Settings, best_mode, paper_mode
 from midair.solvers import (
     Fast,
     Glide,
@@ -46,18 +60,34 @@ from midair.solvers.backend import backend
 from midair.solvers.field_operators import FieldOperators
 from midair.solvers.folding import Dense
 from midair.solvers.terms import CellTarget, GuardField, Smooth
+from midair.targets import add_lead
 
 RATE = 8000.0
-PARTS = ("paper", "best", "fold", "skin", "jobs", "live")
+PARTS = ("paper", "best", "fold", "skin", "jobs", "live", "kinds")
+KINDS = {
+    "A": "towel",
+    "B": "sponge",
+    "C": "linen",
+    "D": "stick on metal",
+    "E": "connect",
+    "F": "25+250 Hz",
+    "G": "noise",
+    "H": "stick on paper, 3 x 3 cells",
+}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.recordings", description=__doc__.splitlines()[0])
-    parser.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these parts (default all)")
+    parser.add_argument(
+        "--part", choices=PARTS, nargs="*", default=list(PARTS[:-1]), help="only these parts (default all but kinds)"
+    )
     parser.add_argument(
         "--plain-frames", type=int, default=60, help="frames of a sequence for the plain form (default 60)"
     )
     parser.add_argument("--length", type=float, default=1.0, help="factor for the length of all sequences (default 1)")
+    parser.add_argument("--kinds", choices=KINDS, nargs="+", default=list(KINDS), help="only these kinds (default all)")
+    parser.add_argument("--mode", choices=("best", "finest"), default="best", help="mode of the kinds (default best)")
+    parser.add_argument("--keep", type=Path, help="folder for measured arrays, which are then reused")
     options = parser.parse_args()
     kernel = ", ".join(sorted({each["architecture"] for each in threadpool_info() if "numpy" in each["filepath"]}))
     print(f"{load()}; kernel {kernel}")
@@ -70,6 +100,7 @@ def main() -> None:
                 "skin": skin,
                 "jobs": lambda: jobs(options.length),
                 "live": lambda: live(1.2 * options.length),
+                "kinds": lambda: kinds(options.kinds, options.mode, 0.3 * options.length, options.keep),
             }[part]()
 
 
@@ -308,6 +339,56 @@ def live(seconds: float) -> None:
             *np.percentile(wall, [50, 99]),
             digits="442222",
         )
+
+
+def kinds(chosen: list[str], mode: Mode, seconds: float, keep: Path | None) -> None:
+    """Signal to distortion of touched cells and of all cells, by array, for eight kinds of recordings."""
+    settings = MODES[mode]()
+    room = VirtualRig(acoustics=settings.acoustics)
+    alike = Transducers.alike(room.array.count, settings.compensation.dynamics)
+    arrays = {"as modelled": replace(room, transducers=alike)}
+    arrays |= {f"unknown {seed}": replace(room, seed=seed) for seed in (0, 7, 11)}
+    arrays |= {"unknown, boards": replace(room, spread="boards")}
+    print(f"dB: touched cells / all cells on the skin; at the sensor with / without its noise; {load()}")
+    print("| | | " + " | ".join([*arrays, "measured 0", "at the sensor", "CPU s"]) + " |\n" + "| --- " * 10 + "|")
+    for kind in chosen:
+        start, plan = time.process_time(), FidelityPlan(duration=seconds, rig=room)
+        found = real_pressure(KINDS[kind], settings, seconds)
+        original = original_of(KINDS[kind], plan, settings) if found is None else found
+        asked = at_strength(original, settings, plan)
+        lead = required_lead(asked)
+        made = reproduce(add_lead(original, lead), room.array, asked)
+        cells = [on_skin(original, made, replace(rig, cells=original.sensor)) for rig in arrays.values()]
+        calibration = kept(room, 8.0, keep)
+        played = BudgetPlan(
+            settings=asked.measured(calibration),
+            rig=replace(room, cells=original.sensor),
+            lead=lead,
+            measured=calibration.applied(room.array),
+        )
+        measured = error_budget(original, played)
+        skin, sensor = (measured.stage(stage).so_far for stage in ("silencer", "sensor"))
+        clean = sensor.ratios[f"{TOUCHED}, without noise"][0]
+        cells += [
+            f"{skin.distortion_ratio:.1f} / {skin.overall_ratio:.1f}",
+            f"{sensor.distortion_ratio:.1f} / {clean:.1f}",
+        ]
+        print(f"| {kind} | {KINDS[kind]} | {' | '.join(cells)} | {time.process_time() - start:.0f} |", flush=True)
+
+
+def on_skin(original: PressureFrames, made: Reproduction, rig: VirtualRig) -> str:
+    """Signal to distortion of touched cells and of all cells, without a sensor, as in the error budget."""
+    drive, asked, skin = made.solution.drive, made.pressure, rig.skin()
+    around = rig.acoustics or drive.acoustics
+    G = transfer_matrix(skin.points, rig.array, acoustics=around)
+    weights = cell_weights(rig.sensor_model, skin.points, between="waves")
+    pressure = simulate(drive, G, chain=rig.array_device().chain, rate=skin.rate, acoustics=around, weights=weights)
+    # A sample is the end of its interval; the first frame begins in silence.
+    cells = np.concatenate([np.zeros_like(pressure[:1]), pressure[:-1]]).reshape(-1, *asked.sensor.shape)
+    output = StageOutput(name="skin", what="", pressure=replace(asked, pressure=cells, rate=skin.rate))
+    part = ((asked.frames - original.frames) / 2 / asked.rate, original.frames / original.rate)
+    found = budget(asked, [output], strength=made.strength(), judged=part).stages[0].so_far
+    return f"{found.distortion_ratio:.1f} / {found.overall_ratio:.1f}"
 
 
 _NOISE = 34

@@ -20,6 +20,7 @@ NO_PROGRAMS = {
     "targets",
     "yardstick",
     "peers",
+    "real_pressure",
     "limits",
     "sequence",
     "static",

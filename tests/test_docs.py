@@ -98,6 +98,17 @@ def test_the_python_of_the_settings_page_runs(folder):
         exec(script, {})
 
 
+def test_the_page_on_trackers_reads_a_pose(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("hand.csv").write_text("time,x,y,z,nx,ny,nz,dx,dy,dz,confidence\n0,0,0.1,0.2,0,0,-1,0,1,0,1\n")
+    Path("leap.toml").write_text(blocks("docs/follow.md", "toml")[0])
+    (script,) = blocks("docs/follow.md", "python")
+    names = {}
+    exec(script, names)
+    assert names["pose"].centre[0] == pytest.approx([0, -0.22, 0.215])
+    assert names["lines"] == []
+
+
 def test_the_python_of_the_page_on_air_runs(folder):
     (script,) = blocks("docs/air.md", "python")
     names = {}

@@ -14,7 +14,7 @@ import pytest
 import soundfile
 
 from midair.cli import run
-from midair.files import load_palm, load_placement, open_take, save, save_calibration
+from midair.files import load_palm, load_placement, load_tracker, open_take, save, save_calibration
 from midair.files.toml.sensors import load_sensor
 from midair.model import Crosstalk, Recording
 from midair.recordings import cut
@@ -46,6 +46,7 @@ NEEDS = {
     "midair identify lsl:Skin": "a sensor over LSL",
     "midair calibrate beam lsl:Skin": "a sensor over LSL and an array",
     "midair calibrate array lsl:Skin": "a sensor over LSL and an array",
+    "midair calibrate tracker leap:": "a tracker and an array: tests/rig/bench/test_tracker_bench.py",
     "midair studio": "a browser: tests/studio",
     "midair study new touch": "minutes: tests/study/test_drives.py makes smaller ones",
     "midair study run touch": "a person: tests/cli/commands/study/test_running.py",
@@ -114,6 +115,10 @@ def palm(path):
     assert load_palm(path).name == "left hand"
 
 
+def tracker(path):
+    assert load_tracker(path).offset[2] == 0.015
+
+
 def placement(path):
     assert len(load_placement(path).array().position) == 2 * 249
 
@@ -128,6 +133,7 @@ def settings(path):
 
 TOMLS = {
     "docs/build-a-sensor.md": [sensor],
+    "docs/follow.md": [tracker],
     "docs/palm.md": [palm],
     "docs/play-on-your-array.md": [placement],
     "docs/settings.md": [settings],

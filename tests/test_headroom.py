@@ -6,9 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from midair.datasets import sample
 from midair.headroom import _at_point, headroom, level_of, linear_range, thinned
-from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance, TransducerArray
-from midair.physics import radiation_pressure, sound_amplitude, transfer_matrix
+from midair.model import AmplitudeFrames, Calibration, ControlGrid, Medium, Provenance, TransducerArray
+from midair.physics import PlaybackChain, Transducers, radiation_pressure, simulate, sound_amplitude, transfer_matrix
+from midair.pipeline import calibrated_pressure, reproduce
+from midair.settings import finest_mode
 from midair.solvers import solve
 from midair.streaming import BYTES, LazyFrames
 
@@ -75,6 +78,38 @@ def test_a_wave_of_20_pa_is_reproduced():
     assert dict(told.rows())["requested"].startswith("20 Pa at most")
 
 
+def top_on_palm(drive, height, pitch):
+    """Highest pressure of simulated playback on a palm of 85 mm, with transducers that follow slowly."""
+    x, y = np.meshgrid(*2 * [np.arange(-42.5e-3, 42.6e-3, pitch)])
+    palm = np.stack([x, y, np.full_like(x, height)], axis=-1)[np.hypot(x, y) <= 42.5e-3]
+    G = transfer_matrix(palm, drive.array, acoustics=drive.acoustics)
+    chain = PlaybackChain(transducers=Transducers.alike(drive.array.count))
+    return simulate(drive, G, chain=chain, rate=drive.rate).max()
+
+
+@pytest.mark.parametrize("focus", [(0.0, 0.0), (7.3e-3, -2.1e-3)], ids=str)
+def test_the_peak_is_that_of_the_loudest_point_of_the_palm(focus):
+    """It is not at a control point, and not in one of the 100 frames with the most power."""
+    array, grid = TransducerArray.autd3(columns=2, rows=1), ControlGrid(rows=6, columns=6, pitch=11e-3)
+    at = np.hypot(grid.position[:, 0] - focus[0], grid.position[:, 1] - focus[1])
+    sharp, broad = 900.0 * np.exp(-((at / 9e-3) ** 2)), np.full(36, 400.0)
+    wanted = AmplitudeFrames(amplitude=[sharp] * 20 + [broad] * 100, rate=1000.0, grid=grid)
+    made = solve(wanted, array, method="gs", iterations=10)
+    top = top_on_palm(made.drive, grid.height, pitch=1e-3)
+    assert level_of(made, wanted, limits=False).peak == pytest.approx(top, rel=0.05)
+    assert top > 1.1 * radiation_pressure(made.drive.q @ transfer_matrix(grid, array).T, Medium()).max()
+
+
+@pytest.mark.long
+def test_the_peak_of_a_recording_in_the_finest_mode():
+    settings, array = finest_mode().but(strength=0.15), TransducerArray.autd3(columns=2, rows=1)
+    denim = replace(sample("denim"), rate=500.0)
+    flat = Calibration.flat(denim.sensor, sensitivity=1.0, unit=denim.unit)
+    made = reproduce(calibrated_pressure(denim, flat, settings.but(band=(20.0, 200.0))).cut(0.4, 0.05), array, settings)
+    top = top_on_palm(made.solution.drive, settings.target.grid.height, pitch=1e-3)
+    assert level_of(made.solution, made.target, limits=False).peak == pytest.approx(top, rel=0.05)
+
+
 def test_the_lead_does_not_count():
     bare, led = level(20.0), level(20.0, lead=60)
     assert led.steady == pytest.approx(bare.steady)
@@ -96,7 +131,9 @@ def test_above_the_linear_range_it_gives_advice():
 
 def test_plain_values_carry_their_units():
     plain = level(20.0).plain()
-    assert {"strength", "asked_pa", "steady_pa", "vibration_pa", "linear_pa", "comes", "too_loud"} < set(plain)
+    assert {"strength", "asked_pa", "steady_pa", "vibration_pa", "linear_pa", "peak_pa", "comes", "too_loud"} < set(
+        plain
+    )
     assert {"height_m", "focus_pa", "even_pa", "most_pa", "swing_pa"} == set(plain["can_be_had"])
 
 

@@ -5,9 +5,17 @@ import pytest
 
 from midair.errors import InputError, RateError
 from midair.model import ControlGrid, PressureFrames, Provenance, Recording, TransducerArray
-from midair.physics import Transducers, focus_amplitude
-from midair.pipeline import calibrated_pressure, reproduce, reproduce_stream, resample_pressure, target_amplitude
+from midair.physics import Transducers, focus_amplitude, transfer_matrix
+from midair.pipeline import (
+    calibrated_pressure,
+    compensate_envelope,
+    reproduce,
+    reproduce_stream,
+    resample_pressure,
+    target_amplitude,
+)
 from midair.settings import Settings
+from midair.solvers import QuietPalm, solve
 from midair.targets import Circle
 
 SMALL = TransducerArray.autd3(columns=1, rows=1)
@@ -141,6 +149,25 @@ def measured():
     """A unit with measured transducers, each with its own pole."""
     found = Transducers.varied(SMALL.count, seed=5, gain_spread=0.05, resonance_spread=50, quality_spread=0.05)
     return replace(SMALL, response=found.response, pole=found.pole)
+
+
+def test_envelopes_of_a_nominal_array_are_predicted_on_request():
+    """With a quiet palm, the correction also covers the points of the palm."""
+    settings = Settings().but(rate=2000.0, mapping="slow-bias", method="naive", predict=True)
+    settings = settings.but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3))
+    pressure = resample_pressure(calibrated_pressure(recording(), None, settings).cut(0.1, 0.02), 2000.0)
+    target = target_amplitude(pressure, settings)
+    plain = solve(target, SMALL, method="naive", acoustics=settings.acoustics)
+    corrected, quiet = (
+        next(compensate_envelope(iter([plain]), target, SMALL, settings.but(quiet_palm=weight))).drive
+        for weight in (0.0, 0.1)
+    )
+    G = transfer_matrix(QuietPalm().points(settings.target.grid), SMALL, acoustics=settings.acoustics)
+    beside = [float((np.abs(drive.q @ G.T) ** 4).sum()) for drive in (corrected, quiet)]
+    assert not np.array_equal(plain.drive.phase, corrected.phase)
+    assert beside[1] < 0.5 * beside[0]
+    unchanged = next(compensate_envelope(iter([plain]), target, SMALL, settings.but(predict=False)))
+    assert unchanged is plain
 
 
 @pytest.mark.parametrize(("mapping", "foreseen"), [("slow-bias", 1), ("half-wave", 0)])

@@ -80,6 +80,7 @@ RUN = {
     "README.md": 1,
     "docs/air.md": 1,
     "docs/build-a-sensor.md": 1,
+    "docs/follow.md": 1,
     "docs/live.md": 2,
     "docs/settings.md": 2,
     "docs/start.md": 1,

@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from midair.rig import live as live
     from midair.rig import loop as loop
     from midair.rig import open_rig as open_rig
+    from midair.rig import open_tracker as open_tracker
     from midair.rig import play as play
     from midair.rig import record as record
     from midair.settings import Settings as Settings

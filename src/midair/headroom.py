@@ -4,7 +4,7 @@ An array of transducers of equal amplitude produces one strong focus or a weaker
 level the produced pressure follows the requested one; beyond it, it saturates.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 
@@ -19,6 +19,7 @@ from midair.model import (
     AmplitudeFrames,
     ControlGrid,
     Drive,
+    Palm,
     SensorGrid,
     Solution,
     TransducerArray,
@@ -74,6 +75,8 @@ class PressureLevel:
     """Rms of the vibration in the band at the same point, in Pa."""
     comes: float
     """Ratio of predicted to requested pressure in the loudest frames."""
+    peak: float
+    """Highest predicted pressure at any point of a palm of 85 mm, in Pa."""
     linear: float | None = None
     """Highest pressure at a control point for which the loudest pattern is in the linear range, in Pa, if computed."""
     headroom: Headroom | None = None
@@ -106,12 +109,16 @@ class PressureLevel:
                 f"{_pa(self.asked)} at most, strength {self.strength:.3f}; at that point {_pa(self.steady)} steady "
                 f"and {_pa(self.vibration)} rms of vibration",
             ),
-            ("predicted", f"{100 * self.comes:.0f} % of it in the loudest frames (model prediction){full}"),
+            (
+                "predicted",
+                f"{100 * self.comes:.0f} % of it in the loudest frames (model prediction){full}; {_pa(self.peak)} at "
+                "the loudest point of the palm",
+            ),
         ]
 
     def plain(self) -> dict[str, object]:
         """Dictionary for JSON, pressures in Pa."""
-        own = {f"{name}_pa": getattr(self, name) for name in ("asked", "steady", "vibration", "linear")}
+        own = {f"{name}_pa": getattr(self, name) for name in ("asked", "steady", "vibration", "linear", "peak")}
         plain: dict[str, object] = {"strength": self.strength, **own, "comes": self.comes, "too_loud": self.too_loud}
         if self.headroom is not None:
             head = {f"{name}_pa": value for name, value in asdict(self.headroom).items() if name != "height"}
@@ -148,12 +155,15 @@ def level_of(
     pattern = read_frames(target.amplitude, loudest, loudest + 1)[0]
     focus = focus_amplitude(target.grid, drive.array, acoustics=drive.acoustics)
     asked = float(radiation_pressure(np.array(sums.max()), medium))
+    powerful = _highest(target, piece, lambda block: (block**2).sum(axis=1), count=16)
+    highest = _highest(target, piece, lambda block: block.max(axis=1), count=64)
     return PressureLevel(
         strength=float(np.sqrt(asked / radiation_pressure(np.array(focus), medium))),
         asked=asked,
         steady=float(pressure.mean()),
         vibration=float(np.sqrt((vibration**2).mean())),
-        comes=_pressure_ratio(drive, target, _loud_frames(target, piece)),
+        comes=_pressure_ratio(drive, target, powerful),
+        peak=_peak_on_palm(_frames_of(drive, highest), target.grid),
         linear=linear_range(drive.array, target.grid, pattern**2, drive.acoustics)[0] if limits else None,
         headroom=headroom(drive.array, target.grid, drive.acoustics) if limits else None,
     )
@@ -240,10 +250,10 @@ def _loudest(target: AmplitudeFrames, piece: slice) -> tuple[int, int, Array]:
     return frame, int(top.argmax()), top
 
 
-def _loud_frames(target: AmplitudeFrames, piece: slice, *, count: int = 16) -> list[int]:
-    """The `count` frames with the highest power."""
-    power = np.concatenate([(block**2).sum(axis=1) for _, block in _blocks(target, piece)])
-    return [piece.start + int(frame) for frame in np.argsort(power)[::-1][:count]]
+def _highest(target: AmplitudeFrames, piece: slice, of: Callable[[Array], Array], *, count: int) -> list[int]:
+    """The `count` frames with the highest value of a function of a block of frames."""
+    value = np.concatenate([of(block) for _, block in _blocks(target, piece)])
+    return [piece.start + int(frame) for frame in np.argsort(value)[::-1][:count]]
 
 
 def _at_point(target: AmplitudeFrames, piece: slice, point: int) -> Array:
@@ -260,14 +270,37 @@ def _blocks(target: AmplitudeFrames, piece: slice) -> Iterator[tuple[int, Array]
 
 def _pressure_ratio(drive: Drive, target: AmplitudeFrames, frames: list[int]) -> float:
     """Least-squares ratio of produced to requested pressure over some frames in steady state."""
-    medium = drive.acoustics.medium
-    phase, level, wanted = (
-        np.concatenate([read_frames(each, one, one + 1) for one in frames])
-        for each in (drive.phase, drive.level, target.amplitude)
-    )
-    part = Drive(phase=phase, level=level, rate=drive.rate, array=drive.array, acoustics=drive.acoustics)
+    medium, part = drive.acoustics.medium, _frames_of(drive, frames)
+    wanted = np.concatenate([read_frames(target.amplitude, one, one + 1) for one in frames])
     chosen, grid = thinned(target.grid)
     G = transfer_matrix(grid, drive.array, acoustics=drive.acoustics)
     asked, pressed = radiation_pressure(wanted[:, chosen], medium), radiation_pressure(part.q @ G.T, medium)
     power = float((asked**2).sum())
     return float((asked * pressed).sum() / power) if power > 0 else 1.0
+
+
+def _frames_of(drive: Drive, frames: list[int]) -> Drive:
+    phase, level = (
+        np.concatenate([read_frames(each, one, one + 1) for one in frames]) for each in (drive.phase, drive.level)
+    )
+    return Drive(phase=phase, level=level, rate=drive.rate, array=drive.array, acoustics=drive.acoustics)
+
+
+def _peak_on_palm(drive: Drive, grid: ControlGrid, *, candidates: int = 12) -> float:
+    """Highest steady pressure in Pa on a palm around the control points: every 2.5 mm, then every .5 mm."""
+    palm = Palm.disc()
+    skin = palm.grid(grid.height).position[palm.inside.ravel()] + [*grid.centre, 0.0]
+
+    def pressure(q: NDArray[np.complex128], points: Array) -> Array:
+        G = transfer_matrix(points, drive.array, acoustics=drive.acoustics)
+        return radiation_pressure(q @ G.T, drive.acoustics.medium)
+
+    coarse = pressure(drive.q, skin)
+    steps = np.linspace(-palm.pitch / 2, palm.pitch / 2, 6)
+    around = np.stack([*np.meshgrid(steps, steps), np.zeros((6, 6))], axis=-1).reshape(-1, 3)
+    # The highest points of the frame in which each is highest.
+    points = np.argsort(coarse.max(axis=0))[-candidates:]
+    return max(
+        float(pressure(drive.q[frame], skin[point] + around).max())
+        for point, frame in zip(points, coarse[:, points].argmax(axis=0), strict=True)
+    )

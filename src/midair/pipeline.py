@@ -25,7 +25,17 @@ from midair.model import (
 )
 from midair.physics import Transducers, check_frame_rate, focus_amplitude
 from midair.settings import Settings
-from midair.solvers import Cells, PressureMeans, Windows, check_memory, memory_of, one_blas_thread, solve, solve_parts
+from midair.solvers import (
+    Cells,
+    PressureMeans,
+    QuietPalm,
+    Windows,
+    check_memory,
+    memory_of,
+    one_blas_thread,
+    solve,
+    solve_parts,
+)
 from midair.streaming import pad_with_silence
 from midair.targets import decouple, default_lead, precompensate, precompensate_sound, prepare
 
@@ -174,20 +184,25 @@ def solve_with(
 def compensate_envelope(
     parts: Iterator[Solution], target: AmplitudeFrames, array: TransducerArray, settings: Settings
 ) -> Iterator[Solution]:
-    """Correct solutions for a measured array by predicting the envelopes of its transducers.
+    """Correct solutions by predicting the envelopes of the transducers, as measured or as the settings assume them.
 
-    Solutions are unchanged if the transducers were not measured, or with half-wave mapping: cells that are silent half
-    of the time have zero slope.
+    Solutions are unchanged if the transducers were not measured and the settings ask for no prediction, or with
+    half-wave mapping: cells that are silent half of the time have zero slope.
     """
-    if not len(array.pole) or settings.target.mapping == "half-wave":
+    chosen, quiet = settings.compensation, QuietPalm.of(settings.solver.quiet_palm)
+    if not (len(array.pole) or chosen.predict) or settings.target.mapping == "half-wave":
         yield from parts
         return
     means = PressureMeans.of(settings.solver.fit) or Windows()
+    alike = Transducers.alike(array.count, chosen.dynamics)
     foresight = EnvelopePrediction(
-        transducers=Transducers(pole=array.pole, response=array.response),
-        dynamics=settings.compensation.dynamics,
+        transducers=Transducers(pole=array.pole if len(array.pole) else alike.pole, response=array.response),
+        dynamics=chosen.dynamics,
         places=means.sensor if isinstance(means, Cells) else means.places(target.grid),
-        linear=settings.compensation.compensate,
+        silent=quiet.points(target.grid) if isinstance(quiet, QuietPalm) else np.empty((0, 3)),
+        linear=chosen.compensate,
+        # A drive for a whole palm has more places to correct.
+        iterations=16 if chosen.predict else 8,
     )
     blocks = foresight.corrected(parts, target)
     while True:

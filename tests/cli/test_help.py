@@ -33,6 +33,7 @@ EXAMPLES = [line for below in ALL.values() if below.default_command for line in 
 HARDWARE = [
     'midair record "lsl:Skin?unit=V" --object towel --repeats 5',
     "midair play take.drive.h5 --device autd3",
+    "midair calibrate tracker leap: leap.toml --device autd3",
     "midair stop --watch serial:/dev/ttyUSB0",
     "midair live --listen 0.0.0.0:5005 --key touch.key --device autd3",
     'midair live --to lab.example:5005 --key touch.key --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5',

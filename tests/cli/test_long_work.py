@@ -53,7 +53,6 @@ LINES = {
     "paper figures --figure 9": NOTHING,
     "paper figures --figure 4 --mode paper --duration 0.08s": NOTHING,
     "paper figures --fidelity --mode paper --things noise --duration 0.04s --iterate 0": NOTHING,
-    "paper figures --materials --mode paper --strokes 3 --duration 0.06s": NOTHING,
     "doctor": NOTHING,
     "sweep patterns s.zarr --count 4 --curves 0 --workers 1": (
         "the results so far are stored; run the same command again to resume"

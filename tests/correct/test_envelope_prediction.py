@@ -70,6 +70,19 @@ def test_the_predicted_error_is_corrected(asked):
     np.testing.assert_array_equal(mended.drive.level, solution.drive.level)
 
 
+def test_silent_points_stay_silent(asked):
+    """Without them, the correction raises the pressure beside the places."""
+    solution, target = asked
+    points = np.array([[x, y, 0.12] for x in (-30e-3, 30e-3) for y in (-10e-3, 0, 10e-3)])
+    G = transfer_matrix(points, ARRAY)
+    way = replace(WAY, iterations=20)
+    loud, quiet = (
+        np.abs(Solution.joined(list(each.corrected(iter([solution]), target))).drive.q @ G.T) ** 2
+        for each in (way, replace(way, silent=points))
+    )
+    assert quiet.mean() < 0.9 * loud.mean()
+
+
 def test_blocks_are_the_same_bits_whatever_the_parts(asked):
     solution, target = asked
     whole = list(WAY.corrected(iter([solution]), target))

@@ -81,7 +81,7 @@ def solution(provenance: Provenance) -> Solution:
     rng = np.random.default_rng(9)
     array = TransducerArray.autd3(columns=1, rows=1)
     drive = Drive(
-        phase=rng.uniform(-np.pi, np.pi, (4, array.count)),
+        phase=rng.integers(0, 256, (4, array.count)) / (256 / (2 * np.pi)),
         level=rng.random(4),
         rate=1000,
         array=array,
@@ -95,7 +95,7 @@ def solution(provenance: Provenance) -> Solution:
 @pytest.fixture(scope="session")
 def target(solution: Solution) -> AmplitudeFrames:
     grid = ControlGrid(rows=2, columns=3, pitch=4e-3, height=0.15, centre=(1e-3, -2e-3))
-    amplitude = np.random.default_rng(10).random((4, 6)) * 3000
+    amplitude = np.float32(np.random.default_rng(10).random((4, 6)) * 3000)
     return AmplitudeFrames(amplitude=amplitude, rate=1000, grid=grid, provenance=Provenance(source="prepare"))
 
 

@@ -34,6 +34,7 @@ from midair.model import (
     StageSetup,
     StageStamp,
     Step,
+    TrackerPlacement,
     TransducerArray,
 )
 from midair.model.reprs import clipped, clipped_list, counted, frames_and_duration, short, span
@@ -139,6 +140,7 @@ ORDINARY = {
     "StageStamp": StageStamp(time=0.25, position=(0.02, 0.05, -0.012), feed=0.05),
     "Step": Step(stage="cut", settings={"start_s": 0.5}),
     "TransducerArray": FOUR,
+    "TrackerPlacement": TrackerPlacement(offset=[0, 0, 0.05], uncertainty=8e-4),
 }
 ORDINARY["Solution"] = solution(ORDINARY["Drive"])
 """One ordinary object of each data class."""
@@ -169,6 +171,7 @@ SAYS = {
     "StageSetup": ["heading='+x'", "contact=-0.012", "homing='switches'"],
     "StageStamp": ["time=0.25", "feed=0.05"],
     "Step": ["cut: start_s=0.5"],
+    "TrackerPlacement": ["(0, 0, 50) mm", "uncertainty 0.8 mm"],
     "TransducerArray": ["AUTD3 2 x 2, 996 transducers in 4 units, 365 x 283 mm, 40 kHz, 4.39 Pa m each"],
 }
 

@@ -97,7 +97,7 @@ def test_settings_of_the_modes():
     assert quick.but(method=best.solver.method) == best
     finest = finest_mode()
     assert finest.solver.quiet_palm
-    assert finest.but(quiet_palm=0.0) == best
+    assert finest.but(quiet_palm=0.0, fit="windows", level=1.0, amplitudes="equal", predict=False) == best
 
 
 def test_a_coarser_grid_spans_the_same_square():

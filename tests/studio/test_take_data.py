@@ -56,7 +56,8 @@ def test_target_and_played_field_match_the_frames_of_the_take(scene):
     field = played[:, ::2] + 1j * played[:, 1::2]
     drive = made.solution.drive
     exact = propagate(drive, made.target.grid, acoustics=drive.acoustics)[lead : lead + len(field)]
-    assert np.abs(field - exact).max() <= 2 * section.unit + 1e-3 * np.abs(exact).max()
+    # The file holds phases in 256 steps to a turn.
+    assert np.abs(field - exact).max() <= 2 * section.unit + 2e-3 * np.abs(exact).max()
 
 
 def test_phases_are_those_of_the_drive_in_256_steps(scene):

@@ -6,7 +6,6 @@ A calibration is measured against a reference (`measure_calibration`, `measure_t
 
 from .apply import CausalInverse as CausalInverse
 from .apply import Method as Method
-from .apply import StreamingInverse as StreamingInverse
 from .apply import calibrate as calibrate
 from .apply import causal_error as causal_error
 from .apply import causal_fir as causal_fir
@@ -33,6 +32,7 @@ from .measure import beam_field as beam_field
 from .measure import check_array as check_array
 from .measure import find_lag as find_lag
 from .measure import fit_array as fit_array
+from .measure import fit_tracker as fit_tracker
 from .measure import focus_position as focus_position
 from .measure import known_noise as known_noise
 from .measure import measure_beam as measure_beam

@@ -10,7 +10,7 @@ from typing import Any, cast
 from rich.table import Table
 
 from midair.cli.console import out, print_note
-from midair.evaluate import RATIOS, Comparison, PalmFidelity, PerceptualMetrics, ratio_text
+from midair.evaluate import OVERALL, RATIOS, Comparison, LaboratoryLoss, PalmFidelity, PerceptualMetrics, ratio_text
 from midair.files import load_array_calibration, open_take
 from midair.model import PressureFrames, Provenance, TransducerArray
 from midair.pipeline import calibrated_pressure
@@ -109,6 +109,23 @@ def print_palm(palm: PalmFidelity) -> None:
     moved = ", ".join(f"{ratio:.1f} dB ({name})" for name, ratio in palm.displacement.items())
     out().print(f"  displacement {moved}")
     out().print("    signal-to-distortion ratio in models of flat skin, not measured on people", style="dim")
+
+
+def print_laboratory(found: LaboratoryLoss) -> None:
+    """Print the part "palm and laboratory": what each uncertainty leaves, and all together."""
+    units = "measured transducers" if found.measured else "transducers that were not measured"
+    title = f"palm and laboratory, {units}: {found.nominal:.1f} dB without uncertainties, seed {found.seed}"
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table.add_column("uncertainty")
+    for head in ("stated", "median", "5 %", "95 %"):
+        table.add_column(head, justify="right")
+    table.add_row("", "k = 1", "dB", "dB", "dB", style="dim")
+    for name, stated, *ratios in found.rows():
+        table.add_row(name, stated, *(f"{ratio:.1f}" for ratio in ratios))
+    out().print()
+    out().print(table)
+    out().print(found.advice)
+    out().print(f"{OVERALL} on the cells of the moved palm, random draws; {RATIOS[OVERALL]}", style="dim")
 
 
 def print_side_by_side(outcomes: Sequence[Outcome]) -> None:

@@ -1,4 +1,4 @@
-"""Predict the pressure over time of a measured array, and correct the phases before anything is played.
+"""Predict the pressure over time of an array, and correct the phases before anything is played.
 
 A solver assumes a steady state in each frame, and precompensation of hold and transducers uses their mean. With the
 measured strength, phase and pole of each transducer, the pressure at the end of frame t is
@@ -11,12 +11,13 @@ frame can reach the target at so many places; but only the error in the band is 
 
     (|| F (P - P') ||^2 + slow || P - P' ||^2) / 2,  F a low-pass,
 
-becomes small with very small phase changes. It is minimised in blocks of frames, one after another, with the last
-frames before a block fixed and the first ones after it as they were solved.
+becomes small with very small phase changes. At points beside the square that are to stay silent, P' is 0. The cost is
+minimised in blocks of frames, one after another, with the last frames before a block fixed and the first ones after it
+as they were solved.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any, Literal
 
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array, Single
 from midair.errors import InputError
-from midair.model import AmplitudeFrames, ControlGrid, Drive, Provenance, Solution
+from midair.model import AmplitudeFrames, Drive, Provenance, Solution
 from midair.physics import (
     SensorModel,
     TransducerDynamics,
@@ -55,11 +56,11 @@ class EnvelopeTracking:
         cls,
         drive: Drive,
         transducers: Transducers,
-        grid: ControlGrid,
+        points: Array,
         weights: Array,
     ) -> "EnvelopeTracking":
-        """Make it for a drive's array and air, these transducers, and weights (place, point) of places on a grid."""
-        G = transfer_matrix(grid, drive.array.nominal, acoustics=drive.acoustics)
+        """Make it for a drive's array and air, these transducers, and weights (place, point) of places at points."""
+        G = transfer_matrix(points, drive.array.nominal, acoustics=drive.acoustics)
         unit = float(radiation_pressure(np.ones(1), drive.acoustics.medium)[0])
         stays = np.exp(transducers.pole / drive.rate)
         return cls(
@@ -163,11 +164,13 @@ class EnvelopePrediction:
     """Settings of the prediction and correction."""
 
     transducers: Transducers
-    """The measured transducers."""
+    """The transducers, as measured or as the settings assume them."""
     dynamics: TransducerDynamics
     """The dynamics that precompensation assumed."""
     places: SensorModel
     """Cells whose pressure is to match the target."""
+    silent: Array = field(default_factory=lambda: np.empty((0, 3)))
+    """Points whose pressure is to stay 0, shape (point, 3), in m."""
     linear: Literal["sound", "pressure"] = "sound"
     """The quantity that precompensation treated as linear in the drive."""
     highest: float = 600.0
@@ -253,15 +256,19 @@ class _PendingFrames:
     @classmethod
     def of(cls, settings: EnvelopePrediction, first: Solution, target: AmplitudeFrames) -> "_PendingFrames":
         """Start from silence."""
+        from scipy.linalg import block_diag
+
         grid, places = target.grid, settings.places
         target_weights = cell_weights(places, grid, centre=grid.centre, between="lines")
-        weights = cell_weights(places, grid, centre=grid.centre, between="waves")
+        on_grid = cell_weights(places, grid, centre=grid.centre, between="waves")
+        weights = block_diag(on_grid, np.eye(len(settings.silent)))
+        points = np.concatenate([grid.position, settings.silent])
         return cls(
             settings=settings,
-            tracking=EnvelopeTracking.of(first.drive, settings.transducers, grid, weights),
+            tracking=EnvelopeTracking.of(first.drive, settings.transducers, points, weights),
             target_weights=target_weights,
             solution=first,
-            wanted=np.zeros((0, len(target_weights)), np.float32),
+            wanted=np.zeros((0, len(weights)), np.float32),
             sound=np.zeros(grid.count, complex),
             start=np.zeros(first.drive.array.count, np.complex64),
         )
@@ -287,7 +294,8 @@ class _PendingFrames:
             sound[frame] = np.maximum(now.real, 0)
         sound = np.sqrt(sound) if squared else sound
         pressed = radiation_pressure(sound, drive.acoustics.medium) @ self.target_weights.T
-        return replace(self, wanted=np.concatenate([self.wanted, pressed.astype(np.float32)]), sound=now)
+        wanted = np.pad(pressed.astype(np.float32), ((0, 0), (0, len(self.settings.silent))))
+        return replace(self, wanted=np.concatenate([self.wanted, wanted]), sound=now)
 
     def corrected(self, count: int) -> "tuple[Solution, _PendingFrames]":
         """The next `count` frames, corrected, and the rest."""

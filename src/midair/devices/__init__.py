@@ -2,6 +2,7 @@
 
 from .arrays import BankedArray as BankedArray
 from .arrays import ImmediateArray as ImmediateArray
+from .arrays import ImmediateUnits as ImmediateUnits
 from .arrays import OpenMpdArray as OpenMpdArray
 from .arrays import Put as Put
 from .arrays import SilencerChoice as SilencerChoice
@@ -16,9 +17,12 @@ from .exposure_check import ExposureClearance as ExposureClearance
 from .exposure_check import check_exposure as check_exposure
 from .exposure_check import check_exposure_level as check_exposure_level
 from .exposure_check import check_exposure_parts as check_exposure_parts
+from .exposure_check import check_exposure_steered as check_exposure_steered
 from .exposure_check import felt_pressure_text as felt_pressure_text
 from .exposure_check import measure_exposure as measure_exposure
+from .frame_bytes import TICK as TICK
 from .frame_bytes import amplitude_of as amplitude_of
+from .frame_bytes import divider as divider
 from .frame_bytes import intensity_bytes as intensity_bytes
 from .frame_bytes import phase_bytes as phase_bytes
 from .interface import ArrayDevice as ArrayDevice
@@ -54,6 +58,18 @@ from .sensors import Source as Source
 from .sensors import Stream as Stream
 from .sensors import StreamedSensor as StreamedSensor
 from .sensors import Thermometer as Thermometer
+from .trackers import CONSTANT_ACCELERATION as CONSTANT_ACCELERATION
+from .trackers import CONSTANT_VELOCITY as CONSTANT_VELOCITY
+from .trackers import DAMPED_VELOCITY as DAMPED_VELOCITY
+from .trackers import LeapFrames as LeapFrames
+from .trackers import MotionModel as MotionModel
+from .trackers import PosePredictor as PosePredictor
+from .trackers import PoseSource as PoseSource
+from .trackers import RawPose as RawPose
+from .trackers import ReplaySource as ReplaySource
+from .trackers import Tracker as Tracker
+from .trackers import TrackerOptions as TrackerOptions
+from .trackers import TrackerStatus as TrackerStatus
 from .virtual import VirtualArray as VirtualArray
 from .virtual import VirtualSensor as VirtualSensor
 from .virtual import VirtualSkin as VirtualSkin

@@ -15,8 +15,16 @@ from numpy.typing import NDArray
 from midair.devices.frame_bytes import PHASE_STEPS, actual_level, amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.evaluate import SkinModel
-from midair.model import Drive, Medium, TransducerArray
-from midair.physics import Exposure, ExposureProfile, airs_of_room, exposure, greatest_exposure
+from midair.model import Drive, Medium, PalmPath, TransducerArray
+from midair.physics import (
+    Exposure,
+    ExposureProfile,
+    PoseBox,
+    airs_of_room,
+    exposure,
+    exposure_levels,
+    greatest_exposure,
+)
 from midair.streaming import LazyFrames, cached_blocks, each_frame
 
 Array = NDArray[np.float64]
@@ -87,6 +95,12 @@ class ExposureClearance:
     """Maximum level of frames that come later, 0 to 1."""
     factor: float = 1.0
     """Attenuation factor for frames that come later."""
+    box: PoseBox | None = None
+    """Poses to which frames that come later may be steered; None if they may not be steered."""
+    solved: Array | None = None
+    """Centre of the palm that they were solved for, shape (3,), in m."""
+    steps: int = PHASE_STEPS
+    """Phase steps per turn of the device."""
     _known: frozenset[bytes] = field(default=frozenset(), repr=False)
     _key: InitVar[object] = None
 
@@ -170,6 +184,41 @@ class ExposureClearance:
             if found.excess > 0:
                 raise ExposureError(f"frames: {found.verdict()} after attenuation; reduce the level of the drive")
         return replace(self, drive=weaker, _key=_KEY)
+
+    def steered(self, frames: Drive, poses: PalmPath | None) -> Drive:
+        """Clear frames that were steered to these poses; None for silent ones.
+
+        Unless a person is responsible, or the device has no sound, each frame is measured in the air of the room, and
+        weakened to the profile if it exceeds it.
+
+        Raises
+        ------
+        ExposureError
+            If a pose is outside the box, or a frame above the cleared level.
+        """
+        if self.box is None or self.solved is None:
+            raise ExposureError("steered frames: expected the clearance of check_exposure_steered(), got another one")
+        if poses is not None and not self.box.inside(poses, self.solved).all():
+            raise ExposureError("steered frames: expected poses in the box that was checked, got one outside")
+        own = replace(frames, array=self.array)
+        own = own if self.factor == 1 else _weakened(own, self.factor, self.exposure.profile.name)
+        if own.level.max(initial=0.0) > self.level + 1e-9:
+            raise ExposureError(
+                f"steered frames: expected at most {self.level:g} of full drive, got {own.level.max():g}"
+            )
+        if self.outcome == "overridden" or not self.gated or not own.level.any():
+            return own
+        played = replace(own, level=actual_level(own.level))
+        found = exposure_levels(played, self.exposure.profile, self.exposure.airs, steps=self.steps)
+        enforced = [place.limit if place.enforced else np.inf for place in self.exposure.profile.places]
+        excess = np.maximum((found - enforced).max(axis=1), 0.0)
+        loud = excess > 0
+        if not loud.any():
+            return own
+        # Rounded down to the firmware's steps; a tenth of a decibel covers the rounding of the search.
+        factors = np.where(loud, 10 ** (-(excess + 0.1) / 20), 1.0)
+        quiet = _strongest_below(own.level * (factors if own.level.ndim == 1 else factors[:, None]))
+        return replace(own, level=np.where(loud if own.level.ndim == 1 else loud[:, None], quiet, own.level))
 
     def verdict(self) -> str:
         """Outcome and reason in one line; for an attenuated drive also whether it can be felt."""
@@ -313,6 +362,41 @@ def check_exposure_parts(
     return _clearance(device, choices, found, outcome, repeats=repeats, factor=factor, _known=frozenset(known))
 
 
+def check_exposure_steered(
+    drive: Drive, device: ArrayInfo, choices: ExposureChoices, *, box: PoseBox, solved: Array, samples: Drive
+) -> ExposureClearance:
+    """Check a drive whose frames will be steered to the poses of a box while it plays.
+
+    The drive is measured as it was solved, and `samples`: some of its frames, steered to poses of the box. Every frame
+    is measured again once it was steered, by `ExposureClearance.steered`, before it sounds.
+
+    Parameters
+    ----------
+    device, choices
+        As in `check_exposure`.
+    box : PoseBox
+        Poses that are admitted, around the `solved` centre of the palm, shape (3,), in m.
+
+    Raises
+    ------
+    MismatchError, ExposureError
+        As in `check_exposure`.
+    """
+    own, others = (_measured(each, device, choices, 1) for each in (drive, samples))
+    found = replace(
+        own,
+        level=np.concatenate([own.level, others.level]),
+        air=np.concatenate([own.air, others.air]),
+        pressure=max(own.pressure, others.pressure),
+    )
+    outcome, factor = _decide(found, device, choices)
+    most = np.array([drive.level.max(initial=0.0)])
+    loudest = np.rint(255 * (most if factor == 1 else _strongest_below(most * factor))).astype(np.uint8)
+    level = float(np.maximum(loudest / 255, amplitude_of(loudest))[0])
+    cleared = _clearance(device, choices, found, outcome, level=level, factor=factor)
+    return replace(cleared, box=box, solved=solved, steps=device.steps_a_turn, _key=_KEY)
+
+
 def check_exposure_level(
     level: float, device: ArrayInfo, choices: ExposureChoices, *, rate: float
 ) -> ExposureClearance:
@@ -410,14 +494,19 @@ def _responsible_person(outcome: Outcome, choices: ExposureChoices) -> str:
 
 def _weakened(drive: Drive, factor: float, profile: str) -> Drive:
     """The drive at the strongest intensities of the firmware that meet the profile."""
-    steps = np.arange(256, dtype=np.uint8)
-    strength = np.maximum(steps / 255, amplitude_of(steps))
 
     def weakened(level: Array) -> Array:
-        return np.maximum(np.searchsorted(strength, level * factor, side="right") - 1, 0) / 255
+        return _strongest_below(level * factor)
 
     provenance = drive.provenance.then("attenuate", {"factor": factor, "profile": profile})
     return replace(drive, level=each_frame(drive.level, weakened), provenance=provenance)
+
+
+def _strongest_below(level: Array) -> Array:
+    """The highest intensities of the firmware whose level is at most this one."""
+    steps = np.arange(256, dtype=np.uint8)
+    strength = np.maximum(steps / 255, amplitude_of(steps))
+    return np.maximum(np.searchsorted(strength, level, side="right") - 1, 0) / 255
 
 
 def _fingerprint(drive: Drive) -> bytes:

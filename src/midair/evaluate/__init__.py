@@ -7,6 +7,7 @@ from .alignment import advance as advance
 from .alignment import find_delay as find_delay
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
+from .distortion import OVERALL as OVERALL
 from .distortion import RATIOS as RATIOS
 from .distortion import TOUCHED as TOUCHED
 from .distortion import Fidelity as Fidelity
@@ -22,6 +23,8 @@ from .error_budget import StageOutput as StageOutput
 from .error_budget import budget as budget
 from .ideal_rerecording import apply_band_twice as apply_band_twice
 from .ideal_rerecording import band_settling_frames as band_settling_frames
+from .laboratory_loss import ALL as ALL
+from .laboratory_loss import LaboratoryLoss as LaboratoryLoss
 from .leakage import Leak as Leak
 from .leakage import leak as leak
 from .leakage import surroundings as surroundings

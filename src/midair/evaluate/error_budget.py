@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.evaluate.distortion import Band, Fidelity, fidelity, finite
+from midair.evaluate.laboratory_loss import LaboratoryLoss
 from midair.evaluate.leakage import Leak
 from midair.evaluate.palm_metrics import PalmFidelity
 from midair.model import BAND, PressureFrames
@@ -79,6 +80,8 @@ class Budget:
     """Whether any part was simulated."""
     palm: PalmFidelity | None = None
     """Fidelity over a whole palm, if it was computed."""
+    laboratory: LaboratoryLoss | None = None
+    """Loss in a laboratory, if its uncertainties were stated."""
 
     def stage(self, name: str) -> StageLoss:
         """Return the line with this name."""
@@ -93,6 +96,7 @@ class Budget:
             "strength": self.strength,
             "stages": [stage.plain() for stage in self.stages],
             "palm": None if self.palm is None else self.palm.plain(),
+            "laboratory": None if self.laboratory is None else self.laboratory.plain(),
         }
 
     def __repr__(self) -> str:

@@ -1,11 +1,10 @@
 """Matplotlib figures and HTML pages with units on every axis; nothing here writes files."""
 
 from .calibration_sheet import calibration_figure as calibration_figure
-from .confusion_matrices import ConfusionPanel as ConfusionPanel
-from .confusion_matrices import confusion_figures as confusion_figures
 from .errors import ErrorSpread as ErrorSpread
 from .errors import budget_figure as budget_figure
 from .errors import error_figure as error_figure
+from .errors import laboratory_figure as laboratory_figure
 from .errors import passes_figure as passes_figure
 from .errors import trials_figure as trials_figure
 from .maps import PalmPanel as PalmPanel

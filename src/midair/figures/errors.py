@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from midair.evaluate import TOUCHED, Budget
+from midair.evaluate import ALL, OVERALL, TOUCHED, Budget, LaboratoryLoss
 from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import Solution
 
@@ -121,6 +121,22 @@ def budget_figure(budgets: Sequence[tuple[str, Budget]], *, style: Style | None 
     axes[-1, 1].set_xlabel("images, 530 to 1000 Hz, re the band (dB)", fontsize=9)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=3, fontsize=8, frameon=False)
+    return figure
+
+
+def laboratory_figure(found: LaboratoryLoss, *, style: Style | None = None) -> Figure:
+    """Draw the signal-to-distortion ratio that each uncertainty of a laboratory leaves, alone and all together."""
+    style, rows = style or Style(), found.rows()
+    figure = new_figure(6.4, 0.28 * len(rows) + 1.0, simulated=True, style=style)
+    axis = plain_axes(figure.subplots(), style)
+    for place, (name, _, middle, low, high) in zip(range(len(rows))[::-1], rows, strict=True):
+        colour = style.reproduced if name == ALL else style.before
+        axis.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.4, solid_capstyle="butt")
+        axis.plot(middle, place, "o", color=colour, markersize=5)
+    axis.axvline(found.nominal, color=style.original, linewidth=1)
+    names = [f"{name}, {stated}" if stated else name for name, stated, *_ in rows]
+    axis.set_yticks(range(len(rows))[::-1], names, fontsize=8)
+    axis.set_xlabel(f"{OVERALL} (dB)", fontsize=9)
     return figure
 
 

@@ -16,6 +16,8 @@ from .formats import load as load
 from .formats import open_take as open_take
 from .formats import save as save
 from .importers import load_board as load_board
+from .importers import load_palm_path as load_palm_path
+from .importers import save_palm_path as save_palm_path
 from .native import ARRAY_SUFFIX as ARRAY_SUFFIX
 from .native import CALIBRATION_SUFFIX as CALIBRATION_SUFFIX
 from .native import DRIVE_SUFFIX as DRIVE_SUFFIX
@@ -48,12 +50,17 @@ from .text_files import read_text as read_text
 from .text_files import read_toml as read_toml
 from .text_files import toml_of as toml_of
 from .toml import DEFAULT_PROFILE as DEFAULT_PROFILE
+from .toml import Laboratory as Laboratory
 from .toml import from_plain as from_plain
+from .toml import load_laboratory as load_laboratory
 from .toml import load_palm as load_palm
 from .toml import load_placement as load_placement
 from .toml import load_profiles as load_profiles
 from .toml import load_sensor as load_sensor
 from .toml import load_stage as load_stage
+from .toml import load_tracker as load_tracker
 from .toml import profile_named as profile_named
+from .toml import save_laboratory as save_laboratory
 from .toml import save_sensor as save_sensor
+from .toml import save_tracker as save_tracker
 from .toml import to_plain as to_plain

@@ -245,7 +245,7 @@ class Contents:
     """Other contents: "calibration" and "pressure" of a recording, "target" of a drive."""
 
 
-_NUMBERS: dict[Kind, str] = {"recording": "samples", "drive": "phase"}
+_NUMBERS: dict[Kind, str] = {"recording": "samples", "drive": "error"}
 
 
 def contents(path: str | os.PathLike[str]) -> Contents:

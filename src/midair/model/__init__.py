@@ -43,4 +43,5 @@ from .stage import StageSetup as StageSetup
 from .stage import StageStamp as StageStamp
 from .stage import check_reached as check_reached
 from .stage import speed_of as speed_of
+from .tracker_placement import TrackerPlacement as TrackerPlacement
 from .wiring import SensorWiring as SensorWiring

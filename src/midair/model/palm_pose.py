@@ -1,6 +1,7 @@
 """Pose of a palm over time: where it is, how it lies, and how sure the tracker is."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,10 +48,23 @@ class PalmPath:
     def __repr__(self) -> str:
         return summary(self, f"{len(self.time)} poses", f"{self.time[-1] - self.time[0]:.3g} s")
 
+    @classmethod
+    def from_rows(cls, rows: Array) -> Self:
+        """Poses from rows (pose, 11): time, centre, normal, fingers, confidence."""
+        return cls(
+            time=rows[:, 0], centre=rows[:, 1:4], normal=rows[:, 4:7], fingers=rows[:, 7:10], confidence=rows[:, 10]
+        )
+
+    @property
+    def rows(self) -> Array:
+        """Shape (pose, 11): time, centre, normal, fingers, confidence."""
+        parts = [self.time, self.centre, self.normal, self.fingers, self.confidence]
+        return frozen_array(np.column_stack(parts), "poses of the palm", ("pose", 11))
+
     @property
     def rotation(self) -> NDArray[np.float64]:
         """Rotations (pose, 3, 3) whose columns are the palm's x, y (fingers) and z (minus the normal) axes."""
         z = -self.normal
         y = self.fingers - (self.fingers * z).sum(axis=1, keepdims=True) * z
         y = y / np.linalg.norm(y, axis=1, keepdims=True)
-        return np.stack([np.cross(y, z), y, z], axis=-1)
+        return np.asarray(np.stack([np.cross(y, z), y, z], axis=-1), np.float64)

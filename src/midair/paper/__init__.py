@@ -4,8 +4,6 @@ from .figure3 import figure_3 as figure_3
 from .figure4 import StimuliPlan as StimuliPlan
 from .figure4 import figure_4 as figure_4
 from .figure9 import figure_9 as figure_9
-from .materials_apart import MaterialsPlan as MaterialsPlan
-from .materials_apart import materials_table as materials_table
 from .modes_compared import FidelityPlan as FidelityPlan
 from .modes_compared import fidelity_table as fidelity_table
 from .result import PaperResult as PaperResult

@@ -2,6 +2,7 @@
 
 from .exposure_level import Exposure as Exposure
 from .exposure_level import exposure as exposure
+from .exposure_level import exposure_levels as exposure_levels
 from .exposure_level import greatest_exposure as greatest_exposure
 from .exposure_level import sound_level as sound_level
 from .exposure_places import ExposureProfile as ExposureProfile
@@ -16,6 +17,7 @@ from .heating import unit_levels as unit_levels
 from .lazy_sensing import channel_volts as channel_volts
 from .lazy_sensing import sense_lazily as sense_lazily
 from .lazy_sensing import storage_precision as storage_precision
+from .moving_palm import MovingSpread as MovingSpread
 from .playback import Spread as Spread
 from .playback import check_frame_rate as check_frame_rate
 from .playback import playback_response as playback_response
@@ -23,6 +25,7 @@ from .playback import simulate as simulate
 from .playback import steps_per_frame as steps_per_frame
 from .playback_chain import PlaybackChain as PlaybackChain
 from .playback_chain import TransducerState as TransducerState
+from .playback_chain import Waves as Waves
 from .playback_chain import radiate as radiate
 from .propagation import focus_amplitude as focus_amplitude
 from .propagation import focus_phase as focus_phase
@@ -49,6 +52,14 @@ from .skin import Tissue as Tissue
 from .skin import TouchChannel as TouchChannel
 from .skin import skin_compliance as skin_compliance
 from .skin_motion import SkinMotion as SkinMotion
+from .steering import PoseBox as PoseBox
+from .steering import aims_of as aims_of
+from .steering import array_from_palm as array_from_palm
+from .steering import middle_of as middle_of
+from .steering import on_the_palm as on_the_palm
+from .steering import pose_of as pose_of
+from .steering import poses_at as poses_at
+from .steering import steering_phase as steering_phase
 from .transducers import TransducerDynamics as TransducerDynamics
 from .transducers import Transducers as Transducers
 from .transducers import envelope as envelope

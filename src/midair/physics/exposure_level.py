@@ -215,6 +215,16 @@ def exposure(
     )
 
 
+def exposure_levels(
+    drive: Drive, profile: ExposureProfile, airs: tuple[Acoustics, ...], *, steps: int | None = None
+) -> Array:
+    """Highest level of each frame at each place in dB, shape (frame, place), as in `exposure`, but on one core."""
+    level = np.empty((drive.frames, len(profile.places)))
+    searches = searches_of(profile.places, drive.array, airs)
+    _fill((level, np.empty(level.shape, np.int8)), drive, searches, steps, np.arange(0, drive.frames, BLOCK))
+    return level
+
+
 def greatest_exposure(
     array: TransducerArray, level: float, profile: ExposureProfile, *, rate: float, airs: tuple[Acoustics, ...]
 ) -> Exposure:

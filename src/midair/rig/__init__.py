@@ -1,5 +1,6 @@
 """Rigs: devices, pipeline and files combined to record, play, correct and play live."""
 
+from .bench import PLACES as PLACES
 from .bench import PRACTICE_RECORDINGS as PRACTICE_RECORDINGS
 from .bench import ArraySession as ArraySession
 from .bench import Identity as Identity
@@ -10,6 +11,7 @@ from .bench import TapTest as TapTest
 from .bench import assignment_problems as assignment_problems
 from .bench import calibrate_array as calibrate_array
 from .bench import calibrate_by_beam as calibrate_by_beam
+from .bench import calibrate_tracker as calibrate_tracker
 from .bench import calibration_age as calibration_age
 from .bench import calibration_rows as calibration_rows
 from .bench import check_array_calibration as check_array_calibration
@@ -37,6 +39,7 @@ from .correction import aligned_pair as aligned_pair
 from .correction import band_power_share as band_power_share
 from .correction import comparison_rows as comparison_rows
 from .correction import error_budget as error_budget
+from .correction import laboratory_of_loop as laboratory_of_loop
 from .correction import loop as loop
 from .correction import loop_figures as loop_figures
 from .correction import metrics_of_loop as metrics_of_loop
@@ -71,11 +74,13 @@ from .live_touch import live as live
 from .live_touch import live_clearance as live_clearance
 from .live_touch import make_key as make_key
 from .live_touch import send_touch as send_touch
+from .names import TRACKERS as TRACKERS
 from .names import ArrayKind as ArrayKind
 from .names import TransducerSpread as TransducerSpread
 from .names import VirtualRig as VirtualRig
 from .names import array_named as array_named
 from .names import array_of_kind as array_of_kind
+from .names import open_tracker as open_tracker
 from .names import sensor_named as sensor_named
 from .names import stage_named as stage_named
 from .names import thermometer_named as thermometer_named
@@ -88,9 +93,15 @@ from .play_lease import under_lease as under_lease
 from .playing import DRIFT as DRIFT
 from .playing import PlaySettings as PlaySettings
 from .playing import check_air as check_air
+from .playing import clear_followed as clear_followed
 from .playing import correct_air_of_file as correct_air_of_file
 from .playing import default_exposure as default_exposure
+from .playing import follow_as_set as follow_as_set
+from .playing import grid_of as grid_of
+from .playing import immediate_array as immediate_array
+from .playing import open_followed as open_followed
 from .playing import play_cleared as play_cleared
+from .playing import play_followed as play_followed
 from .playing import rerecord as rerecord
 from .playing import stop_playing as stop_playing
 from .playing import watch_air as watch_air

@@ -108,6 +108,8 @@ def open_rig(
         device = virtual.array_device(skin)
         device.silencer = chosen.silencer
         return OpenRig(array=device, sensor=virtual.sensor(skin), settings=chosen)
+    if chosen.palm_path is not None:
+        raise InputError(f"palm path: expected the virtual array, got {chosen.device}, above which a real palm moves")
     if chosen.array_calibration is not None:
         raise InputError(
             f"array calibration: expected the virtual array, got {chosen.device}; for a real array solve with it"
@@ -132,6 +134,7 @@ def _virtual_rig(chosen: PlaySettings, drive: Drive | None) -> VirtualRig:
         acoustics=chosen.acoustics,
         seed=chosen.seed,
         spread=chosen.spread,
+        palm=chosen.palm_path,
     ).hearing(band)
     if (measured := chosen.array_calibration) is None:
         return rig

@@ -10,7 +10,17 @@ from midair.files import OpenedTake, open_take
 from midair.model import Drive, Event, Progress, SensorWiring, Solution
 from midair.rig.names import VirtualRig, sensor_named
 from midair.rig.opening import OpenRig, open_rig
-from midair.rig.playing import PlaySettings, play_cleared, rerecord
+from midair.rig.playing import (
+    PlaySettings,
+    clear_followed,
+    follow_as_set,
+    grid_of,
+    immediate_array,
+    open_followed,
+    play_cleared,
+    play_followed,
+    rerecord,
+)
 from midair.rig.takes import Drift, RecordSettings, TakeOrder, View, record_take
 
 
@@ -27,6 +37,8 @@ class Played:
     """Re-recording with the sensor's calibration; None without a sensor."""
     report: PlayReport | None = None
     """Report of the array; None with a sensor."""
+    followed: tuple[str, ...] = ()
+    """When the palm was followed, and when the sound faded, one line each."""
 
     def __repr__(self) -> str:
         heard = "nothing listened" if self.take is None else f"heard: {self.take.recording!r}"
@@ -165,12 +177,18 @@ def play(
     drive = what.drive if isinstance(what, Solution) else what
     changes = {name: value for name, value in changes.items() if value is not None}
     if not isinstance(rig, OpenRig):
+        wanted = (settings or PlaySettings()).but(**changes | ({} if rig is None else {"device": rig}))
+        if wanted.follow is not None and wanted.device != "virtual":
+            return _play_following(drive, wanted, source=source, progress=progress)
         with open_rig(rig, drive=drive, settings=settings, **changes) as opened:
             return play(drive, opened, source=source, progress=progress)
     of_devices = [one.name for one in fields(PlaySettings) if one.name in changes and "playback" not in one.metadata]
     if of_devices:
         raise InputError(f"play on an open rig: expected settings of a playback, got {of_devices[0]}; see open_rig")
     chosen = (settings or rig.settings).but(**changes)
+    followed = list[str]()
+    if rig.array.simulated and not rig.array.gated:
+        drive, chosen = follow_as_set(drive, chosen, followed.append)
     rig.array.cooling, rig.array.participant = chosen.cooling, chosen.participant
     admission = check_exposure(drive, rig.array, chosen.exposure, repeats=chosen.repeats)
     played = admission.check_for(rig.array)
@@ -183,10 +201,22 @@ def play(
             progress=progress,
             room=chosen.exposure.room,
         )
-        return Played(drive=played, outcome=admission.outcome, report=report)
+        return Played(drive=played, outcome=admission.outcome, report=report, followed=tuple(followed))
     if chosen.delay and rig.sensor.simulated:
         raise InputError(f"delay: expected 0 on the virtual array, which plays at once, got {chosen.delay:g} s")
     room = chosen.exposure.room
     heard = rerecord(admission, rig.array, rig.sensor, source=source, delay=chosen.delay, progress=progress, room=room)
     take = OpenedTake(recording=heard, calibration=rig.sensor.calibration)
-    return Played(drive=played, outcome=admission.outcome, take=take)
+    return Played(drive=played, outcome=admission.outcome, take=take, followed=tuple(followed))
+
+
+def _play_following(drive: Drive, settings: PlaySettings, *, source: str | Path, progress: Progress | None) -> Played:
+    """Play a drive on a real array or an emulator while it follows a palm."""
+    array, grid, followed = immediate_array(settings, drive.rate), grid_of(drive), list[str]()
+    array.cooling, array.participant = settings.cooling, settings.participant
+    with array, open_followed(settings) as tracker:
+        cleared = clear_followed(drive, array, settings, grid)
+        done = play_followed(
+            drive, array, tracker, settings, cleared, grid, source=source, report=followed.append, progress=progress
+        )
+    return Played(drive=drive, outcome=cleared.outcome, report=done.report, followed=tuple(followed))

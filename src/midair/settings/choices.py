@@ -103,6 +103,11 @@ CHOICES: tuple[Choice, ...] = (
         help="Amplify frequencies that the frame hold and the transducers attenuate.",
     ),
     Choice(name="compensate", path="compensation.compensate", help="Precompensate sound, or pressure in 20 to 480 Hz."),
+    Choice(
+        name="predict",
+        path="compensation.predict",
+        help="Correct the phases by a prediction of the transducers' envelopes.",
+    ),
     Choice(name="method", path="solver.method", help="Solver; lm is the paper's, exact its faster form."),
     Choice(name="iterations", path="solver.iterations", help="Maximum iterations: first frame, later frames."),
     Choice(name="start", path="solver.start", help="Initial phases: the previous frame's, or zero."),

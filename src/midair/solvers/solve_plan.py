@@ -19,7 +19,7 @@ from midair.solvers.methods import Method, check_terms
 from midair.solvers.phases import spreading_phase
 from midair.solvers.problem import Problem, WarmStart, error_of
 from midair.solvers.solver_settings import MethodSettings, settings_type
-from midair.solvers.terms import Term, psi_at_temperatures
+from midair.solvers.terms import PressureMeans, Robust, Term, psi_at_temperatures
 
 Array = NDArray[np.float64]
 
@@ -125,6 +125,12 @@ class SolvePlan:
         if bits is not None and not 1 <= bits <= 16:
             raise InputError(f"bits: expected 1 to 16 bits per phase, or None, got {bits}")
         check_terms(settings.method, settings.asked)
+        if {Robust.shown(), PressureMeans.shown()} <= set(settings.asked):
+            # They lose signal to distortion at every temperature of the range, see docs/air.md.
+            raise InputError(
+                "robust: expected fit points, as in the paper's mode, got windows or cells; leave robust out, and play "
+                "with --correct-air"
+            )
         airs = settings.airs(acoustics)
         own = NormalisedSetup.of(target, array, (acoustics,))
         if level == "auto":

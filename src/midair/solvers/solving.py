@@ -47,10 +47,11 @@ def solve(
         Settings by name, in place of those of `settings`: ``solve(target, array, method="fast", guard=0.02)``. They
         are `method`, `iterations`, `start`, `level`, `backend` and `jobs` of `MethodSettings`, and the terms of
         `TERMS`: `amplitudes` ("equal", "bounded"), `guard` (width of a quiet ring in m, or `Guard`), `fit` ("points",
-        "windows", "cells", `Windows` or `Cells`: where the error is measured and reported), `smooth` (E^2 / 2 plus
-        this times mean(1 - cos(change of phase)) is minimised), `robust` (half a temperature range in degrees Celsius,
-        in which the root mean square of E is minimised; the reported error is that in the nominal air), `quiet_ears`,
-        `quiet_palm` (a weight, or `QuietPalm`), and those of installed packages.
+        "windows", "fine-windows", "cells", `Windows` or `Cells`: where the error is measured and reported), `smooth`
+        (E^2 / 2 plus this times mean(1 - cos(change of phase)) is minimised), `robust` (half a temperature range in
+        degrees Celsius, in which the root mean square of E is minimised; the reported error is that in the nominal air;
+        with fit "points" alone), `quiet_ears`, `quiet_palm` (a weight, or `QuietPalm`), and those of installed
+        packages.
 
     Returns
     -------

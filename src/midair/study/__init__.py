@@ -89,7 +89,6 @@ from .statistics import fit_psychometric as fit_psychometric
 from .statistics import holm as holm
 from .statistics import limits_over_people as limits_over_people
 from .statistics import logistic_mixed as logistic_mixed
-from .statistics import logistic_posterior as logistic_posterior
 from .statistics import mutual_information as mutual_information
 from .statistics import ordinal_check as ordinal_check
 from .statistics import paired_t as paired_t

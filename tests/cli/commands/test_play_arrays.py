@@ -101,7 +101,7 @@ def truncated(name):
 
 def with_nan(name):
     with h5py.File(make(name), "a") as file:
-        file["phase"][3, 5] = np.nan
+        file["level"][3] = np.nan
 
 
 WRONG = {
@@ -454,7 +454,12 @@ def test_the_virtual_array_takes_no_placement(capsys):
 def test_the_strength_in_a_file_changes_no_exposure(capsys):
     """A file that claims transducers of a millionth is measured as those of the device are, and the claim is told."""
     claims = TransducerArray(
-        position=ARRAY.position, normal=ARRAY.normal, pressure=1e-6, frequency=ARRAY.frequency, name=ARRAY.name
+        position=ARRAY.position,
+        normal=ARRAY.normal,
+        unit=ARRAY.unit,
+        pressure=1e-6,
+        frequency=ARRAY.frequency,
+        name=ARRAY.name,
     )
     answers = []
     for name, array in (("honest.drive.h5", ARRAY), ("claims.drive.h5", claims)):

@@ -1,6 +1,7 @@
 """The solver's terms as a person types them."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -10,6 +11,7 @@ from midair.evaluate import error_at_temperature
 from midair.files import load_solution, load_target
 from midair.model import Medium
 from midair.solvers import Guard
+from midair.targets import frames_without_lead
 
 SMALL = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--start-at", "20ms", "--duration", "10ms"]
 SMALL += ["--lead", "0s"]
@@ -36,17 +38,22 @@ def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):
     assert (made["amplitudes"], made["fit"], made["backend"]) == ("bounded", "cells", "numpy")
     level = solution.drive.level
     assert level.shape == (10, 996)
-    assert level.max() <= made["level"] < 1
+    assert level.max() <= made["level"] + 0.5 / 255
+    assert made["level"] < 1
 
 
 def test_a_temperature_range_reaches_the_drive_and_its_ends_are_printed(stroke, tmp_path, capsys):
     drive = tmp_path / "am.drive.h5"
-    words = "--method fast --temperature 22C --robust 2C"
-    assert run(["solve", str(stroke), str(drive), *words.split(), *SMALL]) == 0
+    # The lead of the slow bias is almost silent, and does not count.
+    words = "--method fast --mapping slow-bias --temperature 22C --robust 2C --lead 40ms"
+    assert run(["solve", str(stroke), str(drive), *words.split(), *SMALL[:-2]]) == 0
     assert load_solution(drive).drive.provenance.steps[-1].settings["robust_c"] == 2
     (told,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("E in other air"))
-    target = load_target(drive)
-    cold = 100 * error_at_temperature(load_solution(drive).drive, target, Medium.at(temperature=20.0)).mean()
+    target, drive = load_target(drive), load_solution(drive).drive
+    inside = frames_without_lead(target.provenance, target.frames, target.rate)
+    target = replace(target, amplitude=target.amplitude[inside])
+    drive = replace(drive, phase=drive.phase[inside], level=drive.level[inside])
+    cold = 100 * error_at_temperature(drive, target, Medium.at(temperature=20.0)).mean()
     assert f"{cold:.1f} % at 20 °C, " in told
     assert "at 24 °C" in told
 
@@ -85,6 +92,11 @@ def test_a_loop_finds_its_own_level(stroke, tmp_path, capsys):
         ("--method fast --smooth=-1", "smooth: expected 0 or more, got -1", 1),
         ("--method fast --backend jax", "backend: expected one of numpy", 1),
         ("--method gs --robust 2C", "got robust; choose lm or exact", 1),
+        (
+            "--method fast --fit windows --robust 2C",
+            "robust: expected fit points, as in the paper's mode, got windows or cells",
+            1,
+        ),
         ("--robust 20C", "robust: expected 0 to 10 degrees Celsius, got 20", 1),
         ("--robust 2C --temperature 1C", "temperature: expected 0 to 50 degrees Celsius, got -1", 1),
         ("--robust 2", "2C", 2),

@@ -7,13 +7,15 @@ from tests.simulators.exposure_override import clear_any_exposure
 from midair.devices import VirtualArray, VirtualSkin
 from midair.errors import RateError
 from midair.evaluate import error_at_temperature
-from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, TransducerArray
+from midair.model import HEIGHT, Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, PalmPath, TransducerArray
 from midair.physics import (
     PlaybackChain,
     SensorModel,
     Transducers,
     cell_weights,
     focus_phase,
+    middle_of,
+    on_the_palm,
     radiation_pressure,
     relative_error,
     simulate,
@@ -52,6 +54,43 @@ def test_a_steady_focus_presses_as_the_field_says():
     np.testing.assert_allclose(steady(**EXACT).ravel(), expected, rtol=1e-6)
     # in single precision and with 8 bits: .007 rad rms of rounding on 249 transducers is 1e-3 of pressure
     np.testing.assert_allclose(steady(**PERFECT).ravel(), expected, atol=4e-3 * expected.max())
+
+
+def palm_at(*centres, tilt=0.0):
+    """A palm at these places, 10 ms apart."""
+    many = np.ones((len(centres), 1))
+    return PalmPath(
+        time=0.01 * np.arange(len(centres)),
+        centre=np.array(centres),
+        normal=many * [np.sin(tilt), 0, -np.cos(tilt)],
+        fingers=many * [0.0, 1.0, 0.0],
+        confidence=many[:, 0],
+    )
+
+
+def test_a_palm_that_lies_elsewhere_feels_the_field_there():
+    """In closed form as above, at the points of the moved skin; a palm in its solved place changes nothing."""
+    at_rest = steady(**EXACT)
+    np.testing.assert_allclose(steady(**EXACT, palm=palm_at((0, 0, HEIGHT))), at_rest, rtol=1e-6)
+    skin, palm = VirtualSkin(SensorModel()), palm_at((4e-3, 0, 0.203), (4e-3, 0, 0.203), tilt=0.1)
+    points = on_the_palm(skin.points.position, middle_of(skin.points), palm)[0]
+    field = transfer_matrix(points, ARRAY) @ (0.2 * np.exp(1j * focus().phase[0]))
+    expected = cell_weights(skin.model, skin.points, between="waves") @ radiation_pressure(field, Medium())
+    np.testing.assert_allclose(steady(**EXACT, palm=palm).ravel(), expected, rtol=1e-6)
+
+
+def test_a_moving_palm_begins_anew_with_each_play():
+    """Time 0 is the first frame of a play; repeats go on."""
+    skin, found = VirtualSkin(SensorModel()), []
+    away = palm_at((0, 0, HEIGHT), (8e-3, 0, HEIGHT), (20e-3, 0, HEIGHT))
+    with VirtualArray(ARRAY, skin, **EXACT, palm=away) as array:
+        for repeats in (1, 2):
+            skin.clear()
+            array.play(clear_any_exposure(focus(frames=12), array, repeats=repeats))
+            found.append(felt(skin))
+    assert np.array_equal(found[0], found[1][: len(found[0])])
+    strongest = found[1].max(axis=1).argmax(axis=1)
+    assert (strongest[90], strongest[-1]) == (strongest[0], 0)
 
 
 class Points(VirtualSkin):

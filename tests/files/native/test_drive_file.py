@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
+from midair.devices import intensity_bytes, phase_bytes
 from midair.errors import BrokenFileError, MismatchError, MissingFileError, NonFiniteError, UnknownFormatError
 from midair.files import load_solution, load_target, save_solution, save_solutions
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Solution, TransducerArray
@@ -34,7 +35,7 @@ def test_returns_the_saved_drive_bit_by_bit(path, solution):
 
 def test_keeps_a_level_of_every_transducer(solution, tmp_path):
     old = solution.drive
-    level = np.random.default_rng(0).random(old.phase.shape)
+    level = np.random.default_rng(0).integers(0, 256, old.phase.shape) / 255
     drive = Drive(phase=old.phase, level=level, rate=old.rate, array=old.array)
     save_solution(replace(solution, drive=drive), tmp_path / "a.drive.h5")
     np.testing.assert_array_equal(load_solution(tmp_path / "a.drive.h5").drive.level, level)
@@ -76,16 +77,57 @@ def rewrite(path, name, value):
                 file[name].attrs[key] = attributes[key]
 
 
+def as_early_file(path, phase):
+    with h5py.File(path, "r+") as file:
+        del file["phase_change"]
+        file["phase"] = phase
+        file["phase"].attrs["units"] = "rad"
+
+
+def test_reads_phases_of_early_files(path, solution):
+    phase = solution.drive.phase + 1e-3
+    as_early_file(path, phase)
+    for streamed in (False, True):
+        np.testing.assert_array_equal(load_solution(path, streamed=streamed).drive.phase, phase)
+
+
+def test_a_stored_drive_is_what_the_units_play(tmp_path):
+    """Any phases and levels: the bytes on the wire are those of the drive before it was stored."""
+    rng, array = np.random.default_rng(1), TransducerArray.autd3(columns=1, rows=1)
+    phase = np.cumsum(rng.normal(0, 0.1, (500, array.count)), axis=0) - 3
+    level = np.clip(np.cumsum(rng.normal(0, 0.01, phase.shape), axis=0) + 0.5, 0, 1)
+    drive = Drive(phase=phase, level=level, rate=4000, array=array)
+    whole = Solution(drive=drive, error=np.zeros(500), iterations=np.zeros(500), status=("converged",) * 500)
+    save_solution(whole, tmp_path / "a.drive.h5")
+    for streamed in (False, True):
+        again = load_solution(tmp_path / "a.drive.h5", streamed=streamed).drive
+        np.testing.assert_array_equal(phase_bytes(again, 1), phase_bytes(drive, 1))
+        np.testing.assert_array_equal(intensity_bytes(again, 1), intensity_bytes(drive, 1))
+        np.testing.assert_array_equal(phase_bytes(again, 1)[70:200], phase_bytes(drive, 1)[70:200])
+    assert (tmp_path / "a.drive.h5").stat().st_size < (phase.nbytes + level.nbytes) / 10
+
+
+def test_phases_of_other_boards_are_not_rounded(tmp_path):
+    array = TransducerArray(position=[[0, 0, 0], [0.01, 0, 0]], normal=[[0, 0, 1], [0, 0, 1]])
+    drive = Drive(phase=[[0.1234567, -9.0]], level=[[0.5, 0.123]], rate=1000, array=array)
+    whole = Solution(drive=drive, error=np.zeros(1), iterations=np.zeros(1), status=("converged",))
+    save_solution(whole, tmp_path / "a.drive.h5")
+    again = load_solution(tmp_path / "a.drive.h5").drive
+    np.testing.assert_array_equal(again.phase, drive.phase)
+    np.testing.assert_array_equal(again.level, drive.level)
+
+
 def test_refuses_another_number_of_transducers(path, solution):
-    rewrite(path, "phase", solution.drive.phase[:, :-1])
-    with pytest.raises(BrokenFileError, match="phase: expected 249 along transducer, got 248"):
+    rewrite(path, "phase_change", np.zeros((4, 248), "u1"))
+    with pytest.raises(BrokenFileError, match="phase_change: expected 249 along transducer, got 248"):
         load_solution(path)
 
 
 def test_refuses_phases_that_are_not_finite(path, solution):
+    """In a file with phases in rad, as for arrays other than AUTD3 and of early versions."""
     phase = solution.drive.phase.copy()
     phase[2, 3] = np.nan
-    rewrite(path, "phase", phase)
+    as_early_file(path, phase)
     with pytest.raises(NonFiniteError, match=r"towel\.drive\.h5: phase: expected finite numbers, got nan at \(2, 3\)"):
         load_solution(path)
 
@@ -128,11 +170,14 @@ def test_an_incomplete_air_is_a_damaged_file(path):
 def test_a_drive_in_parts_is_stored_as_a_whole_and_read_in_parts(tmp_path, own_levels):
     rng, array = np.random.default_rng(0), TransducerArray.autd3(columns=1, rows=1)
     shape = (2500, array.count) if own_levels else (2500,)
-    level = rng.uniform(0, 1, shape)
-    drive = Drive(phase=rng.uniform(0, 6, (2500, array.count)), level=level, rate=500, array=array)
+    level = rng.integers(0, 256, shape) / 255
+    drive = Drive(
+        phase=rng.integers(0, 256, (2500, array.count)) / (256 / (2 * np.pi)), level=level, rate=500, array=array
+    )
     status = ("converged", "silent", "stalled", "iterations", "converged") * 500
     whole = Solution(drive=drive, error=rng.uniform(0, 1, 2500), iterations=np.arange(2500), status=status)
-    target = AmplitudeFrames(amplitude=rng.uniform(0, 1, (2500, 4)), rate=500, grid=ControlGrid(rows=2, columns=2))
+    amplitude = np.float32(rng.uniform(0, 1, (2500, 4)))
+    target = AmplitudeFrames(amplitude=amplitude, rate=500, grid=ControlGrid(rows=2, columns=2))
 
     def part(first, last):
         some = replace(drive, phase=drive.phase[first:last], level=level[first:last])

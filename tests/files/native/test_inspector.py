@@ -179,11 +179,11 @@ def test_drives_are_looked_at_too(tmp_path, solution):
     save_solution(solution, tmp_path / "a.drive.h5")
 
     def linked(file):
-        del file["phase"]
-        file["phase"] = h5py.ExternalLink("/dev/stdin", "/phase")
+        del file["phase_change"]
+        file["phase_change"] = h5py.ExternalLink("/dev/stdin", "/phase")
 
     edited(tmp_path / "a.drive.h5", linked)
-    with pytest.raises(BrokenFileError, match="a link to another file, '/phase'"):
+    with pytest.raises(BrokenFileError, match="a link to another file, '/phase_change'"):
         load_solution(tmp_path / "a.drive.h5")
 
 

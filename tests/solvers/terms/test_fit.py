@@ -6,7 +6,7 @@ import pytest
 from midair.errors import MidairError
 from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import SensorModel, cell_weights, propagate, radiation_pressure, sound_amplitude
-from midair.solvers import Cells, Windows, solve
+from midair.solvers import Cells, PressureMeans, Windows, solve
 from midair.solvers.terms.fit import CellTarget, cell_misfit, misfit
 from midair.targets import interpolation_matrix
 
@@ -83,6 +83,18 @@ def test_a_pressure_of_other_frames_is_refused():
 def test_other_sensors():
     sensor = SensorModel(grid=SensorGrid(rows=2, columns=3, pitch=15e-3))
     assert Cells(sensor=sensor).target(np.ones((1, GRID.count)), GRID, 1.0).wanted.shape == (1, 6)
+
+
+@pytest.mark.parametrize(("fit", "count"), [("windows", 13), ("fine-windows", 19)])
+def test_windows_overlap_and_end_at_the_square(fit, count):
+    windows = PressureMeans.of(fit)
+    places = windows.places(GRID)
+    assert places.grid.shape == (count, count)
+    assert windows.pitch <= windows.aperture / 2
+    # Half a cell within the outermost points, which stay silent.
+    assert abs(GRID.x[0]) - abs(places.grid.x[0]) == pytest.approx(windows.inset)
+    with pytest.raises(MidairError, match="fine-windows, cells"):
+        PressureMeans.of("finer")
 
 
 def test_cells_that_should_read_nothing_have_no_error():

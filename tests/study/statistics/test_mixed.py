@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.study import logistic_mixed, logistic_posterior, rm_anova
+from midair.study import logistic_mixed, rm_anova
 from midair.study.statistics.mixed import right_answers
 
 WITHIN = ["surface", "object"]
@@ -68,15 +68,6 @@ def test_equals_lme4_from_few_trials_to_many(trials, model):
     same = np.sqrt([level, (3 * surface + both) / 6, (2 * thing + both) / 6, both / 6])
     assert spread.tolist() == pytest.approx(same.tolist(), rel=5e-3, abs=1e-3)
     assert found["spread"].tolist() == pytest.approx((same[1:] * np.sqrt([1, 2, 2])).tolist(), rel=5e-3, abs=1e-3)
-
-
-def test_agrees_with_statsmodels(choices):
-    pytest.importorskip("statsmodels")
-    options = {"correct": "correct", "participant": "participant", "within": WITHIN}
-    posterior = logistic_posterior(choices, **options)
-    fit = right_answers(choices, **options).fit(slopes=False)
-    assert posterior["term"][0] == "intercept"
-    assert (np.abs(posterior["mean"][:-1] - fit.coefficient) < posterior["sd"][:-1] / 2).all()
 
 
 def test_differences_between_people_are_no_effect():

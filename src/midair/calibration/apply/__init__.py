@@ -10,4 +10,3 @@ from .inverse import inverse_response as inverse_response
 from .pressure import Method as Method
 from .pressure import calibrate as calibrate
 from .pressure import typical_uncertainty as typical_uncertainty
-from .streaming_inverse import StreamingInverse as StreamingInverse

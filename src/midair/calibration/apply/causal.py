@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.calibration.apply.crosstalk_inverse import crosstalk_inverse
 from midair.calibration.apply.inverse import check_band_covered, inverse_response, regularised_power
-from midair.calibration.apply.streaming_inverse import crosstalk_inverse
 from midair.dsp import Band, band_edges, band_window, check_band, fft_frequencies
 from midair.errors import InputError, ShapeError
 from midair.model import BAND, Calibration

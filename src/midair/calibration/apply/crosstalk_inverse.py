@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import Crosstalk
+from midair.model import Calibration, Crosstalk
 
 Array = NDArray[np.float64]
 
@@ -32,3 +32,16 @@ def undo_matrix(crosstalk: Crosstalk, *, damping: float = 0.0) -> Array:
             f"crosstalk: expected an invertible matrix, got a condition number of {condition:.2g}; set a damping"
         )
     return np.asarray(np.linalg.solve(normal, matrix.T + extra), np.float64)
+
+
+def crosstalk_inverse(calibration: Calibration, crosstalk: str, damping: float) -> Array | None:
+    """Return the matrix that undoes a calibration's crosstalk, or None for crosstalk = "keep"."""
+    if crosstalk == "keep":
+        return None
+    if crosstalk != "undo":
+        raise InputError(f"crosstalk: expected keep or undo, got {crosstalk!r}")
+    if calibration.crosstalk is None:
+        raise InputError(
+            "crosstalk: expected a calibration with a crosstalk matrix, got none; press on each cell alone"
+        )
+    return undo_matrix(calibration.crosstalk, damping=damping)

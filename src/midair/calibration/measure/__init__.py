@@ -33,3 +33,4 @@ from .shared_parameters import TransducerPrior as TransducerPrior
 from .take_sums import MeasureSettings as MeasureSettings
 from .tone import measure_tone as measure_tone
 from .tone import scale_to_tone as scale_to_tone
+from .tracker_fit import fit_tracker as fit_tracker

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from midair.cli.comparisons import calibrated_part, print_palm, print_ratios, with_array_calibration
+from midair.cli.comparisons import calibrated_part, print_laboratory, print_palm, print_ratios, with_array_calibration
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, Seed, SolveOptions, Spread, StartAt
@@ -13,7 +13,7 @@ from midair.cli.time_estimates import workload_of
 from midair.devices import SilencerChoice
 from midair.evaluate import Budget
 from midair.figures import budget_figure, png_bytes
-from midair.files import atomic_file, open_take
+from midair.files import atomic_file, load_array_calibration, load_laboratory, open_take
 from midair.pipeline import required_lead
 from midair.rig import BudgetPlan, VirtualRig, band_power_share, error_budget
 
@@ -28,6 +28,7 @@ def budget_command(
     duration: PartLength = None,
     silencer: SilencerChoice = "auto",
     lead: Lead = None,
+    lab: Path | None = None,
     array_calibration: ArrayCalibration = None,
     spread: Spread = "default",
     seed: Seed = 0,
@@ -47,10 +48,14 @@ def budget_command(
         Write a waterfall chart of the stages to this PNG file.
     silencer
         How the array smooths phase steps; auto is the setting that midair uses on any array.
+    lab
+        TOML file with the uncertainties of a laboratory, from midair doctor --lab: adds the part "palm and laboratory",
+        the loss by each of them and by all together, in random draws from the seed.
 
     Examples
     --------
     $ midair budget take.h5 budget.png --duration 0.1s
+    $ midair budget take.h5 --lab lab.toml
     """
     options = options or SolveOptions()
     settings = options.settings()
@@ -61,6 +66,8 @@ def budget_command(
     height = settings.target.grid.height
     virtual = VirtualRig(cells=original.sensor, seed=seed, height=height, spread=spread).hearing(band)
     measured, settings, original = with_array_calibration(array_calibration, virtual.array, settings, original)
+    stated = array_calibration is not None and str(array_calibration) != "none"
+    known = load_array_calibration(array_calibration) if stated and array_calibration else None
     plan = BudgetPlan(
         settings=settings,
         rig=virtual,
@@ -68,6 +75,9 @@ def budget_command(
         silencer=silencer,
         palm=options.outline(),
         lead=required_lead(settings) if lead is None else lead,
+        laboratory=None if lab is None else load_laboratory(lab),
+        calibration=known,
+        seed=seed,
     )
     banner(True)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
@@ -110,5 +120,7 @@ def print_budget(title: str, budget: Budget) -> None:
     print_ratios(budget.stages[-1].so_far.ratios)
     if budget.palm is not None:
         print_palm(budget.palm)
+    if budget.laboratory is not None:
+        print_laboratory(budget.laboratory)
     kept = "" if budget.kept is None else f"; {100 * budget.kept:.1f} % of the recording's power lies in the band"
     out().print(f"strength {budget.strength:.3f}, band {low:g} to {high:g} Hz{kept}")

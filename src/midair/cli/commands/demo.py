@@ -6,13 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from midair.cli.comparisons import print_palm, print_side_by_side
+from midair.cli.comparisons import print_laboratory, print_palm, print_side_by_side
 from midair.cli.console import banner, err, out, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Seed, SolveOptions, Time, mode_name, paper_options
 from midair.cli.output import level_rows
 from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
+from midair.evaluate import LaboratoryLoss
 from midair.files import OpenedTake, atomic_file, check_not_recording, save, save_solution
 from midair.headroom import level_of
 from midair.model import Palm, Progress
@@ -22,6 +23,7 @@ from midair.rig import (
     PALM_TITLE,
     Outcome,
     VirtualRig,
+    laboratory_of_loop,
     open_rig,
     palm_of_loop,
     record,
@@ -105,8 +107,10 @@ def demo_command(
             notes = {"object": object_name}
             take = record(touched, _STROKE, path=output / "stroke.h5", notes=notes, progress=stage("record"))
         outcomes = [_outcome(take, each, piece, stage) for each in ways]
-        _write_files(outcomes, output, piece, _manual_commands(piece, options, paper), stage("draw"))
+        laboratory = laboratory_of_loop(outcomes[0].loop, rig, progress=stage("laboratory"))
+        _write_files(outcomes, output, piece, _manual_commands(piece, options, paper), laboratory, stage("draw"))
     _print(outcomes, output)
+    print_laboratory(laboratory)
 
 
 def _outcome(
@@ -149,14 +153,26 @@ def _manual_commands(piece: _StrokePart, options: SolveOptions, paper: SolveOpti
 
 
 def _write_files(
-    outcomes: list[Outcome], output: Path, piece: _StrokePart, commands: tuple[str, ...], progress: Progress
+    outcomes: list[Outcome],
+    output: Path,
+    piece: _StrokePart,
+    commands: tuple[str, ...],
+    laboratory: LaboratoryLoss,
+    progress: Progress,
 ) -> None:
     """Write drive, re-recording, report and pictures of the first mode into the folder."""
     loop = outcomes[0].loop
     last = loop.passes[-1]
     save_solution(last.reproduction.solution, output / f"{piece.object_name}.drive.h5", target=last.reproduction.target)
     save(last.rerecorded, output / "rerecorded.h5")
-    shown = write_report(loop, output / "report.html", commands=commands, beside=outcomes, progress=progress)
+    shown = write_report(
+        loop,
+        output / "report.html",
+        commands=commands,
+        beside=outcomes,
+        laboratory=laboratory,
+        progress=progress,
+    )
     for name, title in (("palm.png", PALM_TITLE), ("field.png", FIELD_TITLE)):
         with atomic_file(output / name) as partial:
             partial.write_bytes(next(each.data for each in shown if each.title == title))

@@ -3,6 +3,7 @@
 import sys
 from contextlib import nullcontext
 from dataclasses import asdict
+from pathlib import Path
 
 from rich.table import Table
 
@@ -10,7 +11,7 @@ from midair.cli.console import banner, err, out, print_json, print_note, print_r
 from midair.cli.exposure_options import AirOptions, ExposureOptions
 from midair.cli.options import Json, Length, Placement
 from midair.errors import InputError
-from midair.files import load_placement
+from midair.files import Laboratory, load_placement, save_laboratory
 from midair.model import HEIGHT
 from midair.rig import VirtualRig, array_named, clear_modes, run_checks, run_wizard, sensor_named, store_checkup
 
@@ -26,6 +27,7 @@ def doctor_command(
     placement: Placement = None,
     air: AirOptions | None = None,
     exposure: ExposureOptions | None = None,
+    lab: Path | None = None,
     json: Json = False,
 ) -> int:
     """Check the installation, drivers and devices, and print advice for each problem.
@@ -53,15 +55,24 @@ def doctor_command(
         Air of the room for --wizard; asked if not stated.
     exposure
         Exposure limits for --wizard.
+    lab
+        Only write this TOML file, lab.toml, with typical uncertainties of a laboratory for midair budget --lab.
 
     Examples
     --------
     $ midair doctor
     $ midair doctor --device autd3:emulator
     $ midair doctor --device autd3:emulator --wizard --yes
+    $ midair doctor --lab lab.toml
     """
     if clear_cache:
         print_rows([("removed", f"{clear_modes() / 1e6:.1f} MB of stored modes")])
+        return 0
+    if lab is not None:
+        if lab.exists():
+            raise InputError(f"--lab: expected a new file, got {lab}, which exists; delete it first or name another")
+        save_laboratory(Laboratory(), lab)
+        print_rows([("laboratory", f"{lab}; replace what you know better, then midair budget take.h5 --lab {lab}")])
         return 0
     if not wizard and (sensor or yes or placement or air or exposure or height != HEIGHT):
         raise InputError(

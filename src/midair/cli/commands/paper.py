@@ -12,14 +12,12 @@ from midair.cli.output import may_write
 from midair.model import Acoustics
 from midair.paper import (
     FidelityPlan,
-    MaterialsPlan,
     PaperResult,
     StimuliPlan,
     fidelity_table,
     figure_3,
     figure_4,
     figure_9,
-    materials_table,
 )
 from midair.progress import report_to
 from midair.rig import VirtualRig
@@ -34,9 +32,6 @@ def paper_command(
     *,
     figure: Annotated[tuple[Number, ...], Parameter(consume_multiple=True)] = (),
     fidelity: bool = False,
-    materials: bool = False,
-    recordings: Path | None = None,
-    strokes: int = MaterialsPlan().strokes,
     mode: Mode = "best",
     things: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = FidelityPlan().things,
     strength: float = 0.15,
@@ -59,17 +54,9 @@ def paper_command(
         Output folder.
     figure
         3: patterns and fields. 4: stimuli i to iii, original and re-recorded. 9: spectra of the objects.
-        [default: all three and --fidelity, unless --fidelity or --materials is given]
+        [default: all three and --fidelity, unless --fidelity is given]
     fidelity
         Compute error budgets of test signals and objects in both modes at one strength, with iterative correction.
-    materials
-        Reproduce strokes of several materials in three modes: the paper's, --mode and live.
-        A classifier trained on the originals then labels them.
-    recordings
-        Folder of calibrated recordings for --materials: subfolders named by material, or MATERIAL_anything.h5.
-        [default: synthetic brush, sponge and towel]
-    strokes
-        Number of strokes of each synthetic material.
     mode
         Mode to compare with the paper's: best, quick or finest; paper for no comparison.
     things
@@ -78,7 +65,6 @@ def paper_command(
         Target peak relative to a single focus of the whole array, for figure 3 and --fidelity.
     duration
         Duration of each signal in figure 4 (a multiple of 40 ms, 80 ms or more) and in --fidelity.
-        Strokes of --materials last 0.3 s.
     iterate
         Maximum number of iterative corrections in --fidelity; figure 4 makes at most one in the best mode.
     air
@@ -87,14 +73,14 @@ def paper_command(
     Examples
     --------
     $ midair paper --figure 9
-    $ midair paper --materials
+    $ midair paper --fidelity --things noise
     """
-    everything = not figure and not fidelity and not materials
+    everything = not figure and not fidelity
     chosen = {3, 4, 9} if everything else set(figure)
     rig, medium = VirtualRig(seed=seed), (air or AirOptions()).medium()
     paper = paper_mode() if medium is None else paper_mode().but(acoustics=Acoustics(medium=medium))
     banner(True)
-    if everything or fidelity or materials or 4 in chosen:
+    if everything or fidelity or 4 in chosen:
         print_air(paper.acoustics.medium, stated=medium is not None)
     results: list[PaperResult] = []
     stimuli = None
@@ -125,18 +111,6 @@ def paper_command(
                 paper=paper,
             )
             results.append(fidelity_table(plan, stage=stage))
-        if materials:
-            _check(folder, "materials", force)
-            told = MaterialsPlan(
-                folder=recordings,
-                strokes=strokes,
-                strength=strength,
-                rig=rig,
-                mode=mode,
-                # glide solves blocks of frames: about the same error as frame by frame, in a fortieth of the time.
-                paper=paper.but(method="glide"),
-            )
-            results.append(materials_table(told, stage=stage))
     for result in results:
         written = result.write(folder)
         if not json:

@@ -1,5 +1,6 @@
 """The commands `solve` and `play`."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +51,16 @@ from midair.rig import (
     array_of_kind,
     check_air,
     checkup_line,
+    clear_followed,
     correct_air_of_file,
+    follow_as_set,
+    grid_of,
+    immediate_array,
     kept_array_calibration,
+    open_followed,
     open_rig,
     play_cleared,
+    play_followed,
     rerecord,
 )
 from midair.settings import Settings
@@ -153,11 +160,15 @@ def solve_command(
 
 def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, str]]:
     """E in the coldest and the warmest air of --robust, estimated from 256 frames; no rows without a range."""
-    by, drive = settings.solver.robust, made.solution.drive
+    by, target = settings.solver.robust, made.target
     if not by:
         return []
+    # Without the lead, whose target is almost zero.
+    inside = frames_without_lead(target.provenance, target.frames, target.rate)
+    drive = made.solution.cut(inside.start, inside.stop).drive
+    target = replace(target, amplitude=target.amplitude[inside])
     ends = [drive.acoustics.medium.warmer(degrees) for degrees in (-by, by)]
-    errors = [error_at_temperature(drive, made.target, medium, frames=256) for medium in ends]
+    errors = [error_at_temperature(drive, target, medium, frames=256) for medium in ends]
     told = [f"{100 * error.mean():.1f} % at {end.degrees:.3g} °C" for error, end in zip(errors, ends, strict=True)]
     return [("E in other air", ", ".join(told))] if all(map(len, errors)) else []
 
@@ -165,6 +176,7 @@ def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, 
 @options_from(
     PlaySettings,
     *("device", "array_calibration", "placement", "silencer", "repeats", "delay", "participant", "spread", "seed"),
+    *("follow", "tracker_latency", "confidence", "palm_path"),
 )
 class PlayOptions:
     """Array and playback."""
@@ -234,6 +246,8 @@ def play_command(
             "midair loop re-records a real array"
         )
     with stop_on_input(stop_input):
+        if settings.follow is not None:
+            return _follow_on_array(source, settings, air, correct=correct_air)
         return _play_on_array(source, settings, air, correct=correct_air)
 
 
@@ -246,6 +260,7 @@ def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: Ai
     banner(True)
     drive = _corrected(drive, source, room) if correct else drive
     _print_room_air(drive, source, room, simulated=True)
+    drive, settings = follow_as_set(drive, settings, print_note)
     known = Settings.of(drive.provenance) or Settings()
     kind = f"play and re-record {workload_of(known, drive.array.count)}"
     watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN)
@@ -326,6 +341,41 @@ def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, cor
                 admission, array, source=source, delay=settings.delay, progress=stage("play"), room=room
             )
     print_rows(_played_rows(report, drive, device))
+
+
+def _follow_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> None:
+    """Play the drive of a file while it follows a palm, and print the result."""
+    room, device = settings.exposure.room, settings.device
+    drive = load_solution(source).drive
+    drive = _corrected(drive, source, room) if correct else drive
+    array, grid = immediate_array(settings, drive.rate), grid_of(drive)
+    array.cooling, array.participant = settings.cooling, settings.participant
+    watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN, device=device)
+    with array, open_followed(settings) as tracker, watched, progress_bars() as stage:
+        print_check_time(drive, settings.exposure.profile, room=room)
+        admission = clear_followed(drive, array, settings, grid)
+        _print_room_air(drive, source, room)
+        banner(array.simulated)
+        done = play_followed(
+            drive,
+            array,
+            tracker,
+            settings,
+            admission,
+            grid,
+            source=source,
+            report=print_note,
+            progress=stage("play"),
+        )
+    middle, most = (1e3 * each for each in done.reaction)
+    print_rows(
+        [
+            ("exposure", admission.verdict()),
+            ("measured in", f"{admission.exposure.measured_in}; the box of poses by samples, and each steered frame"),
+            *_played_rows(done.report, drive, device),
+            ("pose to sending", f"median {middle:.1f} ms, 99 % within {most:.1f} ms"),
+        ]
+    )
 
 
 def _played_rows(report: PlayReport, drive: Drive, device: str) -> list[tuple[str, str]]:

@@ -5,30 +5,23 @@ sender omits are counted exactly if it sends a counter channel (option `counter`
 time stamps, as accurately as the sender stamps. A jump of the sender's clock is removed from the times and reported.
 """
 
-import os
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pylsl
 from numpy.typing import NDArray
 from pydantic import PositiveFloat
+from pylsl.util import LostError, TimeoutError
 
+from midair.devices.liblsl import quiet_liblsl
 from midair.devices.sensors.frame_numbers import CountedFrames, Run, StampedFrames, SteadyStamps, runs
 from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream
 from midair.errors import DeviceError, DeviceStateError, InputError, RateError
 from midair.model import Unit
-
-try:
-    import pylsl
-    from pylsl.util import LostError, TimeoutError
-except (OSError, RuntimeError) as _wrong:
-    raise DeviceError(
-        f"lsl: expected the library liblsl, which comes with the package pylsl, got: {str(_wrong).splitlines()[0]}"
-    ) from _wrong
 
 UNITS: dict[str, tuple[Unit, float]] = {
     "v": ("V", 1.0),
@@ -224,13 +217,6 @@ class LslSource:
 
     def _lost(self) -> DeviceError:
         return DeviceError(f"lsl: lost the sender of {self._name!r}; make sure that it runs, then start again")
-
-
-def quiet_liblsl() -> None:
-    """Limit liblsl to error messages, unless the user configured it: its notes would disturb the level meters."""
-    files = (Path("lsl_api.cfg"), Path.home() / "lsl_api" / "lsl_api.cfg", Path("/etc/lsl_api/lsl_api.cfg"))
-    if "LSLAPICFG" not in os.environ and not any(file.exists() for file in files):
-        pylsl.lib.lib.lsl_set_config_content(b"[log]\nlevel = -2\n")
 
 
 def _unit(stated: list[str | None] | None, counter: int | None) -> tuple[Unit | None, float]:

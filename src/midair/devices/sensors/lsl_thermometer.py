@@ -1,9 +1,9 @@
 """A thermometer that sends a stream of the Lab Streaming Layer; needs the extra `lsl`."""
 
 import pylsl
-from pylsl.util import LostError, TimeoutError
+from pylsl.util import LostError
 
-from midair.devices.sensors.lsl import quiet_liblsl
+from midair.devices.liblsl import inlet_of_numbers
 from midair.devices.sensors.thermometer import Thermometer
 from midair.errors import DeviceError
 
@@ -23,7 +23,7 @@ class LslThermometer(Thermometer):
 
     def latest(self) -> tuple[float, float]:
         """The last value that was sent, and its age by the stamp of the sender."""
-        inlet = self._inlet = self._inlet or self._opened()
+        inlet = self._inlet = self._inlet or inlet_of_numbers(self.place, self.name, self.search)
         try:
             sample, stamp = inlet.pull_sample(timeout=self.stale if self._value is None else 0.0)
             while sample and stamp is not None:
@@ -39,22 +39,3 @@ class LslThermometer(Thermometer):
     def close(self) -> None:
         """Disconnect from the sender."""
         self._inlet = self._value = None
-
-    def _opened(self) -> pylsl.StreamInlet:
-        quiet_liblsl()
-        found = pylsl.resolve_byprop("name", self.place, 1, self.search)
-        if not found:
-            raise DeviceError(
-                f"{self.name}: expected a stream of this name, found none in {self.search:g} s; start its sender in "
-                "the same network"
-            )
-        if found[0].channel_format() == pylsl.cf_string:
-            raise DeviceError(f"{self.name}: expected numbers, got text; select another stream")
-        # Stamps on the clock of this computer, so that their age is known.
-        inlet = pylsl.StreamInlet(found[0], recover=False, processing_flags=pylsl.proc_clocksync)
-        try:
-            inlet.open_stream(timeout=self.search)
-            inlet.time_correction(timeout=self.search)
-        except (LostError, TimeoutError) as wrong:
-            raise DeviceError(f"{self.name}: lost the sender of the stream; start it again") from wrong
-        return inlet

@@ -8,14 +8,17 @@ from numpy.typing import NDArray
 from midair.devices.arrays import Silencer, SilencerChoice, choose_silencer
 from midair.devices.interface import ArrayDevice, PlayReport
 from midair.devices.virtual.virtual_skin import VirtualSkin
-from midair.errors import DeviceStateError
-from midair.model import Acoustics, Drive, Progress, TransducerArray
+from midair.errors import DeviceStateError, InputError
+from midair.model import Acoustics, Drive, PalmPath, Progress, TransducerArray
 from midair.physics import (
+    MovingSpread,
     PlaybackChain,
     Spread,
     TransducerDynamics,
     Transducers,
     TransducerState,
+    Waves,
+    middle_of,
     radiate,
     simulate,
     steps_per_frame,
@@ -54,6 +57,9 @@ class VirtualArray(ArrayDevice):
         Setting of the silencer, see `choose_silencer`; default: auto as on a real array, or off if a chain is given.
     chain : PlaybackChain, optional
         Replaces all settings above except the silencer's, to make single parts ideal.
+    palm : PalmPath, optional
+        Poses of the skin in array coordinates from the first frame of each play on, the last of which holds; it rests
+        in the middle above the array if None.
     """
 
     simulated = True
@@ -76,6 +82,7 @@ class VirtualArray(ArrayDevice):
         transducers: Transducers | None = None,
         silencer: SilencerChoice | None = None,
         chain: PlaybackChain | None = None,
+        palm: PalmPath | None = None,
         name: str = "virtual",
     ) -> None:
         self.name, self.array = name, array
@@ -94,7 +101,7 @@ class VirtualArray(ArrayDevice):
                 quality_spread=quality_spread,
             ),
         )
-        self._skin = skin
+        self._skin, self.palm = skin, palm
         self._path: _Path | None = None
         self._open = False
         self._now = TransducerState.silent(array.count)
@@ -144,8 +151,22 @@ class VirtualArray(ArrayDevice):
         if self._skin is not None and (self._path is None or self._path.acoustics != acoustics):
             matrix = transfer_matrix(self._skin.points, self.array, acoustics=acoustics)
             spread = Spread.of(matrix, acoustics.medium, None, self.chain.precision)
-            self._path = _Path(skin=self._skin, acoustics=acoustics, matrix=matrix, spread=spread)
+            moving = None if self.palm is None else self._moving(self._skin, self.palm, acoustics)
+            self._path = _Path(skin=self._skin, acoustics=acoustics, matrix=matrix, spread=spread, moving=moving)
         return self._path
+
+    def _moving(self, skin: VirtualSkin, palm: PalmPath, acoustics: Acoustics) -> MovingSpread:
+        if self.chain.hold == "ideal":
+            raise InputError("virtual array: expected frames that are held for a palm that moves, got an ideal hold")
+        return MovingSpread(
+            skin.points.position,
+            self.array,
+            acoustics,
+            solved=middle_of(skin.points),
+            path=palm,
+            rate=skin.rate,
+            precision=self.chain.precision,
+        )
 
     def _emit_once(
         self,
@@ -159,13 +180,14 @@ class VirtualArray(ArrayDevice):
     ) -> None:
         if chain.hold == "ideal" and path is not None:
             path.skin.press(simulate(drive, path.matrix, chain=chain, rate=path.skin.rate, acoustics=path.acoustics))
-        done = 0
+        done, moment = 0, before * steps
         for q, now in radiate(drive, chain, steps, start=self._now):
             with self.sounding():
                 self._now = now
             done += len(q) // steps
             if chain.hold == "step" and path is not None:
-                path.skin.press(path.spread.pressure(q))
+                path.skin.press(path.pressure(q, moment))
+            moment += len(q)
             if progress:
                 progress(before + done, total)
 
@@ -178,6 +200,11 @@ class _Path:
     acoustics: Acoustics
     matrix: NDArray[np.complex128]
     spread: Spread
+    moving: MovingSpread | None = None
+
+    def pressure(self, q: Waves, first: int) -> NDArray[np.float64]:
+        """Pressure on the points of the skin from step `first` of a play on."""
+        return self.spread.pressure(q) if self.moving is None else self.moving.pressure(q, first)
 
 
 def _spread_by(chain: PlaybackChain, silencer: Silencer) -> PlaybackChain:

@@ -1,6 +1,7 @@
 """Drives, `name.drive.h5`: transducer phases and levels, errors of the solution, and the target.
 
-Phases are stored as float64 without rounding: 5000 frames of 996 transducers take 40 MB.
+For AUTD3 units, phases and levels of single transducers are stored as the bytes that the units play, as changes between
+frames and compressed; for other arrays as float64 without rounding. Targets are stored as float32.
 """
 
 import os
@@ -28,6 +29,7 @@ from midair.files.native.hdf5 import (
     write_group,
 )
 from midair.files.native.provenance_json import from_json, to_json
+from midair.files.native.schema import BLOCK
 from midair.model import (
     Acoustics,
     AmplitudeFrames,
@@ -38,10 +40,19 @@ from midair.model import (
     Provenance,
     Solution,
     Status,
+    TransducerArray,
 )
 from midair.streaming import LazyFrames, TempFrames, each_frame, from_iterator
 
 DRIVE_SUFFIX = ".drive.h5"
+
+Frames = NDArray[np.float64] | LazyFrames
+
+AUTD3_TRANSDUCERS = 249
+"""Number of transducers of an AUTD3 unit, which plays phases in 256 steps to a turn and levels in 255 steps."""
+
+_TURN = 256 / (2 * np.pi)
+"""Steps of the phase in a radian."""
 
 
 def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: AmplitudeFrames | None = None) -> None:
@@ -79,13 +90,13 @@ def save_solutions(
     others = _FrameValues()
     with TempFrames(first.drive.array.count) as spool:
         phases = from_iterator(others.collect(chain([first], coming), spool), (frames, first.drive.array.count))
+        level = others.level(frames, spool, own_level=first.drive.level.ndim == 2)
         values = {**_drive_values(first.drive), **_solution_values(first), **time_values(frames, first.drive.rate)}
         # Phases come first in the schema: after they are written, the other values are known.
-        values |= {"phase": phases, **others.lazy(frames, spool, own_level=first.drive.level.ndim == 2)}
+        values |= {**_frame_values(phases, level, first.drive.array), **others.lazy(frames)}
         if target is not None:
             values |= _target_values(target)
-        points = 0 if target is None else target.grid.count
-        _write(values, path, room=8 * frames * (first.drive.array.count + points + 4))
+        _write(values, path, room=sum(_size(value) for value in values.values()))
 
 
 class _FrameValues:
@@ -106,14 +117,16 @@ class _FrameValues:
                 self.parts["level"].append(part.drive.level)
             yield part.drive.phase
 
-    def lazy(self, frames: int, spool: TempFrames, *, own_level: bool) -> dict[str, LazyFrames]:
-        """Lazy frames of the values, to be read after the last block."""
+    def lazy(self, frames: int) -> dict[str, LazyFrames]:
+        """Lazy frames of the values other than level, to be read after the last block."""
+        return {name: self._lazy(name, frames) for name in ("error", "iterations", "status")}
 
-        def of(name: str) -> LazyFrames:
-            return LazyFrames(lambda first, last: np.concatenate(self.parts[name])[first:last], (frames,))
+    def level(self, frames: int, spool: TempFrames, *, own_level: bool) -> LazyFrames:
+        """Lazy frames of the level, likewise."""
+        return spool.reel(frames) if own_level else self._lazy("level", frames)
 
-        level = {"transducer_level": spool.reel(frames)} if own_level else {"level": of("level")}
-        return level | {name: of(name) for name in ("error", "iterations", "status")}
+    def _lazy(self, name: str, frames: int) -> LazyFrames:
+        return LazyFrames(lambda first, last: np.concatenate(self.parts[name])[first:last], (frames,))
 
 
 def _write(values: Mapping[str, Any], path: str | os.PathLike[str], *, room: int = 0) -> None:
@@ -141,6 +154,11 @@ def read_drive(path: Path, *, streamed: bool, damage: dict[str, Ranges] | None =
     """Stored values of a drive and the meanings of its status; `damage` as in `read_group`."""
     with open_file(path) as file:
         values = read_group(file, "drive", path, streamed=streamed, damage=damage)
+        for stored, name, steps in (("phase_change", "phase", _TURN), ("intensity_change", "transducer_level", 255)):
+            if stored in values:
+                values[name] = _from_changes(values.pop(stored), steps)
+            if damage and stored in damage:
+                damage[name] = damage.pop(stored)
         return {**values, "flag_meanings": plain_text(file["status"].attrs.get("flag_meanings"))}
 
 
@@ -214,9 +232,55 @@ def _drive_values(drive: Drive) -> dict[str, Any]:
         **array_values(array),
         **_acoustic_values(drive.acoustics),
         **({} if array.alike else {"response_real": array.response.real, "response_imag": array.response.imag}),
-        "phase": drive.phase,
-        "level" if drive.level.ndim == 1 else "transducer_level": drive.level,
+        **_frame_values(drive.phase, drive.level, array),
     }
+
+
+def _frame_values(phase: Frames, level: Frames, array: TransducerArray) -> dict[str, Any]:
+    """Stored phases and levels."""
+    if not (np.bincount(array.unit) == AUTD3_TRANSDUCERS).all():
+        return {"phase": phase, "level" if level.ndim == 1 else "transducer_level": level}
+    own = {"level": level} if level.ndim == 1 else {"intensity_change": _changes(level, 255)}
+    return {"phase_change": _changes(phase, _TURN), **own}
+
+
+def _changes(x: Frames, steps: float) -> Any:
+    """Numbers in steps, modulo 256, as changes since the frame before; themselves in the first of each block."""
+
+    def change(block: np.ndarray) -> NDArray[Any]:
+        byte = np.mod(np.rint(block * steps), 256).astype(np.uint8)
+        moved = np.diff(byte, axis=0, prepend=np.zeros_like(byte[:1]))
+        moved[::BLOCK] = byte[::BLOCK]
+        return moved
+
+    # Frames that are being solved are read once: a lazy map of `each_frame` reads the first one twice.
+    return (
+        LazyFrames(lambda first, last: change(x.read(first, last)), x.shape) if isinstance(x, LazyFrames) else change(x)
+    )
+
+
+def _from_changes(changes: Frames, steps: float) -> Any:
+    """Numbers from their stored changes; lazy if these are."""
+
+    def number(first: int, last: int) -> NDArray[np.float64]:
+        begin = first // BLOCK * BLOCK
+        byte = np.asarray(changes[begin:last]).astype(np.uint8)
+        for block in range(0, len(byte), BLOCK):
+            np.cumsum(byte[block : block + BLOCK], axis=0, dtype=np.uint8, out=byte[block : block + BLOCK])
+        return byte[first - begin :] / steps
+
+    return LazyFrames(number, changes.shape) if isinstance(changes, LazyFrames) else number(0, len(changes))
+
+
+def _single(x: Frames) -> Any:
+    """The numbers as float32."""
+    return LazyFrames(x.read, x.shape, stored="f4") if isinstance(x, LazyFrames) else x.astype(np.float32)
+
+
+def _size(value: Any) -> int:
+    """Bytes of a value in memory, which a compressed dataset does not exceed."""
+    stored = value.nbytes if isinstance(value, LazyFrames | np.ndarray) else 100
+    return int(stored)
 
 
 def _acoustic_values(acoustics: Acoustics) -> dict[str, Any]:
@@ -253,7 +317,7 @@ def _target_values(target: AmplitudeFrames) -> dict[str, Any]:
         "grid_centre_y_m": grid.centre[1],
         "target_provenance": to_json(target.provenance),
         "point": np.arange(grid.count),
-        "target": target.amplitude,
+        "target": _single(target.amplitude),
     }
 
 
@@ -261,6 +325,8 @@ def _drive_from(values: Mapping[str, Any], path: Path) -> Drive:
     level = values.get("level", values.get("transducer_level"))
     if level is None or ("level" in values and "transducer_level" in values):
         raise BrokenFileError(f"{path}: expected either level or transducer_level; the file is damaged")
+    if "phase" not in values:
+        raise BrokenFileError(f"{path}: expected either phase or phase_change; the file is damaged")
     if ("response_real" in values) != ("response_imag" in values):
         raise BrokenFileError(f"{path}: expected response_real and response_imag together; the file is damaged")
     measured = np.asarray(values.get("response_real", np.zeros(0)) + 1j * values.get("response_imag", np.zeros(0)))

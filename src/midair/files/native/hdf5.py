@@ -22,7 +22,7 @@ from midair.files.native.hdf5_recovery import is_unclosed, openable
 from midair.files.native.inspection import get_ready, inspect
 from midair.files.native.provenance_json import to_json
 from midair.files.native.retrying_file import RetryingFile
-from midair.files.native.schema import FORMAT, TABLE, Entry, Kind
+from midair.files.native.schema import BLOCK, FORMAT, TABLE, Entry, Kind
 from midair.streaming import LazyFrames, block_ranges
 from midair.validation import check_finite
 from midair.version import __version__
@@ -212,7 +212,7 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: b
     kind = np.dtype("f4" if single else entry.dtype)
     axes = entry.dimensions or ()
     grows = live and bool(axes) and axes[0] in GROWING
-    chunk = _chunk(data.shape, kind.itemsize, grows=grows)
+    chunk = _chunk(data.shape, kind.itemsize, frames=256 if grows else min(BLOCK, len(data)) if entry.packed else 0)
     dataset = group.create_dataset(
         entry.name,
         shape=data.shape,
@@ -223,6 +223,8 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: b
         else None,
         chunks=chunk,
         fletcher32=None if grows or not data.ndim else True,
+        shuffle=entry.packed and kind.itemsize > 1,
+        compression=1 if entry.packed else None,
         fillvalue=np.nan if kind.kind == "f" else None,
     )
     if grows:
@@ -250,12 +252,12 @@ def _fill(dataset: "h5py.Dataset", frames: LazyFrames, chunk: int) -> None:
         first += len(block)
 
 
-def _chunk(shape: tuple[int, ...], itemsize: int, *, grows: bool) -> tuple[int, ...] | None:
-    """Chunks of about 64 kB along the first axis; of 256 frames when that axis grows."""
+def _chunk(shape: tuple[int, ...], itemsize: int, *, frames: int) -> tuple[int, ...] | None:
+    """Chunks of this number of frames; of about 64 kB along the first axis for 0."""
     if not shape:
         return None
     row = int(np.prod(shape[1:], dtype=int)) * itemsize
-    return (256 if grows else max(1, min(shape[0], 65536 // max(row, 1))), *shape[1:])
+    return (frames or max(1, min(shape[0], 65536 // max(row, 1))), *shape[1:])
 
 
 def fixed_text(value: str) -> Any:

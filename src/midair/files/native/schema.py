@@ -28,6 +28,8 @@ class Entry:
     required: bool = True
     single: bool = False
     """Whether it is stored as f4 if that holds every number."""
+    packed: bool = False
+    """Whether it is compressed."""
 
     @property
     def coordinate(self) -> bool:
@@ -40,10 +42,19 @@ def attribute(name: str, dtype: Literal["f8", "i8", "text"], what: str, *, requi
     return Entry(name=name, what=what, dtype=dtype, required=required)
 
 
-def numbers(name: str, dimensions: str, unit: str, what: str, *, required: bool = True, single: bool = False) -> Entry:
+def numbers(
+    name: str,
+    dimensions: str,
+    unit: str,
+    what: str,
+    *,
+    required: bool = True,
+    single: bool = False,
+    packed: bool = False,
+) -> Entry:
     """Entry of a float64 dataset; `dimensions` are separated by spaces."""
     axes = tuple(dimensions.split())
-    return Entry(name=name, what=what, dimensions=axes, unit=unit, required=required, single=single)
+    return Entry(name=name, what=what, dimensions=axes, unit=unit, required=required, single=single, packed=packed)
 
 
 def indices(
@@ -53,6 +64,18 @@ def indices(
     axes = tuple(dimensions.split())
     return Entry(name=name, what=what, dtype=dtype, dimensions=axes, unit="1", required=required)
 
+
+def changes(name: str, what: str) -> Entry:
+    """Entry of a compressed dataset of bytes: the change since the frame before, modulo 256.
+
+    Every `BLOCK` frames, from the first on, it is the byte itself.
+    """
+    axes = ("time", "transducer")
+    return Entry(name=name, what=what, dtype="u1", dimensions=axes, unit="1", required=False, packed=True)
+
+
+BLOCK = 64
+"""Number of frames whose changes can be read without the frames before."""
 
 _SIGNED = (
     attribute("kind", "text", "midair and what it holds: recording, calibration, pressure, drive, array or played"),
@@ -193,9 +216,11 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         attribute("air_humidity", "f8", "relative, where it was stated, 0 to 1", required=False),
         numbers("response_real", "transducer", "1", "of each that was measured, over the model's", required=False),
         numbers("response_imag", "transducer", "1", "its imaginary part", required=False),
-        numbers("phase", "time transducer", "rad", "of the drive"),
+        numbers("phase", "time transducer", "rad", "of the drive, for arrays other than AUTD3", required=False),
+        changes("phase_change", "phase in 256 steps to a turn, as change since the frame before; bytes each 64 frames"),
         numbers("level", "time", "1", "of full drive, 0 to 1, when a frame has one level", required=False),
         numbers("transducer_level", "time transducer", "1", "of full drive, 0 to 1, otherwise", required=False),
+        changes("intensity_change", "level in 255 steps, as change since the frame before; bytes each 64 frames"),
         numbers("error", "time", "1", "E of the frame: norm of the missing sound over norm of the wanted"),
         indices("iterations", "time", "that the solver made"),
         indices("status", "time", "how the solver ended; flag_meanings names the numbers", dtype="i1"),
@@ -208,7 +233,15 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         attribute("target_provenance", "text", "of the target, JSON", required=False),
         attribute("target_provenance_digest", "text", "SHA-256 of it", required=False),
         indices("point", "point", "of the control grid, row by row, from 0", required=False),
-        numbers("target", "time point", "Pa", "peak sound pressure that was wanted", required=False),
+        numbers(
+            "target",
+            "time point",
+            "Pa",
+            "peak sound pressure that was wanted",
+            required=False,
+            single=True,
+            packed=True,
+        ),
     ),
     "array": (
         *_SIGNED,

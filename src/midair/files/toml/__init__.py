@@ -3,6 +3,9 @@
 from .exposure_profiles import DEFAULT_PROFILE as DEFAULT_PROFILE
 from .exposure_profiles import load_profiles as load_profiles
 from .exposure_profiles import profile_named as profile_named
+from .laboratories import Laboratory as Laboratory
+from .laboratories import load_laboratory as load_laboratory
+from .laboratories import save_laboratory as save_laboratory
 from .palms import load_palm as load_palm
 from .placements import load_placement as load_placement
 from .plain import from_plain as from_plain
@@ -10,3 +13,5 @@ from .plain import to_plain as to_plain
 from .sensors import load_sensor as load_sensor
 from .sensors import save_sensor as save_sensor
 from .stages import load_stage as load_stage
+from .trackers import load_tracker as load_tracker
+from .trackers import save_tracker as save_tracker

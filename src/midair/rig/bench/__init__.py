@@ -27,3 +27,5 @@ from .simulated_bench import write_practice_recordings as write_practice_recordi
 from .tap_test import TapTest as TapTest
 from .tap_test import identify_by_taps as identify_by_taps
 from .tap_test import identify_by_tones as identify_by_tones
+from .tracker_bench import PLACES as PLACES
+from .tracker_bench import calibrate_tracker as calibrate_tracker

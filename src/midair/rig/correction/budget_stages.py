@@ -10,7 +10,8 @@ from midair.calibration import known_noise
 from midair.devices import SilencerChoice, choose_silencer
 from midair.dsp import band_energy
 from midair.evaluate import Budget, StageOutput, apply_band_twice, budget, leak
-from midair.model import Acoustics, Drive, Palm, PressureFrames, Recording, TransducerArray
+from midair.files import Laboratory
+from midair.model import Acoustics, ArrayCalibration, Drive, Palm, PressureFrames, Recording, TransducerArray
 from midair.physics import (
     PlaybackChain,
     calibration_of,
@@ -29,6 +30,7 @@ from midair.pipeline import (
     with_gain_for_strength,
 )
 from midair.rig.correction.drive_rerecording import palm_of_drive
+from midair.rig.correction.laboratory import laboratory_loss
 from midair.rig.correction.passes import Stage, no_progress
 from midair.rig.names import VirtualRig
 from midair.settings import Settings
@@ -52,6 +54,12 @@ class BudgetPlan:
     """Palm that is evaluated as well; only the sensor's cells if None."""
     measured: TransducerArray | None = None
     """Measured transducers of the rig, used by the solver; the model's if None."""
+    laboratory: Laboratory | None = None
+    """Uncertainties of a laboratory whose loss is computed as well."""
+    calibration: ArrayCalibration | None = None
+    """Measurement of `measured`, whose uncertainty remains in the laboratory."""
+    seed: int = 0
+    """Seed of the random laboratories."""
 
 
 def error_budget(
@@ -86,7 +94,22 @@ def error_budget(
         palm = palm_of_drive(
             asked, drive, plan.palm, chain=chain, rig=plan.rig, judged=part, band=band, progress=stage("palm")
         )
-    return budget(asked, outputs, strength=made.strength(), kept=kept, band=band, judged=part, palm=palm)
+    found = budget(asked, outputs, strength=made.strength(), kept=kept, band=band, judged=part, palm=palm)
+    if plan.laboratory is None:
+        return found
+    loss = laboratory_loss(
+        asked,
+        made.solution.drive,
+        plan.laboratory,
+        sensor=plan.rig.sensor_model,
+        grid=plan.settings.target.grid,
+        judged=part,
+        band=band,
+        measured=plan.calibration,
+        seed=plan.seed,
+        progress=stage("laboratory"),
+    )
+    return replace(found, laboratory=loss)
 
 
 def band_power_share(recording: Recording, band: tuple[float, float]) -> float | None:

@@ -9,7 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.evaluate import RATIOS, PalmFidelity, PerceptualMetrics, printed_error, ratio_text, relative_error
+from midair.evaluate import (
+    RATIOS,
+    LaboratoryLoss,
+    PalmFidelity,
+    PerceptualMetrics,
+    printed_error,
+    ratio_text,
+    relative_error,
+)
 from midair.figures import (
     Picture,
     beam_figure,
@@ -28,6 +36,7 @@ from midair.headroom import level_of
 from midair.model import Drive, PressureFrames, Progress
 from midair.physics import propagate
 from midair.rig.correction.correction_loop import Loop
+from midair.rig.correction.laboratory import laboratory_picture
 from midair.rig.correction.outcomes import Outcome, comparison_rows, palm_picture, summarise_outcomes
 from midair.settings import Settings, format_setting
 from midair.targets import frames_without_lead
@@ -43,6 +52,7 @@ def write_report(
     commands: tuple[str, ...] = (),
     palm: PalmFidelity | None = None,
     beside: Sequence[Outcome] = (),
+    laboratory: LaboratoryLoss | None = None,
     progress: Progress | None = None,
 ) -> list[Picture]:
     """Write the report of a loop, and return its figures in order.
@@ -57,6 +67,8 @@ def write_report(
         Fidelity of the last pass on a simulated palm.
     beside : sequence of Outcome
         Outcomes of other settings for the same recording, in the order of the page; the loop's own among them.
+    laboratory : LaboratoryLoss, optional
+        Loss in a laboratory.
     progress : callable, optional
         Called with (pictures drawn, total pictures).
     """
@@ -65,6 +77,7 @@ def write_report(
     own = next(each for each in outcomes if each.loop is loop)
     shown = drawn(loop, own.card, progress)
     palms = [] if (pressed := palm_picture(outcomes)) is None else [pressed]
+    palms += [] if laboratory is None else [laboratory_picture(laboratory)]
     page = render(loop, shown, commands=commands, outcomes=outcomes, palms=palms)
     with atomic_file(path) as partial:
         partial.write_text(page, encoding="utf-8")

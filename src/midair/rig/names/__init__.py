@@ -9,5 +9,7 @@ from .sensor_names import source_sensor as source_sensor
 from .stage_names import stage_named as stage_named
 from .thermometer_names import THERMOMETERS as THERMOMETERS
 from .thermometer_names import thermometer_named as thermometer_named
+from .tracker_names import TRACKERS as TRACKERS
+from .tracker_names import open_tracker as open_tracker
 from .virtual_rig import TransducerSpread as TransducerSpread
 from .virtual_rig import VirtualRig as VirtualRig

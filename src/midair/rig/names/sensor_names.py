@@ -5,8 +5,9 @@ Options follow a question mark; each kind of live sensor has those of `SensorOpt
 
 import re
 from collections.abc import Mapping
+from typing import TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from midair.devices import Decimated, RemappedSensor, ReplaySensor, SensorDevice, SensorOptions, StreamedSensor
 from midair.errors import InputError, UnknownDeviceError
@@ -14,6 +15,8 @@ from midair.files import open_take
 from midair.model import SensorWiring
 from midair.registry import Registry
 from midair.rig.names.virtual_rig import VirtualRig
+
+Options = TypeVar("Options", bound=BaseModel)
 
 SENSORS: Registry[type[SensorOptions]] = Registry(
     "midair.sensors",
@@ -34,7 +37,7 @@ def source_sensor(name: str, *, wiring: SensorWiring | None = None) -> StreamedS
     option is unknown or invalid.
     """
     kind, place, stated = split_name(name)
-    options = _options(name, SENSORS[kind], stated)
+    options = checked_options(name, SENSORS[kind], stated)
     source = options.source(place)
     plain = f"{kind}:{place}"
     return StreamedSensor(
@@ -56,7 +59,8 @@ def split_name(name: str) -> tuple[str, str, dict[str, str]]:
     return match[1], match[2], dict(pairs)
 
 
-def _options(name: str, kind: type[SensorOptions], stated: Mapping[str, str]) -> SensorOptions:
+def checked_options(name: str, kind: type[Options], stated: Mapping[str, str]) -> Options:
+    """The options of a name; InputError if one is unknown or invalid."""
     try:
         return kind.model_validate(dict(stated))
     except ValidationError as wrong:

@@ -8,7 +8,7 @@ from typing import Literal, TypedDict
 from midair.datasets import am_stimulus, stroke, taps
 from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
 from midair.errors import BandError, UnknownDeviceError
-from midair.model import HEIGHT, HEIGHTS, RATE, Acoustics, PressureFrames, SensorGrid, TransducerArray
+from midair.model import HEIGHT, HEIGHTS, RATE, Acoustics, PalmPath, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import SensorModel, TransducerDynamics, Transducers
 from midair.validation import length
 
@@ -56,6 +56,8 @@ class VirtualRig:
     """Differences between the transducers."""
     transducers: Transducers | None = None
     """Transducers of the array, such as from `Transducers.measured`; a random spread if None."""
+    palm: PalmPath | None = None
+    """Poses of the sensor during each play, in array coordinates; it rests over the centre of the array if None."""
     peak: float = 30.0
     """Peak pressure of a modulated focus in Pa; at 30 Pa two corrected foci stay within the array's power."""
 
@@ -98,6 +100,7 @@ class VirtualRig:
             dynamics=self.dynamics,
             seed=self.seed,
             transducers=self.transducers,
+            palm=self.palm,
             **SPREADS[self.spread],
         )
 

@@ -7,6 +7,16 @@ from .air_check import check_air as check_air
 from .air_check import correct_air_of_file as correct_air_of_file
 from .air_watch import DRIFT as DRIFT
 from .air_watch import watch_air as watch_air
+from .following import Follower as Follower
+from .following import FollowRules as FollowRules
+from .following import clear_followed as clear_followed
+from .following import follow_as_set as follow_as_set
+from .following import follow_simulated as follow_simulated
+from .following import grid_of as grid_of
+from .following import immediate_array as immediate_array
+from .following import open_followed as open_followed
+from .following import play_followed as play_followed
+from .following import tracker_name as tracker_name
 from .play_settings import PlaySettings as PlaySettings
 from .play_settings import default_exposure as default_exposure
 from .rerecording import play_cleared as play_cleared

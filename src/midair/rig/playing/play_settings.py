@@ -5,8 +5,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.devices import Cooling, ExposureChoices, SilencerChoice
-from midair.files import DEFAULT_PROFILE, load_array_calibration, load_calibration, load_placement, profile_named
-from midair.model import BAND, HEIGHT, HEIGHTS, Acoustics, ArrayCalibration, Calibration, Placement, SensorGrid
+from midair.files import (
+    DEFAULT_PROFILE,
+    load_array_calibration,
+    load_calibration,
+    load_palm_path,
+    load_placement,
+    profile_named,
+)
+from midair.model import (
+    BAND,
+    HEIGHT,
+    HEIGHTS,
+    Acoustics,
+    ArrayCalibration,
+    Calibration,
+    PalmPath,
+    Placement,
+    SensorGrid,
+)
 from midair.rig.names import TransducerSpread
 from midair.validation import Declared, check_settings, documented, setting
 
@@ -65,6 +82,23 @@ class PlaySettings(Declared):
     exposure: ExposureChoices = setting(default_exposure, "Exposure limits of every drive.", playback=True)
     cooling: Cooling | None = setting(
         None, "How to wait for units that are too hot; None ends playback.", playback=True
+    )
+    follow: str | None = setting(
+        None,
+        "Tracker of the palm that every frame is steered to, such as replay:hand.csv.\n"
+        "Sound fades while the palm is outside 100 x 100 x 60 mm or tilted by more than 15 degrees, or not tracked.",
+        playback=True,
+    )
+    tracker_latency: float | None = setting(
+        None, "Latency of the tracker, from a pose to its arrival.", unit="s", limits=(0, 1), playback=True
+    )
+    confidence: float = setting(
+        0.3, "Confidence of the tracker below which the sound fades, 0 to 1.", limits=(0, 1), playback=True
+    )
+    palm_path: PalmPath | None = setting(
+        None,
+        "CSV file of poses along which the palm of the virtual device moves, from the first frame on.",
+        load=load_palm_path,
     )
     height: float = setting(HEIGHT, "Height of a virtual sensor above the array.", unit="m", limits=HEIGHTS)
     cells: SensorGrid = setting(SensorGrid, "Cells of a virtual sensor.")

@@ -34,16 +34,16 @@ class PressureMeans(Term):
 
     __slots__ = ()
     keyword = "fit"
-    help = "Where the error is measured: control points, 8 mm windows, or sensor cells."
+    help = "Where the error is measured: control points, windows of 8 or 5.5 mm, or sensor cells."
     methods = frozenset({"fast", "glide"})
     default = "points"
-    values = Literal["points", "windows", "cells"]
+    values = Literal["points", "windows", "fine-windows", "cells"]
     name = "cells"
     instead = "fit points"
 
     @classmethod
     def setting(cls) -> Any:
-        """A name, windows or cells."""
+        """A name, `Windows` or `Cells`."""
         return Fit
 
     @classmethod
@@ -51,9 +51,18 @@ class PressureMeans(Term):
         """The term of this fit; None for "points"."""
         if isinstance(value, Windows | Cells):
             return value
-        if value not in ("points", "windows", "cells"):
-            raise InputError(f"fit: expected points, windows, cells, Windows(...) or Cells(...), got {value!r}")
-        return Windows() if value == "windows" else Cells() if value == "cells" else None
+        match value:
+            case "points":
+                return None
+            case "windows":
+                return Windows()
+            case "fine-windows":
+                return Windows.fine()
+            case "cells":
+                return Cells()
+        raise InputError(
+            f"fit: expected points, windows, fine-windows, cells, Windows(...) or Cells(...), got {value!r}"
+        )
 
     @classmethod
     def number(cls, value: "Fit") -> Any:
@@ -68,8 +77,7 @@ class PressureMeans(Term):
     def added(self, problem: "Problem", setup: "NormalisedSetup") -> "Problem":
         """The problem with the weights and target pressures."""
         unit = float(radiation_pressure(np.array(setup.focus), setup.airs[0].medium))
-        target = self.target(setup.target.amplitude / setup.focus, setup.target.grid, unit)
-        return replace(problem, cells=target.repeated(len(setup.airs)))
+        return replace(problem, cells=self.target(setup.target.amplitude / setup.focus, setup.target.grid, unit))
 
     @abstractmethod
     def target(self, amplitude: Array, grid: ControlGrid, unit: float) -> "CellTarget":
@@ -119,6 +127,11 @@ class Windows(PressureMeans):
         for name in ("aperture", "spread", "pitch", "inset"):
             positive(getattr(self, name), f"{name} of the windows", "m")
 
+    @classmethod
+    def fine(cls) -> "Windows":
+        """Windows of half a cell, which overlap by half; 19 x 19 over the paper's 16 x 16 points."""
+        return cls(aperture=5.5e-3, pitch=2.75e-3, inset=2.75e-3)
+
     def places(self, grid: ControlGrid) -> SensorModel:
         """The windows over a control grid, as the cells of a sensor."""
         rows, columns = (self._count(points, grid.pitch) for points in (grid.rows, grid.columns))
@@ -140,8 +153,8 @@ class Windows(PressureMeans):
         return 1 + max(int(free / self.pitch + 1e-9), 0)
 
 
-Fit = Literal["points", "windows", "cells"] | Windows | Cells
-"""Control points, as in the paper; windows over the whole square; or the cells of a sensor at one place."""
+Fit = Literal["points", "windows", "fine-windows", "cells"] | Windows | Cells
+"""Control points, as in the paper; windows of 8 or 5.5 mm over the square; or the cells of a sensor at one place."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -151,13 +164,6 @@ class CellTarget:
     weights: Array  # w, the share of each point, shape (cell, point)
     wanted: Array  # Target pressure in the unit of amplitude squared, shape (frame, cell)
     faint: float = 0.0  # Frames with an rms target below this report their error relative to this, in the same unit
-
-    def repeated(self, times: int) -> "CellTarget":
-        """The same target for several fields, whose points follow one another."""
-        if times == 1:
-            return self
-        weights = np.kron(np.eye(times), self.weights).astype(np.float64)
-        return CellTarget(weights=weights, wanted=np.tile(self.wanted, (1, times)), faint=self.faint)
 
     def error(self, size: Array) -> Array:
         """|| w |y|^2 - P || / || P || of each frame, from the field's magnitude (frame, point); 0 where P is 0."""

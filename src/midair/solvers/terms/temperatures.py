@@ -22,7 +22,7 @@ class Robust(Term):
     """Range of temperatures for which the phases hold."""
 
     keyword = "robust"
-    help = "Range below and above --temperature in which the phases stay accurate."
+    help = "Range below and above --temperature in which the phases stay accurate; with --fit points alone."
     methods = frozenset({"lm", "exact", "fast", "glide", "live"})
     unit = "K"
     limits = (0.0, 10.0, "0 to 10 degrees Celsius")

@@ -29,7 +29,6 @@ from .detection import d_prime_same_different as d_prime_same_different
 from .detection import d_prime_yes_no as d_prime_yes_no
 from .detection import proportion_correct as proportion_correct
 from .mixed import logistic_mixed as logistic_mixed
-from .mixed import logistic_posterior as logistic_posterior
 from .pair_comparisons import pairwise as pairwise
 from .paired import Equivalence as Equivalence
 from .paired import PairedT as PairedT

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.errors import InputError, MissingExtraError
+from midair.errors import InputError
 from midair.study.statistics.anova import contrasts, effects
 from midair.study.statistics.columns import column, frame_of, levels, numbers
 from midair.study.statistics.logistic import CellCounts, LogisticFit, fit_logistic
@@ -129,39 +129,6 @@ def logistic_mixed(
             row["p"] = float(chi2.sf(statistic, df))
         rows.append({**row, "note": note if less.converged else "the optimiser did not converge: unreliable"})
     return DataFrame(rows)
-
-
-def logistic_posterior(
-    table: DataFrame | Mapping[str, Any], *, correct: str, participant: str, within: Sequence[str]
-) -> DataFrame:
-    """Fit the random-intercept model with statsmodels: a variational posterior with normal priors.
-
-    Columns term, mean, sd, in logits; the last row is the logarithm of the standard deviation between participants.
-    Raises MissingExtraError if statsmodels is not installed and InputError as `logistic_mixed`.
-    """
-    from pandas import DataFrame
-
-    try:
-        from statsmodels.genmod.bayes_mixed_glm import BinomialBayesMixedGLM
-    except ImportError as missing:
-        raise MissingExtraError(
-            'posterior: expected the package statsmodels, it is not installed; pip install "midair[study]"'
-        ) from missing
-    data = right_answers(table, correct=correct, participant=participant, within=within)
-    # statsmodels requires one row per trial.
-    total = data.counts.total.astype(int)
-    person, cell = (np.repeat(where.ravel(), total.ravel()) for where in np.indices(total.shape))
-    right = np.concatenate(
-        [np.arange(n) < k for k, n in zip(data.counts.right.ravel(), total.ravel(), strict=True)]
-    ).astype(float)
-    people = np.eye(data.people)[person]
-    names = ["intercept"]
-    for number, name in enumerate(data.names, start=1):
-        names += [f"{name}[{i}]" for i in range(int((data.effect == number).sum()))]
-    model = BinomialBayesMixedGLM(right, data.cells[cell], people, np.zeros(data.people, int), vcp_p=1, fe_p=2)
-    fit = model.fit_vb()
-    mean = np.r_[fit.fe_mean, fit.vcp_mean]
-    return DataFrame({"term": [*names, "log spread"], "mean": mean, "sd": np.r_[fit.fe_sd, fit.vcp_sd]})
 
 
 def right_answers(

@@ -7,6 +7,7 @@ from midair.cli.help_text import add_command, epilogue, examples_of
 from .apply import apply_command, show_command
 from .measure import beam_command, bench_command, measure_command, tone_command
 from .measure_array import array_command
+from .tracker import tracker_command
 
 calibrate_app = App(
     name="calibrate",
@@ -18,4 +19,5 @@ add_command(calibrate_app, measure_command, "measure")
 add_command(calibrate_app, tone_command, "tone")
 add_command(calibrate_app, beam_command, "beam")
 add_command(calibrate_app, array_command, "array")
+add_command(calibrate_app, tracker_command, "tracker")
 add_command(calibrate_app, bench_command, "bench")

@@ -2,12 +2,7 @@
 
 import numpy as np
 import pytest
-
-from midair.datasets import stroke
-from midair.errors import InputError
-from midair.files import save
-from midair.model import Calibration, ControlGrid, PressureFrames, Recording, SensorGrid
-from midair.paper.materials_apart import (
+from benchmarks.materials import (
     MaterialsPlan,
     left_out_names,
     material_of,
@@ -15,6 +10,11 @@ from midair.paper.materials_apart import (
     recorded,
     share_between,
 )
+
+from midair.datasets import stroke
+from midair.errors import InputError
+from midair.files import save
+from midair.model import Calibration, ControlGrid, PressureFrames, Recording, SensorGrid
 from midair.paper.modes_compared import strongest_part
 from midair.settings import Settings
 

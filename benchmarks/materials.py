@@ -1,11 +1,12 @@
-"""Test whether materials stay distinguishable: reproduce strokes in each mode and classify the re-recordings.
+"""Test whether materials stay distinguishable (`python -m benchmarks.materials`): reproduce strokes, classify them.
 
 For each stroke, a classifier that was trained on the originals of all other strokes predicts the material: from the
 original, and from the re-recording in each mode. Errors on the re-recordings only are caused by the mode. A second
 classifier, trained on the mode's own re-recordings, tests whether the materials still differ from each other.
 """
 
-from collections.abc import Callable, Mapping
+import argparse
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.util import find_spec
@@ -22,7 +23,8 @@ from midair.devices import check_exposure
 from midair.dsp import resample
 from midair.errors import InputError, MissingExtraError
 from midair.evaluate import THIRD_OCTAVES, third_octaves
-from midair.figures import ConfusionPanel, confusion_figures, png_bytes
+from midair.figures import png_bytes
+from midair.figures.style import Style, new_figure
 from midair.files import contents, open_take
 from midair.model import Calibration, PressureFrames, Recording
 from midair.paper.modes_compared import strongest_begins
@@ -261,3 +263,54 @@ def share_between(right: int, count: int) -> tuple[float, float]:
 
     limits = binomtest(right, count).proportion_ci(method="wilson")
     return float(limits.low), float(limits.high)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConfusionPanel:
+    """One confusion matrix."""
+
+    title: str
+    """Title, with the share of correct answers."""
+    names: tuple[str, ...]
+    """Names of the classes, for both axes."""
+    counts: NDArray[np.int64]
+    """Number of answers, shape (true, named)."""
+
+
+def confusion_figures(matrices: Sequence[ConfusionPanel], *, simulated: bool, style: Style | None = None) -> Any:
+    """Draw matrices in a row: rows are the presented classes, columns the responses; shade is the share of a row."""
+    style = style or Style()
+    count = len(matrices[0].names)
+    side = 0.9 + 0.42 * max(count, 3)
+    figure = new_figure(0.4 + side * len(matrices), side + 1.1, simulated=simulated, style=style)
+    axes = figure.subplots(1, len(matrices), squeeze=False)[0]
+    for axis, matrix in zip(axes, matrices, strict=True):
+        share = matrix.counts / np.maximum(matrix.counts.sum(axis=1, keepdims=True), 1)
+        axis.imshow(share, cmap="Blues", vmin=0, vmax=1)
+        for (row, column), number in np.ndenumerate(matrix.counts):
+            ink = "white" if share[row, column] > 0.6 else style.ink
+            axis.text(column, row, str(number) if number else "", ha="center", va="center", fontsize=8, color=ink)
+        axis.set_title(matrix.title, fontsize=8, loc="left", color=style.ink)
+        axis.set_xticks(range(count), matrix.names, rotation=45, ha="right", fontsize=7)
+        axis.set_yticks(range(count), matrix.names if axis is axes[0] else [""] * count, fontsize=7)
+        axis.set_xlabel("response", fontsize=8)
+    axes[0].set_ylabel("presented", fontsize=8)
+    return figure
+
+
+def main() -> None:
+    """Write the table and the confusion matrices, and print how many strokes keep their material."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--recordings", type=Path, help="a folder for each material; synthetic strokes without it")
+    parser.add_argument("--strokes", type=int, default=12, help="of each synthetic material")
+    parser.add_argument("--mode", choices=("best", "quick", "finest"), default="best")
+    parser.add_argument("--out", type=Path, default=Path("materials"), help="folder of the results")
+    options = parser.parse_args()
+    result = materials_table(MaterialsPlan(folder=options.recordings, strokes=options.strokes, mode=options.mode))
+    for row in result.rows:
+        print(f"{row['mode']:9} {row['named_right']:.2f} correct, error of third octaves {row['shape_off_db']:.1f} dB")
+    print(*result.write(options.out))
+
+
+if __name__ == "__main__":
+    main()

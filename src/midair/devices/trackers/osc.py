@@ -1,0 +1,146 @@
+"""Poses in messages of Open Sound Control 1.0 over UDP.
+
+It parses the packets itself: python-osc replaces the time of a bundle that has passed by now, and logs a line for each
+bad packet.
+"""
+
+import socket
+import struct
+import time
+from collections.abc import Iterator
+from datetime import UTC, datetime
+
+from midair.devices.trackers.tracker import RawPose, TrackerOptions
+from midair.errors import DeviceError, InputError
+
+
+class OscPoses:
+    """Messages to a port with 9 or 10 numbers: centre in m, normal, direction of the fingers, and confidence.
+
+    The time of a bundle is the time of the pose; a message without one has the time of its arrival.
+    """
+
+    host_clock = False
+
+    def __init__(self, place: str, address: str) -> None:
+        host, _, port = place.rpartition(":")
+        if not port.isdecimal() or not 0 <= int(port) < 65536:
+            raise InputError(f"osc:{place}: expected a port from 1 to 65535, such as osc:9000, got {port!r}")
+        self._host, self._port, self._address = host or "127.0.0.1", int(port), address
+        self._socket: socket.socket | None = None
+        self._offset = 0.0
+
+    @property
+    def port(self) -> int:
+        """The port that it listens to."""
+        return self._port if self._socket is None else self._socket.getsockname()[1]
+
+    def open(self) -> None:
+        """Listen to the port."""
+        made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            made.bind((self._host, self._port))
+        except OSError as wrong:
+            made.close()
+            raise DeviceError(
+                f"osc: expected a free port {self._port} at {self._host}, got: {wrong.strerror}; choose another"
+            ) from wrong
+        self._socket = made
+        self._offset = time.monotonic() - datetime.now(UTC).timestamp()
+
+    def pull(self, wait: float) -> list[RawPose | str]:
+        """Poses of the messages that have arrived."""
+        if self._socket is None:
+            raise DeviceError("osc: expected open first")
+        found: list[RawPose | str] = []
+        try:
+            for _ in range(64):
+                self._socket.settimeout(1e-6 if found else wait or 1e-6)
+                packet = self._socket.recv(65536)
+                try:
+                    found += self._poses(packet, time.monotonic())
+                except (ValueError, struct.error, IndexError):
+                    found.append("a packet that is no OSC 1.0")
+        except (TimeoutError, BlockingIOError):
+            pass
+        except OSError as wrong:
+            raise DeviceError(f"osc: lost the port {self._port}: {wrong.strerror}") from wrong
+        return found
+
+    def close(self) -> None:
+        """Free the port."""
+        made, self._socket = self._socket, None
+        if made is not None:
+            made.close()
+
+    def _poses(self, packet: bytes, arrived: float) -> list[RawPose | str]:
+        found: list[RawPose | str] = []
+        for stamp, address, numbers in messages(packet):
+            if address == self._address and len(numbers) in (9, 10):
+                at = arrived if stamp is None else stamp + self._offset
+                found.append(RawPose(stamp=at, values=numbers[:9], confidence=(*numbers, 1.0)[9]))
+            elif address == self._address:
+                found.append(f"{len(numbers)} numbers instead of 9 or 10 at {address}")
+        return found
+
+
+Message = tuple[float | None, str, list[float]]
+"""Time in s since 1970, or None for now; address; numbers."""
+
+EPOCH = 2208988800
+"""Seconds from 1900 to 1970."""
+NUMBERS = {"i": "i", "f": "f", "d": "d", "h": "q"}
+"""Codes of `struct` by the type tags of numbers."""
+
+
+def messages(packet: bytes) -> Iterator[Message]:
+    """Messages of a packet, those of a bundle within another excepted; other arguments than numbers are left out.
+
+    ValueError, struct.error or IndexError if it is malformed.
+    """
+    if not packet.startswith(b"#bundle\0"):
+        yield (None, *_message(packet))
+        return
+    seconds, fraction = struct.unpack_from(">II", packet, 8)
+    stamp, at = (seconds - EPOCH + fraction / 2**32 if seconds else None), 16
+    while at < len(packet):
+        (size,) = struct.unpack_from(">I", packet, at)
+        if at + 4 + size > len(packet) or not size:
+            raise ValueError("size of an element")
+        if packet[at + 4 : at + 5] == b"/":
+            yield (stamp, *_message(packet[at + 4 : at + 4 + size]))
+        at += 4 + size
+
+
+def _message(data: bytes) -> tuple[str, list[float]]:
+    address, at = _text(data, 0)
+    tags, at = _text(data, at)
+    if not address.startswith("/") or not tags.startswith(","):
+        raise ValueError("address or type tags")
+    numbers: list[float] = []
+    for tag in tags[1:]:
+        if tag in NUMBERS:
+            code = ">" + NUMBERS[tag]
+            numbers.append(float(struct.unpack_from(code, data, at)[0]))
+            at += struct.calcsize(code)
+        elif tag in "sS":
+            _, at = _text(data, at)
+        elif tag not in "TFNI":
+            raise ValueError("type tag")
+    return address, numbers
+
+
+def _text(data: bytes, at: int) -> tuple[str, int]:
+    """Text up to its NUL, and the place after its padding to 4 bytes."""
+    end = data.index(b"\0", at)
+    return data[at:end].decode("ascii"), end + 4 - (end - at) % 4
+
+
+class OscTracker(TrackerOptions):
+    """Kind ``osc:PORT``, on this computer alone, or ``osc:0.0.0.0:PORT``; `address` is that of the messages."""
+
+    address: str = "/palm"
+
+    def source(self, place: str) -> OscPoses:
+        """Messages to a port."""
+        return OscPoses(place, self.address)

@@ -1,0 +1,140 @@
+"""Prediction of the palm over the latency of its tracker, smooth between the poses."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from midair.array_types import Array
+from midair.errors import DeviceStateError
+from midair.model import PalmPath
+
+LONGEST = 0.1
+"""Longest prediction, and longest gap between poses that a filter bridges, in s."""
+FOREVER = 1e3
+"""A decay time that is none, in s; larger ones lose digits to cancellation."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionModel:
+    """Motion of each coordinate for a Kalman filter: position, velocity, and an acceleration that noise drives.
+
+    The velocity decays with `damping`, the acceleration with `memory`, both in s (Singer's model without damping).
+    """
+
+    damping: float
+    memory: float
+    agility: float
+    """Standard deviation of the noise, in 1/s^2.5 for a pose whose own standard deviation is 1."""
+
+    def transition(self, after: Array) -> Array:
+        """Matrices (time, 3, 3) from a state to the state `after` s."""
+        velocity, memory = self.damping, self.memory
+        lost_v, lost_a = -np.expm1(-after / velocity), -np.expm1(-after / memory)
+        mixed = velocity * memory / (velocity - memory)
+        one, none = np.ones_like(after), np.zeros_like(after)
+        rows = [
+            [one, velocity * lost_v, mixed * (velocity * lost_v - memory * lost_a)],
+            [none, 1 - lost_v, mixed * (lost_a - lost_v)],
+            [none, none, 1 - lost_a],
+        ]
+        return np.moveaxis(np.array(rows), -1, 0)
+
+
+CONSTANT_VELOCITY = MotionModel(damping=FOREVER, memory=1e-4, agility=7.2e7)
+CONSTANT_ACCELERATION = MotionModel(damping=10 * FOREVER, memory=FOREVER, agility=5.0e4)
+DAMPED_VELOCITY = MotionModel(damping=0.063, memory=3.8e-3, agility=1.74e7)
+"""The model that predicts best on the recording HandSplay (benchmarks/trackers.py)."""
+
+
+@lru_cache(maxsize=1024)
+def _step(model: MotionModel, ticks: int) -> tuple[Array, Array]:
+    """Transition and covariance of the noise over a time in 0.1 ms."""
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    after = ticks * 1e-4
+    column = model.transition((nodes + 1) * after / 2)[:, :, 2]
+    noise = np.einsum("i,ij,ik->jk", weights * after / 2, column, column) * model.agility**2
+    return model.transition(np.array([after]))[0], noise
+
+
+class PosePredictor:
+    """Predicts centre, normal and fingers by one Kalman filter.
+
+    A new pose corrects the prediction; the correction is blended in over `smoothing` s from the last predicted time,
+    without a step of position or velocity, since steps are felt.
+
+    Parameters
+    ----------
+    model : MotionModel
+        How a palm moves.
+    smoothing : float
+        Time over which a correction is blended in, in s; 0 for steps.
+    """
+
+    def __init__(self, model: MotionModel = DAMPED_VELOCITY, *, smoothing: float = 0.017) -> None:
+        self.model, self.smoothing = model, smoothing
+        self._time, self._confidence, self._shown = -np.inf, 0.0, -np.inf
+        self._state, self._covariance = np.zeros((3, 9)), np.eye(3)
+        self._blend = (-np.inf, np.zeros(9), np.zeros(9))
+
+    def add(self, poses: PalmPath) -> None:
+        """Take new poses into account, in order of time; those not later than the last one are ignored."""
+        rows = np.column_stack([poses.centre, poses.normal, poses.fingers])
+        later = np.flatnonzero(poses.time > self._time)
+        if not len(later):
+            return
+        shown = np.array([self._shown])
+        before = self._smoothed(shown) if np.isfinite(self._shown) else None
+        for at in later:
+            if poses.time[at] - self._time > LONGEST:
+                self._state, self._covariance = np.zeros((3, 9)), np.diag([1.0, 1e8, 1e10])
+                self._state[0], before = rows[at], None
+            else:
+                self._correct(rows[at], poses.time[at] - self._time)
+            self._time, self._confidence = float(poses.time[at]), float(poses.confidence[at])
+        self._blend = (-np.inf, np.zeros(9), np.zeros(9))
+        if before is not None:
+            after = self._smoothed(shown)
+            self._blend = (self._shown, before[0][0] - after[0][0], before[1][0] - after[1][0])
+
+    def at(self, times: Array) -> PalmPath:
+        """Predicted poses at increasing times; the prediction ends 100 ms after the newest pose and holds.
+
+        Raises DeviceStateError before the first pose.
+        """
+        if not np.isfinite(self._time):
+            raise DeviceStateError("prediction of the palm: expected a pose first, got none")
+        times = np.atleast_1d(np.asarray(times, np.float64))
+        rows, _ = self._smoothed(times)
+        self._shown = float(times[-1])
+        normal = rows[:, 3:6] / np.linalg.norm(rows[:, 3:6], axis=1, keepdims=True)
+        fingers = rows[:, 6:9] - (rows[:, 6:9] * normal).sum(axis=1, keepdims=True) * normal
+        return PalmPath(
+            time=times,
+            centre=rows[:, :3],
+            normal=normal,
+            fingers=fingers / np.linalg.norm(fingers, axis=1, keepdims=True),
+            confidence=np.full(len(times), self._confidence),
+        )
+
+    def _correct(self, row: Array, after: float) -> None:
+        transition, noise = _step(self.model, max(1, round(after * 1e4)))
+        self._state = transition @ self._state
+        covariance = transition @ self._covariance @ transition.T + noise
+        gain = covariance[:, 0] / (covariance[0, 0] + 1.0)
+        self._state = self._state + np.outer(gain, row - self._state[0])
+        self._covariance = covariance - np.outer(gain, covariance[0])
+
+    def _smoothed(self, times: Array) -> tuple[Array, Array]:
+        """Values (time, 9) and their rates, with the rest of the last correction."""
+        moved = self.model.transition(np.clip(times - self._time, -LONGEST, LONGEST))
+        rows, rates = moved[:, 0] @ self._state, moved[:, 1] @ self._state
+        rates = np.where((times - self._time < LONGEST)[:, None], rates, 0.0)
+        begin, offset, slope = self._blend
+        if self.smoothing and np.isfinite(begin):
+            # Cubic Hermite from the offset and its rate to zero and zero.
+            part = np.clip((times - begin) / self.smoothing, 0.0, 1.0)[:, None]
+            rest = (1 - part) ** 2
+            rows = rows + rest * (1 + 2 * part) * offset + rest * part * self.smoothing * slope
+            rates = rates - 6 * part * (1 - part) / self.smoothing * offset + (1 - part) * (1 - 3 * part) * slope
+        return rows, rates

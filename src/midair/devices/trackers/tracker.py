@@ -1,0 +1,360 @@
+"""A tracker of the palm: opens, returns the newest poses in the coordinates of the array, reports faults, closes."""
+
+import math
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import ClassVar, Literal, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
+
+from midair.devices.trackers.clock_fit import ClockFit
+from midair.errors import DeviceError
+from midair.model import PalmPath, TrackerPlacement
+
+State = Literal["waiting", "tracking", "frozen", "lost", "closed"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RawPose:
+    """A pose as a tracker sends it."""
+
+    stamp: float
+    """Time of the tracker's own clock, in s."""
+    values: Sequence[float]
+    """Centre in m, normal and direction of the fingers: 9 numbers in the tracker's coordinates."""
+    confidence: float = 1.0
+
+
+class PoseSource(Protocol):
+    """The part of a tracker that depends on its protocol; all errors are `DeviceError`."""
+
+    host_clock: bool
+    """Whether its stamps are times of this computer's monotonic clock; otherwise they are aligned by `ClockFit`."""
+
+    def open(self) -> None:
+        """Connect to the tracker."""
+        ...
+
+    def pull(self, wait: float) -> Sequence[RawPose | str]:
+        """Poses since the last call, waiting up to `wait` s for the first; a bad message is a text that describes it.
+
+        It is called by a thread of its own. DeviceError if the connection is lost.
+        """
+        ...
+
+    def close(self) -> None:
+        """Disconnect; no effect if not open."""
+        ...
+
+
+class TrackerOptions(BaseModel, ABC):
+    """A kind of tracker, with the options that may follow the question mark of its name."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    package: ClassVar[str] = ""
+    """Package that the driver needs, for `midair doctor`."""
+    latency_ms: NonNegativeFloat = 0.0
+    """Time from the pose to the arrival of its fastest message, if the tracker's clock is not that of this computer."""
+    speed: PositiveFloat = 5.0
+    """Highest speed of a palm in m/s; poses further away are refused as jumps."""
+    reach: PositiveFloat = 1.5
+    """Largest distance from the tracker in m."""
+    freeze: NonNegativeFloat = 0.1
+    """Time in s after which a pose that does not change by one bit counts as frozen; 0 for never."""
+
+    @abstractmethod
+    def source(self, place: str) -> PoseSource:
+        """Source at a place, the part of a name between colon and question mark; not open yet."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackerStatus:
+    """State of a tracker and counts of its poses."""
+
+    state: State
+    """"waiting" without a pose for 0.1 s, "lost" without a connection, which is tried again every second."""
+    poses: int
+    """Number of accepted poses."""
+    age: float
+    """Time since the newest accepted pose, in s; infinite before the first."""
+    rate: float
+    """Poses per second over the last ones."""
+    confidence: float
+    """Confidence of the newest pose."""
+    latency: float
+    """Median time from a pose to its arrival here, in s; without the part that `latency_ms` states, if not stated."""
+    refused: Mapping[str, int]
+    """Number of faults by kind: message, number, range, stamp, jump, frozen, flood, gap, confidence, lost."""
+
+
+GAP = 0.1
+"""Time without a pose in s that counts as a gap."""
+KEPT = 512
+"""Number of poses that are kept."""
+LOW = 0.3
+"""Confidence below which a pose is reported."""
+FASTEST = 0.5e-3
+"""Least time between poses in s; those in between are refused as a flood."""
+
+
+class Tracker:
+    """The poses of a palm from a source: aligned in time, checked, and in the coordinates of the array.
+
+    A fault never raises here: the message is refused, its kind counted in `status`, and reported once by `events`.
+
+    Parameters
+    ----------
+    source : PoseSource
+        The tracker's protocol.
+    name : str
+        The name that it was opened with.
+    options : TrackerOptions
+        Limits and latency.
+    placement : TrackerPlacement, optional
+        How the tracker lies relative to the array.
+    clock : callable, optional
+        Clock of all times; another than `time.monotonic` reads without a thread, for simulations.
+    """
+
+    def __init__(
+        self,
+        source: PoseSource,
+        *,
+        name: str,
+        options: TrackerOptions,
+        placement: TrackerPlacement | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.name, self.source, self.options, self.clock = name, source, options, clock
+        self.placement = placement or TrackerPlacement()
+        self._fit = ClockFit()
+        self._changed = threading.Condition()
+        self._ends = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._open = self._lost = False
+        self._rows: deque[NDArray[np.float64]] = deque(maxlen=KEPT)
+        self._delays: deque[float] = deque(maxlen=128)
+        self._count = 0
+        self._faults: Counter[str] = Counter()
+        self._reports: deque[str] = deque(maxlen=64)
+        self._values: NDArray[np.float64] | None = None
+        self._restart_clock()
+
+    def open(self) -> None:
+        """Connect to the tracker; raises DeviceError if it does not answer."""
+        if self._open:
+            return
+        self.source.open()
+        self._open, self._lost = True, False
+        if self.clock is time.monotonic:
+            self._ends.clear()
+            self._thread = threading.Thread(target=self._run, name="midair tracker", daemon=True)
+            self._thread.start()
+
+    def close(self) -> None:
+        """Disconnect; no effect if not open."""
+        self._ends.set()
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.join(5.0)
+        if self._open:
+            self._open = False
+            self.source.close()
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def begin(self, at: float) -> None:
+        """Set time 0 of replayed poses, as the first frame of a play; no effect on a live tracker."""
+        if (begin := getattr(self.source, "begin", None)) is not None:
+            with self._changed:
+                self._rows.clear()
+                self._restart_clock()
+                begin(at)
+
+    def poses(self, since: float = -math.inf) -> PalmPath | None:
+        """Accepted poses later than `since` on the clock, oldest first, at most 512; None without one."""
+        self._update()
+        with self._changed:
+            rows = [row for row in self._rows if row[0] > since]
+        if not rows:
+            return None
+        return self.placement.path(PalmPath.from_rows(np.array(rows)))
+
+    def newest(self) -> PalmPath | None:
+        """The newest accepted pose, a path of length 1; None before the first."""
+        self._update()
+        with self._changed:
+            last = self._rows[-1][0] if self._rows else math.inf
+        return self.poses(float(np.nextafter(last, -np.inf)))
+
+    def wait(self, since: float, timeout: float) -> bool:
+        """Wait for a pose later than `since`; False if there is none within `timeout` s."""
+        with self._changed:
+            return self._changed.wait_for(lambda: bool(self._rows) and self._rows[-1][0] > since, timeout)
+
+    def events(self) -> list[str]:
+        """One line for each kind of fault and for each gap since the last call."""
+        self._update()
+        with self._changed:
+            said = list(self._reports)
+            self._reports.clear()
+        return said
+
+    def status(self) -> TrackerStatus:
+        """State of the tracker now."""
+        self._update()
+        with self._changed:
+            newest = self._rows[-1] if self._rows else None
+            age = math.inf if newest is None else self.clock() - newest[0]
+            recent = [row[0] for row in list(self._rows)[-64:]]
+            frozen = self._same_since > -math.inf and self._frozen()
+            still: State = "frozen" if frozen else "tracking" if age < GAP + self._latency() else "waiting"
+            return TrackerStatus(
+                state="closed" if not self._open else "lost" if self._lost else still,
+                poses=self._count,
+                age=age,
+                rate=(len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0,
+                confidence=0.0 if newest is None else float(newest[10]),
+                latency=self._latency(),
+                refused=dict(self._faults),
+            )
+
+    def _latency(self) -> float:
+        return float(np.median(self._delays)) if self._delays else self.options.latency_ms * 1e-3
+
+    def _update(self) -> None:
+        """Read the source here if no thread does."""
+        if self._thread is None and self._open:
+            self._take_all(self.source.pull(0.0))
+
+    def _run(self) -> None:
+        while not self._ends.is_set():
+            try:
+                if self._lost:
+                    self.source.open()
+                    self._lost = False
+                self._take_all(self.source.pull(0.1))
+            except DeviceError as wrong:
+                if not self._lost:
+                    self._lost = True
+                    self._report("lost", str(wrong))
+                self.source.close()
+                self._ends.wait(1.0)
+
+    def _take_all(self, received: Sequence[RawPose | str]) -> None:
+        arrived = self.clock()
+        with self._changed:
+            for one in received:
+                if isinstance(one, str):
+                    self._report("message", f"expected a pose, got {one}")
+                else:
+                    self._take(one, arrived)
+            if received:
+                self._changed.notify_all()
+
+    def _take(self, pose: RawPose, arrived: float) -> None:
+        values = np.array(pose.values, np.float64)
+        if not (np.isfinite(values).all() and math.isfinite(pose.stamp) and math.isfinite(pose.confidence)):
+            self._report("number", "expected finite numbers, got NaN or infinity")
+            return
+        if not self._in_range(values, pose.confidence) or not self._stamp_fits(pose.stamp, arrived):
+            return
+        self._fit.add(pose.stamp, arrived)
+        at = self._time(pose.stamp)
+        last = self._rows[-1] if self._rows else None
+        if self._is_frozen(values, pose.stamp) or (last is not None and self._jumps(values, at - last[0], last)):
+            return
+        if last is not None:
+            if at - last[0] > GAP:
+                self._report("gap", f"no pose for {1e3 * (at - last[0]):.0f} ms", every=True)
+            # A better offset of the clock may lie below the last time.
+            at = max(at, last[0] + 1e-6)
+        if pose.confidence < LOW:
+            self._report("confidence", f"expected a confidence of {LOW:g} or more, got {pose.confidence:.2g}")
+        self._accepted_stamp = pose.stamp
+        self._count += 1
+        self._delays.append(arrived - at)
+        self._rows.append(np.concatenate([[at], values[:3], _frame(values), [pose.confidence]]))
+
+    def _in_range(self, values: NDArray[np.float64], confidence: float) -> bool:
+        lengths = np.linalg.norm(values.reshape(3, 3), axis=1)
+        if lengths[0] > self.options.reach:
+            self._report("range", f"expected a palm within {self.options.reach:g} m, got {lengths[0]:.3g} m")
+        elif np.abs(lengths[1:] - 1).max() > 0.1 or abs(values[3:6] @ values[6:9]) > 0.5:
+            self._report("range", "expected unit vectors at right angles for normal and fingers, got others")
+        elif not 0 <= confidence <= 1:
+            self._report("range", f"expected a confidence of 0 to 1, got {confidence:.3g}")
+        else:
+            return True
+        return False
+
+    def _stamp_fits(self, stamp: float, arrived: float) -> bool:
+        """Whether a stamp follows the last one and is not of the future; a clock that stays wrong for 1 s is new."""
+        ahead = self._fit.started and self._time(stamp) - arrived > 0.25
+        if stamp > self._stamp and not ahead:
+            self._bad_stamps_since = None
+            if stamp - self._accepted_stamp < FASTEST:
+                self._report("flood", f"expected at most {1 / FASTEST:.0f} poses a second, got more")
+                return False
+            self._stamp = stamp
+            return True
+        self._bad_stamps_since = self._bad_stamps_since or arrived
+        if arrived - self._bad_stamps_since > 1.0:
+            self._restart_clock()
+        got = "one of the future" if ahead else "an old one"
+        self._report("stamp", f"expected increasing time stamps of now, got {got}")
+        return False
+
+    def _time(self, stamp: float) -> float:
+        return stamp if self.source.host_clock else self._fit.time(stamp) - self.options.latency_ms * 1e-3
+
+    def _restart_clock(self) -> None:
+        self._fit.restart()
+        self._stamp = self._same_since = self._accepted_stamp = -math.inf
+        self._bad_stamps_since: float | None = None
+
+    def _is_frozen(self, values: NDArray[np.float64], stamp: float) -> bool:
+        if self._values is None or not np.array_equal(values, self._values):
+            self._values, self._same_since = values, stamp
+        if self._frozen():
+            self._report("frozen", f"the pose has not changed by one bit for {1e3 * self.options.freeze:.0f} ms")
+            return True
+        return False
+
+    def _frozen(self) -> bool:
+        return self.options.freeze > 0 and self._stamp - self._same_since > self.options.freeze
+
+    def _jumps(self, values: NDArray[np.float64], after: float, last: NDArray[np.float64]) -> bool:
+        way = float(np.linalg.norm(values[:3] - last[1:4]))
+        # 2 ms and 2 mm for the error of the stamps and of the tracker.
+        if way > 2e-3 + self.options.speed * (max(after, 0.0) + 2e-3):
+            self._report("jump", f"expected at most {self.options.speed:g} m/s, got a jump of {1e3 * way:.0f} mm")
+            return True
+        return False
+
+    def _report(self, kind: str, text: str, *, every: bool = False) -> None:
+        self._faults[kind] += 1
+        if every or self._faults[kind] == 1:
+            self._reports.append(f"{self.name}: {text}")
+
+
+def _frame(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Normal and fingers of length 1 and at right angles."""
+    normal = values[3:6] / np.linalg.norm(values[3:6])
+    fingers = values[6:9] - (values[6:9] @ normal) * normal
+    return np.concatenate([normal, fingers / np.linalg.norm(fingers)])

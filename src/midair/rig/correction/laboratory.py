@@ -1,0 +1,265 @@
+"""A drive in the laboratory: palm, air, units, transducers and echo differ from what it was solved for."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from midair.array_types import Array, Complex
+from midair.evaluate import ALL, LaboratoryLoss, fidelity
+from midair.figures import Picture, laboratory_figure, png_bytes
+from midair.files import Laboratory
+from midair.model import (
+    Acoustics,
+    ArrayCalibration,
+    ControlGrid,
+    Drive,
+    PalmPath,
+    PressureFrames,
+    Progress,
+    TransducerArray,
+)
+from midair.physics import (
+    SensorModel,
+    Spread,
+    Transducers,
+    array_from_palm,
+    cell_weights,
+    middle_of,
+    transfer_matrix,
+    wavenumber,
+)
+from midair.rig.correction.correction_loop import Loop
+from midair.rig.names import VirtualRig
+
+PICTURE_TITLE = "In a laboratory"
+
+LONGEST = 0.1
+"""Duration of the compared part in s, from the middle of a longer one."""
+
+PARTS: dict[str, tuple[str, ...]] = {
+    "palm sideways": ("palm_aside_mm",),
+    "palm height": ("palm_height_mm",),
+    "palm tilt": ("palm_tilt_deg",),
+    "palm rotation": ("palm_turn_deg",),
+    "temperature": ("temperature_k",),
+    "units": ("unit_position_mm", "unit_angle_deg"),
+    "transducers": ("strength", "resonance_hz"),
+    "dead transducers": ("dead",),
+    "frequency": ("frequency",),
+    "echo": ("echo",),
+}
+"""Each uncertainty with its fields in `Laboratory`."""
+
+
+def laboratory_loss(
+    asked: PressureFrames,
+    drive: Drive,
+    laboratory: Laboratory,
+    *,
+    sensor: SensorModel,
+    grid: ControlGrid,
+    judged: tuple[float, float],
+    band: tuple[float, float],
+    measured: ArrayCalibration | None = None,
+    seed: int = 0,
+    draws: tuple[int, int] = (8, 48),
+    progress: Progress | None = None,
+) -> LaboratoryLoss:
+    """Play a drive in random laboratories, and compare with the pressure that was asked for.
+
+    Fields are steady in each frame, with ideal hold and sensor, so that only the laboratory changes the result.
+
+    Parameters
+    ----------
+    asked : PressureFrames
+        Target pressure on the cells, from the drive's first frame.
+    grid : ControlGrid
+        Control points of the solve.
+    judged : tuple of float
+        (start, duration) of the compared part in s; at most `LONGEST` of it is compared.
+    measured : ArrayCalibration, optional
+        Measured transducers that the drive was solved for: only their uncertainty remains.
+    draws : tuple of int
+        Number of laboratories for each uncertainty alone, and for all together.
+    """
+    rng, (asked, drive, judged) = np.random.default_rng(seed), _part(asked, drive, judged)
+    stage = _Stage(drive=drive, sensor=sensor, grid=grid, measured=measured)
+
+    def ratio(own: Laboratory) -> float:
+        came = replace(asked, pressure=stage.pressure(own, rng).reshape(-1, *asked.sensor.shape), rate=drive.rate)
+        return fidelity(asked, came, band=band, judged=judged).overall_ratio
+
+    nothing = Laboratory(**dict.fromkeys((name for names in PARTS.values() for name in names), 0.0))
+    kept = {name: {each: getattr(laboratory, each) for each in names} for name, names in PARTS.items()}
+    plan = [(name, nothing.but(**own), draws[0]) for name, own in kept.items() if any(own.values())]
+    plan = [*plan, (ALL, laboratory, draws[1])]
+    total, done = sum(count for *_, count in plan), 0
+    ratios: dict[str, Array] = {}
+    nominal = ratio(nothing)
+    for name, own, count in plan:
+        found = []
+        for _ in range(count):
+            found.append(ratio(own))
+            done += 1
+            if progress is not None:
+                progress(done, total)
+        ratios[name] = np.array(found)
+    stated = {name: ", ".join(_stated(*each) for each in own.items()) for name, own in kept.items()} | {ALL: ""}
+    if measured is not None:
+        stated |= {"transducers": "as measured", "dead transducers": "as measured", "units": "as measured"}
+    return LaboratoryLoss(nominal=nominal, ratios=ratios, stated=stated, seed=seed, measured=measured is not None)
+
+
+def laboratory_of_loop(loop: Loop, rig: VirtualRig, *, progress: Progress | None = None) -> LaboratoryLoss:
+    """Loss of a loop's last pass in a laboratory with the default uncertainties, from few draws."""
+    last, original = loop.passes[-1], loop.original
+    return laboratory_loss(
+        last.asked,
+        last.reproduction.solution.drive,
+        Laboratory(),
+        sensor=replace(rig, cells=original.sensor).sensor_model,
+        grid=loop.settings.target.grid,
+        judged=((last.asked.frames - original.frames) / 2 / original.rate, original.frames / original.rate),
+        band=loop.settings.calibration.band,
+        draws=(4, 16),
+        progress=progress,
+    )
+
+
+def laboratory_picture(found: LaboratoryLoss) -> Picture:
+    """Figure of the loss, for a report."""
+    return Picture(
+        title=PICTURE_TITLE,
+        caption="What each uncertainty of a laboratory leaves of the result, alone and all together: median and 5 to "
+        f"95 % of random draws; the line is the result without them. {found.advice[0].upper()}{found.advice[1:]}.",
+        data=png_bytes(laboratory_figure(found)),
+    )
+
+
+def _stated(name: str, value: float) -> str:
+    """A value of `Laboratory` as text, such as "3 mm"."""
+    what, _, unit = name.rpartition("_")
+    return f"{value:g} {unit}" if what and unit in ("mm", "deg", "k", "hz") else f"{value:g}"
+
+
+def _part(
+    asked: PressureFrames, drive: Drive, judged: tuple[float, float]
+) -> tuple[PressureFrames, Drive, tuple[float, float]]:
+    """The middle of a longer part, with half as much before and after it for the filters."""
+    start, duration = judged
+    if duration <= LONGEST:
+        return asked, drive, judged
+    middle, end = start + (duration - LONGEST) / 2, asked.frames / asked.rate
+    begin = max(0.0, middle - LONGEST / 2)
+    piece = asked.cut(begin, min(end, middle + 1.5 * LONGEST) - begin)
+    first = round(begin * drive.rate)
+    frames = slice(first, first + round(piece.frames / piece.rate * drive.rate))
+    return piece, replace(drive, phase=drive.phase[frames], level=drive.level[frames]), (middle - begin, LONGEST)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Stage:
+    """A drive above which a palm is laid."""
+
+    drive: Drive
+    sensor: SensorModel
+    grid: ControlGrid
+    measured: ArrayCalibration | None
+
+    def pressure(self, lab: Laboratory, rng: np.random.Generator) -> Array:
+        """Pressure on the cells in one random laboratory, shape (frame, cell), in Pa."""
+        cells = self.sensor.grid
+        solved = middle_of(self.grid)
+        points = ControlGrid(
+            rows=3 * (cells.rows + 2), columns=3 * (cells.columns + 2), pitch=cells.pitch / 3, height=float(solved[2])
+        )
+        weights = cell_weights(self.sensor, points, between="waves")
+        there = points.position + np.array([solved[0], solved[1], 0.0])
+        air = self.drive.acoustics
+        warmer = air.medium.warmer(float(np.clip(rng.normal(0, lab.temperature_k), -10, 10)))
+        acoustics = Acoustics(medium=warmer if lab.temperature_k else air.medium, directivity=air.directivity)
+        pose = _pose(lab, solved, rng)
+        array = array_from_palm(self._array(lab, solved, rng), solved, pose)
+        matrix = transfer_matrix(there, array, acoustics=acoustics)
+        if lab.echo:
+            turn = np.exp(2j * np.pi * rng.random())
+            matrix = matrix + lab.echo * turn * transfer_matrix(
+                there, _mirrored_twice(array, pose, solved), acoustics=acoustics
+            )
+        return Spread.of(matrix, acoustics.medium, weights, "single").pressure(self.drive.q)
+
+    def _array(self, lab: Laboratory, solved: Array, rng: np.random.Generator) -> TransducerArray:
+        """The array as it is in this laboratory."""
+        array, known = self.drive.array, self.measured
+        response = array.response * self._response(lab, rng)
+        place = array.position.copy(), array.normal.copy()
+        if lab.unit_position_mm or lab.unit_angle_deg:
+            place = self._moved_units(lab, rng)
+        frequency = array.frequency * (1 + float(rng.normal(0, lab.frequency)))
+        moved = replace(array, position=place[0], normal=place[1], response=response, frequency=frequency)
+        if known is None:
+            return moved
+        # The measured response contains what a shift of a unit does at the sensor.
+        longer = np.linalg.norm(moved.position - solved, axis=1) - np.linalg.norm(array.position - solved, axis=1)
+        k = wavenumber(array, self.drive.acoustics.medium)
+        return replace(moved, response=response * np.exp(-1j * k * longer))
+
+    def _response(self, lab: Laboratory, rng: np.random.Generator) -> Complex:
+        """Response of each transducer over the one that the drive was solved for."""
+        count, known = self.drive.array.count, self.measured
+        alive = rng.random(count) >= (lab.dead if known is None else 0.0)
+        if known is None:
+            seed, spread = int(rng.integers(2**32)), lab.resonance_hz
+            varied = Transducers.varied(count, seed=seed, gain_spread=lab.strength, resonance_spread=spread)
+            return alive * varied.response
+        size = 1.0 if lab.strength or lab.resonance_hz else 0.0
+        strength = known.strength_uncertainty / np.maximum(known.strength, 1e-6) * (known.strength > 0)
+        phase = size * known.phase_uncertainty * rng.standard_normal(count)
+        return np.asarray((1 + size * strength * rng.standard_normal(count)) * np.exp(1j * phase), np.complex128)
+
+    def _moved_units(self, lab: Laboratory, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Positions and normals of the transducers if each unit is shifted and rotated about its middle."""
+        from scipy.spatial.transform import Rotation
+
+        array = self.drive.array
+        position, normal = array.position.copy(), array.normal.copy()
+        units = np.unique(array.unit)
+        sizes = np.array([1e-3 * lab.unit_position_mm] * 3 + [np.radians(lab.unit_angle_deg)] * 3)
+        draws = sizes * rng.standard_normal((len(units), 6))
+        if self.measured is not None and self.measured.pose_covariance.any():
+            covariance = self.measured.pose_covariance
+            draws = rng.multivariate_normal(np.zeros(len(covariance)), covariance).reshape(-1, 7)[:, :6]
+        for unit, draw in zip(units, draws, strict=True):
+            its = array.unit == unit
+            middle = position[its].mean(axis=0)
+            turn = Rotation.from_euler("xyz", draw[3:]).as_matrix()
+            position[its] = (position[its] - middle) @ turn.T + middle + draw[:3]
+            normal[its] = normal[its] @ turn.T
+        return position, normal
+
+
+def _mirrored_twice(array: TransducerArray, pose: PalmPath, solved: Array) -> TransducerArray:
+    """Images of the transducers in the palm and then in the plane of the array, in the coordinates of the palm."""
+    own = np.array([0.0, 0.0, 1.0])
+    position, normal = array.position, array.normal
+    for place, axis in ((solved, own), (array.position.mean(axis=0), pose.rotation[0].T @ own)):
+        position = position - 2 * np.outer((position - place) @ axis, axis)
+        normal = normal - 2 * np.outer(normal @ axis, axis)
+    return replace(array, position=position, normal=normal)
+
+
+def _pose(lab: Laboratory, solved: Array, rng: np.random.Generator) -> PalmPath:
+    """A random place of the palm."""
+    from scipy.spatial.transform import Rotation
+
+    sides = np.array([lab.palm_aside_mm, lab.palm_aside_mm, lab.palm_height_mm])
+    angles = np.radians([lab.palm_tilt_deg, lab.palm_tilt_deg, lab.palm_turn_deg])
+    offset = 1e-3 * sides * rng.standard_normal(3)
+    turned = Rotation.from_euler("xyz", angles * rng.standard_normal(3)).as_matrix()
+    return PalmPath(
+        time=np.zeros(1),
+        centre=(solved + offset)[None],
+        normal=-turned[None, :, 2],
+        fingers=turned[None, :, 1],
+        confidence=np.ones(1),
+    )

@@ -1,0 +1,339 @@
+"""Steer every frame of a drive to the palm that a tracker reports, and fade it when the palm is not sure."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from midair.array_types import Array
+from midair.devices import (
+    TICK,
+    ExposureClearance,
+    ImmediateArray,
+    ImmediateUnits,
+    PlayReport,
+    PosePredictor,
+    Tracker,
+    autd3_immediate,
+    check_exposure_steered,
+    divider,
+    intensity_bytes,
+    phase_bytes,
+)
+from midair.errors import InputError, UnknownDeviceError
+from midair.model import ControlGrid, Drive, PalmPath, Progress
+from midair.physics import PoseBox, aims_of, middle_of, steering_phase, wavenumber
+from midair.rig.names import open_tracker
+from midair.rig.playing.play_settings import PlaySettings
+from midair.rig.signals import signals_end_the_program
+from midair.settings import Settings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowRules:
+    """When a palm is followed, and how fast sound fades when it is not."""
+
+    box: PoseBox = field(default_factory=PoseBox)
+    """Poses that are followed."""
+    confidence: float = 0.3
+    """Lowest confidence of the tracker."""
+    patience: float = 0.1
+    """Longest time since the newest pose, in s."""
+    fade: float = 0.01
+    """Time in s over which sound fades, and rises again."""
+    block: float = 4e-3
+    """Time in s for which frames are steered at once; phases are linear within it."""
+
+
+class Follower:
+    """Steers frames to the palm that a tracker predicts for the moments at which they sound.
+
+    Parameters
+    ----------
+    tracker : Tracker
+        An open tracker, in array coordinates.
+    drive : Drive
+        Frames that were solved for the palm above the middle of the grid.
+    grid : ControlGrid
+        Control points of the solve.
+    report : callable
+        Called with one line when the sound fades and when it returns.
+
+    Raises
+    ------
+    InputError
+        If the drive has a level for each transducer.
+    """
+
+    def __init__(
+        self,
+        tracker: Tracker,
+        drive: Drive,
+        grid: ControlGrid,
+        *,
+        rules: FollowRules | None = None,
+        predictor: PosePredictor | None = None,
+        report: Callable[[str], object] = print,
+    ) -> None:
+        if drive.level.ndim > 1:
+            raise InputError(
+                "--follow: expected one level for all transducers, got one for each; use --amplitudes equal"
+            )
+        self.rules, self.solved = rules or FollowRules(), middle_of(grid)
+        self._tracker, self._drive, self._report = tracker, drive, report
+        self._predictor = predictor or PosePredictor()
+        self._aims = aims_of(drive, grid)
+        self.newest, self._confidence = -np.inf, 0.0
+        self._gain, self._audible = 0.0, False
+        self._pose: PalmPath | None = None
+        self._phase = np.zeros(drive.array.count)
+        self._columns = np.ascontiguousarray(drive.array.position.T)
+        self._k = wavenumber(drive.array, drive.acoustics.medium)
+
+    def steered(self, frames: slice, times: Array) -> tuple[Drive, PalmPath | None]:
+        """Consecutive frames, steered to the palm at their times on the tracker's clock, and the pose at their end.
+
+        Where the palm is not followed the pose is the last one that was, None before the first.
+        """
+        pose = self._predicted(times[-1:])
+        followed = pose is not None and self._follows(pose, times[-1])
+        if followed != self._audible:
+            self._audible = followed
+            self._report(f"follow: {'the palm is followed' if followed else self._reason(times[-1])}")
+        phase, level = self._drive.phase[frames], self._drive.level[frames] * (gain := self._gains(len(times)))
+        if pose is None or (not followed and self._pose is None):
+            return replace(self._drive, phase=phase, level=0 * level), None
+        begin = self._phase
+        if followed:
+            self._pose = pose
+            self._phase = self._steering(pose, self._aims[frames.stop - 1])
+            begin = begin if gain[0] > 1 / (self._drive.rate * self.rules.fade) else self._phase
+        # Linear from the end of the block before, so that there is no step.
+        share = (np.arange(len(times)) + 1.0)[:, None] / len(times)
+        turned = share * (self._phase - begin)
+        turned += begin
+        turned += phase
+        return replace(self._drive, phase=turned, level=level), self._pose
+
+    def _steering(self, pose: PalmPath, aim: Array) -> Array:
+        """`steering_phase` of one pose, ten times as fast."""
+        y, z, away = pose.fingers[0], -pose.normal[0], aim - self.solved
+        x = np.array([y[1] * z[2] - y[2] * z[1], y[2] * z[0] - y[0] * z[2], y[0] * z[1] - y[1] * z[0]])
+        here = pose.centre[0] + away[0] * x + away[1] * y + away[2] * z
+        now, before = (np.sqrt(((self._columns - each[:, None]) ** 2).sum(axis=0)) for each in (here, aim))
+        return self._k * (before - now)
+
+    def _predicted(self, at: Array) -> PalmPath | None:
+        new = self._tracker.poses(self.newest)
+        if new is not None:
+            self._predictor.add(new)
+            self.newest, self._confidence = float(new.time[-1]), float(new.confidence[-1])
+        for line in self._tracker.events():
+            self._report(line)
+        return self._predictor.at(at) if np.isfinite(self.newest) else None
+
+    def _follows(self, pose: PalmPath, at: float) -> bool:
+        sure = self._confidence >= self.rules.confidence and at - self.newest <= self.rules.patience
+        return sure and bool(self.rules.box.inside(pose, self.solved)[0])
+
+    def _gains(self, count: int) -> Array:
+        """Gain of each frame, 0 to 1."""
+        step = (1 if self._audible else -1) / (self._drive.rate * self.rules.fade)
+        gains = np.asarray(np.clip(self._gain + step * np.arange(1, count + 1), 0.0, 1.0), np.float64)
+        self._gain = float(gains[-1])
+        return gains
+
+    def _reason(self, now: float) -> str:
+        if now - self.newest > self.rules.patience:
+            return f"no pose for {1e3 * self.rules.patience:.0f} ms, silent"
+        if self._confidence < self.rules.confidence:
+            return f"confidence {self._confidence:.2f} of the pose, silent below {self.rules.confidence:g}"
+        return "the palm left the box of admitted poses, silent"
+
+
+def grid_of(drive: Drive) -> ControlGrid:
+    """Control points that a drive was solved for. Raises InputError if it has no settings."""
+    known = Settings.of(drive.provenance)
+    if known is None:
+        raise InputError("follow: expected a drive that states the settings of its solve, got none; solve it again")
+    return known.target.grid
+
+
+def tracker_name(name: str, latency: float | None) -> str:
+    """Name of a tracker with its latency in s as an option."""
+    if latency is None:
+        return name
+    return f"{name}{'&' if '?' in name else '?'}latency_ms={1e3 * latency:g}"
+
+
+def rules_of(settings: PlaySettings) -> FollowRules:
+    """Rules of following from the settings of playing."""
+    return FollowRules(confidence=settings.confidence)
+
+
+def follow_as_set(drive: Drive, settings: PlaySettings, report: Callable[[str], object]) -> tuple[Drive, PlaySettings]:
+    """The drive as the virtual array plays it, and the settings for that; both unchanged without a tracker."""
+    if settings.follow is None:
+        return drive, settings
+    tracker, rules = tracker_name(settings.follow, settings.tracker_latency), rules_of(settings)
+    steered = follow_simulated(drive, tracker, grid_of(drive), rules=rules, repeats=settings.repeats, report=report)
+    return steered, settings.but(repeats=1)
+
+
+def follow_simulated(
+    drive: Drive,
+    tracker: str,
+    grid: ControlGrid,
+    *,
+    rules: FollowRules | None = None,
+    repeats: int = 1,
+    predictor: PosePredictor | None = None,
+    report: Callable[[str], object] = print,
+) -> Drive:
+    """The drive as it would sound while it follows a tracker, whose time 0 is the first frame; for the virtual array.
+
+    Poses are available after the latency of the tracker, on the clock of the simulation.
+    """
+    now = [0.0]
+    with open_tracker(tracker, clock=lambda: now[0]) as opened:
+        opened.begin(0.0)
+        follower = Follower(opened, drive, grid, rules=rules, predictor=predictor, report=_timed(report, now))
+        block, parts = max(1, round(follower.rules.block * drive.rate)), []
+        for turn in range(repeats):
+            for first in range(0, drive.frames, block):
+                frames = slice(first, min(first + block, drive.frames))
+                times = (turn * drive.frames + np.arange(frames.start, frames.stop)) / drive.rate
+                now[0] = float(times[0])
+                parts.append(follower.steered(frames, times)[0])
+    provenance = drive.provenance.then("follow", {"tracker": tracker})
+    return replace(
+        drive,
+        phase=np.concatenate([part.phase for part in parts]),
+        level=np.concatenate([part.level for part in parts]),
+        provenance=provenance,
+    )
+
+
+def _timed(report: Callable[[str], object], now: list[float]) -> Callable[[str], object]:
+    return lambda line: report(f"{now[0]:.3f} s: {line}")
+
+
+def open_followed(settings: PlaySettings) -> Tracker:
+    """Open the tracker of the settings. Raises InputError if there is none."""
+    if settings.follow is None:
+        raise InputError("--follow: expected the name of a tracker, got none")
+    return open_tracker(tracker_name(settings.follow, settings.tracker_latency))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FollowedPlay:
+    """Result of playing on an array while a palm was followed."""
+
+    report: PlayReport
+    admission: ExposureClearance
+    reaction: tuple[float, float]
+    """Time from the newest pose to the sending of a block of frames in s: median and 99 %; NaN without poses."""
+
+
+def immediate_array(settings: PlaySettings, rate: float) -> ImmediateArray:
+    """The array of the settings, not yet open, for single frames. Raises UnknownDeviceError if it has none."""
+    kind, _, where = settings.device.partition(":")
+    if kind != "autd3":
+        raise UnknownDeviceError(
+            f"--follow: expected virtual or autd3, autd3:INTERFACE, autd3:emulator, which accept single frames, got "
+            f"{settings.device!r}"
+        )
+    silencer = "off" if settings.silencer == "auto" else settings.silencer
+    # Units queue seven frames.
+    hold = min(0.006, 5 / rate)
+    return autd3_immediate(where or "auto", settings.placement, silencer=silencer, rate=rate, hold=hold)
+
+
+def clear_followed(
+    drive: Drive, array: ImmediateArray, settings: PlaySettings, grid: ControlGrid, *, samples: int = 256, seed: int = 0
+) -> ExposureClearance:
+    """Check the exposure of a drive for the box of poses: as it was solved, and frames steered to random poses."""
+    box, solved, rng = rules_of(settings).box, middle_of(grid), np.random.default_rng(seed)
+    frames = np.sort(rng.integers(0, drive.frames, samples))
+    down = np.array([0.0, 0.0, -1.0]) + np.tan(box.tilt) * rng.uniform(-0.7, 0.7, (samples, 3)) * [1, 1, 0]
+    down = down / np.linalg.norm(down, axis=1, keepdims=True)
+    ahead = np.array([0.0, 1.0, 0.0]) - down[:, 1:2] * down
+    poses = PalmPath(
+        time=np.arange(samples, dtype=float),
+        centre=solved + rng.uniform(-0.5, 0.5, (samples, 3)) * box.size,
+        normal=down,
+        fingers=ahead / np.linalg.norm(ahead, axis=1, keepdims=True),
+        confidence=np.ones(samples),
+    )
+    aims = aims_of(drive, grid)[frames]
+    some = replace(drive, phase=drive.phase[frames], level=drive.level[frames])
+    steered = some.phase + steering_phase(array.array, drive.acoustics.medium, solved, poses, aim=aims)
+    steered = replace(some, phase=steered)
+    return check_exposure_steered(drive, array, settings.exposure, box=box, solved=solved, samples=steered)
+
+
+def play_followed(
+    drive: Drive,
+    array: ImmediateArray,
+    tracker: Tracker,
+    settings: PlaySettings,
+    admission: ExposureClearance,
+    grid: ControlGrid,
+    *,
+    source: str | Path = "python",
+    report: Callable[[str], object] = print,
+    progress: Progress | None = None,
+) -> FollowedPlay:
+    """Play a drive on an open array, frame by frame, each steered to the palm at the moment it sounds.
+
+    A frame that is not ready at its instant is not played; the units keep the one before it.
+    """
+    units, period = array.units, divider(drive.rate) * TICK
+    follower = Follower(tracker, drive, grid, rules=rules_of(settings), report=report)
+    block, total = max(1, round(follower.rules.block * drive.rate)), drive.frames * settings.repeats
+    ahead, before, reactions = round(array.hold * 1e9), units.told(), list[float]()
+    with signals_end_the_program(), array.frames_to_come(admission, source=source, room=settings.exposure.room) as put:
+        # The first block needs longer than the others.
+        first = -(-(units.now() + round(settings.delay * 1e9) + 50_000_000) // period) * period
+        offset = units.now() - time.monotonic_ns()
+        tracker.begin((first - offset) * 1e-9)
+        begin = 0
+        while begin < total:
+            at = begin % drive.frames
+            numbers = begin + np.arange(min(block, drive.frames - at))
+            # Clocks drift: 50 ppm are 1 ms in 20 s.
+            offset = units.now() - time.monotonic_ns()
+            _wait(units, first + begin * period - ahead - round(1e9 * follower.rules.block / 2))
+            times = np.asarray((first + numbers * period - offset) * 1e-9, np.float64)
+            part, poses = follower.steered(slice(at, at + len(numbers)), times)
+            part = admission.steered(part, poses)
+            phases = phase_bytes(part, array.placement.units)
+            intensities = intensity_bytes(part, array.placement.units)
+            if np.isfinite(follower.newest):
+                reactions.append(time.monotonic() - follower.newest)
+            for number, phase, intensity in zip(numbers, phases, intensities, strict=True):
+                instant = first + int(number) * period
+                _wait(units, instant - ahead)
+                put(phase, int(intensity), instant)
+            begin += len(numbers)
+            if progress is not None:
+                progress(begin, total)
+        _wait(units, first + total * period)
+    told = {name: count - before[name] for name, count in units.told().items()}
+    played = PlayReport(
+        frames=total,
+        duration=total * period / 1e9,
+        late=told["late"] + told["crowded"],
+        start=first,
+        silencer=str(array.silencer),
+    )
+    middle, worst = np.percentile(reactions, [50, 99]) if reactions else (np.nan, np.nan)
+    return FollowedPlay(report=played, admission=admission, reaction=(float(middle), float(worst)))
+
+
+def _wait(units: ImmediateUnits, instant: int) -> None:
+    """Wait until an instant of the units' clock."""
+    while (left := instant - units.now()) > 0:
+        time.sleep(left * 1e-9)

@@ -1,0 +1,56 @@
+"""Rotation and offset of a tracker from held places."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from midair.calibration import fit_tracker
+from midair.errors import InputError
+
+PLACES = np.array([[-0.05, -0.04, 0.18], [0.05, -0.04, 0.22], [0.05, 0.04, 0.18], [-0.05, 0.04, 0.22]])
+TURN = Rotation.from_euler("xyz", [20, -10, 160], degrees=True).as_matrix()
+OFFSET = np.array([0.02, -0.15, 0.03])
+
+
+def held(places, scatter=0.0, rng=None):
+    noise = 0 if rng is None else rng.normal(0, scatter, places.shape)
+    return (places - OFFSET) @ TURN + noise
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_exact_places_give_the_placement(count):
+    found = fit_tracker(held(PLACES[:count]), PLACES[:count])
+    np.testing.assert_allclose(found.rotation, TURN, atol=1e-9)
+    np.testing.assert_allclose(found.offset, OFFSET, atol=1e-9)
+    assert found.uncertainty < 1e-9
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_twice_the_uncertainty_covers_the_error(count):
+    rng, scatter = np.random.default_rng(5), 2e-3
+    errors, covered = [], []
+    for _ in range(400):
+        found = fit_tracker(held(PLACES[:count], scatter, rng), PLACES[:count])
+        error = found.points(held(PLACES[:count])) - PLACES[:count]
+        errors.append(error)
+        covered.append(np.abs(error) < 2 * found.uncertainty)
+    assert np.std(errors) == pytest.approx(scatter * np.sqrt(2 / count), rel=0.1)
+    assert 0.93 < np.mean(covered) < 0.99
+
+
+@pytest.mark.parametrize(
+    ("places", "told"),
+    [
+        (PLACES[:2], "3 places or more"),
+        (np.outer([0, 1, 2, 3], [0.03, 0.02, 0.01]), "not in one line"),
+        (PLACES * [1, 0.1, 0.1], "not in one line"),
+    ],
+)
+def test_too_few_and_collinear_places_are_refused(places, told):
+    with pytest.raises(InputError, match=told):
+        fit_tracker(held(places), places)
+
+
+def test_places_in_another_order_are_refused():
+    with pytest.raises(InputError, match="scatter by"):
+        fit_tracker(held(PLACES[[1, 0, 2, 3]]), PLACES)

@@ -1,0 +1,77 @@
+"""Prediction of a palm."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from midair.devices import CONSTANT_ACCELERATION, CONSTANT_VELOCITY, DAMPED_VELOCITY, PosePredictor
+from midair.errors import DeviceStateError
+from midair.model import PalmPath
+
+MODELS = [CONSTANT_VELOCITY, CONSTANT_ACCELERATION, DAMPED_VELOCITY]
+
+
+def palm(times, centre):
+    count = len(times)
+    return PalmPath(
+        time=times,
+        centre=centre,
+        normal=np.tile([0, 0, -1.0], (count, 1)),
+        fingers=np.tile([0, 1.0, 0], (count, 1)),
+        confidence=np.ones(count),
+    )
+
+
+def moving(times):
+    return np.column_stack([0.2 * times, 0 * times, 0.2 + 0 * times])
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_transition_is_that_of_the_differential_equation(model):
+    motion = np.array([[0, 1, 0], [0, -1 / model.damping, 1], [0, 0, -1 / model.memory]])
+    expected = [expm(motion * after) for after in (0.002, 0.03)]
+    np.testing.assert_allclose(model.transition(np.array([0.002, 0.03])), expected, rtol=1e-5, atol=1e-12)
+
+
+@pytest.mark.parametrize("model", [CONSTANT_VELOCITY, CONSTANT_ACCELERATION])
+def test_a_palm_of_constant_speed_is_predicted(model):
+    times = np.arange(60) / 110
+    predictor = PosePredictor(model)
+    predictor.add(palm(times, moving(times)))
+    later = times[-1] + np.array([0.01, 0.04])
+    np.testing.assert_allclose(predictor.at(later).centre, moving(later), atol=1e-5)
+
+
+def test_damping_predicts_less_than_constant_speed_and_ends_after_100_ms():
+    times = np.arange(60) / 110
+    predictor = PosePredictor(DAMPED_VELOCITY)
+    predictor.add(palm(times, moving(times)))
+    ahead = predictor.at(times[-1] + np.array([0.02, 0.1, 1.0])).centre[:, 0] - moving(times[-1:])[0, 0]
+    assert 0.002 < ahead[0] < 0.004
+    assert ahead[1] == ahead[2]
+
+
+def test_a_correction_moves_position_and_velocity_without_a_step():
+    times = np.arange(40) / 110
+    predictor = PosePredictor(smoothing=0.02)
+    predictor.add(palm(times, moving(times)))
+    fine = times[-1] + np.arange(0, 0.02, 1e-4)
+    before = predictor.at(fine[:100]).centre[:, 0]
+    predictor.add(palm([times[-1] + 0.009], [[moving(times)[-1, 0] + 0.005, 0, 0.2]]))
+    after = predictor.at(fine[100:]).centre[:, 0]
+    speeds = np.diff(np.concatenate([before, after])) / 1e-4
+    assert np.abs(np.diff(speeds[90:110])).max() < 0.02, "in m/s per 0.1 ms"
+    assert abs(after[-1] - before[-1]) > 1e-3, "it does follow"
+
+
+def test_after_a_gap_it_starts_again_from_the_new_pose():
+    predictor = PosePredictor()
+    predictor.add(palm([0.0, 0.01], moving(np.array([0.0, 0.01]))))
+    predictor.at(np.array([0.02]))
+    predictor.add(palm([0.5], [[0.05, 0.05, 0.25]]))
+    np.testing.assert_allclose(predictor.at(np.array([0.51])).centre, [[0.05, 0.05, 0.25]])
+
+
+def test_without_a_pose_there_is_no_prediction():
+    with pytest.raises(DeviceStateError, match="expected a pose first"):
+        PosePredictor().at(np.array([0.0]))
