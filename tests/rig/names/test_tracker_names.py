@@ -40,6 +40,22 @@ def test_a_replayed_pose_arrives_after_its_latency_and_has_the_time_of_the_pose(
         now[0] = 62.0
         assert tracker.status().state == "waiting"
         assert tracker.events() == []
+    with midair.open_tracker(f"replay:{hand}", clock=lambda: now[0]) as tracker:
+        now[0] += 9.0
+        assert (tracker.status().poses, tracker.status().state) == (100, "waiting")
+
+
+def test_replayed_poses_are_checked_as_live_ones(tmp_path):
+    rows = np.array([[n / 100, 1e-4 * n, 0, 0.2, 0, 0, -1, 0, 1, 0, 1] for n in range(100)])
+    rows[20:25, 1] += 1.0
+    rows[60:, 1] = 0.006
+    save_palm_path(PalmPath.from_rows(rows), tmp_path / "faulty.csv")
+    now = [0.0]
+    with midair.open_tracker(f"replay:{tmp_path / 'faulty.csv'}?freeze=0.1", clock=lambda: now[0]) as tracker:
+        now[0] = 0.995
+        status = tracker.status()
+        assert (status.state, status.refused) == ("frozen", {"jump": 5, "frozen": 29})
+        assert len(tracker.events()) == 2
 
 
 def test_it_replays_in_real_time(hand):

@@ -70,7 +70,6 @@ class LeapSource:
 class LeapTracker(TrackerOptions):
     """Kind ``leap:`` or ``leap:HOST:PORT``; `hand` is any, left or right."""
 
-    package = "websockets"
     hand: Side = "any"
 
     def source(self, place: str) -> LeapSource:

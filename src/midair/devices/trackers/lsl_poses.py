@@ -53,7 +53,6 @@ class LslPoses:
 class LslTracker(TrackerOptions):
     """Kind ``lsl:NAME``; `search` limits the time to find the stream, in s."""
 
-    package = "pylsl"
     search: PositiveFloat = 5.0
 
     def source(self, place: str) -> LslPoses:

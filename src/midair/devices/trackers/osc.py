@@ -30,11 +30,6 @@ class OscPoses:
         self._socket: socket.socket | None = None
         self._offset = 0.0
 
-    @property
-    def port(self) -> int:
-        """The port that it listens to."""
-        return self._port if self._socket is None else self._socket.getsockname()[1]
-
     def open(self) -> None:
         """Listen to the port."""
         made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -84,19 +79,14 @@ class OscPoses:
         return found
 
 
-Message = tuple[float | None, str, list[float]]
-"""Time in s since 1970, or None for now; address; numbers."""
-
 EPOCH = 2208988800
 """Seconds from 1900 to 1970."""
-NUMBERS = {"i": "i", "f": "f", "d": "d", "h": "q"}
-"""Codes of `struct` by the type tags of numbers."""
 
 
-def messages(packet: bytes) -> Iterator[Message]:
-    """Messages of a packet, those of a bundle within another excepted; other arguments than numbers are left out.
+def messages(packet: bytes) -> Iterator[tuple[float | None, str, list[float]]]:
+    """Time in s since 1970 (None for now), address and numbers of each message; bundles within a bundle are left out.
 
-    ValueError, struct.error or IndexError if it is malformed.
+    ValueError, struct.error or IndexError if the packet is malformed.
     """
     if not packet.startswith(b"#bundle\0"):
         yield (None, *_message(packet))
@@ -105,11 +95,11 @@ def messages(packet: bytes) -> Iterator[Message]:
     stamp, at = (seconds - EPOCH + fraction / 2**32 if seconds else None), 16
     while at < len(packet):
         (size,) = struct.unpack_from(">I", packet, at)
-        if at + 4 + size > len(packet) or not size:
+        content, at = packet[at + 4 : at + 4 + size], at + 4 + size
+        if not size or at > len(packet):
             raise ValueError("size of an element")
-        if packet[at + 4 : at + 5] == b"/":
-            yield (stamp, *_message(packet[at + 4 : at + 4 + size]))
-        at += 4 + size
+        if content.startswith(b"/"):
+            yield (stamp, *_message(content))
 
 
 def _message(data: bytes) -> tuple[str, list[float]]:
@@ -119,11 +109,10 @@ def _message(data: bytes) -> tuple[str, list[float]]:
         raise ValueError("address or type tags")
     numbers: list[float] = []
     for tag in tags[1:]:
-        if tag in NUMBERS:
-            code = ">" + NUMBERS[tag]
-            numbers.append(float(struct.unpack_from(code, data, at)[0]))
-            at += struct.calcsize(code)
-        elif tag in "sS":
+        if tag in "ifd":
+            numbers.append(float(struct.unpack_from(f">{tag}", data, at)[0]))
+            at += 8 if tag == "d" else 4
+        elif tag == "s":
             _, at = _text(data, at)
         elif tag not in "TFNI":
             raise ValueError("type tag")

@@ -8,13 +8,13 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
-from typing import ClassVar, Literal, Protocol, Self
+from typing import Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
 
-from midair.devices.trackers.clock_fit import ClockFit
+from midair.devices.trackers.clock_fit import SAME_CLOCK, ClockFit
 from midair.errors import DeviceError
 from midair.model import PalmPath, TrackerPlacement
 
@@ -59,8 +59,6 @@ class TrackerOptions(BaseModel, ABC):
 
     model_config = ConfigDict(extra="forbid")
 
-    package: ClassVar[str] = ""
-    """Package that the driver needs, for `midair doctor`."""
     latency_ms: NonNegativeFloat = 0.0
     """Time from the pose to the arrival of its fastest message, if the tracker's clock is not that of this computer."""
     speed: PositiveFloat = 5.0
@@ -95,14 +93,10 @@ class TrackerStatus:
     """Number of faults by kind: message, number, range, stamp, jump, frozen, flood, gap, confidence, lost."""
 
 
-GAP = 0.1
-"""Time without a pose in s that counts as a gap."""
-KEPT = 512
-"""Number of poses that are kept."""
-LOW = 0.3
-"""Confidence below which a pose is reported."""
-FASTEST = 0.5e-3
-"""Least time between poses in s; those in between are refused as a flood."""
+GAP, FASTEST = 0.1, 0.5e-3
+"""Time without a pose that counts as a gap; least time between poses, those in between are a flood; in s."""
+KEPT, LOW = 512, 0.3
+"""Number of poses that are kept; confidence below which a pose is reported."""
 
 
 class Tracker:
@@ -110,18 +104,8 @@ class Tracker:
 
     A fault never raises here: the message is refused, its kind counted in `status`, and reported once by `events`.
 
-    Parameters
-    ----------
-    source : PoseSource
-        The tracker's protocol.
-    name : str
-        The name that it was opened with.
-    options : TrackerOptions
-        Limits and latency.
-    placement : TrackerPlacement, optional
-        How the tracker lies relative to the array.
-    clock : callable, optional
-        Clock of all times; another than `time.monotonic` reads without a thread, for simulations.
+    `placement` turns and shifts the poses; another `clock` than `time.monotonic` is read without a thread, for
+    simulations.
     """
 
     def __init__(
@@ -220,15 +204,16 @@ class Tracker:
         self._update()
         with self._changed:
             newest = self._rows[-1] if self._rows else None
-            age = math.inf if newest is None else self.clock() - newest[0]
+            age = math.inf if newest is None else self.clock() - float(newest[0])
             recent = [row[0] for row in list(self._rows)[-64:]]
             frozen = self._same_since > -math.inf and self._frozen()
-            still: State = "frozen" if frozen else "tracking" if age < GAP + self._latency() else "waiting"
+            late = age >= GAP + min(self._latency(), SAME_CLOCK)
+            still: State = "frozen" if frozen else "waiting" if late else "tracking"
             return TrackerStatus(
                 state="closed" if not self._open else "lost" if self._lost else still,
                 poses=self._count,
                 age=age,
-                rate=(len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0,
+                rate=(len(recent) - 1) / float(recent[-1] - recent[0]) if len(recent) > 1 else 0.0,
                 confidence=0.0 if newest is None else float(newest[10]),
                 latency=self._latency(),
                 refused=dict(self._faults),

@@ -33,20 +33,9 @@ def calibrate_tracker(
 ) -> TrackerPlacement:
     """Mark each place by a focus until the palm is held still there, and fit the placement.
 
-    Parameters
-    ----------
-    tracker, array
-        Open devices; the tracker in its own coordinates.
-    places : ndarray, shape (place, 3)
-        Places in array coordinates, in m.
-    top : float
-        Highest radiation pressure of the focus, which is modulated at 200 Hz, in Pa.
-    exposure : ExposureChoices
-        Limits of the exposure check.
-    say : callable
-        Called with the index of a place before it is marked.
-    entered : callable
-        Whether the person confirmed the place since the last call, which accepts a palm that is not still.
+    Devices are open, and the tracker in its own coordinates; `places` are in m, `top` is the highest pressure of the
+    focus in Pa. `say` gets the index of a place before it is marked; `entered` returns whether the person confirmed the
+    place since the last call, which accepts a palm that is not still.
 
     Raises
     ------
