@@ -1,10 +1,9 @@
-"""Modes of G and drives by kinds, kept for the next problem with the same G in memory, and in a store if there is one.
+"""Arrays that are kept for the next problem with the same G: in memory, and in a store if there is one.
 
 A key is a hash of everything that the arrays depend on, so nothing that is kept can be out of date.
 """
 
 import hashlib
-from collections import OrderedDict
 from collections.abc import Callable
 from threading import Lock
 from typing import Any, Protocol
@@ -22,60 +21,39 @@ _LARGEST, _COUNT = 64e6, 3
 
 
 class ArrayStore(Protocol):
-    """Arrays by key, on a disk."""
+    """Arrays by key, on a disk; a failure to write is ignored, and damaged arrays are none."""
 
-    def read(self, key: str) -> Arrays | None:
-        """The arrays; None if there are none, or they are damaged."""
-        ...
-
-    def write(self, key: str, arrays: Arrays) -> None:
-        """Keep arrays; a failure is ignored."""
-        ...
+    def read(self, key: str) -> Arrays | None: ...  # noqa: D102
+    def write(self, key: str, arrays: Arrays) -> None: ...  # noqa: D102
 
 
-class _Kept:
-    """What this process has made, the last used one at the end, and the store of all processes."""
-
-    def __init__(self) -> None:
-        self.arrays: OrderedDict[str, Arrays] = OrderedDict()
-        self.lock = Lock()
-        self.store: ArrayStore | None = None
+_kept: dict[str, Arrays] = {}  # The last used one at the end
+_stores: list[ArrayStore] = []
+_lock = Lock()
 
 
-_KEPT = _Kept()
-
-
-def keep_modes_in(store: ArrayStore | None) -> None:
-    """Also keep arrays in a store from now on; None keeps them in memory alone."""
-    _KEPT.store = store
+def keep_modes_in(store: ArrayStore) -> None:
+    """Also keep arrays in a store from now on."""
+    _stores[:] = [store]
 
 
 def prepared(inputs: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
-    """What `make` returns, or what it returned for the same inputs: arrays, numbers, booleans or None."""
-    key = _key(inputs)
-    with _KEPT.lock:
-        if key in _KEPT.arrays:
-            _KEPT.arrays.move_to_end(key)
-            return _KEPT.arrays[key]
-    store = _KEPT.store
-    found = None if store is None else store.read(key)
-    made = make() if found is None else found
-    if sum(each.nbytes for each in made.values()) <= _LARGEST:
-        with _KEPT.lock:
-            _KEPT.arrays[key] = made
-            while len(_KEPT.arrays) > _COUNT:
-                _KEPT.arrays.popitem(last=False)
-        if found is None and store is not None:
-            store.write(key, made)
-    return made
-
-
-def _key(inputs: tuple[Any, ...]) -> str:
+    """What `make` returns, or what it returned for the same inputs: arrays, numbers or None."""
     digest = hashlib.sha256(f"{_VERSION} {np.__version__}".encode())
     for each in inputs:
-        if isinstance(each, np.ndarray):
-            digest.update(f"{each.dtype} {each.shape}".encode())
-            digest.update(np.ascontiguousarray(each).data)
-        else:
-            digest.update(repr(each).encode())
-    return digest.hexdigest()
+        array = isinstance(each, np.ndarray)
+        digest.update(f"{each.dtype} {each.shape}".encode() if array else repr(each).encode())
+        digest.update(np.ascontiguousarray(each).data if array else b"")
+    key = digest.hexdigest()
+    with _lock:
+        found = _kept.pop(key, None)
+    stored = found or next((each for store in _stores if (each := store.read(key))), None)
+    made = stored or make()
+    if sum(each.nbytes for each in made.values()) <= _LARGEST:
+        for store in _stores if stored is None else []:
+            store.write(key, made)
+        with _lock:
+            _kept[key] = made
+            while len(_kept) > _COUNT:
+                del _kept[next(iter(_kept))]
+    return made

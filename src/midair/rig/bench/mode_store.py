@@ -2,6 +2,7 @@
 
 import hashlib
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -15,40 +16,31 @@ from midair.files import atomic_file
 MOST = 256_000_000
 """Bytes of all files together; the oldest are removed first."""
 
-_DIGEST = 32
-
 
 class ModeStore:
     """One file per problem: the SHA-256 of the rest, then an archive of NumPy."""
 
     def read(self, key: str) -> dict[str, NDArray[Any]] | None:
         """The arrays; None if there are none, or they are damaged."""
-        with suppress(OSError, ValueError):
+        with suppress(OSError):
             path = _folder() / f"{key}.npz"
-            with path.open("rb") as file:
-                digest = file.read(_DIGEST)
-                if hashlib.file_digest(file, "sha256").digest() == digest:
-                    file.seek(_DIGEST)
-                    with np.load(file, allow_pickle=False) as archive:
-                        found = {name: archive[name] for name in archive.files}
-                    path.touch()
-                    return found
+            stored = path.read_bytes()
+            if hashlib.sha256(stored[32:]).digest() == stored[:32]:
+                path.touch()
+                with np.load(BytesIO(stored[32:]), allow_pickle=False) as archive:
+                    return dict(archive)
         return None
 
     def write(self, key: str, arrays: dict[str, NDArray[Any]]) -> None:
         """Keep arrays, and remove the oldest ones above the limit; a failure is ignored."""
+        archive, left = BytesIO(), MOST
+        save: Any = np.savez
+        save(archive, **arrays)
         with suppress(OSError, FileError):
             make_state_folder()
             _folder().mkdir(mode=0o700, exist_ok=True)
-            with atomic_file(_folder() / f"{key}.npz") as partial, partial.open("w+b") as file:
-                file.write(bytes(_DIGEST))
-                save: Any = np.savez
-                save(file, **arrays)
-                file.seek(_DIGEST)
-                digest = hashlib.file_digest(file, "sha256").digest()
-                file.seek(0)
-                file.write(digest)
-            left = MOST
+            with atomic_file(_folder() / f"{key}.npz") as partial:
+                partial.write_bytes(hashlib.sha256(archive.getvalue()).digest() + archive.getvalue())
             for path in sorted(_folder().glob("*.npz"), key=lambda each: -each.stat().st_mtime):
                 left -= path.stat().st_size
                 if left < 0:
