@@ -251,7 +251,7 @@ def best_mode() -> Settings:
     return Settings().but(
         # At 4 kHz successive frames are so alike that few marks and few iterations suffice: the error is slightly
         # larger, but the phases change less, and more pressure reaches the skin.
-        method=Glide(coarse=512, near=0.2, smooth=6, wide=32, smooth_wide=20, bend=8, tolerance=1e-2),
+        method=Glide(coarse=512, near=0.2, smooth=6, wide=32, smooth_wide=20, tolerance=1e-2),
         fit="windows",
         mapping="slow-bias",
         rate=4000.0,
@@ -265,8 +265,7 @@ def best_mode() -> Settings:
 
 def quick_mode() -> Settings:
     """Return the best mode with fewer iterations."""
-    method = Glide(coarse=512, near=0.2, smooth=4, wide=32, smooth_wide=20, bend=8, tolerance=1e-2)
-    return best_mode().but(method=method)
+    return best_mode().but(method=Glide(coarse=512, near=0.2, smooth=4, wide=32, smooth_wide=20, tolerance=1e-2))
 
 
 def finest_mode() -> Settings:

@@ -99,7 +99,7 @@ class Fast:
             before = array_backend.phasor(array_backend.put(after.theta[None]))
         for some in _batches(audible, self.batch or array_backend.rows):
             theta = self._phases(operators, operators.batch(some, faintest=self.faintest), before)
-            phase[some] = operators.phases(array_backend.get(theta))
+            phase[some] = array_backend.get(theta)[:, operators.seat]
             before = array_backend.phasor(theta[-1:, :])
             if progress is not None:
                 progress(int(some[-1]) + 1, len(phase))

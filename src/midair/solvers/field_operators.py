@@ -3,8 +3,8 @@
 All arrays are those of the backend; a row is a frame.
 """
 
-from dataclasses import dataclass, fields
-from functools import cache
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from importlib import import_module
 from typing import Any
 
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from midair.solvers.backend import Backend, Numbers, Rows, squares
 from midair.solvers.device import RingLBFGS
-from midair.solvers.folding import Dense, Folded, FoldedDrives, Mixed
+from midair.solvers.folding import Array, Complex, Dense, Folded, FoldedDrives
 from midair.solvers.lbfgs import LBFGS, Function, RowsState
-from midair.solvers.modes import Modes, modes
+from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
 from midair.solvers.prepared import Arrays, prepared
 from midair.solvers.problem import Problem
@@ -52,17 +52,15 @@ class FieldOperators:
     backend: Backend
     problem: Problem
     field: Dense  # (U diag(s) A)^T, from V^H q to the field, (mode, listener)
-    drive: Dense | Mixed  # V transposed, (mode, unknown)
-    # The same as `field` and `drive`, but by more drives of four kinds where the array is symmetric
-    kinds_field: Dense
-    kinds: Dense | Folded
+    drive: Dense | Folded  # V transposed, (mode, unknown)
+    kinds_field: Dense  # As `field`, but by more drives of four kinds where the array is symmetric
+    kinds: Dense | Folded  # As `drive`, by these drives
     loud: Rows  # V of all transducers, transposed, shape (mode, transducer)
     root: Numbers  # Square roots of A s, shape (mode,)
     strongest: float  # Largest singular value times A
     psi: Numbers  # exp j psi, initial phases of the field, shape (point,)
     initial_drive: Rows  # The drive that all frames start from, shape (1, unknown)
-    # Index of each transducer among the unknowns, which are the transducers, or the places of a lattice
-    seat: NDArray[np.intp]
+    seat: NDArray[np.intp]  # Index of each transducer among the unknowns: transducers, or places of a lattice
     weights: Rows  # Weights of the cells, shape (point, cell), or None
     ceiling: Rows  # Ceiling of the guard, shape (1, guard point), or None
     memory: int  # Number of pairs that L-BFGS keeps
@@ -83,35 +81,26 @@ class FieldOperators:
         `outside` is the weight of guard points relative to control points in the choice of modes: a field that shall
         only be quiet needs less precision. Without `fold`, mirror symmetry is not used.
         """
-        weighted = problem.G
+        weighted, weight = problem.G, np.ones((len(problem.G), 1))
         if problem.guard is not None:
             weighted = np.concatenate([problem.G, outside * problem.guard.G])
+            weight = np.concatenate([weight, np.full((len(problem.guard.G), 1), outside)])
         psi = np.exp(1j * problem.first_psi)
         # Costs couple the phases of successive frames, in the order of the transducers.
         position = problem.position if fold and not problem.costs else None
-        made = prepared(
-            (weighted, position, problem.response, tolerance),
-            lambda: _modes_and_drives(weighted, position, problem.response, tolerance),
-        )
-        kept = Modes(U=made["U"], s=made["s"], V=made["V"])
-        whole_fields = np.asarray(kept.U * kept.s, np.complex128)
-        drive = kinds = Dense.of(backend, kept.V.T)
-        folded, seat, kinds_fields = "W" in made, np.arange(problem.transducers), whole_fields
-        if folded:
-            kinds, seat, kinds_fields = (
-                Folded.of(backend, made["W"], made["factor"]),
-                made["seat"],
-                np.asarray(made["fields"], np.complex128),
-            )
-            drive = Mixed(kinds=kinds, mixing=Dense.of(backend, kinds_fields.T @ kept.U.conj() / kept.s))
-        weight = np.where(np.arange(len(weighted)) < problem.points, 1.0, outside)[:, None]
-        scale = problem.level / weight
-        field = kinds_field = Dense.of(backend, (scale * whole_fields).T)
-        if folded:
-            kinds_field = Dense.of(backend, (scale * kinds_fields).T)
-        first_drive = (psi @ kept.U[: problem.points].conj() / np.where(kept.s > 0, kept.s, 1)) @ kept.V.T
+        inputs = (weighted, position, problem.response, tolerance)
+        made = prepared(inputs, lambda: _modes_and_drives(*inputs))
+        U, s, V = made["U"], made["s"], made["V"]
+        first_drive = (psi @ U[: problem.points].conj() / np.where(s > 0, s, 1)) @ V.T
+        loud, field = backend.put(V.T), Dense.of(backend, backend.put((problem.level / weight * U * s).T))
+        drive = kinds = Dense.of(backend, loud)
+        kinds_field, seat = field, np.arange(problem.transducers)
+        if "W" in made:
+            seat, kinds = made["seat"], Folded.of(backend, made["W"], made["factor"])
+            kinds_field = Dense.of(backend, backend.put((problem.level / weight * made["fields"]).T))
+            drive = replace(kinds, mixing=Dense.of(backend, backend.put(made["fields"].T @ U.conj() / s)))
         initial = np.ones(kinds.columns, complex)
-        initial[seat] = rippled(first_drive)
+        initial[seat] = rippled(np.asarray(first_drive, complex))
         return cls(
             backend=backend,
             problem=problem,
@@ -119,9 +108,9 @@ class FieldOperators:
             drive=drive,
             kinds_field=kinds_field,
             kinds=kinds,
-            loud=backend.put(kept.V.T),
-            root=backend.put(np.sqrt(problem.level * kept.s)),
-            strongest=float(problem.level * kept.s[0]),
+            loud=loud,
+            root=backend.put(np.sqrt(problem.level * s)),
+            strongest=float(problem.level * s[0]),
             psi=backend.put(psi),
             initial_drive=backend.put(initial[None, :]),
             seat=seat,
@@ -144,47 +133,30 @@ class FieldOperators:
 
     def best_field(self, batch: Batch, iterations: int, *, loudness: float, floor: float, every: int) -> Rows:
         """Coordinates V^H q of the best field with free amplitudes, (row, mode)."""
-        move = self.field_move(loudness=loudness, floor=floor, every=every)
+        move = self.field_move(loudness=loudness, floor=floor, sampled=np.arange(0, self.problem.transducers, every))
         one = self.backend.xp.ones_like(batch.gain[:, 0])
         state = move.run(batch, move.first(batch.p * self.psi), one / self.strongest, iterations)
         return move.coordinates(batch, state)
 
-    def field_move(self, *, loudness: float, floor: float, every: int, evenly: bool = False) -> "FieldMove":
-        """The field step; `loudness` is the weight of amplitudes above full drive at one in `every` transducers.
-
-        With `evenly` these are spread over the array, otherwise they are in the order of the transducers.
-        """
-        place = self.problem.position
-        sampled = np.arange(0, self.problem.transducers, every)
-        if evenly and place is not None:
-            sampled = evenly_spread(place, every=every)
+    def field_move(self, *, loudness: float, floor: float, sampled: NDArray[np.int64]) -> "FieldMove":
+        """The field step; `loudness` is the weight of amplitudes above full drive at the `sampled` transducers."""
         # Convergence is best in z = sqrt(s) a, for strong and weak modes; a and s a are both slower.
+        heard_at = self.backend.xp.take(self.loud, self.backend.put(sampled), axis=1)
         return FieldMove(
             operators=self,
-            out=self.field.over(self.backend, self.root),
-            loud=Dense.on(
-                self.backend, self.backend.xp.take(self.loud, self.backend.put(sampled), axis=1) / self.root[:, None]
-            ),
+            out=Dense.of(self.backend, self.field.matrix / self.root[:, None]),
+            loud=Dense.of(self.backend, heard_at / self.root[:, None]),
             loudness=loudness / len(sampled),
             pseudo=self.root / (self.root**4 + (floor * self.strongest) ** 2),
         )
 
     @property
-    def kernel(self) -> Any:
-        """The module `fused_kernel` where it applies: a folded array, NumPy in single precision, Numba installed."""
-        applies = isinstance(self.kinds, Folded) and self.backend.xp is np and self.backend.single
-        return _fused_kernel() if applies else None
-
-    def phases(self, theta: NDArray[Any]) -> NDArray[Any]:
-        """Phases of the transducers from the unknowns (row, unknown)."""
-        return theta[:, self.seat] if isinstance(self.kinds, Folded) else theta
-
-    @property
     def descent(self) -> LBFGS:
-        """The implementation for the backend: `LBFGS` for NumPy, by Numba if folded, and `RingLBFGS` for others."""
-        method = LBFGS if self.backend.xp is np else RingLBFGS
-        if (kernel := self.kernel) is not None:
-            method = kernel.FusedLBFGS
+        """The implementation: `LBFGS` for NumPy, compiled if folded and Numba is there, and `RingLBFGS` for others."""
+        method: type[LBFGS] = LBFGS if self.backend.xp is np else RingLBFGS
+        if method is LBFGS and self.backend.single and isinstance(self.kinds, Folded):
+            with suppress(ImportError):
+                method = import_module("midair.solvers.fused_lbfgs").FusedLBFGS
         return method(memory=self.memory, xp=self.backend.xp)
 
     def phase_fit(self, a: Rows, iterations: int, *, relaxation: float) -> Rows:
@@ -278,9 +250,7 @@ class FieldOperators:
 
         With r the slope of the cost by the field, its gradient by theta_n is Im(conj(q_n) (G^H r)_n).
         """
-        xp, gain, kernel = self.backend.xp, batch.gain, self.kernel
-        if kernel is not None and isinstance(self.kinds, Folded):
-            return self._fused_function(batch, self.kinds, kernel)
+        xp, gain = self.backend.xp, batch.gain
 
         def function(theta: Rows) -> tuple[Numbers, Rows]:
             q = self.backend.phasor(theta)
@@ -291,25 +261,6 @@ class FieldOperators:
             back *= xp.conj(q)
             # NumPy's imaginary part is a strided view that would keep the whole product in memory.
             return cost, xp.asarray(xp.imag(back), copy=True)
-
-        return function
-
-    def _fused_function(self, batch: Batch, kinds: Folded, kernel: Any) -> Function:
-        """The same function with its element-wise work compiled; each call overwrites the results of the one before."""
-        rows, (_, each, places) = len(batch.gain), kinds.kinds.shape
-        shape = (rows, *kinds.factor.shape)
-        real, imaginary = (np.ascontiguousarray(part, np.float32) for part in (kinds.factor.real, kinds.factor.imag))
-        cosine, sine, gradient = (np.empty(shape, np.float32) for _ in range(3))
-        parts, a = np.empty((4, rows, places), np.complex64), np.empty((rows, 4, each), np.complex64)
-
-        def function(theta: Rows) -> tuple[Numbers, Rows]:
-            kernel.spread(np.ascontiguousarray(theta).reshape(shape), real, imaginary, cosine, sine, parts)
-            np.matmul(parts, kinds.adjoint, out=a.transpose(1, 0, 2))
-            cost, slope = self.cost_and_slope(batch, self.kinds_field.ahead(batch.gain * a.reshape(rows, -1)))
-            b = batch.gain * self.kinds_field.back(slope)
-            np.matmul(b.reshape(rows, 4, each).transpose(1, 0, 2), kinds.kinds, out=parts)
-            kernel.slope(parts, real, imaginary, cosine, sine, gradient)
-            return cost, gradient.reshape(rows, -1)
 
         return function
 
@@ -327,38 +278,12 @@ class FieldOperators:
         return cost + extra, xp.concat([slope, outside], axis=1)
 
 
-def _modes_and_drives(
-    G: NDArray[np.complex128],
-    position: NDArray[np.float64] | None,
-    response: NDArray[np.complex128] | None,
-    tolerance: float,
-) -> Arrays:
+def _modes_and_drives(G: Complex, position: Array | None, response: Complex | None, tolerance: float) -> Arrays:
     """U, s and V of `Modes`, and the arrays of `FoldedDrives` if the array folds."""
     kept = modes(G, tolerance=tolerance)
-    made: Arrays = {"U": kept.U, "s": kept.s, "V": kept.V}
-    if position is not None:
-        folded = FoldedDrives.of(G, position, response, tolerance=tolerance, rank=kept.rank)
-        if folded is not None:
-            made |= {each.name: getattr(folded, each.name) for each in fields(folded)}
-    return made
-
-
-@cache
-def _fused_kernel() -> Any:
-    try:
-        return import_module("midair.solvers.fused_kernel")
-    except ImportError:
-        return None
-
-
-def evenly_spread(position: NDArray[np.float64], *, every: int) -> NDArray[np.int64]:
-    """Indices of one in `every` transducers, evenly over the array: each next is the farthest from those before it."""
-    chosen = [int(position[:, :2].sum(axis=1).argmin())]
-    distance = np.full(len(position), np.inf)
-    while len(chosen) < max(len(position) // every, 1):
-        distance = np.minimum(distance, ((position - position[chosen[-1]]) ** 2).sum(axis=1))
-        chosen.append(int(distance.argmax()))
-    return np.sort(np.array(chosen))
+    folded = position is not None and FoldedDrives.of(G, position, response, tolerance=tolerance, rank=kept.rank)
+    parts = [kept, folded] if folded else [kept]
+    return {each.name: getattr(part, each.name) for part in parts for each in fields(part)}
 
 
 def in_order(backend: Backend, parts: list[tuple[NDArray[np.int64], Rows]]) -> Rows:

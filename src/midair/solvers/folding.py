@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.solvers.backend import Backend, Numbers, Rows
+from midair.solvers.backend import Backend, Rows
+from midair.solvers.modes import modes
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -56,12 +57,7 @@ class Dense:
     adjoint: Rows  # Its conjugate transpose
 
     @classmethod
-    def of(cls, backend: Backend, matrix: Complex) -> "Dense":
-        """The product with a matrix of NumPy on a backend."""
-        return cls.on(backend, backend.put(matrix))
-
-    @classmethod
-    def on(cls, backend: Backend, matrix: Rows) -> "Dense":
+    def of(cls, backend: Backend, matrix: Rows) -> "Dense":
         """The product with a matrix of the backend."""
         return cls(matrix=matrix, adjoint=backend.adjoint(matrix))
 
@@ -82,10 +78,6 @@ class Dense:
         """The product with the first columns."""
         return Dense(matrix=self.matrix[:, :count], adjoint=self.adjoint[:count, :])
 
-    def over(self, backend: Backend, root: Numbers) -> "Dense":
-        """The product with each row of the matrix divided by `root`."""
-        return Dense.on(backend, self.matrix / root[:, None])
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Folded:
@@ -94,48 +86,43 @@ class Folded:
     backend: Backend
     kinds: Rows  # V of each kind, shape (kind, mode of the kind, place of an image)
     adjoint: Rows  # Its conjugate transpose
-    # D, strength and phase of each place in each layer, 0 where it is empty, shape (layer, image, place); None for 1
+    # D, strength and phase of each place in each layer, 0 where it is empty, shape (layer, image, place)
     factor: Rows
     conjugate: Rows  # Its conjugate
+    mixing: Dense | None = None  # For V of any modes: a small matrix (mode of a kind, mode)
 
     @classmethod
-    def of(cls, backend: Backend, kinds: Complex, factor: Complex | None = None) -> "Folded":
+    def of(cls, backend: Backend, kinds: Complex, factor: Complex) -> "Folded":
         """The product on a backend."""
-        plain = factor is None or not factor.imag.any()
-        put = None if factor is None else backend.put(factor.real if plain else factor)
         return cls(
             backend=backend,
             kinds=backend.put(kinds),
             adjoint=backend.put(kinds.conj().transpose(0, 2, 1)),
-            factor=put,
-            conjugate=put if plain else backend.xp.conj(put),
+            factor=backend.put(factor if factor.imag.any() else factor.real),
+            conjugate=backend.put(factor.conj() if factor.imag.any() else factor.real),
         )
 
     @property
     def columns(self) -> int:
         """Length of a row of the product."""
-        return 4 * self.kinds.shape[2] * (1 if self.factor is None else self.factor.shape[0])
+        return 4 * self.kinds.shape[2] * self.factor.shape[0]
 
     def ahead(self, b: Rows) -> Rows:
         """Rows V b: the drive, or what one image after the other receives."""
         xp, rows = self.backend.xp, b.shape[0]
+        b = b if self.mixing is None else self.mixing.back(b)
         parts = xp.matmul(xp.permute_dims(xp.reshape(b, (rows, 4, -1)), (1, 0, 2)), self.kinds)
         images = self._turned(parts[0, ...], parts[1, ...], parts[2, ...], parts[3, ...])
-        if self.factor is not None:
-            images = xp.expand_dims(images, axis=1) * self.conjugate
-        return xp.reshape(images, (rows, -1))
+        return xp.reshape(xp.expand_dims(images, axis=1) * self.conjugate, (rows, -1))
 
     def back(self, q: Rows) -> Rows:
         """Rows V^H q."""
         xp, rows = self.backend.xp, q.shape[0]
-        if self.factor is None:
-            images = xp.reshape(q, (rows, 4, -1))
-        else:
-            weighted = xp.reshape(q, (rows, *self.factor.shape)) * self.factor
-            images = weighted[:, 0, :, :] if self.factor.shape[0] == 1 else xp.sum(weighted, axis=1)
+        images = xp.sum(xp.reshape(q, (rows, *self.factor.shape)) * self.factor, axis=1)
         kinds = self._turned(images[:, 0, :], images[:, 1, :], images[:, 2, :], images[:, 3, :])
         parts = xp.matmul(xp.permute_dims(kinds, (1, 0, 2)), self.adjoint)
-        return xp.reshape(xp.permute_dims(parts, (1, 0, 2)), (rows, -1))
+        b = xp.reshape(xp.permute_dims(parts, (1, 0, 2)), (rows, -1))
+        return b if self.mixing is None else self.mixing.ahead(b)
 
     def _turned(self, a: Rows, b: Rows, c: Rows, d: Rows) -> Rows:
         """K times four parts (row, place), shape (row, 4, place)."""
@@ -143,27 +130,6 @@ class Folded:
         stacked = self.backend.xp.stack([e + g, f + h, e - g, f - h], axis=1)
         stacked *= 0.5
         return stacked
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Mixed:
-    """The same interface for V of any modes: a product of kinds, and a small matrix (mode of a kind, mode)."""
-
-    kinds: Folded
-    mixing: Dense
-
-    @property
-    def columns(self) -> int:
-        """Length of a row of the product."""
-        return self.kinds.columns
-
-    def ahead(self, b: Rows) -> Rows:
-        """Rows V b."""
-        return self.kinds.ahead(self.mixing.back(b))
-
-    def back(self, q: Rows) -> Rows:
-        """Rows V^H q."""
-        return self.mixing.ahead(self.kinds.back(q))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -222,9 +188,9 @@ def _kinds_of(whole: Complex, known: NDArray[np.bool_], tolerance: float) -> tup
     full = known.all(axis=0)
     if not full.any():
         return None
-    bases = [_svd(np.tensordot(sign, whole[:, :, full], axes=(0, 1))) for sign in KINDS]
-    strongest = max(s[0] for _, s, _ in bases)
-    bases = [U[:, s > 0.1 * tolerance * strongest] for U, s, _ in bases]
+    found = [modes(np.tensordot(sign, whole[:, :, full], axes=(0, 1)), tolerance=0.1 * tolerance) for sign in KINDS]
+    strongest = max(each.s[0] for each in found)
+    bases = [each.U[:, each.s > 0.1 * tolerance * strongest] for each in found]
     gaps, empty = whole[:, :, ~full], ~known[:, ~full]
     for _ in range(40):
         kinds = np.einsum("ki,pin->kpn", KINDS, gaps)
@@ -232,19 +198,11 @@ def _kinds_of(whole: Complex, known: NDArray[np.bool_], tolerance: float) -> tup
         gaps = np.where(empty, np.einsum("ki,kpn->pin", KINDS, kinds), gaps)
     whole = whole.copy()
     whole[:, :, ~full] = gaps
-    found = [_svd(U.conj().T @ np.tensordot(sign, whole, axes=(0, 1))) for sign, U in zip(KINDS, bases, strict=True)]
-    most = max(int((s > tolerance * strongest).sum()) for _, s, _ in found)
+    kinds = [np.tensordot(sign, whole, axes=(0, 1)) for sign in KINDS]
+    found = [modes(U.conj().T @ each, tolerance=0.1 * tolerance) for U, each in zip(bases, kinds, strict=True)]
+    most = max(int((each.s > tolerance * strongest).sum()) for each in found)
     W = np.zeros((4, most, whole.shape[2]), complex)
-    for kind, (_, _, drives) in enumerate(found):
-        W[kind, : min(most, drives.shape[1])] = drives[:, :most].T
-    fields = [np.tensordot(sign, whole, axes=(0, 1)) @ each.T for sign, each in zip(KINDS, W, strict=True)]
+    for kind, each in enumerate(found):
+        W[kind, : min(most, each.rank)] = each.V[:, :most].T
+    fields = [each @ drives.T for each, drives in zip(kinds, W, strict=True)]
     return W, np.concatenate(fields, axis=1)
-
-
-def _svd(G: Complex) -> tuple[Complex, Array, Complex]:
-    """U, s and V of G, from the smaller of the two Gram matrices: accurate above 1e-8 of the strongest."""
-    wide = len(G) <= G.shape[1]
-    power, vectors = np.linalg.eigh(G @ G.conj().T if wide else G.conj().T @ G)
-    s, vectors = np.sqrt(np.maximum(power[::-1], 0)), vectors[:, ::-1]
-    inverse = 1 / np.maximum(s, 1e-12 * max(s[0], 1e-300))
-    return (vectors, s, G.conj().T @ vectors * inverse) if wide else (G @ vectors * inverse, s, vectors)

@@ -31,11 +31,6 @@ class RowsState:
     iterations: int = 0  # Evaluations after the first
     ring: Any = None  # The `Ring` of `device.RingLBFGS`, which replaces the pairs
 
-    def some(self, xp: Any, rows: Numbers) -> "RowsState":
-        """The rows with these indices, without what the descent has learned."""
-        names = ("x", "gradient", "cost", "scale", "length")
-        return RowsState(**{name: xp.take(getattr(self, name), rows, axis=0) for name in names}, pairs=[])
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LBFGS:

@@ -200,8 +200,7 @@ class SolvePlan:
         # Metal has no double precision.
         if name == "numpy" or name.startswith("torch:mps"):
             phase = np.mod(turned, 2 * np.pi) if self.bits is None else quantise_phase(turned, bits=self.bits)
-            single = isinstance(self.solver, Glide) and self.solver.precision == "single"
-            return phase, error_of(own, phase, part, single=single)
+            return phase, error_of(own, phase, part)
         return phases_and_errors(backend_of(name, precision="double"), own, turned, part, self.bits)
 
     def _noted(self) -> dict[str, Setting]:

@@ -7,7 +7,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.solvers import Fast, Glide, error_of
-from midair.solvers.field_operators import evenly_spread
+from midair.solvers.glide.glide import evenly_spread
 from midair.solvers.terms.guard import GuardField
 
 
@@ -104,11 +104,12 @@ def test_a_guard_keeps_its_ring_quiet(spot, array):
 
 
 def test_sampled_transducers_are_spread_over_the_array(array):
-    sampled = evenly_spread(array.position, every=4)
+    sampled = evenly_spread(array.position, every=4, count=array.count)
     assert len(sampled) == len(set(sampled.tolist())) == 249
     away = np.linalg.norm(array.position[:, None] - array.position[sampled], axis=2).min(axis=1)
     # A quarter of them, evenly: no transducer is farther than two pitches from a sampled one.
     assert away.max() <= 2 * 10.16e-3
+    assert evenly_spread(None, every=4, count=10).tolist() == [0, 4, 8]
 
 
 def test_less_than_one_job_is_refused(spot):

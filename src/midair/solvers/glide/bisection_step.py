@@ -33,7 +33,7 @@ class FrameSolution:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Neighbours:
-    """Means of the two or four solved frames around each frame."""
+    """Means of the two solved frames around each frame."""
 
     q: Rows  # Mean drive, normalised to magnitude 1, shape (row, transducer)
     z: Rows  # Mean field, shape (row, mode)
@@ -85,7 +85,6 @@ class BisectionStep:
         method, function = self._method(), self.operators.phase_function(batch)
         for _ in range(iterations):
             method.step(function, state)
-        state = self._mended(batch, state)
         q = self.operators.backend.phasor(state.x)
         z = batch.gain * self.operators.drive.back(q) * self.operators.root
         return self._solved(batch, state, z, around.field_scale)
@@ -111,23 +110,6 @@ class BisectionStep:
             else self._refine(batch, self._angle(q), scale, effort[2])
         )
         return self._solved(batch, polished, backend.as_complex(state.x), state.scale)
-
-    def _mended(self, batch: Batch, state: RowsState) -> RowsState:
-        """The state after more iterations of the rows that are much worse than the others.
-
-        The scale of the neighbours can be too large for a row, which then spends its few iterations on rejected steps.
-        """
-        backend, xp = self.operators.backend, self.operators.backend.xp
-        error = np.sqrt(2 * backend.get(state.cost))
-        worse = error > max(self.settings.near / 5, 3 * float(np.median(error)))
-        if not worse.any():
-            return state
-        rest, rows = np.flatnonzero(~worse), np.flatnonzero(worse)
-        index = backend.put(rows)
-        some = batch.some(xp, index)
-        safe = 1 / (self.operators.strongest * some.gain[:, 0]) ** 2
-        mended = self._refine(some, xp.take(state.x, index, axis=0), safe, self.settings.mend)
-        return self._joined([(rest, state.some(xp, backend.put(rest))), (rows, mended)])
 
     def _method(self) -> LBFGS:
         return self.operators.descent

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.solvers.backend import Backend
+from midair.solvers.backend import Backend, Rows
 from midair.solvers.field_operators import Batch
 from midair.solvers.glide.bisection_step import BisectionStep, Effort, FrameSolution, Neighbours
+from midair.solvers.lbfgs import RowsState
 
 if TYPE_CHECKING:
     from midair.solvers.glide.glide import Glide
@@ -169,7 +170,7 @@ class FrameBlock:
             if not near.all():
                 index = backend.put(np.flatnonzero(near))
                 batch, around = batch.some(backend.xp, index), around.some(backend.xp, index)
-                state = state.some(backend.xp, index)
+                state = _some(backend.xp, state, index)
             iterations = efforts.smooth_wide if wide else efforts.smooth
             self._keep(rows[near, 1], self._bisection.refine_mean(batch, around, state, iterations), iterations)
         return rows[~near]
@@ -193,24 +194,21 @@ class FrameBlock:
 
     def _mean_target(self, rows: Indices) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
         """The mean of the neighbours' targets, and its least-squares factor in the frame's own target."""
-        mean = _mixed(self._p, *self._shares(rows))
-        # The limit only guards against a mean of norm 0, which targets of norm 1 without negative numbers do not have.
+        before, after = self._time_weights(rows)
+        mean = before * self._p[rows[:, 0]] + after * self._p[rows[:, 2]]
+        # The mean of two non-negative targets of norm 1 has a squared norm of at least 1/2; the limit only guards.
         square = np.maximum((mean * mean).sum(axis=1, keepdims=True), 1e-20)
         return mean, (self._p[rows[:, 1]] * mean).sum(axis=1, keepdims=True) / square
 
     def _neighbours(self, rows: Indices) -> Neighbours:
         backend, known = self._bisection.operators.backend, self.known
         put, first, last = backend.put, rows[:, 0], rows[:, 2]
-        frames, weights = self._shares(rows)
+        before, after = (put(share) for share in self._time_weights(rows))
         mean, part = self._mean_target(rows)
-        drives = [
-            put(weights[:, each, None]) * backend.phasor(put(known.theta[frames[:, each]]))
-            for each in range(4)
-            if weights[:, each].any()
-        ]
+        mixed = before * backend.phasor(put(known.theta[first])) + after * backend.phasor(put(known.theta[last]))
         return Neighbours(
-            q=backend.unit(sum(drives[1:], drives[0])),
-            z=put(_mixed(known.z, frames, weights)),
+            q=backend.unit(mixed),
+            z=before * put(known.z[first]) + after * put(known.z[last]),
             p=put(mean),
             part=put(part),
             missed=put(self._p[rows[:, 1]] - part * mean),
@@ -218,30 +216,16 @@ class FrameBlock:
             field_scale=put(np.sqrt(known.field_scale[first] * known.field_scale[last])),
         )
 
-    def _shares(self, rows: Indices) -> tuple[Indices, NDArray[np.floating[Any]]]:
-        """Solved frames around each frame, shape (row, 4), and their weights in its mean.
-
-        A cubic through two frames on each side where all are solved and close, else a line through one on each side.
-        """
-        before, middle, after = rows.T
-        gap, count = after - before, len(self.known.scale)
-        frames = np.stack([before - gap, before, after, after + gap], axis=1)
-        cubic = (frames[:, 0] >= 0) & (frames[:, 3] < count) & (gap <= self._efforts.bend)
-        frames = np.clip(frames, 0, count - 1)
-        cubic &= (self.known.scale[frames] > 0).all(axis=1)
-        x = (middle - before) / gap
-        line = np.stack([0 * x, 1 - x, x, 0 * x], axis=1)
-        lagrange = [-x * (x - 1) * (x - 2) / 6, (x + 1) * (x - 1) * (x - 2) / 2]
-        lagrange += [-(x + 1) * x * (x - 2) / 2, (x + 1) * x * (x - 1) / 6]
-        return frames, np.where(cubic[:, None], np.stack(lagrange, axis=1), line).astype(self._p.dtype)
+    def _time_weights(self, rows: Indices) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
+        """Weights of the frames before and after, by their distance in time, shape (row, 1) each."""
+        after = ((rows[:, 1] - rows[:, 0]) / (rows[:, 2] - rows[:, 0])).astype(self._p.dtype)[:, None]
+        return 1 - after, after
 
     def _keep(self, index: Indices, solved: FrameSolution, iterations: int) -> None:
         self.known.keep(index, solved, iterations, self._bisection.operators.backend)
 
 
-def _mixed(array: NDArray[Any], frames: Indices, weights: NDArray[np.floating[Any]]) -> NDArray[Any]:
-    """The rows of some frames (row, 4) times their weights."""
-    # Usually the outer two have no weight at all.
-    used = [each for each in range(4) if weights[:, each].any()]
-    parts = [weights[:, each, None] * array[frames[:, each]] for each in used]
-    return np.asarray(sum(parts[1:], parts[0])) if parts else array[frames[:, 0]]
+def _some(xp: Any, state: RowsState, index: Rows) -> RowsState:
+    """The rows with these indices of a descent that has just begun."""
+    names = ("x", "gradient", "cost", "scale", "length")
+    return RowsState(**{name: xp.take(getattr(state, name), index, axis=0) for name in names}, pairs=[])

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.model import Progress
@@ -48,8 +49,6 @@ class Glide:
     """Iterations of that refinement."""
     smooth_wide: int = 40
     """The same where the neighbours are at least `wide` frames away, since all frames between build on them."""
-    mend: int = 20
-    """More iterations of such frames whose error is three times the median of their batch."""
     far: float = 0.3
     """Largest relative difference of a target from its neighbours' mean for a bent frame; above it is rough."""
     bent: Effort = (7, 9, 8)
@@ -58,10 +57,8 @@ class Glide:
     """The same where the neighbours are at least `wide` frames away."""
     rough: Effort = (80, 9, 10)
     """Iterations of field step, phase fit and refinement of rough frames."""
-    wide: int = 4
+    wide: int = 8
     """Distance in frames between neighbours, see `smooth_wide`."""
-    bend: int = 0
-    """Largest distance in frames between neighbours at which a cubic through four replaces their mean."""
     split: int = 10
     """Iterations of ADMM between phase fit and refinement of rough frames."""
     stiffness: float = 0.05
@@ -133,7 +130,7 @@ class Glide:
                 last = None if after is None else after.known
                 for frames, found in self._solved_blocks(bisection, audible, last):
                     last = found.last()
-                    phase[frames], made[frames] = bisection.operators.phases(found.theta), found.iterations
+                    phase[frames], made[frames] = found.theta[:, bisection.operators.seat], found.iterations
                     if progress is not None:
                         progress(int(frames[-1]) + 1, len(phase))
             if progress is not None:
@@ -172,7 +169,7 @@ class Glide:
         with array_backend.at_work():
             bisection = self._bisection(marks, array_backend)
             last = _without_warnings(solve_marks, bisection, np.arange(len(marks.amplitude))).last()
-        return WarmStart(theta=bisection.operators.phases(last.theta)[0], known=last)
+        return WarmStart(theta=last.theta[0, bisection.operators.seat], known=last)
 
     def block_on(self) -> int:
         """Frames per block: 1024 on a CPU; on a GPU enough that the marks of one block fill a batch."""
@@ -180,18 +177,29 @@ class Glide:
 
     def _bisection(self, problem: Problem, array_backend: Backend) -> BisectionStep:
         operators = FieldOperators.of(
-            problem,
-            array_backend,
-            tolerance=self.tolerance,
-            memory=self.memory,
-            outside=self.outside,
-            fold=self.fold,
+            problem, array_backend, tolerance=self.tolerance, memory=self.memory, outside=self.outside, fold=self.fold
         )
+        sampled = evenly_spread(problem.position, every=self.every, count=problem.transducers)
         return BisectionStep(
             operators=operators,
-            field=operators.field_move(loudness=self.loudness, floor=self.floor, every=self.every, evenly=True),
+            field=operators.field_move(loudness=self.loudness, floor=self.floor, sampled=sampled),
             settings=self,
         )
+
+
+def evenly_spread(position: NDArray[np.float64] | None, *, every: int, count: int) -> Indices:
+    """Indices of one in `every` transducers, evenly over the array: each next is the farthest from those before it.
+
+    If the positions are unknown, every `every`-th.
+    """
+    if position is None:
+        return np.arange(0, count, every)
+    chosen = [int(position[:, :2].sum(axis=1).argmin())]
+    distance = np.full(count, np.inf)
+    while len(chosen) < max(count // every, 1):
+        distance = np.minimum(distance, ((position - position[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(distance.argmax()))
+    return np.sort(np.array(chosen))
 
 
 def _solve_block(

@@ -1,4 +1,4 @@
-"""Element-wise work of the batch solvers on a folded array, compiled by Numba: one pass over each row in the cache.
+"""L-BFGS of the batch solvers compiled by Numba: one pass over each row in the cache.
 
 Import this module late: Numba takes a fifth of a second to load, and the first call compiles (cached on disk).
 """
@@ -13,71 +13,7 @@ from numba import njit
 from midair.solvers.lbfgs import LBFGS
 
 F = np.float32
-_x = (np.pi / 2 * np.cos(np.pi * (np.arange(400) + 0.5) / 800)) ** 2
-_sine = np.polynomial.polynomial.polyfit(_x, np.sinc(np.sqrt(_x) / np.pi), 4)
-_cosine = np.polynomial.polynomial.polyfit(_x, np.cos(np.sqrt(_x)), 5)
-S0, S1, S2, S3, S4 = (F(c) for c in _sine)
-C0, C1, C2, C3, C4, C5 = (F(c) for c in _cosine)
-PER_TURN, PI, HALF = F(1 / np.pi), F(np.pi), F(0.5)
 compiled = njit(cache=True, fastmath=True, nogil=True)
-
-
-@compiled
-def spread(theta, real, imaginary, cosine, sine, kinds):
-    """Drives exp(j theta), theta (row, layer, image, place), and the four kinds (kind, row, place) of their sum.
-
-    The drives are first multiplied by the factors real + j imaginary (layer, image, place).
-    """
-    rows, layers, _, places = theta.shape
-    K = kinds.view(np.float32)
-    re, im = np.empty((4, places), np.float32), np.empty((4, places), np.float32)
-    for row in range(rows):
-        re[:], im[:] = 0, 0
-        for layer in range(layers):
-            for i in range(4):
-                for n in range(places):
-                    # theta = k pi + r with |r| up to pi / 2; the sign is that of odd and even k.
-                    k = np.floor(theta[row, layer, i, n] * PER_TURN + HALF)
-                    r = theta[row, layer, i, n] - k * PI
-                    sign = F(1) - F(2) * (k - F(2) * np.floor(k * HALF))
-                    u = r * r
-                    s = sign * r * (S0 + u * (S1 + u * (S2 + u * (S3 + u * S4))))
-                    c = sign * (C0 + u * (C1 + u * (C2 + u * (C3 + u * (C4 + u * C5)))))
-                    cosine[row, layer, i, n], sine[row, layer, i, n] = c, s
-                    re[i, n] += real[layer, i, n] * c - imaginary[layer, i, n] * s
-                    im[i, n] += real[layer, i, n] * s + imaginary[layer, i, n] * c
-        for part in range(2):
-            x = im if part else re
-            for n in range(places):
-                e, f, g, h = x[0, n] + x[1, n], x[0, n] - x[1, n], x[2, n] + x[3, n], x[2, n] - x[3, n]
-                K[0, row, 2 * n + part], K[1, row, 2 * n + part] = HALF * (e + g), HALF * (f + h)
-                K[2, row, 2 * n + part], K[3, row, 2 * n + part] = HALF * (e - g), HALF * (f - h)
-
-
-@compiled
-def slope(kinds, real, imaginary, cosine, sine, gradient):
-    """Im(conj(q) v), shape (row, layer, image, place), of the v that `kinds` (kind, row, place) are; see `spread`."""
-    rows, layers, _, places = gradient.shape
-    K = kinds.view(np.float32)
-    re, im = np.empty((4, places), np.float32), np.empty((4, places), np.float32)
-    for row in range(rows):
-        for part in range(2):
-            x = im if part else re
-            for n in range(places):
-                m = 2 * n + part
-                e, f, g, h = (
-                    K[0, row, m] + K[1, row, m],
-                    K[0, row, m] - K[1, row, m],
-                    K[2, row, m] + K[3, row, m],
-                    K[2, row, m] - K[3, row, m],
-                )
-                x[0, n], x[1, n], x[2, n], x[3, n] = HALF * (e + g), HALF * (f + h), HALF * (e - g), HALF * (f - h)
-        for layer in range(layers):
-            for i in range(4):
-                for n in range(places):
-                    a, b = real[layer, i, n], imaginary[layer, i, n]
-                    c, s = cosine[row, layer, i, n], sine[row, layer, i, n]
-                    gradient[row, layer, i, n] = c * (a * im[i, n] - b * re[i, n]) - s * (a * re[i, n] + b * im[i, n])
 
 
 @compiled
@@ -136,7 +72,7 @@ def _judge(x, g, cost, trial, gradient, new, S, Y, inverse, at, scale, length, f
 
 
 class FusedLBFGS(LBFGS):
-    """`LBFGS` in single precision, with its vectors in one pass over each row; the function may reuse its results."""
+    """`LBFGS` in single precision, with its vectors in one pass over each row."""
 
     __slots__ = ()
 
