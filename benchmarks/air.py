@@ -180,7 +180,8 @@ def drawn(curves: Mapping[tuple[str, float, str], np.ndarray], heights: list[flo
         axes.set_ylabel("mean E (%)", fontsize=8)
     for axes in grid[-1]:
         axes.set_xlabel("temperature of the room (°C)", fontsize=8)
-    grid[0, -1].legend(fontsize=8, frameon=False, loc="upper left")
+    # The first column has all curves, the last one room for their names.
+    grid[0, -1].legend(*grid[0, 0].get_legend_handles_labels(), fontsize=8, frameon=False, loc="upper left")
     return png_bytes(figure)
 
 

@@ -78,3 +78,9 @@ def test_the_extra_all_is_every_extra_that_installs_anywhere():
     assert set(named) - set(extras) == set(), "no such extras"
     assert set(named) | set(LEFT_OUT_OF_ALL) == set(extras), "every extra is in `all`, or there is a reason"
     assert set(named).isdisjoint(LEFT_OUT_OF_ALL)
+
+
+def test_the_studio_is_in_the_plain_install():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    plain = {re.split(r"[>=<]", each)[0] for each in project["dependencies"]}
+    assert {"starlette", "uvicorn", "websockets"} <= plain

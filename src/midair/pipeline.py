@@ -31,6 +31,7 @@ from midair.solvers import (
     QuietPalm,
     Windows,
     check_memory,
+    check_terms,
     memory_of,
     one_blas_thread,
     solve,
@@ -176,7 +177,7 @@ def solve_with(
     InputError
         If the solution would not fit into memory.
     """
-    _check_solution_memory(target, array, settings, parts=False)
+    check_size(target.frames, array, settings.but(grid=target.grid), parts=False)
     made = solve(target, array, settings.solver, acoustics=settings.acoustics, progress=progress)
     return Solution.joined(list(compensate_envelope(iter([made]), target, array, settings)))
 
@@ -201,8 +202,7 @@ def compensate_envelope(
         places=means.sensor if isinstance(means, Cells) else means.places(target.grid),
         silent=quiet.points(target.grid) if isinstance(quiet, QuietPalm) else np.empty((0, 3)),
         linear=chosen.compensate,
-        # A drive for a whole palm has more places to correct.
-        iterations=16 if chosen.predict else 8,
+        iterations=16,
     )
     blocks = foresight.corrected(parts, target)
     while True:
@@ -213,9 +213,17 @@ def compensate_envelope(
         yield block
 
 
-def _check_solution_memory(target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, parts: bool) -> None:
-    needed = memory_of(target, array, settings.solver, acoustics=settings.acoustics, parts=parts)
-    check_memory(needed, ram.available_memory(), points=target.grid.count, transducers=array.count)
+def check_size(frames: int, array: TransducerArray, settings: Settings, *, parts: bool) -> None:
+    """Raise InputError if the method does not support a term of the settings, or the solution needs too much memory.
+
+    With `parts`, the target is made and solved in parts.
+    """
+    check_terms(settings.solver.method, settings.solver.asked)
+    grid, free = settings.target.grid, ram.available_memory()
+    needed = memory_of((grid, frames), array, settings.solver, acoustics=settings.acoustics, parts=parts)
+    # Weights of the cells at the points, and the amplitudes of a target that is made at once.
+    needed += 8 * grid.count * (100 if parts else 100 + 4 * frames)
+    check_memory(needed, free, points=grid.count, transducers=array.count)
 
 
 def reproduce_stream(
@@ -229,9 +237,9 @@ def reproduce_stream(
         If the array cannot take frames at the pressure's rate.
     """
     check_frame_rate(pressure.rate, array.frequency)
+    check_size(pressure.frames, array, settings, parts=True)
     settings = with_gain_for_strength(pressure, array, settings)
     target = target_amplitude(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
-    _check_solution_memory(target, array, settings, parts=True)
     parts = solve_parts(target, array, settings.solver, acoustics=settings.acoustics, progress=progress)
     return target, compensate_envelope(parts, target, array, settings)
 
@@ -249,6 +257,7 @@ def reproduce(
         If the array cannot take frames at the pressure's rate.
     """
     check_frame_rate(pressure.rate, array.frequency)
+    check_size(pressure.frames, array, settings, parts=False)
     settings = with_gain_for_strength(pressure, array, settings)
     known = replace(pressure, provenance=settings.noted(pressure.provenance))
     target = target_amplitude(known, settings)

@@ -59,25 +59,61 @@ def _check_shape(shape: tuple[int, ...], name: str, axes: Sequence[str | int]) -
         raise ShapeError(f"{name}: expected axes {_axes(axes)}, got shape {shape}")
 
 
+_STEPS = {
+    ("PressureFrames", "Recording"): "call calibrate first",
+    ("PressureFrames", "OpenedTake"): "call calibrate(take.recording, take.calibration) first",
+    ("Recording", "OpenedTake"): "use its .recording",
+    ("AmplitudeFrames", "PressureFrames"): "call prepare first",
+    ("AmplitudeFrames", "Recording"): "call calibrate and prepare first",
+    ("Drive", "AmplitudeFrames"): "call solve first",
+    ("Drive", "PressureFrames"): "call prepare and solve first",
+    ("PressureFrames", "AmplitudeFrames"): "use the pressure that it was prepared from",
+    ("PressureFrames", "str"): "call midair.open_take on the file and calibrate first",
+    ("Recording", "str"): "call midair.open_take on the file and use its .recording",
+    ("Calibration", "str"): "call midair.load_calibration on the file",
+    ("Drive", "str"): "call midair.load on the file",
+    ("TransducerArray", "str"): "call midair.TransducerArray.autd3()",
+}
+"""What to do if a stage gets the result of another one: (expected type, received type)."""
+
+
+def check_type(value: object, name: str, *kinds: type) -> None:
+    """Raise InputError that names both types, and the stage that is missing, if `value` is of none of these types."""
+    if isinstance(value, kinds):
+        return
+    names = ["None" if one is type(None) else one.__name__ for one in kinds]
+    got = "str" if hasattr(value, "__fspath__") else type(value).__name__
+    advice = "give its name" if names[0] == "str" else f"see help(midair.{names[0]})"
+    advice = _STEPS.get((names[0], got), advice)
+    raise InputError(f"{name}: expected {' or '.join(names)}, got {type(value).__name__}; {advice}")
+
+
 def positive(value: float, name: str, unit: str = "") -> float:
     """Return `value` as a float if it is finite and above zero; otherwise raise InputError."""
-    number = float(value)
-    if not (np.isfinite(number) and number > 0):
-        raise InputError(f"{name}: expected a number above 0{' ' + unit if unit else ''}, got {number:g}")
-    return number
+    given = number(value, name, unit)
+    if not (np.isfinite(given) and given > 0):
+        raise InputError(f"{name}: expected a number above 0{' ' + unit if unit else ''}, got {given:g}")
+    return given
 
 
 PITCHES = (1e-6, 0.2)
 """Allowed distances between grid points, in m."""
 
 
+def number(value: object, name: str, unit: str = "", *, setting: str = "") -> float:
+    """Return `value` as a float if it is a number; raise InputError for text and other types."""
+    if isinstance(value, str) or not hasattr(value, "__float__"):
+        raise InputError(f"{name}: expected a number{unit and f' in {unit}'}, got {value!r}", setting=setting)
+    return float(cast("float", value))
+
+
 def length(value: float, name: str, limits: tuple[float, float]) -> float:
     """Return `value` as a float if it is within the limits, in m; otherwise raise InputError."""
-    number, (low, high) = float(value), limits
-    if not low <= number <= high:
-        hint = f"; lengths are in metres, {number:g} mm is {number / 1e3:g}" if low <= number / 1e3 <= high else ""
-        raise InputError(f"{name}: expected {low:g} to {high:g} m, got {number:g} m{hint}")
-    return number
+    given, (low, high) = number(value, name, "m"), limits
+    if not low <= given <= high:
+        hint = f"; lengths are in metres, {given:g} mm is {given / 1e3:g}" if low <= given / 1e3 <= high else ""
+        raise InputError(f"{name}: expected {low:g} to {high:g} m, got {given:g} m{hint}")
+    return given
 
 
 def setting(
@@ -122,6 +158,7 @@ def check_settings(settings: Any) -> None:
         if limits is None or value is None:
             continue
         (low, high), above, unit = limits, one.metadata["above"], one.metadata["unit"]
+        number(value, one.name, unit, setting=one.name)
         if low < value <= high or (value == low and not above):
             continue
         if unit == "m":

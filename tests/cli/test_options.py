@@ -67,7 +67,7 @@ def test_a_mode_by_name_and_single_options_on_top(mode):
 
 
 def test_terms_are_switched_on_off_and_changed():
-    assert SolveOptions(mode="paper", guard=0.02).settings().solver.guard == Guard(margin=0.02)
+    assert SolveOptions(mode="paper", method="lm", guard=0.02).settings().solver.guard == Guard(margin=0.02)
     best = best_mode().solver.guard
     assert SolveOptions(mode="best", guard=0.03).settings().solver.guard == replace(best, margin=0.03)
     assert SolveOptions(mode="best", guard=0.0, decouple=False).settings() == best_mode().but(

@@ -1,10 +1,14 @@
+import re
 import tomllib
 
+import numpy as np
 import pytest
 
-from midair.cli import time_estimates
+from midair.cli import run, time_estimates
 from midair.cli.console import progress_bars
 from midair.cli.time_estimates import duration_text, estimate_text, remember_speed
+from midair.files import save
+from midair.model import Recording
 
 
 @pytest.fixture
@@ -62,3 +66,14 @@ def test_interrupted_work_stores_no_speed(monkeypatch, stored):
         stage("solve")(10, 3000)
         raise KeyboardInterrupt
     assert not stored.exists()
+
+
+@pytest.mark.long
+def test_a_slow_method_is_tried_before_it_starts(stored, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    save(Recording(samples=np.random.default_rng(1).normal(size=(60, 4, 4)), rate=1000, unit="Pa"), "take.h5")
+    words = ["solve", "take.h5", "--mode", "paper", "--method", "lm", "--points", "6", "--pitch", "9mm", "--lead", "0s"]
+    assert run(words) == 0
+    told = capsys.readouterr().err
+    assert re.search(r"this takes about [\d.e-]+ (s|min), by a trial of 8 frames", told)
+    assert "no time estimate" not in told

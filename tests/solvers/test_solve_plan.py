@@ -32,7 +32,7 @@ def wave(frames=4, points=16, pascal=3000.0):
         ({"iterations": 0}, "iterations: expected 1 or more"),
         ({"level": "loud"}, "level: expected above 0 .* or auto, got 'loud'"),
         ({"amplitudes": "free"}, "amplitudes: expected equal or bounded, got 'free'"),
-        ({"fit": "palm"}, "fit: expected points, windows, cells"),
+        ({"fit": "palm"}, "fit: expected points, windows, fine-windows, cells"),
         ({"smooth": -1.0}, "smooth: expected 0 or more"),
         ({"smooth": float("nan")}, "smooth: expected 0 or more"),
         ({"smooth": 0.1}, "method lm: expected supported terms .*, got smooth; choose fast"),

@@ -282,8 +282,10 @@ def test_upload_from_the_controlling_page_gets_a_new_name(client, studio, talk):
     assert upload("a.csv", b"1", "99").status_code == 400
     assert upload("..%2F..%2Fevil.html", b"1", page).status_code == 400
     answer = upload("My%20Take.csv", b"t,a\n0,1\n", page)
-    assert answer.json() == {"ok": "my_take-01.csv"}
-    assert (studio.folder.path / "my_take-01.csv").read_bytes() == b"t,a\n0,1\n"
+    assert answer.json() == {"ok": "my_take-01.csv", "imports": True}
+    assert (studio.takes.samples / "incoming" / "my_take-01.csv").read_bytes() == b"t,a\n0,1\n"
+    assert studio.folder.names(".csv") == [], "nothing in the folder before it is imported"
+    assert upload("take.h5", b"x", page).json() == {"ok": "take-01.h5", "imports": False}
     assert client.post("/upload", content=b"x", headers={"x-name": "a.csv", "x-page": page}).status_code == 403
 
 

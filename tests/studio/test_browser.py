@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 import time
@@ -9,9 +10,13 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
+import numpy as np
 import pytest
+import soundfile
 from axe_playwright_python.sync_playwright import Axe
 
+from midair.files import load, save
+from midair.model import Recording
 from midair.rig import record
 from midair.studio.work import SolveRequest, solve_take
 
@@ -466,3 +471,99 @@ def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(
     page.until("studio.link.state.player.emitting")
     page.page.locator("#exposure .stop").click()
     page.until("studio.link.state.player.said.includes('stopped on request')")
+
+
+def test_a_wav_becomes_a_take_without_a_command(studio_at, look, tmp_path):
+    """Choose a file, correct a wrong word, look at the preview, import; the take is that of the same command."""
+    wave = tmp_path / "Corduroy.wav"
+    soundfile.write(wave, 0.5 * np.sin(2 * np.pi * 150 * np.arange(8000) / 8000), 8000)
+    studio = studio_at()
+    page = look(studio)
+    page.until("studio.room?.add && !studio.room.add.disabled")
+    page.page.locator("input[type=file]").set_input_files(wave)
+    page.until("document.querySelector('#import-said polygon')", timeout=60)
+    scale = page.page.get_by_role("textbox", name="Scale")
+    scale.fill("30")
+    scale.press("Tab")
+    assert "expected a quantity such as" in page.until("document.querySelector('#import-wrong').textContent")
+    assert page.page.get_by_role("button", name="Import").is_disabled()
+    scale.fill("60Pa")
+    scale.press("Tab")
+    page.until("!document.querySelector('#import .main').disabled")
+    command = page.page.locator("#import pre").inner_text()
+    if kept := os.environ.get("MIDAIR_PICTURES"):
+        page.page.screenshot(path=f"{kept}/import.png")
+    page.page.get_by_role("button", name="Import").click()
+    page.until("studio.room?.take?.name === 'corduroy-01.h5'")
+    words = shlex.split(command.replace("corduroy-01.wav", f"{shlex.quote(str(wave))} same.h5"))
+    subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, check=True)
+    made, same = (load(path).samples for path in (studio.folder / "corduroy-01.h5", tmp_path / "same.h5"))
+    assert (made == same).all()
+    assert page.wrong == []
+
+
+def test_takes_are_found_renamed_deleted_and_stay_chosen(studio_at, look):
+    studio, noise = studio_at(), np.random.default_rng(1).normal(size=(400, 4, 4))
+    for name in ("denim", "wool"):
+        save(Recording(samples=noise, rate=1000, unit="Pa"), studio.folder / f"{name}.h5")
+    page = look(studio)
+    page.go("#reproduce/wool.h5")
+    page.until("studio.room?.take?.name === 'wool.h5'")
+    page.page.get_by_role("searchbox").fill("den")
+    page.until("[...document.querySelectorAll('.takes li:not([hidden])')].length === 1")
+    page.page.get_by_role("searchbox").fill("")
+    page.page.get_by_role("link", name="Compare").click()
+    page.until("studio.room.name === 'wool.h5'")
+    page.page.get_by_role("link", name="Reproduce").click()
+    page.until("studio.room?.take?.name === 'wool.h5'")
+    page.page.get_by_role("button", name="Rename").click()
+    page.page.get_by_label("New name").fill("felt")
+    page.page.get_by_label("New name").press("Enter")
+    page.until("studio.room?.take?.name === 'felt.h5'")
+    page.page.get_by_role("button", name="Duplicate").click()
+    page.until("studio.room?.take?.name === 'felt-01.h5'")
+    page.page.get_by_role("button", name="Delete").click()
+    page.until("!studio.link.state.takes.some((row) => row.name === 'felt-01.h5')")
+    if kept := os.environ.get("MIDAIR_PICTURES"):
+        page.page.screenshot(path=f"{kept}/takes.png")
+    page.page.get_by_role("button", name="Undo").click()
+    page.until("studio.room?.take?.name === 'felt-01.h5'")
+    assert {path.name for path in studio.folder.glob("*.h5")} == {"denim.h5", "felt.h5", "felt-01.h5"}
+    assert page.wrong == []
+
+
+def test_a_study_of_my_takes_from_the_question_to_the_report(studio_at, look):
+    """Two takes with drives, a question, simulated participants, Analyse, the report; no command but the simulation."""
+    studio, rng = studio_at(), np.random.default_rng(2)
+    for name in ("denim", "wool"):
+        take, drive = (str(studio.folder / f"{name}{ending}") for ending in (".h5", ".drive.h5"))
+        save(Recording(samples=rng.normal(size=(100, 4, 4)), rate=1000, unit="Pa"), take)
+        solve_take(SolveRequest(take=take, drive=drive, choices=(("method", "naive"),)), lambda *_: None)
+    page = look(studio)
+    page.go("#study")
+    page.until("document.querySelectorAll('#own-study option[value$=\".h5\"]').length === 2")
+    kind = page.page.get_by_label("Kind")
+    kind.select_option("own")
+    page.page.get_by_label("takes to present").select_option(["denim.h5", "wool.h5"])
+    page.page.get_by_label("Question").fill("Which cloth did you feel?")
+    page.page.get_by_label("Participants").fill("2")
+    page.page.get_by_label("Name").fill("cloth")
+    if kept := os.environ.get("MIDAIR_PICTURES"):
+        page.page.screenshot(path=f"{kept}/study.png")
+    page.page.locator("#new-study").click()
+    page.until("studio.link.state.studies.some((each) => each.name === 'cloth')")
+    page.until("document.querySelector('#analyse')?.disabled")
+    words = [sys.executable, "-m", "midair", "study", "run", str(studio.folder / "cloth"), "--simulate"]
+    subprocess.run(words, check=True, capture_output=True)
+    page.page.evaluate("studio.link.order('study', 'list')")
+    page.until("document.querySelector('#analyse')?.disabled === false")
+    page.page.locator("#analyse").click()
+    page.until("document.querySelector('#to-report')", timeout=120)
+    with page.page.context.expect_page() as opened:
+        page.page.locator("#to-report").click()
+    opened.value.wait_for_load_state()
+    assert "denim" in opened.value.content()
+    assert "cloth" in opened.value.title()
+    if kept := os.environ.get("MIDAIR_PICTURES"):
+        opened.value.screenshot(path=f"{kept}/report.png")
+    assert page.wrong == []

@@ -220,12 +220,13 @@ def print_note(line: str, *, warn: bool = False) -> None:
 
 
 @contextmanager
-def progress_bars(kind: str = "", frames: int = 0) -> Generator[Callable[[str], "Report"]]:
+def progress_bars(kind: str = "", frames: int = 0, *, estimated: bool = False) -> Generator[Callable[[str], "Report"]]:
     """Progress bars on stderr: the function inside the block starts that of a stage and returns its report function.
 
-    With a kind of work a time estimate appears before, and the speed of finished work is stored for the next one.
+    With a kind of work a time estimate appears before, unless it was `estimated` already, and the speed of finished
+    work is stored for the next one.
     """
-    if kind and (line := estimate_text(kind, frames)) and not verbosity().quiet:
+    if kind and not estimated and (line := estimate_text(kind, frames)) and not verbosity().quiet:
         err().print(line, style="dim")
     began = time.monotonic()
     with bars() as shown:

@@ -29,7 +29,7 @@ from midair.files import load_palm, load_solution
 from midair.model import HEIGHTS, Palm
 from midair.rig import TransducerSpread
 from midair.settings import CHOICES, MODES, Choice, Mode, Settings, format_value
-from midair.solvers import QuietPalm
+from midair.solvers import QuietPalm, check_terms
 from midair.validation import Declared
 
 T = TypeVar("T")
@@ -138,6 +138,7 @@ class _SettingsOptions:
         palm, weight = getattr(self, "palm", None), QuietPalm.number(made.solver.quiet_palm)
         if palm is not None and weight > 0:
             made = made.but(quiet_palm=QuietPalm.under(load_palm(palm), weight=weight))
+        check_terms(made.solver.method, made.solver.asked)
         if made.solver.jobs is None:
             made = made.but(jobs=_cores())
         return made

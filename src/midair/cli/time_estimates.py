@@ -27,6 +27,11 @@ def estimate_text(kind: str, frames: int) -> str:
     return f"this takes about {duration_text(frames / speed)}, by the speed of the last run on this machine"
 
 
+def is_speed_known(kind: str) -> bool:
+    """Whether `estimate_text` can estimate the time of a kind of work."""
+    return kind in _speeds()
+
+
 def remember_speed(kind: str, frames: int, seconds: float) -> None:
     """Store the speed of finished work; errors are ignored, since only the next estimate is lost."""
     import tomli_w

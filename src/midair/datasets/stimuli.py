@@ -1,12 +1,14 @@
 """Synthetic pressure signals: the paper's modulated foci (5.2) and binary patterns (5.1), taps, probe signals."""
 
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, RateError
 from midair.model import RATE, PressureFrames, Provenance, SensorGrid
+from midair.streaming import LazyFrames
 from midair.validation import positive
 
 Stimulus = Literal["i", "ii", "iii"]
@@ -41,18 +43,30 @@ def am_stimulus(
     parts = _modulation(kind)
     if rate <= 2 * max(parts):
         raise RateError(f"rate of stimulus {kind}: expected above {2 * max(parts):g} Hz, got {rate:g} Hz")
-    time = np.arange(max(1, round(positive(duration, "duration", "s") * rate))) / rate
-    pressure = np.zeros((len(time), sensor.count))
-    wave = np.sum([share * (0.5 - 0.5 * np.cos(2 * np.pi * f * time)) for f, share in parts.items()], axis=0)
+    frames = max(1, round(positive(duration, "duration", "s") * rate))
     channels = (0, sensor.count - 1) if kind == "ii" else (0,)
-    pressure[:, list(channels)] = positive(peak, "peak", "Pa") * wave[:, None]
+    peak = positive(peak, "peak", "Pa")
+
+    def pressed(first: int, last: int) -> Array:
+        time = np.arange(first, last) / rate
+        pressure = np.zeros((len(time), sensor.count))
+        wave = np.sum([share * (0.5 - 0.5 * np.cos(2 * np.pi * f * time)) for f, share in parts.items()], axis=0)
+        pressure[:, list(channels)] = peak * wave[:, None]
+        return pressure.reshape(-1, *sensor.shape)
+
+    # A long one is computed when it is read.
+    whole = LazyFrames(pressed, (frames, *sensor.shape))
     settings = {"kind": kind, "peak_pa": float(peak), "channels": channels, "frequencies_hz": tuple(parts)}
     return PressureFrames(
-        pressure=pressure.reshape(-1, *sensor.shape),
+        pressure=cast("Array", whole if duration > LAZY_FROM else np.asarray(whole)),
         rate=rate,
         sensor=sensor,
         provenance=Provenance(source=f"virtual:AM {kind}", simulated=True).then("AM stimulus", settings),
     )
+
+
+LAZY_FROM = 20.0
+"""Duration in s above which a stimulus is computed when it is read."""
 
 
 def _modulation(kind: Stimulus) -> dict[float, float]:

@@ -14,6 +14,7 @@ from midair.evaluate.peak import peak_position
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
 from midair.model import PressureFrames, SensorGrid
 from midair.streaming import LazyFrames, blocks
+from midair.validation import check_type
 
 Array = NDArray[np.float64]
 
@@ -110,6 +111,8 @@ def compare(
     RateError
         If the rates differ.
     """
+    check_type(original, "original", PressureFrames)
+    check_type(reproduced, "reproduced", PressureFrames)
     check_alike(original, reproduced)
     frames = min(original.frames, reproduced.frames - first)
     part, x, shape = slice(first, first + frames), original.pressure[:frames], original.sensor.shape

@@ -159,7 +159,7 @@ def atomic_folder(path: str | os.PathLike[str]) -> Generator[Path]:
 def writable_path(path: str | os.PathLike[str]) -> Path:
     """Return `path` with links resolved, if a file can have that name.
 
-    Raises MissingFileError if the folder does not exist and BrokenFileError if it is the name of a folder.
+    Raises MissingFileError without a folder, FileError if it is read-only, BrokenFileError for the name of a folder.
     """
     try:
         target = Path(path).resolve()
@@ -167,6 +167,8 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
             raise MissingFileError(f"{path}: expected the folder {target.parent}, found none; create it first")
         if target.is_dir():
             raise BrokenFileError(f"{path}: expected the name of a file, got that of a folder; name a file in it")
+        if not os.access(target.parent, os.W_OK):
+            raise FileError(f"{path}: cannot be written: the folder is read-only; use another one")
     except (OSError, ValueError) as wrong:
         if isinstance(wrong, MidairError):
             raise

@@ -27,12 +27,13 @@ from midair.files.native import (
     stored_dataset,
     write_recording,
 )
-from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake, Writer
 from midair.files.size_limits import check_memory_for
 from midair.model import Calibration, Event, PressureFrames, Recording, Solution
 from midair.recordings import suspicious
 from midair.registry import Registry
 from midair.streaming import LazyFrames
+from midair.validation import check_type
 
 Place = str | os.PathLike[str]
 Given = ParamSpec("Given")
@@ -66,11 +67,11 @@ FORMATS: Registry[Format] = Registry(
 """File formats by the ending of a name, in small letters."""
 
 OTHERS: Mapping[str, str] = {
-    DRIVE_SUFFIX: "a drive: load_solution() and save_solution()",
-    ARRAY_SUFFIX: "an array's calibration: load_array_calibration() and save_array_calibration()",
-    CALIBRATION_SUFFIX: "a calibration: load_calibration() and save_calibration()",
+    DRIVE_SUFFIX: "a drive: midair solve writes it, midair play and show read it; in Python load_solution()",
+    ARRAY_SUFFIX: "an array's calibration: midair calibrate array writes it; in Python load_array_calibration()",
+    CALIBRATION_SUFFIX: "a calibration: midair calibrate measure writes it; in Python load_calibration()",
 }
-"""Suffixes of files other than recordings, and the functions for them."""
+"""Suffixes of files other than recordings, and what is for them."""
 
 
 def _taking(
@@ -81,6 +82,7 @@ def _taking(
     def decorate(read: Callable[[Place, ImportOptions], Taken]) -> Callable[Concatenate[Place, Given], Taken]:
         @wraps(read)
         def reading(path: Place, *args: Given.args, **given: Given.kwargs) -> Taken:
+            check_type(path, "path", str, os.PathLike)
             return read(path, options(*args, **given))
 
         own = signature(read)
@@ -187,17 +189,17 @@ def save(
     tuple of FormatLoss
         One for each fact that the format cannot store.
     """
-    form = format_of(path)
-    if form.write is None:
-        known = ", ".join(ending for ending, each in FORMATS.items() if each.write)
-        raise UnknownFormatError(f"{path}: {form.name} can be read, not written; writable formats are {known}")
-    if journal and form is HDF5:
+    check_type(path, "path, the second argument", str, os.PathLike)
+    check_type(recording, "recording", Recording)
+    write = writer_of(path)
+    native = write is HDF5.write
+    if journal and native:
         return write_recording(recording, Path(path), calibration, pressure, journal=journal)
     if pressure is None:
-        return form.write(recording, Path(path), calibration)
-    if form is HDF5:
+        return write(recording, Path(path), calibration)
+    if native:
         return write_recording(recording, Path(path), calibration, pressure)
-    lost = form.write(recording, Path(path), calibration)
+    lost = write(recording, Path(path), calibration)
     return (
         *lost,
         FormatLoss(what="pressure", text="The calibrated pressure was left out; --pressure exports it instead."),
@@ -219,6 +221,19 @@ def format_of(path: str | os.PathLike[str]) -> Format:
             f"{path}: expected a name that ends in {known}, got {Path(name).suffix or 'no ending'!r}"
         )
     return FORMATS[Path(name).suffix]
+
+
+def writer_of(path: str | os.PathLike[str]) -> Writer:
+    """Function that writes the format of a suffix; UnknownFormatError names the suffixes that can be written."""
+    known = {ending: form.write for ending, form in FORMATS.items() if form.write is not None}
+    ending = Path(path).suffix.lower()
+    if ending in known:
+        format_of(path)  # refuses the names of drives and calibrations
+        return known[ending]
+    if ending in FORMATS:
+        said = f"{FORMATS[ending].name} can be read, not written; writable formats are {', '.join(known)}"
+        raise UnknownFormatError(f"{path}: {said}")
+    raise UnknownFormatError(f"{path}: expected a name that ends in {', '.join(known)}; got {ending or 'no ending'!r}")
 
 
 def _listed(given: ImportOptions) -> str:

@@ -322,6 +322,10 @@ def calibration_lost(calibration: Calibration | None, form: str) -> tuple[Format
     return (FormatLoss(what="calibration", text=f"{form} holds no calibration: it was left out; {advice}."),)
 
 
+Writer = Callable[[Recording, Path, Calibration | None], tuple[FormatLoss, ...]]
+"""Writes a recording; returns what the format cannot store."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Format:
     """A file format of recordings, registered under the endings of its names."""
@@ -329,7 +333,7 @@ class Format:
     name: str
     read: Callable[[Path, ImportOptions], OpenedTake]
     """Read a file with what the user states about it."""
-    write: Callable[[Recording, Path, Calibration | None], tuple[FormatLoss, ...]] | None = None
+    write: "Writer | None" = None
     """Write a recording; returns what the format cannot store. None if it is only read."""
     memory: float = 0
     """Least number of bytes that reading takes for each byte of the file; 0 if it is read in parts."""

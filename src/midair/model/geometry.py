@@ -4,6 +4,7 @@ Origin at the centre of the array, z towards the palm, metres. x increases with 
 maps are drawn with row 0 at the top, so that channel 0 is the top left corner, as in the paper's Fig. 4.
 """
 
+import hashlib
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,7 +15,13 @@ from midair.errors import InputError, ShapeError
 from midair.model.defaults import HEIGHT, HEIGHTS
 from midair.model.reprs import clipped, counted, summary
 from midair.model.svg_pictures import dots, framed
-from midair.validation import PITCHES, frozen_array, length, positive
+from midair.validation import PITCHES, frozen_array, length, number, positive
+
+WIDEST = 1.0
+"""Side of the largest square of control points in m, several palms."""
+
+MOST_UNITS = 10_000
+"""Largest number of AUTD3 units in an array: 2.5 million transducers, which take half a gigabyte."""
 
 _UNKNOWN = np.zeros(0, np.complex128)
 """Response of transducers that have not been measured."""
@@ -86,8 +93,11 @@ class TransducerArray:
         A unit is an 18 x 14 grid of 10.16 mm pitch without (1, 1), (2, 1) and (16, 1), row by row; units are 192.0 x
         151.4 mm apart. The array is centred on the mean of its positions.
         """
-        if columns < 1 or rows < 1:
-            raise InputError(f"units: expected at least 1 x 1, got {columns} x {rows}")
+        counts = number(columns, "columns of units"), number(rows, "rows of units")
+        if not all(count >= 1 and count % 1 == 0 for count in counts):
+            raise InputError(f"units: expected whole numbers, at least 1 x 1, got {columns} x {rows}")
+        if columns * rows > MOST_UNITS:
+            raise InputError(f"units: expected at most {MOST_UNITS} in an array, got {columns} x {rows}")
         pitch, width, depth, screws = 10.16e-3, 192.0e-3, 151.4e-3, {(1, 1), (2, 1), (16, 1)}
         one = np.array([(x * pitch, y * pitch, 0.0) for y in range(14) for x in range(18) if (x, y) not in screws])
         corners = [(i * width, j * depth, 0.0) for j in range(rows) for i in range(columns)]
@@ -109,6 +119,13 @@ class TransducerArray:
     def alike(self) -> bool:
         """True if no transducer has a measured response."""
         return bool((self.response == 1).all()) and not len(self.pole)
+
+    @property
+    def calibration_id(self) -> str:
+        """Identifier of the array calibration that the response and the poles are from; empty if not measured."""
+        if not len(self.pole):
+            return ""
+        return hashlib.sha256(self.response.tobytes() + self.pole.tobytes()).hexdigest()[:8]
 
     @property
     def nominal(self) -> "TransducerArray":
@@ -135,8 +152,9 @@ class Grid:
     """Distance between neighbours, in m."""
 
     def __post_init__(self) -> None:
+        counts = number(self.rows, "rows"), number(self.columns, "columns")
         # This also rejects NaN and infinity.
-        if not all(count >= 1 and count % 1 == 0 for count in (self.rows, self.columns)):
+        if not all(count >= 1 and count % 1 == 0 for count in counts):
             raise ShapeError(f"grid: expected at least 1 row and 1 column, got {self.rows} x {self.columns}")
         length(self.pitch, "pitch", PITCHES)
 
@@ -202,6 +220,13 @@ class ControlGrid(Grid):
     def __post_init__(self) -> None:
         Grid.__post_init__(self)
         length(self.height, "height", HEIGHTS)
+        if self.count * self.pitch**2 > WIDEST**2:
+            wide, deep, most = self.columns * self.pitch, self.rows * self.pitch, int(WIDEST / self.pitch)
+            raise InputError(
+                f"points: expected control points over at most {WIDEST:g} x {WIDEST:g} m, got {self.columns} x "
+                f"{self.rows} of {1e3 * self.pitch:.3g} mm pitch, {wide:.3g} x {deep:.3g} m; use at most {most} x "
+                f"{most}, or a smaller pitch"
+            )
         object.__setattr__(self, "centre", (float(self.centre[0]), float(self.centre[1])))
 
     @property

@@ -44,6 +44,7 @@ from .sensing import calibration_of as calibration_of
 from .sensing import cell_pressure as cell_pressure
 from .sensing import cell_weights as cell_weights
 from .sensing import channel_response as channel_response
+from .sensing import fade_window as fade_window
 from .sensing import sense as sense
 from .sensing import sensor_output as sensor_output
 from .skin import SKINS as SKINS

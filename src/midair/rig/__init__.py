@@ -4,7 +4,6 @@ from .bench import PLACES as PLACES
 from .bench import PRACTICE_RECORDINGS as PRACTICE_RECORDINGS
 from .bench import ArraySession as ArraySession
 from .bench import Identity as Identity
-from .bench import KeptCalibration as KeptCalibration
 from .bench import ModeStore as ModeStore
 from .bench import ReferenceChoice as ReferenceChoice
 from .bench import TapTest as TapTest
@@ -12,7 +11,6 @@ from .bench import assignment_problems as assignment_problems
 from .bench import calibrate_array as calibrate_array
 from .bench import calibrate_by_beam as calibrate_by_beam
 from .bench import calibrate_tracker as calibrate_tracker
-from .bench import calibration_age as calibration_age
 from .bench import calibration_rows as calibration_rows
 from .bench import check_array_calibration as check_array_calibration
 from .bench import check_page_name as check_page_name
@@ -20,9 +18,6 @@ from .bench import clear_modes as clear_modes
 from .bench import describe_uncertainty as describe_uncertainty
 from .bench import identify_by_taps as identify_by_taps
 from .bench import identify_by_tones as identify_by_tones
-from .bench import keep_array_calibration as keep_array_calibration
-from .bench import keep_array_check as keep_array_check
-from .bench import kept_array_calibration as kept_array_calibration
 from .bench import read_silence as read_silence
 from .bench import read_takes as read_takes
 from .bench import write_calibration_page as write_calibration_page
@@ -76,10 +71,15 @@ from .live_touch import make_key as make_key
 from .live_touch import send_touch as send_touch
 from .names import TRACKERS as TRACKERS
 from .names import ArrayKind as ArrayKind
+from .names import KeptCalibration as KeptCalibration
 from .names import TransducerSpread as TransducerSpread
 from .names import VirtualRig as VirtualRig
+from .names import array_calibration_for as array_calibration_for
 from .names import array_named as array_named
 from .names import array_of_kind as array_of_kind
+from .names import keep_array_calibration as keep_array_calibration
+from .names import keep_array_check as keep_array_check
+from .names import kept_array_calibration as kept_array_calibration
 from .names import open_tracker as open_tracker
 from .names import sensor_named as sensor_named
 from .names import stage_named as stage_named

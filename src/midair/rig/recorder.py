@@ -22,6 +22,7 @@ from midair.rig.playing import (
     rerecord,
 )
 from midair.rig.takes import Drift, RecordSettings, TakeOrder, View, record_take
+from midair.validation import check_type
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -115,6 +116,8 @@ def record(
     FileError
         If the file cannot be written.
     """
+    if sensor is not None:
+        check_type(sensor, "sensor", str, SensorDevice)
     named = {"duration": duration, "wiring": wiring, "sensor": sensor if isinstance(sensor, str) else None} | changes
     given = {name: value for name, value in named.items() if value is not None}
     chosen = (settings or RecordSettings(duration=1.0)).but(**given)
@@ -175,6 +178,7 @@ def play(
         If the rig was not entered.
     """
     drive = what.drive if isinstance(what, Solution) else what
+    check_type(drive, "drive", Drive)
     changes = {name: value for name, value in changes.items() if value is not None}
     if not isinstance(rig, OpenRig):
         wanted = (settings or PlaySettings()).but(**changes | ({} if rig is None else {"device": rig}))
@@ -189,6 +193,8 @@ def play(
     followed = list[str]()
     if rig.array.simulated and not rig.array.gated:
         drive, chosen = follow_as_set(drive, chosen, followed.append)
+    elif chosen.follow is not None:
+        raise InputError("follow: expected the virtual rig or the name of an array, got an open rig with a real array")
     rig.array.cooling, rig.array.participant = chosen.cooling, chosen.participant
     admission = check_exposure(drive, rig.array, chosen.exposure, repeats=chosen.repeats)
     played = admission.check_for(rig.array)

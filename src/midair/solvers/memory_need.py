@@ -7,7 +7,7 @@ the system (`python -m benchmarks.scale` prints both).
 from typing import Any
 
 from midair.errors import InputError
-from midair.model import Acoustics, AmplitudeFrames, TransducerArray
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, TransducerArray
 from midair.solvers.solve_plan import frames_per_part, settings_with
 from midair.solvers.solver_settings import MethodSettings
 
@@ -57,7 +57,7 @@ def memory_needed(points: int, transducers: int, frames: int, *, method: str, gu
 
 
 def memory_of(
-    target: AmplitudeFrames,
+    target: AmplitudeFrames | tuple[ControlGrid, int],
     array: TransducerArray,
     settings: MethodSettings | None = None,
     *,
@@ -68,16 +68,18 @@ def memory_of(
 ) -> int:
     """Maximum memory in bytes that `solve`, or `solve_parts` with `parts`, needs with these settings.
 
-    `bits` is accepted for the sake of `solve` and does not matter.
+    `bits` is accepted for the sake of `solve` and does not matter. A target that does not exist yet is its grid and
+    number of frames.
     """
     settings = settings_with(settings, changes)
-    terms, frames = settings.terms(), target.frames
+    grid, frames = target if isinstance(target, tuple) else (target.grid, target.frames)
+    terms = settings.terms()
     return memory_needed(
-        target.grid.count,
+        grid.count,
         array.count * max((term.copies for term in terms), default=1),
         min(frames, frames_per_part(settings.solver())) if parts else frames,
         method=settings.name,
-        guard=sum(term.quiet_rows(target.grid) for term in terms),
+        guard=sum(term.quiet_rows(grid) for term in terms),
         airs=len(settings.airs(acoustics or Acoustics())),
     )
 
@@ -85,10 +87,12 @@ def memory_of(
 def check_memory(needed: int, available: int | None, *, points: int, transducers: int) -> None:
     """Raise InputError if a problem needs more memory than is available; None means that this is unknown."""
     if available is not None and needed > available:
+        # Memory grows with the points, or with their square for "lm" and "exact".
+        side = max(1, int((points * (available / needed)) ** 0.5))
         raise InputError(
             f"memory: expected a problem that fits into {available / 1e9:.3g} GB of free memory, got "
             f"{transducers} transducers x {points} points, which need about {needed / 1e9:.3g} GB; "
-            "use fewer points, array units or frames at once"
+            f"use fewer array units or frames at once, or fewer points, about {side} x {side}"
         )
 
 

@@ -216,6 +216,7 @@ class SolvePlan:
             "temperature_c": acoustics.medium.temperature,
             "humidity": acoustics.medium.humidity,
             "array": self.own.array.name,
+            **({"array_calibration": known} if (known := self.own.array.calibration_id) else {}),
             **{field.name: getattr(solver, field.name) for field in fields(solver) if field.name != "jobs"},
         }
 

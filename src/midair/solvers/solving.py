@@ -14,6 +14,7 @@ from midair.solvers.problem import WarmStart
 from midair.solvers.solve_plan import SolvePlan
 from midair.solvers.solver_settings import MethodSettings
 from midair.streaming import blocks, read_frames
+from midair.validation import check_type
 
 Array = NDArray[np.float64]
 
@@ -65,6 +66,8 @@ def solve(
     MissingExtraError
         If the backend, or Numba for "live", is not installed.
     """
+    check_type(target, "target", AmplitudeFrames)
+    check_type(array, "array", TransducerArray)
     return SolvePlan.of(target, array, settings, acoustics=acoustics, bits=bits, **changes).solve(
         target, None, progress
     )[0]

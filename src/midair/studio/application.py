@@ -48,6 +48,8 @@ class StudioPlan:
     """Name of the array."""
     sensor: str = "virtual:towel"
     """Name of the sensor."""
+    array_calibration: Path | None = None
+    """Calibration to solve for; the stored one of the array if None, the model's transducers if ``none``."""
     seed: int = 0
     """Random seed of the virtual rig."""
 
@@ -89,6 +91,7 @@ class Studio:
             air=self.air,
             later=self.later,
             sensor=plan.sensor,
+            array_calibration=plan.array_calibration,
             seed=plan.seed,
             first=self.first,
         )
@@ -217,7 +220,7 @@ class Studio:
             return PlainTextResponse(f"{wrong}\n", 404)
         if not path.is_file():
             return PlainTextResponse("not a file\n", 404)
-        if path.name.endswith(".report.html"):
+        if path.name.endswith("report.html"):
             policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox; frame-ancestors 'none'"
             return FileResponse(path, media_type="text/html", headers={"content-security-policy": policy})
         disposition = {"content-disposition": "attachment", "content-security-policy": "sandbox; default-src 'none'"}
@@ -230,11 +233,14 @@ class Studio:
         try:
             page = int(request.headers.get("x-page", "0"))
             self.store.control.check(page)
-            path = await self.folder.receive(name[:200], request.stream())
+            own = Path(name).suffix.lower() in (".h5", ".json")
+            # A file of another program waits in the session's folder for what it does not state.
+            folder = self.folder if own else StudioFolder.at(self.takes.samples / "incoming")
+            path = await folder.receive(name[:200], request.stream())
         except (MidairError, ValueError) as wrong:
             return JSONResponse({"error": str(wrong)}, 400)
         self.store.put(takes=self.takes.rows())
-        return JSONResponse({"ok": path.name})
+        return JSONResponse({"ok": path.name, "imports": not own})
 
     async def _socket(self, socket: WebSocket) -> None:
         """Serve one page until it disconnects."""

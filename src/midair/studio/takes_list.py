@@ -1,10 +1,13 @@
 """The takes of the studio's folder and the samples, with the files that belong to each."""
 
+import re
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from midair.errors import InputError
+from midair.files import atomic_file, check_not_recording
 from midair.studio.demo_stroke import FIRST
 from midair.studio.folders import StudioFolder
 from midair.studio.take_data import TakeData
@@ -15,6 +18,12 @@ SAMPLE = "sample:"
 
 _ENDINGS = (".drive.h5", ".rerecorded.h5", ".calibration.h5", ".array.h5")
 """Endings of files that are not takes."""
+
+_BESIDE = (".drive.h5", ".rerecorded.h5", ".report.html")
+"""Endings of the files that are made from a take."""
+
+BIN = "bin"
+"""Name of the folder, in the studio's, of takes that were deleted."""
 
 _IMPORTED = (".csv", ".wav", ".npz", ".npy", ".mat")
 """Endings of takes of other programs."""
@@ -55,6 +64,11 @@ class TakesList:
             return found[name]
         return self.folder.find(name)
 
+    def incoming(self, name: str) -> Path:
+        """Return the path of an uploaded file that is to be imported; InputError if there is none."""
+        folder = StudioFolder(self.samples / "incoming")
+        return folder.find(name)
+
     def beside(self, name: str, ending: str) -> Path:
         """Return the path of a file that belongs to a take (drive, re-recording, report), existing or not."""
         path = self.path(name)
@@ -62,6 +76,56 @@ class TakesList:
         # Of several takes with one stem, the others keep their suffix.
         own = path.suffix != ".h5" and any(other.exists() for other in others)
         return path.with_name((path.name if own else path.name.removesuffix(path.suffix)) + ending)
+
+    def family(self, name: str) -> dict[Path, str]:
+        """Return the existing files of a take of the folder, and the ending that each adds to the take's stem."""
+        if name.startswith(SAMPLE):
+            raise InputError(f"{name}: expected a take of the folder, got a sample, which stays as it is")
+        path = self.path(name)
+        check_not_recording(path)
+        others = {self.beside(name, ending): ending for ending in _BESIDE}
+        return {path: path.suffix} | {other: ending for other, ending in others.items() if other.exists()}
+
+    def rename(self, name: str, stem: str) -> str:
+        """Give a take and the files beside it another name; returns it. InputError if one of the names is taken."""
+        moved = {file: self.folder.place(stem + ending) for file, ending in self.family(name).items()}
+        taken = [new.name for new in moved.values() if new.exists()]
+        if taken:
+            raise InputError(f"{stem}: expected a free name, {taken[0]} exists already; choose another one")
+        for old, new in moved.items():
+            old.rename(new)
+        return next(iter(moved.values())).name
+
+    def duplicate(self, name: str) -> str:
+        """Copy a take without its drive under a free name; returns it."""
+        path = next(iter(self.family(name)))
+        stem = re.sub(r"-\d+$", "", path.stem)
+        copy = self.folder.free(stem, path.suffix)
+        with atomic_file(copy) as partial:
+            shutil.copyfile(path, partial)
+        return copy.name
+
+    def delete(self, name: str) -> str:
+        """Move a take and the files beside it into a folder of the bin; returns the name of that folder."""
+        files, number = self.family(name), 1
+        while (place := self.folder.path / BIN / f"{Path(name).stem}-{number:02d}").exists():
+            number += 1
+        place.mkdir(parents=True)
+        for file in files:
+            file.rename(place / file.name)
+        return place.name
+
+    def restore(self, folder: str) -> str:
+        """Move the files of a folder of the bin back; returns the take. InputError if one of the names is taken."""
+        place = self.folder.find(f"{BIN}/{folder}")
+        files = sorted(place.iterdir(), key=lambda file: file.name.endswith((*_ENDINGS, ".html")))
+        for file in files:
+            if (self.folder.path / file.name).exists():
+                raise InputError(f"{file.name}: expected a free name, it exists again; rename that one first")
+        for file in files:
+            file.rename(self.folder.path / file.name)
+        place.rmdir()
+        return files[0].name
 
     def comparison_path(self, name: str) -> Path:
         """Return the path of the pressures of a comparison, kept for this session."""

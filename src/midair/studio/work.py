@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from midair.errors import InputError
 from midair.evaluate import RATIOS, compare, metrics_or_none, ratio_text
@@ -14,10 +15,12 @@ from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
 from midair.headroom import level_of
 from midair.model import Palm, PressureFrames, Provenance
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
+from midair.recordings import unreproduced
 from midair.rig import (
     BudgetPlan,
     VirtualRig,
     aligned_pair,
+    array_calibration_for,
     array_of_kind,
     error_budget,
     loop,
@@ -29,6 +32,7 @@ from midair.rig import (
 )
 from midair.settings import CHOICES, MODES, Mode, Settings
 from midair.solvers import METHODS, check_terms, takes
+from midair.studio.importing import run_command
 from midair.studio.jobs import Progressed
 from midair.study import StudyFolder, Template, prepare_drives, read_design, template_text
 from midair.targets import add_lead
@@ -45,6 +49,10 @@ class SolveRequest:
     mode: Mode = "paper"
     choices: tuple[tuple[str, Any], ...] = ()
     """Names and values of settings that differ from those of the mode."""
+    device: str = "virtual"
+    """Array on which the drive will be played."""
+    array_calibration: Path | None = None
+    """As in `StudioPlan`."""
     start: float = 0.0
     """Start in s of the part to solve."""
     duration: float | None = None
@@ -82,7 +90,11 @@ def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     if order.duration is not None:
         pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
+    told = unreproduced(take.recording, take.calibration, settings.calibration.band)
+    pressure = replace(pressure, provenance=pressure.provenance.then("not reproduced", told))
     led, array = add_lead(pressure, required_lead(settings)), array_of_kind("autd3")
+    if (kept := array_calibration_for(order.device, order.array_calibration)) is not None:
+        array, settings, led = kept.applied(array, settings, led)
     target, parts = reproduce_stream(led, array, settings, progress=partial(progress, "solving"))
     drive = Path(order.drive)
     fresh = drive.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")
@@ -239,25 +251,61 @@ def make_sample(order: tuple[str, str], progress: Progressed) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyRequest:
-    """A study plan to draw from a template, into a new folder."""
+    """A study plan to draw into a new folder: from a template, or of takes with one question."""
 
     path: str
     template: Template
     participants: int
+    takes: tuple[str, ...] = ()
+    """Paths of recordings, in place of a template."""
+    question: str = ""
+    scale: bool = False
+    """Rate each take from 1 to 7 instead of naming it."""
+    repetitions: int = 5
+
+    def text(self) -> str:
+        """TOML of the plan."""
+        if not self.takes:
+            return template_text(self.template)
+        names = [Path(take).stem for take in self.takes]
+        kind = {"kind": "rating", "low": 1, "high": 7} if self.scale else {"kind": "choice", "options": names}
+        truth = {} if self.scale else {"truth": "object"}
+        block = {"name": "main", "stimuli": names, "questions": ["answer"], "repetitions": self.repetitions}
+        return tomli_w.dumps(
+            {
+                "name": "study",
+                "title": Path(self.path).name,
+                "participants": self.participants,
+                "seed": 1,
+                "consent": "You will feel touches on your palm. You may stop at any time.",
+                "questions": [{"name": "answer", "text": self.question, **kind, **truth}],
+                "stimuli": [{"name": n, "source": f"{n}.drive.h5", "levels": {"object": n}} for n in names],
+                "blocks": [block],
+                "analysis": {"rated": ["answer"], "within": ["object"]} if self.scale else {"choice": "answer"},
+            }
+        )
 
 
 def draw_study(request: StudyRequest, progress: Progressed) -> str:
-    """Draw the plan of a study and solve its drives from virtual strokes; returns the folder name."""
-    text, path = template_text(request.template), Path(request.path)
+    """Draw the plan of a study, and solve its drives from its takes or virtual strokes; returns the folder name."""
+    text, path = request.text(), Path(request.path)
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum()) or "study"
     design = read_design(text, name=kept, participants=request.participants)
+    found_in = Path(request.takes[0]).parent if request.takes else None
 
     def drives(into: Path) -> dict[str, str]:
-        made = prepare_drives(design, into, found_in=None, seed=design.seed, stage=partial(partial, progress))
+        made = prepare_drives(design, into, found_in=found_in, seed=design.seed, stage=partial(partial, progress))
         return {one.source: one.digest for one in made}
 
     StudyFolder.create(path, text, design, drives=drives)
     return path.name
+
+
+def analyse_study(path: str, progress: Progressed) -> str:
+    """Run `midair study analyse` on a folder, which writes its report; InputError with the message of the command."""
+    progress("analysing", 0, 1)
+    run_command("study", "analyse", path)
+    return Path(path).name
 
 
 def methods_of_modes() -> dict[Mode, list[str]]:

@@ -1,6 +1,7 @@
 """Convert the pressure on a few cells to target sound amplitudes at the control points (paper, 4.1)."""
 
 from dataclasses import dataclass
+from types import NoneType
 from typing import Literal, cast, get_args
 
 import numpy as np
@@ -12,7 +13,7 @@ from midair.physics import sound_amplitude
 from midair.streaming import LazyFrames
 from midair.targets.decoupling import interpolation_matrix, moved_interpolation
 from midair.targets.mapping import mapping_of
-from midair.validation import positive
+from midair.validation import check_type, positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +82,8 @@ def prepare(
     circle : Circle, optional
         Moves the pattern on a slow circle; not validated on people.
     """
+    check_type(pressure, "pressure", PressureFrames)
+    check_type(grid, "grid", ControlGrid, NoneType)
     to_push = mapping_of(mapping, pressure.band)
     if interpolate not in get_args(Interpolated):
         raise InputError(f"interpolate: expected one of {', '.join(get_args(Interpolated))}, got {interpolate!r}")

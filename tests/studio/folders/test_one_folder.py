@@ -93,3 +93,12 @@ def test_upload_above_the_limit_is_refused_and_leaves_no_file(folder):
 def test_only_recordings_can_be_uploaded(folder, name):
     with pytest.raises(InputError, match="expected a recording"):
         asyncio.run(folder.receive(name, sent(b"x")))
+
+
+def test_a_new_folder_is_made_and_a_file_is_refused_as_one(tmp_path):
+    assert StudioFolder.at(tmp_path / "takes").path.is_dir()
+    (tmp_path / "t.h5").write_text("")
+    with pytest.raises(InputError, match=r"expected a folder, got a file; open its folder: midair studio .+"):
+        StudioFolder.at(tmp_path / "t.h5")
+    with pytest.raises(MissingFileError, match="make it first"):
+        StudioFolder.at(tmp_path / "no" / "takes")

@@ -1,5 +1,6 @@
 """Convert the sensor's output to the pressure that acted on it (paper, section 3)."""
 
+from types import NoneType
 from typing import Literal, get_args
 
 import numpy as np
@@ -12,6 +13,7 @@ from midair.errors import BandError, InputError, MismatchError, UnitError
 from midair.model import BAND, Calibration, PressureFrames, Recording, Setting
 from midair.recordings import dead_channels
 from midair.streaming import LazyFrames, blocks, channels, each_frame, moments
+from midair.validation import check_type
 
 Method = Literal["fft", "fir"]
 LEAST = 1e-6
@@ -76,6 +78,8 @@ def calibrate(
     InputError
         If method, taps, floor or damping is invalid, or crosstalk = "undo" and the calibration has no crosstalk matrix.
     """
+    check_type(recording, "recording", Recording)
+    check_type(calibration, "calibration", Calibration, NoneType)
     band = check_band(band, recording.rate)
     edges = band_edges(band, recording.rate) if edges is None else (float(edges[0]), float(edges[1]))
     if method not in get_args(Method):

@@ -1,6 +1,7 @@
 """The command `demo`: record, solve, play and compare on a virtual rig in two modes, and write a report."""
 
 import shlex
+import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -189,5 +190,12 @@ def _print(outcomes: list[Outcome], output: Path) -> None:
         [
             *level_rows(level_of(last.solution, last.target, band=settings.calibration.band)),
             ("report", str(output / "report.html")),
+            ("next", f"{_midair()} studio {output} opens the studio in the browser"),
         ]
     )
+
+
+def _midair() -> str:
+    """The command as this terminal finds it: by its path where it is not on the path."""
+    typed = sys.argv[0]
+    return typed if shutil.which("midair") is None and Path(typed).stem == "midair" else "midair"

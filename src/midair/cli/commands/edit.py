@@ -29,6 +29,7 @@ def cut_command(
     *,
     start: Time = 0.0,
     end: OptionalTime = None,
+    duration: OptionalTime = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -40,11 +41,18 @@ def cut_command(
         Start of the part.
     end
         End of the part. [default: end of the recording]
+    duration
+        Length of the part, in place of its end.
 
     Examples
     --------
     $ midair cut take.h5 part.h5 --start 0.4s --end 0.9s
+    $ midair cut take.h5 part.h5 --start 0.4s --duration 0.5s
     """
+    if duration is not None:
+        if end is not None:
+            raise InputError("cut: expected --end or --duration, got both")
+        end = start + duration
     _edit([source], output, lambda takes: recordings.cut(takes[0], start, end), force=force, json=json)
 
 

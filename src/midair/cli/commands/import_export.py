@@ -17,7 +17,7 @@ from midair.cli.output import (
 )
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
-from midair.files import DRIVE_SUFFIX, OpenedTake, format_of, load_pressure, open_take, repair, save
+from midair.files import DRIVE_SUFFIX, OpenedTake, format_of, load_pressure, open_take, repair, save, writer_of
 from midair.recordings import GapFill, Mending
 
 
@@ -190,6 +190,7 @@ def export_command(
     --------
     $ midair export take.h5 take.csv
     """
+    writer_of(output)
     may_write(output, force)
     take = open_take(source, streamed=True)
     recording, calibration = take.recording, take.calibration

@@ -90,6 +90,8 @@ def show_command(
     $ midair show take.h5 take.rerecorded.h5 --save both.html
     $ midair show take.h5 --save take.wav --channel 6
     """
+    if again is not None and again.suffix.lower() in ENDINGS and not again.exists():
+        raise InputError(f"{again}: expected a re-recording to show beside {source}; a file to write is --save {again}")
     path = save or source.with_name(f"{source.name.removesuffix('.h5')}.show.html")
     may_write(path, force or (save is None and _made_by_show(path)), *ENDINGS)
     if path.suffix.lower() == ".mp4":

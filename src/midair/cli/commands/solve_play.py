@@ -1,5 +1,6 @@
 """The commands `solve` and `play`."""
 
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from midair.cli.options import (
     settings_from,
 )
 from midair.cli.output import level_of_file, level_rows, may_write, solve_error, warn_level
-from midair.cli.time_estimates import workload_of
+from midair.cli.time_estimates import duration_text, is_speed_known, workload_of
 from midair.devices import ArrayDevice, ExposureClearance, PlayReport, check_exposure, stop_on_input
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
@@ -42,8 +43,15 @@ from midair.files import (
     save_solutions,
 )
 from midair.headroom import level_of
-from midair.model import Acoustics, Drive, Medium
-from midair.pipeline import Reproduction, reproduce_stream, required_lead
+from midair.model import Acoustics, Drive, Medium, PressureFrames, TransducerArray
+from midair.pipeline import (
+    Reproduction,
+    check_size,
+    reproduce_stream,
+    required_lead,
+    target_amplitude,
+    with_gain_for_strength,
+)
 from midair.rig import (
     ArrayKind,
     ModeStore,
@@ -56,7 +64,6 @@ from midair.rig import (
     follow_as_set,
     grid_of,
     immediate_array,
-    kept_array_calibration,
     open_followed,
     open_rig,
     play_cleared,
@@ -64,7 +71,7 @@ from midair.rig import (
     rerecord,
 )
 from midair.settings import Settings
-from midair.solvers import keep_modes_in
+from midair.solvers import keep_modes_in, solve
 from midair.targets import add_lead, frames_without_lead
 
 
@@ -122,7 +129,11 @@ def solve_command(
     banner(pressure.provenance.simulated)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     frames = round(pressure.frames / pressure.rate * settings.target.rate)
-    with progress_bars(f"solve {workload_of(settings, transducers.count)}", frames) as stage:
+    kind = f"solve {workload_of(settings, transducers.count)}"
+    tried = settings.solver.name in ("lm", "exact") and not is_speed_known(kind) and frames > TRIAL
+    if tried:
+        _estimate(pressure, transducers, settings, frames)
+    with progress_bars(kind, frames, estimated=tried) as stage:
         wanted, parts = reproduce_stream(pressure, transducers, settings, progress=stage("solve"))
         save_solutions(parts, target, frames=wanted.frames, target=wanted)
     # Read back from the file: the lazy frames would be computed again.
@@ -158,6 +169,27 @@ def solve_command(
     return None
 
 
+TRIAL = 8
+"""Frames that a slow method solves before the start, to estimate its time."""
+
+
+def _estimate(pressure: PressureFrames, array: TransducerArray, settings: Settings, frames: int) -> None:
+    """Print the time that solving takes, by a trial of frames from the whole recording."""
+    check_size(pressure.frames, array, settings, parts=True)
+    settings = with_gain_for_strength(pressure, array, settings)
+    target = target_amplitude(pressure, settings)
+
+    def seconds(count: int) -> float:
+        chosen = np.asarray(target.amplitude[np.linspace(0, target.frames - 1, count + 2)[1:-1].astype(int)])
+        began = time.monotonic()
+        solve(replace(target, amplitude=chosen), array, settings.solver, acoustics=settings.acoustics)
+        return time.monotonic() - began
+
+    # The second time is that of the matrices.
+    each = max(seconds(TRIAL) - seconds(1), 0.0) / (TRIAL - 1)
+    print_note(f"this takes about {duration_text(each * frames)}, by a trial of {TRIAL} frames")
+
+
 def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, str]]:
     """E in the coldest and the warmest air of --robust, estimated from 256 frames; no rows without a range."""
     by, target = settings.solver.robust, made.target
@@ -177,6 +209,7 @@ def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, 
     PlaySettings,
     *("device", "array_calibration", "placement", "silencer", "repeats", "delay", "participant", "spread", "seed"),
     *("follow", "tracker_latency", "confidence", "palm_path"),
+    array_calibration="Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.",
 )
 class PlayOptions:
     """Array and playback."""
@@ -232,6 +265,7 @@ def play_command(
             raise InputError("--stop-input: expected an array, got --device virtual, which is silent; leave it out")
         if settings.delay:
             raise InputError("--delay: expected an array, got --device virtual, which plays at once; leave it out")
+        load_solution(source, streamed=True)  # a recording is refused as one, whatever stands beside it
         target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
         may_write(target, force)
         return _play_on_virtual(source, target, settings, air, correct=correct_air)
@@ -322,10 +356,13 @@ def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, cor
                 2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
             )
             drive = load_solution(source).drive
-        kept = kept_array_calibration(device)
-        if kept is not None and drive.provenance.last("array calibration").get("id") != kept.known.identifier:
+        kept = rig.measured
+        if kept is not None and drive.provenance.last("solve").get("array_calibration") != kept.known.identifier:
             advice = f"{device} has one of {kept.known.date or 'unknown date'}; use midair solve --device {device}"
             print_note(f"array calibration: this drive was solved without that of this array: {advice}", warn=True)
+        elif kept is not None:
+            known = Settings.of(drive.provenance) or Settings()
+            print_note(f"array calibration: {kept.described(known)}")
         drive = _corrected(drive, source, room) if correct else drive
         admission = _admitted(drive, array, settings)
         _print_room_air(drive, source, room)

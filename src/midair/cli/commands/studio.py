@@ -3,9 +3,8 @@
 import sys
 from pathlib import Path
 
-from midair.cli.options import Seed, StopInput
+from midair.cli.options import ArrayCalibration, Seed, StopInput
 from midair.devices import stop_on_input
-from midair.errors import MissingExtraError
 
 
 def studio_command(
@@ -16,18 +15,19 @@ def studio_command(
     no_browser: bool = False,
     device: str = "virtual",
     sensor: str = "virtual:towel",
+    array_calibration: ArrayCalibration = None,
     seed: Seed = 0,
     stop_input: StopInput = None,
 ) -> None:
     """Open the studio in the browser: record, solve, play and compare.
 
     Serves this computer only, without internet, and prints a link that works once within five minutes.
-    Ctrl-C ends the studio and silences the array. Needs the extra: pip install "midair[studio]".
+    Ctrl-C ends the studio and silences the array.
 
     Parameters
     ----------
     folder
-        Folder to read and write. [default: current folder]
+        Folder to read and write, made if there is none. [default: current folder]
     port
         TCP port to listen on; 0 selects a free one.
     no_browser
@@ -42,14 +42,10 @@ def studio_command(
     $ midair studio
     $ midair studio recordings --no-browser
     """
-    try:
-        from midair.studio import StudioPlan, open_studio
-    except ModuleNotFoundError as wrong:
-        if (wrong.name or "").partition(".")[0] == "midair":
-            raise
-        raise MissingExtraError(
-            f'studio: expected the package {wrong.name}, it is not installed; pip install "midair[studio]"'
-        ) from wrong
-    plan = StudioPlan(folder=folder or Path(), device=device, sensor=sensor, seed=seed)
+    from midair.studio import StudioPlan, open_studio
+
+    plan = StudioPlan(
+        folder=folder or Path(), device=device, sensor=sensor, array_calibration=array_calibration, seed=seed
+    )
     with stop_on_input(stop_input):
         open_studio(plan, port=port, browser=not no_browser and sys.stdout is not None)

@@ -8,14 +8,15 @@ from midair.devices.interface import FrameBlock, SensorDevice
 from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError
 from midair.model import RATE, PressureFrames
-from midair.physics import calibration_of, sense, sense_lazily, storage_precision
-from midair.streaming import LazyFrames
+from midair.physics import calibration_of, fade_window, sense, sense_lazily, storage_precision
+from midair.streaming import LazyFrames, cached_blocks
 
 
 class VirtualSensor(SensorDevice):
     """Measures the pressure on a `VirtualSkin`; its time advances only when it is read.
 
-    With `streamed`, blocks are lazy frames, stored in temporary files.
+    With `streamed`, blocks are lazy frames, stored in temporary files. Otherwise the first `WHOLE` seconds are computed
+    at once, and longer times piece by piece as they are read.
 
     Parameters
     ----------
@@ -68,12 +69,12 @@ class VirtualSensor(SensorDevice):
             raise DeviceStateError("virtual sensor: expected start before read")
         first, self._taken = self._taken, self._taken + frames
         if len(self._samples) < self._taken:
-            self._samples = self._sense(self._taken)
+            # Compute more silence than this read needs, since each extension computes everything again.
+            more = min(max(self._taken, 2 * len(self._samples)), round(WHOLE * self.rate))
+            self._samples = self._sense(max(self._taken, more))
         now = first / self.rate
         # Lazy frames are typed as the array that they represent.
-        return FrameBlock(
-            samples=cast("Any", self._samples[first : self._taken]), first=first, device_time=now, host_time=now
-        )
+        return FrameBlock(samples=cast("Any", self._part(first)), first=first, device_time=now, host_time=now)
 
     def stop(self) -> None:
         """Stop sampling."""
@@ -82,9 +83,34 @@ class VirtualSensor(SensorDevice):
     def close(self) -> None:
         """Do nothing: there is no device to close."""
 
+    def _part(self, first: int) -> np.ndarray | LazyFrames:
+        part = self._samples[first : self._taken]
+        return part if self.streamed or not isinstance(part, LazyFrames) else np.asarray(part)
+
     def _sense(self, frames: int) -> np.ndarray | LazyFrames:
         pressure, over = self._skin.pressure(frames * self._oversample), self._oversample
+        if not self.streamed and len(pressure) > WHOLE * self.rate * over:
+            piece = round(WHOLE * self.rate)
+            return cached_blocks(self._piece, (ENDLESS, *self.grid.shape), size=piece, kept=2, stored=self.stored)
         felt, rng = pressure[: len(pressure) // over * over], np.random.default_rng(self._seed)
         if self.streamed:
             return sense_lazily(self._skin.model, felt, self.rate, rng=rng, oversample=over)
         return sense(self._skin.model, np.asarray(felt), self.rate, rng=rng, oversample=over)
+
+    def _piece(self, first: int, last: int) -> np.ndarray:
+        """Frames of one piece, sensed with the second before it, whose first half fades in, and the one after it."""
+        over, around = self._oversample, round(self.rate)
+        begin = max(0, first - around)
+        pressure = self._skin.pressure((last + around) * over).read(begin * over, (last + around) * over)
+        if begin < first:
+            rise = fade_window(around * over // 2 + 1)[::-1, None, None]
+            pressure = np.concatenate([rise * pressure[: len(rise)], pressure[len(rise) :]])
+        rng = np.random.default_rng([self._seed, first] if first else self._seed)
+        return sense(self._skin.model, pressure, self.rate, rng=rng, oversample=over)[first - begin : last - begin]
+
+
+WHOLE = 20.0
+"""Longest time in s that a virtual sensor computes at once."""
+
+ENDLESS = 2**48
+"""Number of frames of a sensor that is sensed piece by piece."""

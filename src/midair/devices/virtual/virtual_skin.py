@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from midair.errors import RateError, ShapeError
 from midair.model import HEIGHT, ControlGrid, PressureFrames
 from midair.physics import SensorModel, cell_weights
-from midair.streaming import LazyFrames, TempFrames
+from midair.streaming import LazyFrames, TempFrames, concatenate_lazy
 
 Array = NDArray[np.float64]
 
@@ -40,6 +40,7 @@ class VirtualSkin:
     def clear(self) -> None:
         """Delete all pressure; time begins again at 0."""
         self._pressed = TempFrames(*self.model.grid.shape)
+        self._lazy: LazyFrames | None = None
 
     def touch(self, stroke: PressureFrames) -> None:
         """Append the pressure of an object on the cells.
@@ -57,7 +58,11 @@ class VirtualSkin:
             )
         if stroke.sensor.shape != self.model.grid.shape:
             raise ShapeError(f"stroke: expected {self.model.grid.shape} cells, got {stroke.sensor.shape}")
-        self._pressed.append(stroke.pressure)
+        if isinstance(stroke.pressure, LazyFrames) and not self._pressed.frames:
+            # Computed when it is read.
+            self._lazy = stroke.pressure
+        else:
+            self._pressed.append(np.asarray(stroke.pressure))
 
     def press(self, pressure: Array) -> None:
         """Append radiation pressure on the points of the skin, shape (step, point), in Pa."""
@@ -65,4 +70,5 @@ class VirtualSkin:
 
     def pressure(self, steps: int) -> LazyFrames:
         """Pressure on the cells since the last clear, at least `steps` long, shape (step, row, column), in Pa."""
-        return self._pressed.reel().followed(steps)
+        pressed = self._pressed.reel() if self._lazy is None else concatenate_lazy([self._lazy, self._pressed.reel()])
+        return pressed.followed(steps)

@@ -165,7 +165,9 @@ def check_kind(group: "h5py.Group", kind: Kind, path: Path) -> None:
     """Raise if `group` is of another kind than `kind`, or was written by a newer midair."""
     have = kind_of(group)
     if have != f"midair {kind}":
-        raise BrokenFileError(f"{path}: expected a midair {kind}, got {have or 'an HDF5 file of another program'}")
+        advice = "; solve it first (midair solve)" if (kind, have) == ("drive", "midair recording") else ""
+        found = have or "an HDF5 file of another program"
+        raise BrokenFileError(f"{path}: expected a midair {kind}, got {found}{advice}")
     version = group.attrs.get("format")
     if not isinstance(version, np.integer) or version < 1:
         raise BrokenFileError(f"{path}: expected a whole number from 1 on as format, got {version!r}")

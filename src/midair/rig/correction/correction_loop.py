@@ -21,13 +21,14 @@ from midair.physics import (
     radiation_pressure,
     transfer_matrix,
 )
-from midair.pipeline import calibrated_pressure, compensate_pressure, map_pressure, required_lead
+from midair.pipeline import calibrated_pressure, check_size, compensate_pressure, map_pressure, required_lead
 from midair.rig.correction.iteration import run_iterations
 from midair.rig.correction.passes import Pass, Stage, no_progress, play_pass
 from midair.rig.opening import OpenRig, open_rig
 from midair.rig.playing import rerecord
 from midair.settings import MODES, Mode, Settings
 from midair.targets import add_lead, remove_lead
+from midair.validation import check_type
 
 Array = NDArray[np.float64]
 
@@ -209,7 +210,8 @@ def loop(
     settings : Settings or {"paper", "best", "quick", "finest"}
         Settings of every stage, or the name of a mode.
     rig : OpenRig or str
-        An entered rig with a sensor, or the name of an array that is opened for this call.
+        An entered rig with a sensor, or the name of an array that is opened for this call. A real array is solved for
+        its stored calibration, unless the rig was opened with ``array_calibration="none"``.
     corrections : int
         Passes after the first that correct the amplitude; the paper has one.
     iterate : int
@@ -226,11 +228,14 @@ def loop(
     ExposureError
         If a drive exceeds the profile without an override.
     """
+    if isinstance(settings, str) and settings not in MODES:
+        raise InputError(f"mode: expected one of {', '.join(MODES)}, got {settings!r}")
     chosen = MODES[settings]() if isinstance(settings, str) else settings
     if isinstance(original, str | Path):
         original = open_take(original)
     if isinstance(original, OpenedTake):
         original = calibrated_pressure(original.recording, original.calibration, chosen)
+    check_type(original, "original", PressureFrames)
     if isinstance(rig, str):
         height, band = chosen.target.grid.height, chosen.calibration.band
         with open_rig(rig, height=height, cells=original.sensor, band=band) as opened:
@@ -244,6 +249,9 @@ def loop(
             "strength: expected none in a loop, which finds the level itself, got "
             f"{chosen.target.strength:g}; leave it out"
         )
+    check_size(original.frames, rig.transducers, chosen, parts=False)
+    if rig.measured is not None:
+        _, chosen, original = rig.measured.applied(rig.array.array, chosen, original)
     lead = required_lead(chosen) if lead is None else lead
     if not 0 <= lead < 10:
         raise InputError(f"lead: expected 0 to 10 s, got {lead:g} s")

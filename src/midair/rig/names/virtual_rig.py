@@ -123,9 +123,9 @@ class VirtualRig:
         grid = skin.model.grid
         match thing.partition("+"):
             case ("brush" | "sponge" | "towel" as name, _, "" | "groove" as surface):
-                return stroke(
-                    name, groove=bool(surface), seed=self.seed, rate=skin.rate, duration=duration, sensor=grid
-                )
+                # Only silence follows, which the skin appends.
+                longest = None if duration is None else min(duration, 10.0)
+                return stroke(name, groove=bool(surface), seed=self.seed, rate=skin.rate, duration=longest, sensor=grid)
             case ("am-i", "", ""):
                 return am_stimulus("i", peak=self.peak, duration=duration or 0.5, rate=skin.rate, sensor=grid)
             case ("am-ii", "", ""):

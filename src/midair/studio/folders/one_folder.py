@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from midair.errors import InputError, MissingFileError
-from midair.files import atomic_file
+from midair.files import FORMATS, atomic_file
 from midair.rig import Subject
 
 LARGEST = 256 * 2**20
 """Largest upload in bytes."""
 
-READABLE = (".h5", ".csv", ".wav", ".mat", ".npz", ".npy", ".json", ".html")
+READABLE = (*FORMATS, ".json", ".html")
 """Endings of files that may be uploaded or downloaded."""
 
 
@@ -25,9 +25,12 @@ class StudioFolder:
 
     @classmethod
     def at(cls, path: Path) -> "StudioFolder":
-        """Return the folder at a path; MissingFileError if there is none."""
-        if not path.is_dir():
-            raise MissingFileError(f"{path}: expected a folder, found none; make it first")
+        """Return the folder at a path, made if its parent exists; InputError for a file, MissingFileError otherwise."""
+        if path.exists() and not path.is_dir():
+            raise InputError(f"{path}: expected a folder, got a file; open its folder: midair studio {path.parent}")
+        if not path.parent.is_dir():
+            raise MissingFileError(f"{path}: expected the folder {path.parent}, found none; make it first")
+        path.mkdir(exist_ok=True)
         return cls(path.resolve())
 
     def find(self, name: str) -> Path:

@@ -1,5 +1,7 @@
 """Panel Reproduce: the takes, the settings of their drives, and the jobs that solve them."""
 
+import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -9,6 +11,7 @@ from pydantic import Field
 from midair.errors import InputError
 from midair.model import HEIGHTS
 from midair.settings import Mode
+from midair.studio.importing import ImportForm, run_import
 from midair.studio.jobs import StudioJob
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
@@ -20,6 +23,12 @@ class TakeNamed(Arguments):
     """Name of a take."""
 
     take: str = Field(max_length=1000)
+
+
+class NewName(TakeNamed):
+    """Name of a take, and its new name without an ending."""
+
+    name: str = Field(min_length=1, max_length=100, pattern=r"^\w[\w -]*$")
 
 
 class SolveForm(Arguments):
@@ -66,6 +75,11 @@ class ReproducePanel(Panel):
         store = context.store
         store.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
         store.offer("reproduce", "solve", self.solve, SolveForm)
+        store.offer("reproduce", "rename", self.rename, NewName)
+        store.offer("reproduce", "duplicate", self.duplicate, TakeNamed)
+        store.offer("reproduce", "delete", self.delete, TakeNamed)
+        store.offer("reproduce", "restore", self.restore, TakeNamed)
+        store.offer("reproduce", "import", self.bring, ImportForm)
         store.offer("reproduce", "code", self.code, SolveForm, watchers=True)
         store.offer("compare", "report", self.report, SolveForm)
         store.offer("jobs", "cancel", self.cancel, JobNumber)
@@ -84,6 +98,45 @@ class ReproducePanel(Panel):
         data = self._takes.data(order.take)
         found = await self._reading.result(f"reading {order.take}", facts, data)
         return {"stamp": data.stamp, "part": data.drive == self._takes.preview_path(order.take), **found}
+
+    def rename(self, _: Page, order: NewName) -> str:
+        """Rename a take and the files beside it."""
+        self._check_idle(order.take)
+        return self._listed(self._takes.rename(order.take, order.name.strip()))
+
+    def duplicate(self, _: Page, order: TakeNamed) -> str:
+        """Copy a take."""
+        return self._listed(self._takes.duplicate(order.take))
+
+    def delete(self, _: Page, order: TakeNamed) -> str:
+        """Move a take to the bin; the answer is the folder that `restore` takes."""
+        self._check_idle(order.take)
+        return self._listed(self._takes.delete(order.take))
+
+    def restore(self, _: Page, order: TakeNamed) -> str:
+        """Move a deleted take back."""
+        return self._listed(self._takes.restore(order.take))
+
+    def _check_idle(self, take: str) -> None:
+        busy = [job.title for job in self._jobs.unfinished() if job.title.endswith(take)]
+        if busy:
+            raise InputError(f"{take}: expected no job on it, got {busy[0]!r}; cancel it or wait for its end")
+
+    def _listed(self, name: str) -> str:
+        self._context.show_takes()
+        return name
+
+    async def bring(self, _: Page, order: ImportForm) -> dict[str, Any]:
+        """Import an uploaded file into the session's folder as a preview, or into the studio's with `save`."""
+        source = self._takes.incoming(order.file)
+        words, name = order.words(), source.name
+        stem = re.sub(r"-\d+$", "", source.stem)  # the number of the upload
+        target = self._takes.folder.free(stem, ".h5") if order.save else source.with_suffix(".preview.h5")
+        made = await self._reading.result(f"importing {name}", run_import, (str(source), str(target), words))
+        command = shlex.join(["midair", "import", name, *([target.name] if order.save else []), *words])
+        if order.save:
+            self._context.show_takes()
+        return {**made, "command": command, "take": target.name if order.save else ""}
 
     def code(self, _: Page, order: SolveForm) -> dict[str, Any]:
         """Return the settings of a form as commands and Python."""
@@ -111,6 +164,8 @@ class ReproducePanel(Panel):
             drive=str(drive),
             mode=order.mode,
             choices=self._choices(order),
+            device=self._context.playing.device,
+            array_calibration=self._context.array_calibration,
             replaces=stamp_of(drive),
             outdated=((str(again), stamp_of(again)),),
         )

@@ -16,7 +16,7 @@ from midair.studio.jobs import StudioJob
 from midair.studio.panels.page_presenter import PagePresenter
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
-from midair.studio.work import StudyRequest, draw_study
+from midair.studio.work import StudyRequest, analyse_study, draw_study, stamp_of
 from midair.study import (
     MarkedPresenter,
     Plan,
@@ -37,12 +37,21 @@ class NewStudy(Arguments):
     name: str = Field(min_length=1, max_length=60, pattern=r"^\w[\w -]*$")
     template: Template = "paper"
     participants: int = Field(default=10, ge=1, le=500)
+    takes: tuple[str, ...] = Field(default=(), max_length=20)
+    question: str = Field(default="", max_length=500)
+    scale: bool = False
+    repetitions: int = Field(default=5, ge=1, le=100)
 
 
-class BeginSession(Arguments):
-    """Study, participant and settings of a session."""
+class StudyNamed(Arguments):
+    """Name of a study."""
 
     study: str = Field(min_length=1, max_length=200)
+
+
+class BeginSession(StudyNamed):
+    """Study, participant and settings of a session."""
+
     participant: int = Field(ge=1, le=500)
     pilot: bool = False
     noise: str = Field(default="default", min_length=1, max_length=200)
@@ -84,6 +93,7 @@ class StudyPanel(Panel):
         store = context.store
         store.offer("study", "list", self.list, watchers=True)
         store.offer("study", "new", self.new, NewStudy)
+        store.offer("study", "analyse", self.analyse, StudyNamed)
         store.offer("study", "begin", self.begin, BeginSession)
         store.offer("study", "presented", self.presented)
         store.offer("study", "end", self.end)
@@ -105,10 +115,31 @@ class StudyPanel(Panel):
         path = self._folder.place(order.name)
         if path.exists():
             raise InputError(f"{order.name}: expected a new name, this one exists already")
-        request = StudyRequest(path=str(path), template=order.template, participants=order.participants)
+        takes = tuple(str(self._folder.find(take)) for take in order.takes)
+        if takes and not (len(takes) > 1 and order.question.strip()):
+            raise InputError(
+                f"study: expected two or more takes and a question, got {len(takes)} and a question "
+                f"of {len(order.question.split())} words"
+            )
+        request = StudyRequest(
+            path=str(path),
+            template=order.template,
+            participants=order.participants,
+            takes=takes,
+            question=order.question.strip(),
+            scale=order.scale,
+            repetitions=order.repetitions,
+        )
         job = self._context.jobs.add(
             f"draw the study {order.name}", draw_study, request, room="study", ended=self._drawn
         )
+        return {"job": job.number}
+
+    def analyse(self, _: Page, order: StudyNamed) -> dict[str, int]:
+        """Analyse a study and write its report, as a job."""
+        path = self._folder.find(order.study)
+        title = f"analyse the study {order.study}"
+        job = self._context.jobs.add(title, analyse_study, str(path), room="study", ended=self._drawn)
         return {"job": job.number}
 
     def _drawn(self, _: StudioJob) -> None:
@@ -294,7 +325,8 @@ class StudyPanel(Panel):
             ]
             noise = "" if plan.design.noise is None else plan.design.noise.said
             title = plan.design.title or plan.design.name
-            row = {"name": path.name, "title": title, "participants": people, "noise": noise}
+            report = stamp_of(path / "report.html")
+            row = {"name": path.name, "title": title, "participants": people, "noise": noise, "report": report}
             rows.append({**row, "drives": sum(one.kind == "drive" for one in plan.design.stimuli)})
         return rows
 

@@ -31,6 +31,7 @@ export const studio = {
     // A new address whose event is still pending must not be overwritten.
     if (location.hash !== handled) return;
     const query = Number.isFinite(time) ? `?t=${Number(time.toFixed(4))}` : "";
+    keep(take);
     history.replaceState(null, "", `#${this.name}/${encodeURI(take)}${query}`);
     handled = location.hash;
   },
@@ -38,8 +39,14 @@ export const studio = {
   code(title, commands, python) { showCode(title, commands, python); },
 };
 
+/** The tabs of the panels of one take lead to the chosen one. */
+function keep(take) {
+  for (const tab of by("rooms").children) if (["reproduce", "compare", "calibrate"].includes(tab.dataset.room)) tab.hash = `#${tab.dataset.room}/${encodeURI(take)}`;
+}
+
 function show() {
-  const { room } = studio.address;
+  const { room, take } = studio.address;
+  if (take && room !== "study") keep(take);
   handled = location.hash;
   if (studio.name === room && studio.room) { studio.room.moved?.(studio.address); return; }
   studio.room?.leave?.();
@@ -123,7 +130,7 @@ function showCode(title, commands, python) {
 by("stop").addEventListener("click", stop);
 listen({
   stop, help,
-  room: (index) => { const name = Object.keys(ROOMS)[index]; if (name) studio.go(name); },
+  room: (index) => { const name = Object.keys(ROOMS)[index]; if (name) location.hash = [...by("rooms").children].find((tab) => tab.dataset.room === name).hash; },
   record: () => studio.room?.record?.(),
   transport: () => studio.room?.transport,
 });

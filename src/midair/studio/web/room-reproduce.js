@@ -2,7 +2,8 @@
 
 import { FieldPicture, TracesPicture, PhasesPicture, SpectrogramPicture, OverviewPicture, BarPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
-import { choice, field, make, panel, playable, rows, tried } from "/web/dom.js";
+import { choice, field, make, openModal, panel, playable, rows, tried } from "/web/dom.js";
+import { importFile } from "/web/import.js";
 import { solveTake } from "/web/jobs.js";
 import { TakeView, chosen, colours } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
@@ -38,8 +39,11 @@ export default class Reproduce {
   }
   _build() {
     this.list = make("ul.takes");
-    const file = make("input", { type: "file", accept: ".h5,.csv,.wav,.mat,.npz,.npy", hidden: true, "aria-label": "a recording from this computer", onchange: () => this._upload(file.files[0]) });
+    const file = make("input", { type: "file", accept: ".h5,.hdf5,.csv,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.mcap,.ahap,.hjif", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
     this.add = make("button", { type: "button", onclick: () => file.click() }, "Add a file");
+    this.search = make("input", { type: "search", placeholder: "search", "aria-label": "search the takes", oninput: () => this._found() });
+    const own = (words, act) => make("button", { type: "button", disabled: true, onclick: act }, words);
+    this.own = [own("Rename", () => this._rename()), own("Duplicate", () => this._own("duplicate")), own("Delete", () => this._delete())];
     this.solve = make("button.main", { type: "button", onclick: () => this._solve() }, "Solve");
     this.play = make("button", { type: "button", onclick: () => this._play() }, "Play on array");
     this.drifted = warningBox("room-drift", make("button", { type: "button", onclick: () => this._play(true) }, "Correct phases"), make("button", { type: "button", onclick: () => this._solve() }, "Solve again"));
@@ -56,7 +60,7 @@ export default class Reproduce {
     this.view = make("p.quiet", { id: "in-view", role: "status" });
     this.form.append(...Object.values(this.inputs).map((input, i) => field(["Mode", "Mapping", "Solver", "Level", "Gain", "Height"][i], input)), this.view);
     const left = make("div.column.left", {},
-      Object.assign(panel("Takes", this.add, this.list, file), { className: "panel grow" }),
+      Object.assign(panel("Takes", this.add, this.search, this.list, make("div.buttons", {}, ...this.own), file), { className: "panel grow" }),
       panel("Settings", null, this.form, this.drifted, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about));
     const box = (name) => make("div.box", { id: `box-${name}` });
     this.boxes = Object.fromEntries(["wanted", "played", "bar", "traces", "phase", "array", "spectrogram", "overview"].map((name) => [name, box(name)]));
@@ -65,7 +69,8 @@ export default class Reproduce {
     const { panels } = this;
     this.problem = make("section.panel.problem", { id: "problem", role: "alert", hidden: true });
     this.pictures = [make("div.middle", {}, make("div.pair", {}, panels.wanted, panels.played, panel("Pa", null, boxes.bar)), panels.traces), make("div.side", {}, panels.phase, panels.array, panels.spectrogram)];
-    this.studio.main.append(make("div.reproduce", {}, left, ...this.pictures, this.problem));
+    const drop = { ondragover: (event) => event.preventDefault(), ondrop: (event) => { event.preventDefault(); if (this.link.controls) this._upload(event.dataTransfer.files[0]); } };
+    this.studio.main.append(make("div.reproduce", drop, left, ...this.pictures, this.problem));
     this._fill(USUAL);
   }
   /** Show settings in the form; a value that is not among its options is added. */
@@ -85,7 +90,7 @@ export default class Reproduce {
     const comes = this.take?.stamp === "first";
     this.solve.disabled = !controls || !this.take || comes;
     const facts = this.take?.facts, settings = facts?.drive?.settings, other = settings && JSON.stringify(chosen({ ...USUAL, ...settings })) !== JSON.stringify(chosen(this.made));
-    this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "its settings are not stored in the file"}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes a new drive with the settings above." : ""}`;
+    this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "its settings are not stored in the file"}${facts.drive.array_calibration ? `, array calibration ${facts.drive.array_calibration}` : ""}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes a new drive with the settings above." : ""}`;
     this.play.disabled = !controls || !row?.solved || facts.part || !playable(player);
     this.play.title = !row?.solved ? "solve it first" : facts.part ? "the drive is being solved" : !playable(player) ? "the array is not ready" : "";
     const [correct, again] = this.drifted.querySelectorAll("button");
@@ -93,6 +98,7 @@ export default class Reproduce {
     again.disabled = this.solve.disabled;
     this.drifted.tell(drift(this.link, facts?.drive?.air_c));
     this.add.disabled = !controls;
+    for (const button of this.own) { button.disabled = !controls || !row || row.sample; button.title = row?.sample ? "samples stay as they are" : ""; }
     const solving = (this.link.state.jobs ?? []).find((job) => job.room === "reproduce" && ["runs", "waits"].includes(job.state) && this.take && job.title.endsWith(this.take.name));
     if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : comes ? "available in a moment" : "not solved yet: press Solve";
   }
@@ -100,10 +106,39 @@ export default class Reproduce {
   _takes(takes) {
     this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#reproduce/${encodeURI(row.name)}`, "aria-current": row.name === this.wish ? "true" : null, onclick: () => { if (row.name === this.wish && !this.take) { this._opening = ""; this._open(row.name); } } },
       make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, row.sample ? "sample" : row.compared ? "compared" : row.played ? "played" : row.solved ? "solved" : "")))));
+    this._found();
     const name = this.wish || (takes.find((row) => row.sample) ?? takes[0])?.name, row = this._row(name);
     if (name && (row ? this.take?.name !== name || this.take.stamp !== row.stamp : takes.length && !this.take && !name.startsWith("sample:"))) this._open(name, this.transport ? this.transport.time : this.studio.address.time);
     if (!takes.length) this.about.textContent = "computing the samples …";
     this.control();
+  }
+  /** Hide the takes without the searched words. */
+  _found() {
+    const words = this.search.value.toLowerCase().split(/\s+/);
+    for (const item of this.list.children) item.hidden = !words.every((word) => item.textContent.toLowerCase().includes(word));
+  }
+  async _own(order, given = {}) {
+    const take = await tried(this.link.order("reproduce", order, { take: this.take.name, ...given }));
+    if (take) this.studio.go("reproduce", take);
+  }
+  _rename() {
+    const dialog = document.getElementById("replace"), name = make("input", { type: "text", value: shortly(this.take.name), maxLength: 100, required: true });
+    dialog.replaceChildren(make("h2", { id: "replace-title" }, `Rename ${shortly(this.take.name)}`), make("form", { method: "dialog", onsubmit: () => this._own("rename", { name: name.value }) },
+      make("div", { id: "replace-words" }, field("New name", name)), make("div.buttons", {}, make("button.main", { type: "submit" }, "Rename"), make("button", { type: "button", onclick: () => dialog.close() }, "Cancel"))));
+    openModal(dialog, this.link);
+    name.select();
+  }
+  async _delete() {
+    const { name } = this.take, folder = await tried(this.link.order("reproduce", "delete", { take: name }));
+    if (!folder) return;
+    const undo = make("button", { type: "button", id: "undo", onclick: async () => { const take = await tried(this.link.order("reproduce", "restore", { take: folder })); if (take) { note.remove(); this.studio.go("reproduce", take); } } }, "Undo");
+    const note = make("div.toast", {}, `${name} and its drive are in the folder bin/${folder} `, undo);
+    document.getElementById("toasts").append(note);
+    setTimeout(() => note.remove(), 20000);
+    this._nothing("");
+    this.wish = this.take = null;
+    this.studio.go("reproduce");
+    this._takes(this.link.state.takes ?? []);
   }
   async _open(name, time) {
     const opening = `${name} ${this._row(name)?.stamp}`, over = () => opening !== this._opening || this.left;
@@ -234,6 +269,7 @@ export default class Reproduce {
     if (facts.simulated) said.push("SIMULATED");
     if (facts.frames_in_all > facts.frames) said.push(`the first ${this.take.seconds} s of ${(facts.frames_in_all / facts.rate_hz).toFixed(0)} s are shown`);
     if (!facts.calibrated) said.push("not calibrated");
+    if (facts.drive?.not_reproduced) said.push(`not reproduced: ${facts.drive.not_reproduced}`);
     said.push(...facts.report, ...facts.journal.filter((event) => event.kind !== "stroke").slice(0, 6).map((event) => event.said));
     this.about.replaceChildren(...said.map((words) => make("div", {}, words)));
   }
@@ -253,15 +289,17 @@ export default class Reproduce {
     if (!file) return;
     const answer = await fetch("/upload", { method: "POST", body: file, headers: { "x-name": encodeURIComponent(file.name), "x-page": String(this.link.page) } });
     const said = await answer.json();
-    if (said.error) tried(Promise.reject(new Error(said.error))); else this.studio.go("reproduce", said.ok);
+    if (said.error) { tried(Promise.reject(new Error(said.error))); return; }
+    const take = said.imports ? await importFile(this.link, said.ok) : said.ok;
+    if (take) this.studio.go("reproduce", take);
   }
   /** Show the code for the drive in view or, without one, for the settings of the form. */
   async _code() {
-    const { name, facts } = this.take, sample = name.startsWith("sample:"), file = sample ? `${name.slice(7)}.h5` : name, stem = file.replace(/\.\w+$/, ""), seconds = (facts.frames / facts.rate_hz).toFixed(1);
+    const { name, facts } = this.take, device = facts.drive?.array_calibration ? ` --device ${this.link.state.player?.device}` : "", sample = name.startsWith("sample:"), file = sample ? `${name.slice(7)}.h5` : name, stem = file.replace(/\.\w+$/, ""), seconds = (facts.frames / facts.rate_hz).toFixed(1);
     const made = facts.drive?.settings ?? (await tried(this.link.order("reproduce", "code", { take: name, ...chosen(this.made) })));
     if (!made) return;
     const first = sample ? `midair record virtual:${name.slice(7)} ${file} --duration ${seconds}s\n` : "";
-    this.studio.code("The same, as code", `${first}midair solve ${file} ${made.options || `--settings ${stem}.drive.h5`}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
+    this.studio.code("The same, as code", `${first}midair solve ${file} ${made.options || `--settings ${stem}.drive.h5`}${device}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
       `import midair\nfrom midair.pipeline import calibrated_pressure, required_lead, reproduce\nfrom midair.settings import ${made.python.startsWith("MODES") ? "MODES" : "Settings"}\nfrom midair.targets import add_lead\n\ntake = ${sample ? `midair.record("virtual:${name.slice(7)}", ${seconds})` : `midair.open_take("${file}")`}\nsettings = ${made.python}\npressure = add_lead(calibrated_pressure(take.recording, take.calibration, settings), required_lead(settings))\nmade = reproduce(pressure, midair.TransducerArray.autd3(), settings)\nplayed = midair.play(made.solution, "virtual")\nprint(made, played)`);
   }
 }

@@ -3,7 +3,7 @@
 import { choice, field, make, panel, rows, tried } from "/web/dom.js";
 import { drift } from "/web/warnings.js";
 
-const TEMPLATES = [["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
+const TEMPLATES = [["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"], ["own", "my takes"]];
 
 export default class Study {
   constructor(studio) {
@@ -11,7 +11,7 @@ export default class Study {
     this.link = studio.link;
     this.shown = "";
     this.participant = studio.address.take === "participant";
-    this._offs = [this.link.on("session", () => this._show()), this.link.on("studies", () => this._show()), this.link.on("air", () => this._show())];
+    this._offs = [this.link.on("session", () => this._show()), this.link.on("studies", () => this._show()), this.link.on("air", () => this._show()), this.link.on("takes", () => this._show())];
     this._keys = (event) => this._key(event);
     addEventListener("keydown", this._keys);
     this.reopened();
@@ -37,16 +37,22 @@ export default class Study {
   _forExperimenter() {
     const { session } = this, controls = this.link.controls, studies = this.link.state.studies ?? [];
     const drifted = (session?.solved_c ?? []).map((solved) => drift(this.link, solved)).filter(Boolean).join("; ");
-    const key = JSON.stringify([session, studies, controls, drifted]);
+    const own = (this.link.state.takes ?? []).filter((row) => !row.sample && row.name.endsWith(".h5")).map((row) => row.name);
+    const key = JSON.stringify([session, studies, controls, drifted, own]);
     if (key === this.shown) return;
     this.shown = key;
     const chosen = this.chosen ?? studies[0]?.name ?? "", study = studies.find((each) => each.name === chosen) ?? studies[0];
     const left = make("div.column.left");
     if (!session) {
       const name = make("input", { type: "text", value: "touch", maxLength: 60 }), template = choice(TEMPLATES, "paper"), people = make("input", { type: "number", min: 1, max: 500, value: "10" });
+      const takes = make("select", { multiple: true, size: 6, "aria-label": "takes to present" }, ...own.map((value) => make("option", { value }, value.replace(/\.h5$/, ""))));
+      const question = make("input", { type: "text", maxLength: 500, value: "Which one was it?" }), answer = choice([["", "its name"], ["scale", "1 to 7"]], ""), often = make("input", { type: "number", min: 1, max: 100, value: "5" });
+      const mine = make("div.column", { id: "own-study", hidden: true }, field("Takes", takes), field("Question", question), field("Answer", answer), field("Repetitions", often));
+      template.addEventListener("change", () => { mine.hidden = template.value !== "own"; });
+      const given = () => (template.value === "own" ? { template: "paper", takes: [...takes.selectedOptions].map((one) => one.value), question: question.value, scale: answer.value === "scale", repetitions: Number(often.value) || 1 } : { template: template.value });
       left.append(panel("Studies", null, ...(studies.length ? [choice(studies.map((each) => [each.name, each.title]), study.name, ({ target }) => { this.chosen = target.value; this.shown = ""; this._show(); })] : [make("p.quiet", {}, "no studies in this folder yet")])),
-        panel("New study", null, field("Name", name), field("Kind", template), field("Participants", people),
-          make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "new-study", onclick: async () => { if (await tried(this.link.order("study", "new", { name: name.value.trim(), template: template.value, participants: Number(people.value) || 1 }))) this.chosen = name.value.trim(); } }, "Draw the plan"))));
+        panel("New study", null, field("Name", name), field("Kind", template), field("Participants", people), mine,
+          make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "new-study", onclick: async () => { if (await tried(this.link.order("study", "new", { name: name.value.trim(), ...given(), participants: Number(people.value) || 1 }))) this.chosen = name.value.trim(); } }, "Draw the plan"))));
     } else {
       const { step } = session, over = ["done", "stopped"].includes(step.kind);
       left.append(panel(session.title, session.pilot ? make("strong.simulated", {}, "PILOT") : `participant ${session.participant}`,
@@ -71,6 +77,8 @@ export default class Study {
         ...(this.said ? [make(`p${this.wrong ? ".bad" : ".quiet"}`, { id: "begins", role: "status" }, this.said)] : []),
         ...(study.drives ? [field("Person responsible for playing above the exposure profile", answers)] : []),
         ...(study.noise ? [field("Noise in the headphones", noise), make("p.quiet", {}, `During each presentation: ${study.noise}.`)] : []),
+        make("div.buttons", {}, make("button", { type: "button", id: "analyse", disabled: !controls || !study.participants.some((each) => each.done), title: "needs an answer", onclick: () => tried(this.link.order("study", "analyse", { study: study.name })) }, "Analyse"),
+          ...(study.report ? [make("a", { id: "to-report", target: "_blank", rel: "noopener", href: `/file/${encodeURI(study.name)}/report.html?${study.report}` }, "Open the report")] : [])),
         make("div.card", {}, make("table", {}, make("thead", {}, make("tr", {}, ...["participant", "trials", ""].map((words) => make("th", { scope: "col" }, words)))),
           make("tbody", {}, ...study.participants.map((each) => make("tr", {}, make("td", {}, String(each.number)), make("td", {}, `${each.done} of ${each.total}`),
             make("td", {}, make("button", { type: "button", disabled: !controls, "data-participant": each.number, onclick: () => this._begin({ study: study.name, participant: each.number, pilot: pilot.checked, noise: noise.value, override: answers.value.trim() }) }, each.done === 0 ? "Begin" : each.done < each.total ? "Resume" : "Open")))))))));

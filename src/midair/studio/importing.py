@@ -1,0 +1,86 @@
+"""Import of files of other programs: the command `midair import` with the options of a form, and a preview of it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from midair.errors import InputError
+from midair.files import open_take
+from midair.recordings import Path as Direction
+from midair.recordings import Shape, Turn
+from midair.streaming import blocks
+from midair.studio.jobs import Progressed
+from midair.studio.studio_state import Arguments
+
+Text = Annotated[str, Field(max_length=100)]
+
+
+class ImportForm(Arguments):
+    """Options of `midair import`, each as it is typed there; an empty one is not given."""
+
+    file: str = Field(max_length=300)
+    unit: Literal["", "V", "count", "Pa"] = ""
+    scale: Text = ""
+    sensitivity: Text = ""
+    peak: Text = ""
+    rate: Text = ""
+    channels: Text = ""
+    layout: Text = ""
+    resample: Text = ""
+    footprint: Literal["", Shape] = ""
+    size: Text = ""
+    speed: Text = ""
+    path: Literal["", Direction] = ""
+    turn: Literal["", Turn] = ""
+    save: bool = False
+
+    def words(self) -> tuple[str, ...]:
+        """Options of the command; those of a footprint only with one."""
+        given = {name: str(getattr(self, name)) for name in OPTIONS if getattr(self, name)}
+        if self.footprint:
+            given["footprint"] = f"{self.footprint}:{self.size}"
+        else:
+            given = {name: value for name, value in given.items() if name not in ("speed", "path", "turn")}
+        return tuple(f"--{name}={value}" for name, value in given.items())
+
+
+OPTIONS = tuple(name for name in ImportForm.model_fields if name not in ("file", "size", "save"))
+"""Names of the options, without ``--``."""
+
+
+def run_import(order: tuple[str, str, tuple[str, ...]], progress: Progressed) -> dict[str, Any]:
+    """Run `midair import` on a file; returns its figures and notes, and the course of the strongest channel.
+
+    Raises InputError with the message of the command.
+    """
+    source, target, words = order
+    progress("importing", 0, 1)
+    said = run_command("import", source, target, "--force", "--json", *words)
+    return {**json.loads(said), "course": _course(target)}
+
+
+def run_command(*words: str) -> str:
+    """Run a command of midair and return what it prints; InputError with its message, files without their folder."""
+    done = subprocess.run([sys.executable, "-m", "midair", *words], capture_output=True, text=True, check=False)
+    if done.returncode:
+        said = [line.removeprefix("midair: ") for line in done.stderr.splitlines() if line.startswith("midair: ")]
+        wrong = said[-1] if said else f"{words[0]}: failed without a message"
+        for place in (word for word in words if word.startswith("/")):
+            wrong = wrong.replace(place, Path(place).name)
+        raise InputError(wrong)
+    return done.stdout
+
+
+def _course(path: str, columns: int = 400) -> dict[str, Any]:
+    """Least and greatest value of the strongest channel in each of at most `columns` equal parts."""
+    samples = open_take(path, streamed=True).recording.samples
+    size = max(1, -(-len(samples) // columns))
+    parts = [block.reshape(len(block), -1) for block in blocks(samples, size)]
+    least, greatest = (np.array([getattr(part, name)(axis=0) for part in parts]) for name in ("min", "max"))
+    channel = int((greatest.max(axis=0) - least.min(axis=0)).argmax())
+    return {"channel": channel, "least": least[:, channel].tolist(), "greatest": greatest[:, channel].tolist()}

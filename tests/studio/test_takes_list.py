@@ -1,0 +1,54 @@
+"""Takes of the studio's folder: renamed, copied, deleted to the bin and brought back, each with the files beside it."""
+
+import pytest
+
+from midair.errors import InputError
+from midair.studio.folders import StudioFolder
+from midair.studio.takes_list import TakesList
+
+
+@pytest.fixture
+def takes(tmp_path):
+    for name in ("a.h5", "a.drive.h5", "a.rerecorded.h5", "b.h5", "b.wav"):
+        (tmp_path / name).write_text(name)
+    (tmp_path / "samples").mkdir()
+    return TakesList(folder=StudioFolder.at(tmp_path), samples=tmp_path / "samples")
+
+
+def names(takes):
+    return {path.name for path in takes.folder.path.iterdir() if path.is_file()}
+
+
+def test_a_take_is_renamed_with_the_files_beside_it(takes):
+    assert takes.rename("a.h5", "denim") == "denim.h5"
+    assert names(takes) == {"denim.h5", "denim.drive.h5", "denim.rerecorded.h5", "b.h5", "b.wav"}
+    before = names(takes)
+    for stem, said in (("b", "b.h5 exists already"), ("../c", "leads out of it")):
+        with pytest.raises(InputError, match=said):
+            takes.rename("denim.h5", stem)
+    assert names(takes) == before
+    with pytest.raises(InputError, match="got a sample, which stays"):
+        takes.rename("sample:towel", "c")
+
+
+def test_a_copy_has_a_free_name_and_no_drive(takes):
+    assert [takes.duplicate("a.h5"), takes.duplicate("a-01.h5"), takes.duplicate("b.wav")] == [
+        "a-01.h5",
+        "a-02.h5",
+        "b-01.wav",
+    ]
+    assert (takes.folder.path / "a-02.h5").read_text() == "a.h5"
+    assert "a-01.drive.h5" not in names(takes)
+
+
+def test_a_deleted_take_lies_in_the_bin_and_comes_back(takes):
+    before = names(takes)
+    assert takes.delete("a.h5") == "a-01"
+    assert names(takes) == {"b.h5", "b.wav"}
+    (takes.folder.path / "a.h5").write_text("another")
+    with pytest.raises(InputError, match=r"a\.h5: expected a free name"):
+        takes.restore("a-01")
+    assert takes.delete("a.h5") == "a-02", "an earlier one is not overwritten"
+    assert takes.restore("a-01") == "a.h5"
+    assert names(takes) == before
+    assert (takes.folder.path / "a.h5").read_text() == "a.h5"
