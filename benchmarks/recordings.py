@@ -16,6 +16,7 @@ import argparse
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ from midair.pipeline import (
     target_amplitude,
 )
 from midair.rig import BudgetPlan, VirtualRig, array_of_kind, error_budget
-from midair.settings import MODES, Mode, Settings, best_mode, paper_mode
+from midair.settings import MODES, Mode, Settings, best_mode, finest_mode, paper_mode, quick_mode
 from midair.solvers import (
     Fast,
     Glide,
@@ -54,6 +55,7 @@ from midair.solvers import (
     multi_plane_problem,
     one_blas_thread,
     place_grid,
+    solve,
     spreading_phase,
 )
 from midair.solvers.backend import backend
@@ -63,7 +65,7 @@ from midair.solvers.terms import CellTarget, GuardField, Smooth
 from midair.targets import add_lead
 
 RATE = 8000.0
-PARTS = ("paper", "best", "fold", "skin", "jobs", "live", "kinds")
+PARTS = ("paper", "best", "fold", "fold-error", "skin", "jobs", "live", "kinds")
 KINDS = {
     "A": "towel",
     "B": "sponge",
@@ -97,6 +99,7 @@ def main() -> None:
                 "paper": lambda: paper(options.plain_frames, 1.2 * options.length),
                 "best": lambda: best(0.5 * options.length),
                 "fold": lambda: fold(options.length),
+                "fold-error": lambda: fold_error(round(1000 * options.length)),
                 "skin": skin,
                 "jobs": lambda: jobs(options.length),
                 "live": lambda: live(1.2 * options.length),
@@ -245,6 +248,50 @@ def fold(seconds: float, runs: int = 3) -> None:
             cost = min(one[1] for one in tried) / len(each.amplitude)
             error, (flop, rate, size) = error_of(each, tried[0][0].phase), _traffic(each, method)
             line(f"  {name}", error.mean(), error.max(), cost, flop, rate, size, digits="443200")
+
+
+def fold_error(frames: int, seeds: int = 3) -> None:
+    """E with and without the array's mirror symmetry, in the modes and with terms and arrays that differ."""
+    rng = np.random.default_rng(1)
+    measured = replace(ARRAY, response=np.exp(rng.normal(0, 0.1, (ARRAY.count, 2)) @ [1, 1j]))
+    best, still, paper, board = best_mode(), ("towel", "brush", "wander"), paper_mode(), array_of_kind("openmpd")
+    below = best.but(guard=None, grid=replace(best.target.grid, height=0.08))
+    cases = {
+        "best": (best, ARRAY, (*still, "sponge", "rain", "cloth")),
+        "quick": (quick_mode(), ARRAY, still),
+        "finest": (finest_mode(), ARRAY, still),
+        "best, quiet palm": (best.but(quiet_palm=0.1), ARRAY, still),
+        "best, bounded amplitudes": (best.but(amplitudes="bounded"), ARRAY, still),
+        "best, measured array": (best, measured, still),
+        "best, no guard, openmpd, 80 mm": (below, board, (*still, "sponge", "cloth")),
+        "paper, glide": (paper.but(method=Glide()), ARRAY, still),
+        "paper, glide, quiet palm": (paper.but(method=Glide(), quiet_palm=0.1), ARRAY, still),
+        "paper, fast": (paper.but(method=Fast()), ARRAY, still),
+    }
+    print(f"\nE, {frames} frames of each sequence and {seeds} seeds, peak .15 of a focus; {load()}")
+    heading("whole", "worst", "folded", "worst", "%")
+    for label, (settings, array, names) in cases.items():
+        errors: dict[bool, list[np.ndarray]] = {False: [], True: []}
+        for name, seed in product(names, range(seeds)):
+            target = target_amplitude(_take(name, seed, frames / settings.target.rate, settings), settings)
+            focus = focus_amplitude(settings.target.grid, array, acoustics=settings.acoustics)
+            target = replace(target, amplitude=target.amplitude * (0.15 * focus / target.amplitude.max()))
+            for fold, found in errors.items():
+                method = replace(settings.solver.method, fold=fold)
+                made = solve(target, array, replace(settings.solver, method=method), acoustics=settings.acoustics)
+                # Where almost nothing is asked for, E is above 1 and drowns the others in a mean.
+                found.append(made.error[target.amplitude.max(axis=1) > 0.02 * target.amplitude.max()])
+        whole, folded = (np.concatenate(errors[fold]) for fold in (False, True))
+        cells = whole.mean(), whole.max(), folded.mean(), folded.max(), 100 * (folded.mean() / whole.mean() - 1)
+        line(label, *cells, digits="54541")
+
+
+def _take(name: str, seed: int, seconds: float, settings: Settings) -> PressureFrames:
+    rate = settings.target.rate
+    if name in ("towel", "brush", "sponge"):
+        return resample_pressure(stroke(name, seed=seed), rate).cut(0.2, seconds)
+    draw = {"wander": wander, "rain": rain, "cloth": cloth}[name]
+    return resample_pressure(pressure_of(draw(max(seconds, 0.2), 31 + seed)), rate).cut(0.0, seconds)
 
 
 def _some(asked: Problem, frames: int) -> CellTarget | None:

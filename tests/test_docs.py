@@ -226,9 +226,9 @@ def test_the_table_of_settings_has_every_choice_in_every_mode():
     table = choices_table()
     assert len(table.splitlines()) == len(CHOICES) + 2
     assert all(f"`--{choice.name}`" in table for choice in CHOICES)
-    assert "`--rate`<br>`target.rate` | Drive frame rate. | 1000Hz | 4000Hz |  |  |" in table
-    assert "| exact | glide |  |  |" in table
-    assert set(MODES) == {"paper", "best", "quick", "finest"}
+    assert "`--rate`<br>`target.rate` | Drive frame rate. | 1000Hz | 4000Hz |  |  |  |" in table
+    assert "| exact | glide |  |  | free |" in table
+    assert set(MODES) == {"paper", "best", "quick", "finest", "quiet"}
 
 
 OFFERED = {*COMMANDS, *FOLDERS}

@@ -26,6 +26,7 @@ from .correction import FIELD_TITLE as FIELD_TITLE
 from .correction import PALM_TITLE as PALM_TITLE
 from .correction import BudgetPlan as BudgetPlan
 from .correction import DriveRerecording as DriveRerecording
+from .correction import LevelTrade as LevelTrade
 from .correction import Loop as Loop
 from .correction import Outcome as Outcome
 from .correction import PlayedPair as PlayedPair
@@ -35,6 +36,7 @@ from .correction import band_power_share as band_power_share
 from .correction import comparison_rows as comparison_rows
 from .correction import error_budget as error_budget
 from .correction import laboratory_of_loop as laboratory_of_loop
+from .correction import level_trade as level_trade
 from .correction import loop as loop
 from .correction import loop_figures as loop_figures
 from .correction import metrics_of_loop as metrics_of_loop

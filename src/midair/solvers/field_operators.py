@@ -138,8 +138,13 @@ class FieldOperators:
         state = move.run(batch, move.first(batch.p * self.psi), one / self.strongest, iterations)
         return move.coordinates(batch, state)
 
-    def field_move(self, *, loudness: float, floor: float, sampled: NDArray[np.int64]) -> "FieldMove":
-        """The field step; `loudness` is the weight of amplitudes above full drive at the `sampled` transducers."""
+    def field_move(
+        self, *, loudness: float, floor: float, sampled: NDArray[np.int64], effort: float = 0.0
+    ) -> "FieldMove":
+        """The field step; `loudness` is the weight of amplitudes above full drive at the `sampled` transducers.
+
+        `effort` is the weight of the squared length of V^H q, in units of a target in the strongest mode.
+        """
         # Convergence is best in z = sqrt(s) a, for strong and weak modes; a and s a are both slower.
         heard_at = self.backend.xp.take(self.loud, self.backend.put(sampled), axis=1)
         return FieldMove(
@@ -148,6 +153,7 @@ class FieldOperators:
             loud=Dense.of(self.backend, heard_at / self.root[:, None]),
             loudness=loudness / len(sampled),
             pseudo=self.root / (self.root**4 + (floor * self.strongest) ** 2),
+            effort=effort * (self.strongest / self.root) ** 2 if effort else None,
         )
 
     @property
@@ -306,6 +312,7 @@ class FieldMove:
     loud: Dense  # From z to the sampled transducers: drives of r modes are smooth, so a sample is enough
     loudness: float  # Weight of amplitudes above full drive, per sampled transducer
     pseudo: Numbers  # Damped inverse from the field at the points to z, shape (mode,)
+    effort: Numbers = None  # Weight of |z|^2 / 2, shape (mode,), or None
 
     def first(self, y: Rows) -> Rows:
         """The z whose field at the control points comes close to y, (row, point): root s U^H y / (s^2 + floor^2)."""
@@ -327,9 +334,16 @@ class FieldMove:
         def function(x: Rows) -> tuple[Numbers, Rows]:
             z = backend.as_complex(x)
             cost, slope = self.operators.cost_and_slope(batch, self.out.ahead(z))
-            q = inverse * self.loud.ahead(z)
-            above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
-            gradient = self.out.back(slope) + heavy * self.loud.back(above * q)
-            return cost + 0.25 * weight * squares(xp, above), backend.as_real(gradient)
+            gradient = self.out.back(slope)
+            if weight:
+                q = inverse * self.loud.ahead(z)
+                above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
+                gradient = gradient + heavy * self.loud.back(above * q)
+                cost = cost + 0.25 * weight * squares(xp, above)
+            if self.effort is not None:
+                pull = self.effort * z
+                gradient = gradient + pull
+                cost = cost + 0.5 * xp.real(xp.vecdot(z, pull))
+            return cost, backend.as_real(gradient)
 
         return function

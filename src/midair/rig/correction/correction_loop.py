@@ -244,6 +244,11 @@ def loop(
         raise InputError(
             f"corrections: expected 0 or more amplitude and waveform corrections, got {corrections} and {iterate}"
         )
+    if chosen.target.ears is not None:
+        raise InputError(
+            f"ears: expected none in a loop, which finds the level itself, got {chosen.target.ears:g}; use --profile "
+            "with --attenuate"
+        )
     if chosen.target.strength is not None:
         raise InputError(
             "strength: expected none in a loop, which finds the level itself, got "
