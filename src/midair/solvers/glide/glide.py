@@ -96,6 +96,8 @@ class Glide:
     """Number of blocks solved at once; the phases are bit-identical for any number."""
     faintest: float = 1e-12
     """As in `Fast`."""
+    fold: bool = field(default=True, compare=False)
+    """As in `Fast`."""
     precision: Literal["single", "double"] = "single"
     """Precision of the iterations."""
     backend: str = "numpy"
@@ -128,7 +130,7 @@ class Glide:
                 last = None if after is None else after.known
                 for frames, found in self._solved_blocks(bisection, audible, last):
                     last = found.last()
-                    phase[frames], made[frames] = found.theta, found.iterations
+                    phase[frames], made[frames] = found.theta[:, bisection.operators.seat], found.iterations
                     if progress is not None:
                         progress(int(frames[-1]) + 1, len(phase))
             if progress is not None:
@@ -167,7 +169,7 @@ class Glide:
         with array_backend.at_work():
             bisection = self._bisection(marks, array_backend)
             last = _without_warnings(solve_marks, bisection, np.arange(len(marks.amplitude))).last()
-        return WarmStart(theta=last.theta[0], known=last)
+        return WarmStart(theta=last.theta[0, bisection.operators.seat], known=last)
 
     def block_on(self) -> int:
         """Frames per block: 1024 on a CPU; on a GPU enough that the marks of one block fill a batch."""
@@ -175,7 +177,7 @@ class Glide:
 
     def _bisection(self, problem: Problem, array_backend: Backend) -> BisectionStep:
         operators = FieldOperators.of(
-            problem, array_backend, tolerance=self.tolerance, memory=self.memory, outside=self.outside
+            problem, array_backend, tolerance=self.tolerance, memory=self.memory, outside=self.outside, fold=self.fold
         )
         sampled = evenly_spread(problem.position, every=self.every, count=problem.transducers)
         return BisectionStep(
