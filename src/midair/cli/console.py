@@ -38,9 +38,7 @@ SILENT = 2.0
 
 
 class BusyBar:
-    """A progress bar over an expected number of passes; it appears after `after` seconds and ends with the first
-    output.
-    """
+    """A progress bar over some passes; it appears after `after` seconds and ends with the first output."""
 
     def __init__(self, words: str, console: Console, *, passes: int = 1, after: float = SILENT) -> None:
         shown = (
@@ -140,9 +138,7 @@ def parse_flags(tokens: Sequence[str]) -> tuple[Verbosity, list[str]]:
 
 
 class PlainConsole(Console):
-    """A console without markup, emoji codes and escape sequences: names of files and devices cannot change the
-    output.
-    """
+    """A console without markup, emoji codes and escape sequences, so that names cannot change the output."""
 
     def __init__(self, *, stderr: bool = False, markup: bool = False, soft_wrap: bool = True) -> None:
         super().__init__(stderr=stderr, markup=markup, emoji=False, highlight=False, soft_wrap=soft_wrap)

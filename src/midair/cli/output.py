@@ -50,6 +50,14 @@ def print_written(
     return None
 
 
+def print_result(rows: list[tuple[str, str]], *, simulated: bool, json: bool, **more: object) -> None:
+    """Print rows, or their values and more as JSON."""
+    if json:
+        return print_json({**dict(rows), **more, "simulated": simulated})
+    banner(simulated)
+    return print_rows(rows)
+
+
 def may_write(path: Path, force: bool, *endings: str) -> None:
     """Refuse an output before the work: wrong ending, missing folder, existing file, recording in progress."""
     if endings and not path.name.lower().endswith(endings):

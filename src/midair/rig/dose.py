@@ -60,12 +60,8 @@ def dose_report(participant: str | None = None) -> DoseReport:
     """Read the log and compute the dose of one participant, or of all.
 
     The dose of a drive that was played to its end is its mean energy times its duration. For every other order, the
-    level of the loudest frame and the longest possible duration give an upper bound.
-
-    Raises
-    ------
-    InputError
-        If the log has no order, or none of this participant.
+    level of the loudest frame and the longest possible duration give an upper bound. InputError if the log has no
+    order, or none of this participant.
     """
     events, unreadable = read_log()
     ends = {each["order"]: each for each in events if each["event"] == "end"}

@@ -13,13 +13,7 @@ from midair.validation import Declared, check_settings, setting
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Laboratory(Declared):
-    """Uncertainties of a laboratory: standard uncertainties (k = 1), for the palm and the units along each axis.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-    """
+    """Standard uncertainties (k = 1), for the palm and the units along each axis; InputError if out of range."""
 
     palm_aside_mm: float = setting(3.0, "Position of the palm, sideways.", limits=(0, 100))
     palm_height_mm: float = setting(3.0, "Height of the palm.", limits=(0, 100))
@@ -45,10 +39,9 @@ def load_laboratory(path: str | os.PathLike[str]) -> Laboratory:
     """
     content = read_toml(path, "a TOML file with the uncertainties of a laboratory")
     try:
-        found: Laboratory = from_plain(Laboratory, content)
+        return from_plain(Laboratory, content)
     except InputError as wrong:
         raise BrokenFileError(f"{path}: {wrong}") from wrong
-    return found
 
 
 def save_laboratory(laboratory: Laboratory, path: str | os.PathLike[str]) -> None:

@@ -70,14 +70,9 @@ def calibrate_array(
     Height, acoustics, exposure, stage and warn are those of `ArraySession`; `dynamics` is the envelope of the model's
     transducers.
 
-    Raises
-    ------
-    MismatchError
-        If only one of the two devices is simulated.
-    RateError
-        If the sensor's rate is not an integer multiple of the codes' rate.
-    InputError
-        If the sensor has no calibration, does not detect the beam, clips, is too noisy, or moved by more than 0.5 mm.
+    MismatchError if only one of the two devices is simulated, RateError if the sensor's rate is not an integer multiple
+    of the codes' rate, InputError if the sensor has no calibration, does not detect the beam, clips, is too noisy, or
+    moved by more than 0.5 mm.
     """
     session = ArraySession(
         height=length(height, "height", HEIGHTS),

@@ -47,14 +47,8 @@ def calibrate_by_beam(
     uncertainties, `acoustics` and `dynamics` the model of the array. The exposure limits of each drive are those of the
     default profile if None; `progress` is called with (cells done, total cells).
 
-    Raises
-    ------
-    MismatchError
-        If only one of the two devices is simulated.
-    RateError
-        If the sensor's rate is not an integer multiple of the plan's rate.
-    InputError
-        If the array cannot reach the plan's pressure, or the sensor does not detect the beam.
+    MismatchError if only one of the two devices is simulated, RateError if the sensor's rate is not an integer multiple
+    of the plan's rate, InputError if the array cannot reach the plan's pressure or the sensor does not detect the beam.
     """
     plan, setting = plan or BeamPlan(), setting or BeamSetting()
     acoustics, dynamics = acoustics or Acoustics(), dynamics or TransducerDynamics()

@@ -38,12 +38,8 @@ def read_takes(
     the recordings. `cells` are the channels that were pressed, None for all cells; by default from the recordings'
     notes (``pressed``: ``cell 3`` or ``all cells``).
 
-    Raises
-    ------
-    MismatchError
-        If the numbers of references or cells and of recordings differ, or the lengths of a pair differ.
-    UnitError
-        If a sensitivity is missing.
+    MismatchError if the numbers of references or cells and of recordings differ, or the lengths of a pair differ;
+    UnitError if a sensitivity is missing.
     """
     if (choice.channel is None) != bool(references):
         raise MismatchError(

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from cyclopts import Parameter
 
-from midair.cli.console import banner, print_json, print_rows
 from midair.cli.options import Force, Json
-from midair.cli.output import may_write
+from midair.cli.output import may_write, print_result
 from midair.errors import MismatchError, MissingFileError
 from midair.files import CALIBRATION_SUFFIX, load_calibration, save_calibration
 from midair.model import Calibration, SensorGrid
@@ -124,10 +123,5 @@ def print_calibration(
     if page is not None:
         write_calibration_page(calibration, page)
         rows = [*rows, ("page", str(page))]
-    rows = [*calibration_rows(calibration), *rows]
-    simulated = calibration.provenance.simulated
-    if json:
-        return print_json({**dict(rows), "simulated": simulated, "notes": notes})
-    banner(simulated)
-    print_rows([*rows, *(("note", note) for note in notes)])
-    return None
+    rows = [*calibration_rows(calibration), *rows, *(() if json else (("note", note) for note in notes))]
+    print_result(rows, simulated=calibration.provenance.simulated, json=json, notes=notes)
