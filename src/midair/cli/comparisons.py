@@ -22,10 +22,9 @@ from midair.streaming import TempFrames, blocks
 def calibrated_part(
     source: Path, settings: Settings, start: float = 0.0, duration: float | None = None, *, streamed: bool = False
 ) -> PressureFrames:
-    """Calibrated pressure of a part (lazy frames if `streamed`), cut after calibration so that filters leave no
-    edges.
-    """
+    """Calibrated pressure of a part, in lazy frames if `streamed`."""
     take = open_take(source, streamed=streamed)
+    # Cut after calibration, so that filters leave no edges.
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     return pressure if start == 0 and duration is None else pressure.cut(start, duration)
 

@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import sys
 import time
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
@@ -37,9 +38,7 @@ SILENT = 2.0
 
 
 class BusyBar:
-    """A progress bar over an expected number of passes; it appears after `after` seconds and ends with the first
-    output.
-    """
+    """A progress bar over some passes; it appears after `after` seconds and ends with the first output."""
 
     def __init__(self, words: str, console: Console, *, passes: int = 1, after: float = SILENT) -> None:
         shown = (
@@ -139,9 +138,7 @@ def parse_flags(tokens: Sequence[str]) -> tuple[Verbosity, list[str]]:
 
 
 class PlainConsole(Console):
-    """A console without markup, emoji codes and escape sequences: names of files and devices cannot change the
-    output.
-    """
+    """A console without markup, emoji codes and escape sequences, so that names cannot change the output."""
 
     def __init__(self, *, stderr: bool = False, markup: bool = False, soft_wrap: bool = True) -> None:
         super().__init__(stderr=stderr, markup=markup, emoji=False, highlight=False, soft_wrap=soft_wrap)
@@ -197,8 +194,7 @@ def busy_bar(words: str, passes: int) -> Generator[None]:
 
 def _end_waiting() -> None:
     """Remove the waiting bar before results or other bars appear."""
-    line = _waiting.get()
-    if line is not None:
+    if (line := _waiting.get()) is not None:
         line.end()
 
 
@@ -219,13 +215,17 @@ def print_note(line: str, *, warn: bool = False) -> None:
     err().print(line, style="yellow" if warn else None)
 
 
+def confirmed(question: str) -> bool:
+    """Whether a person at the terminal answers yes; without a terminal, no."""
+    if not sys.stdin.isatty():
+        return False
+    err().print(f"{question} [y/N] ", end="")
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
+
+
 @contextmanager
 def progress_bars(kind: str = "", frames: int = 0, *, estimated: bool = False) -> Generator[Callable[[str], "Report"]]:
-    """Progress bars on stderr: the function inside the block starts that of a stage and returns its report function.
-
-    With a kind of work a time estimate appears before, unless it was `estimated` already, and the speed of finished
-    work is stored for the next one.
-    """
+    """Progress bars on stderr: the function inside starts that of a stage; a `kind` of work gets an estimate before."""
     if kind and not estimated and (line := estimate_text(kind, frames)) and not verbosity().quiet:
         err().print(line, style="dim")
     began = time.monotonic()

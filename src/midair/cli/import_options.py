@@ -79,11 +79,6 @@ class FileOptions:
     turn: Turn = "stop"
     """When the footprint has left the sensor: stop, move back, or move over it again."""
 
-    @property
-    def changes(self) -> bool:
-        """Whether the options change the samples."""
-        return self.footprint is not None or self.resample is not None
-
 
 _TYPED: Mapping[str, str] = MappingProxyType(
     {
@@ -120,7 +115,7 @@ def _read_with_options(file: File, options: FileOptions, *, streamed: bool, mend
     if options.footprint is not None:
         recording, more = _field(recording, options, options.footprint)
         report = (*report, *more)
-    if options.changes:
+    if options.footprint is not None or options.resample is not None:
         return OpenedTake(recording=recording, report=report)
     return replace(taken, recording=recording, report=report)
 
@@ -171,11 +166,7 @@ def stated_sensitivity(text: str, unit: str, option: str) -> float:
 
 
 def scale_by(reference: File, options: FileOptions, tone: str, drop: str | None) -> MicrophoneScale:
-    """Scale of a file from a known signal, recorded with the same microphone at the same gain.
-
-    `tone` is its level such as 94dB; `drop` is instead a falling weight as mass, height and diameter, such as
-    2g:50mm:10mm.
-    """
+    """Scale of a file from a tone of known level such as 94dB, or from a falling weight such as 2g:50mm:10mm."""
     taken = import_recording(
         reference, replace(options, scale=1.0, unit=None, footprint=None, resample=None, layout=None)
     )

@@ -89,7 +89,7 @@ class MeterScreen:
             self._live.update(meters(view, self._sensor, self._title, keys=self._keys.active), refresh=True)
         elif self._live is None and not self._quiet and now - self._shown >= self._every:
             if self._shown > 0:
-                self._say(f"{state_line(view, self._sensor.rate)}, {lost_line(view)}")
+                self._say(f"{state_line(view, self._sensor.rate)}, lost {view.lost} frames")
             self._shown = now
 
     def tell(self, event: Event, drift: Drift | None = None) -> None:
@@ -112,7 +112,7 @@ def meters(view: View, sensor: SensorDevice, title: str, *, keys: bool = False) 
         (printable(title), ""),
         ("  SIMULATED" if sensor.simulated else "", "bold red"),
     )
-    foot = Text(", ".join((state_line(view, sensor.rate), lost_line(view), *clock_lines(view))))
+    foot = Text(", ".join((state_line(view, sensor.rate), f"lost {view.lost} frames", *clock_lines(view))))
     hint = "space or Enter: " + ("stop" if view.state == "recording" else "start") + ", q: end"
     return Group(head, _grid(view.levels, sensor), foot, *((Text(hint, style="dim"),) if keys else ()))
 
@@ -123,11 +123,6 @@ def state_line(view: View, rate: float) -> str:
         return "not yet recording"
     whole = "" if view.wanted is None else f" of {view.wanted / rate:.1f}"
     return f"{view.frames / rate:.1f}{whole} s"
-
-
-def lost_line(view: View) -> str:
-    """Number of lost frames."""
-    return f"lost {view.lost} frames"
 
 
 def clock_lines(view: View) -> list[str]:

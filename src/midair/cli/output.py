@@ -11,7 +11,7 @@ from midair.errors import InputError
 from midair.evaluate import SolveError, error_by_energy
 from midair.files import FormatLoss, check_not_recording, load_solution, load_target, writable_path
 from midair.headroom import PressureLevel, band_of, level_of
-from midair.model import AmplitudeFrames, ArrayCalibration, Calibration, PressureFrames, Recording, Solution
+from midair.model import AmplitudeFrames, ArrayCalibration, Calibration, PressureFrames, Recording, SensorGrid, Solution
 from midair.recordings import dead_channels
 from midair.streaming import blocks
 from midair.targets import frames_without_lead
@@ -50,6 +50,14 @@ def print_written(
     return None
 
 
+def print_result(rows: list[tuple[str, str]], *, simulated: bool, json: bool, **more: object) -> None:
+    """Print rows, or their values and more as JSON."""
+    if json:
+        return print_json({**dict(rows), **more, "simulated": simulated})
+    banner(simulated)
+    return print_rows(rows)
+
+
 def may_write(path: Path, force: bool, *endings: str) -> None:
     """Refuse an output before the work: wrong ending, missing folder, existing file, recording in progress."""
     if endings and not path.name.lower().endswith(endings):
@@ -62,14 +70,10 @@ def may_write(path: Path, force: bool, *endings: str) -> None:
 
 def recording_rows(recording: Recording) -> list[tuple[str, str]]:
     """Description of a recording as names and values."""
-    rows, columns = recording.sensor.shape
-    dead = np.flatnonzero(dead_channels(recording))
+    sensor, dead = recording.sensor, np.flatnonzero(dead_channels(recording))
     return [
         ("frames", f"{recording.frames} at {recording.rate:.6g} Hz, {recording.duration:.3f} s"),
-        (
-            "sensor",
-            f"{recording.sensor.name}, {rows} x {columns}, pitch {format_quantity(recording.sensor.pitch, 'm')}",
-        ),
+        ("sensor", sensor_text(sensor)),
         ("unit", recording.unit),
         ("range", f"{recording.samples.min():.4g} to {recording.samples.max():.4g} {recording.unit}"),
         (
@@ -79,6 +83,11 @@ def recording_rows(recording: Recording) -> list[tuple[str, str]]:
     ]
 
 
+def sensor_text(sensor: SensorGrid) -> str:
+    """Name, rows, columns and pitch of a sensor."""
+    return f"{sensor.name}, {sensor.rows} x {sensor.columns}, pitch {format_quantity(sensor.pitch, 'm')}"
+
+
 def _synthetic(recording: Recording) -> bool:
     """Whether the recording is a synthetic field, in which constant cells are not broken but untouched."""
     return any(step.stage == "footprint" for step in recording.provenance.steps)
@@ -86,18 +95,13 @@ def _synthetic(recording: Recording) -> bool:
 
 def recording_figures(recording: Recording) -> dict[str, object]:
     """Description of a recording as JSON values; names carry units."""
-    rows, columns = recording.sensor.shape
+    sensor = recording.sensor
     synthetic, silent = _synthetic(recording), np.flatnonzero(dead_channels(recording)).tolist()
     return {
         "frames": recording.frames,
         "rate_hz": recording.rate,
         "duration_s": recording.duration,
-        "sensor": {
-            "name": recording.sensor.name,
-            "rows": rows,
-            "columns": columns,
-            "pitch_m": recording.sensor.pitch,
-        },
+        "sensor": {"name": sensor.name, "rows": sensor.rows, "columns": sensor.columns, "pitch_m": sensor.pitch},
         "unit": recording.unit,
         "range": [float(recording.samples.min()), float(recording.samples.max())],
         "dead_channels": [] if synthetic else silent,

@@ -72,7 +72,7 @@ def _by_hand(number: float, written: str, unit: str, advice: str) -> float:
 
 
 def quantity(unit: str, *, many: int | None = None) -> Parameter:
-    """A command-line parameter that reads `many` quantities (one if None) and shows its default in `unit`."""
+    """A command-line parameter that reads `many` quantities (None: one, -1: any number), its default in `unit`."""
 
     def convert(_: Any, tokens: Sequence[Token]) -> float | tuple[float, ...]:
         values = tuple(_value(token.value, unit) for token in tokens)

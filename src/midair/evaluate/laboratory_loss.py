@@ -59,15 +59,20 @@ class LaboratoryLoss:
 
     def plain(self) -> dict[str, object]:
         """Values for JSON."""
-        rows: dict[str, object] = {
-            name: {"stated": stated, "median_db": mid, "low_db": low, "high_db": high, "draws": len(self.ratios[name])}
-            for name, stated, mid, low, high in self.rows()
-        }
         return {
             "nominal_db": self.nominal,
             "seed": self.seed,
             "measured_array": self.measured,
-            "uncertainties": rows,
+            "uncertainties": {
+                name: {
+                    "stated": said,
+                    "median_db": mid,
+                    "low_db": low,
+                    "high_db": high,
+                    "draws": len(self.ratios[name]),
+                }
+                for name, said, mid, low, high in self.rows()
+            },
             "largest": self.largest,
             "advice": ADVICE[self.largest],
         }

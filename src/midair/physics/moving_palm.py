@@ -20,18 +20,8 @@ class MovingSpread:
     """Map from drives to the pressure at points that move with a palm, like `Spread` for points at rest.
 
     Each transducer's phase at the centre of the palm is exact at every step; the rest of the transfer matrix changes
-    slowly, and is interpolated between poses.
-
-    Parameters
-    ----------
-    points : ndarray, shape (point, 3)
-        Points of the palm in its solved place, in m.
-    solved : ndarray, shape (3,)
-        Centre of that palm.
-    path : PalmPath
-        Where the palm is, from the first step on; its last pose holds.
-    rate : float
-        Steps per second, in Hz.
+    slowly, and is interpolated between poses. `points`, shape (point, 3), lie on the palm in its solved place, whose
+    centre is `solved`, shape (3,), in m. `path` begins at the first step, and its last pose holds; `rate` is in Hz.
     """
 
     def __init__(
@@ -56,8 +46,7 @@ class MovingSpread:
         poses = poses_at(self._path, (first + 1 + np.arange(len(q))) / self._rate)
         phase = -steering_phase(self._array, self._acoustics.medium, self._solved, poses)
         out = np.empty((len(q), len(self._points)))
-        knots = _knots(poses)
-        for begin, end in pairwise(knots):
+        for begin, end in pairwise(_knots(poses)):
             steps = slice(begin, end + 1 if end == len(q) - 1 else end)
             out[steps] = self._between(q[steps], phase[steps], poses, phase[[begin, end]], (begin, end))
         return out

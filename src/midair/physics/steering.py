@@ -74,12 +74,8 @@ def steering_phase(
     -k (distance of each transducer to the aim on the palm now - distance to where the aim was): the sound of all
     transducers arrives there with the phases that it had. Beside the aim it does so approximately.
 
-    Parameters
-    ----------
-    solved : ndarray, shape (3,)
-        Centre of the palm that the frames were solved for, see `middle_of`.
-    aim : ndarray, shape (3,) or (pose, 3), optional
-        Place on the solved palm that is steered exactly, in m, such as from `aims_of`; the centre if None.
+    `solved` is the centre (3,) of the palm that the frames were solved for, see `middle_of`; `aim` the place on it that
+    is steered exactly, shape (3,) or (pose, 3), in m, such as from `aims_of`, the centre if None.
     """
     there = np.broadcast_to(solved if aim is None else aim, (len(poses.time), 3))
     here = on_the_palm(there[:, None], solved, poses)[:, 0]

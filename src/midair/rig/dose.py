@@ -60,12 +60,8 @@ def dose_report(participant: str | None = None) -> DoseReport:
     """Read the log and compute the dose of one participant, or of all.
 
     The dose of a drive that was played to its end is its mean energy times its duration. For every other order, the
-    level of the loudest frame and the longest possible duration give an upper bound.
-
-    Raises
-    ------
-    InputError
-        If the log has no order, or none of this participant.
+    level of the loudest frame and the longest possible duration give an upper bound. InputError if the log has no
+    order, or none of this participant.
     """
     events, unreadable = read_log()
     ends = {each["order"]: each for each in events if each["event"] == "end"}
@@ -96,6 +92,7 @@ def _shown(rows: Sequence[Row]) -> list[Row]:
 def _order_row(order: Mapping[str, Any], end: Mapping[str, Any] | None, places: Sequence[str], active: set[int]) -> Row:
     outcome, reason = _ending(order, end, active)
     duration, kind = _duration(order, end)
+    texts = ("user", "command", "drive", "file_sha256", "sha256", "device")
     row: Row = {
         "row": "order",
         "day": order["time"][:10],
@@ -104,22 +101,14 @@ def _order_row(order: Mapping[str, Any], end: Mapping[str, Any] | None, places: 
         "simulated": bool(order.get("simulated", False)),
         "orders": 1,
         "without_end": int(end is None),
-        "user": order.get("user", ""),
-        "command": order.get("command", ""),
-        "drive": order.get("drive", ""),
-        "file_sha256": order.get("file_sha256") or "",
-        "sha256": order.get("sha256") or "",
-        "device": order.get("device", ""),
+        **{name: order.get(name) or "" for name in texts},
         "level": _or_empty(order.get("level")),
-        "exposure": order.get("exposure", ""),
-        "override_by": order.get("override_by", ""),
+        **{name: order.get(name) or "" for name in ("exposure", "override_by")},
         "duration_s": _or_empty(duration),
         "duration_is": kind,
         "end": outcome,
         "reason": reason,
-        "palm_pa": _or_empty(order.get("palm_pa")),
-        "palm_w_m2": _or_empty(order.get("palm_w_m2")),
-        "palm_warming_k": _or_empty(order.get("palm_warming_k")),
+        **{name: _or_empty(order.get(name)) for name in ("palm_pa", "palm_w_m2", "palm_warming_k")},
     }
     for name in places:
         found = order.get("places", {}).get(name, {})

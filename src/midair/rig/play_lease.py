@@ -81,12 +81,8 @@ class PlayLease:
     def arm(self, level: float = 1.0, *, lasts: float = 0.5) -> LeaseToken:
         """Allow playing for `lasts` s up to a level, 0 to 1 of the cleared one; an earlier arming ends.
 
-        `renew` extends the time. `turn` can lower the level and raise it again, but not above this one.
-
-        Raises
-        ------
-        InputError, DeviceStateError
-            If level or time is out of range; if called by the player.
+        `renew` extends the time. `turn` can lower the level and raise it again, but not above this one. InputError if
+        level or time is out of range, DeviceStateError if called by the player.
         """
         self._require_holder("arm")
         _check_range(level, "level", 1.0)

@@ -198,20 +198,13 @@ def play(
     rig.array.cooling, rig.array.participant = chosen.cooling, chosen.participant
     admission = check_exposure(drive, rig.array, chosen.exposure, repeats=chosen.repeats)
     played = admission.check_for(rig.array)
+    how: Any = {"source": source, "delay": chosen.delay, "progress": progress, "room": chosen.exposure.room}
     if rig.sensor is None:
-        report = play_cleared(
-            admission,
-            rig.array,
-            source=source,
-            delay=chosen.delay,
-            progress=progress,
-            room=chosen.exposure.room,
-        )
+        report = play_cleared(admission, rig.array, **how)
         return Played(drive=played, outcome=admission.outcome, report=report, followed=tuple(followed))
     if chosen.delay and rig.sensor.simulated:
         raise InputError(f"delay: expected 0 on the virtual array, which plays at once, got {chosen.delay:g} s")
-    room = chosen.exposure.room
-    heard = rerecord(admission, rig.array, rig.sensor, source=source, delay=chosen.delay, progress=progress, room=room)
+    heard = rerecord(admission, rig.array, rig.sensor, **how)
     take = OpenedTake(recording=heard, calibration=rig.sensor.calibration)
     return Played(drive=played, outcome=admission.outcome, take=take, followed=tuple(followed))
 

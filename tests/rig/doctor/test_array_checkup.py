@@ -90,7 +90,7 @@ def test_a_missing_device_gives_advice():
     ],
 )
 def test_reports_are_judged(key, well, unwell):
-    assert array_checkup._check_report("x", key, well).state == "ok"
-    finding = array_checkup._check_report("x", key, unwell)
+    (sound,), (finding,) = (array_checkup.report_findings("x", {key: said}) for said in (well, unwell))
+    assert sound.state == "ok"
     assert finding.state == "broken"
     assert finding.advice

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from midair.cli.comparisons import print_laboratory, print_palm, print_side_by_side
-from midair.cli.console import banner, err, out, print_rows, progress_bars
+from midair.cli.console import banner, confirmed, out, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Seed, SolveOptions, Time, mode_name, paper_options
 from midair.cli.output import level_rows
@@ -134,11 +134,8 @@ def _confirm_overwrite(output: Path, force: bool) -> None:
     """Ask before replacing an earlier demo; without a terminal, refuse."""
     if force or not (output / "report.html").exists():
         return
-    if sys.stdin.isatty():
-        err().print(f"{output} contains an earlier demo. Overwrite it? [y/N] ", end="")
-        if sys.stdin.readline().strip().lower() in ("y", "yes"):
-            return
-    raise InputError(f"{output}: contains an earlier demo; give another folder, or --force to overwrite it")
+    if not confirmed(f"{output} contains an earlier demo. Overwrite it?"):
+        raise InputError(f"{output}: contains an earlier demo; give another folder, or --force to overwrite it")
 
 
 def _manual_commands(piece: _StrokePart, options: SolveOptions, paper: SolveOptions | None) -> tuple[str, ...]:
@@ -182,6 +179,8 @@ def _write_files(
 def _print(outcomes: list[Outcome], output: Path) -> None:
     first = outcomes[0]
     last, settings = first.loop.passes[-1].reproduction, first.loop.settings
+    # By its path where it is not on the path.
+    command = sys.argv[0] if shutil.which("midair") is None and Path(sys.argv[0]).stem == "midair" else "midair"
     out().print(f"\n{summarise_outcomes(outcomes)}\n", style="bold")
     print_side_by_side(outcomes)
     if first.palm is not None:
@@ -190,12 +189,6 @@ def _print(outcomes: list[Outcome], output: Path) -> None:
         [
             *level_rows(level_of(last.solution, last.target, band=settings.calibration.band)),
             ("report", str(output / "report.html")),
-            ("next", f"{_midair()} studio {output} opens the studio in the browser"),
+            ("next", f"{command} studio {output} opens the studio in the browser"),
         ]
     )
-
-
-def _midair() -> str:
-    """The command as this terminal finds it: by its path where it is not on the path."""
-    typed = sys.argv[0]
-    return typed if shutil.which("midair") is None and Path(typed).stem == "midair" else "midair"

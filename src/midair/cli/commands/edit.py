@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -115,13 +116,8 @@ def trim_command(
     --------
     $ midair trim take.h5 short.h5
     """
-    _edit(
-        [source],
-        output,
-        lambda takes: recordings.trim(takes[0], share=share, margin=margin),
-        force=force,
-        json=json,
-    )
+    change = partial(recordings.trim, share=share, margin=margin)
+    _edit([source], output, lambda takes: change(takes[0]), force=force, json=json)
 
 
 def gain_command(
@@ -180,13 +176,11 @@ def mask_command(
     --------
     $ midair mask take.h5 clean.h5 --channels 3,7 --fill neighbours
     """
-    _edit(
-        [source],
-        output,
-        lambda takes: recordings.mask(takes[0], _numbers(channels, takes[0]), fill=fill),
-        force=force,
-        json=json,
-    )
+
+    def masked(takes: list[Recording]) -> Recording:
+        return recordings.mask(takes[0], _numbers(channels, takes[0]), fill=fill)
+
+    _edit([source], output, masked, force=force, json=json)
 
 
 def _edit(
@@ -232,9 +226,9 @@ def _numbers(names: tuple[str, ...], recording: Recording) -> tuple[int, ...]:
 
 def _factor(text: str) -> float:
     """Factor that a number or a number of decibels means."""
-    number, decibels = (text[:-2], True) if text.lower().endswith("db") else (text, False)
+    decibels = text.lower().endswith("db")
     try:
-        value = float(number)
+        value = float(text[:-2] if decibels else text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value) or (decibels and abs(value) > 200):

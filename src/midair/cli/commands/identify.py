@@ -70,13 +70,12 @@ def identify_command(
     banner(device.simulated)
     with device, Keys() as keys:
         if tones is None:
-            test = TapTest(every=every, wait=wait)
             prompt = _prompt(device, keys=keys.active)
-            found = identify_by_taps(device, test, prompt, lambda: "s" in keys.pressed())
+            found = identify_by_taps(device, TapTest(every=every, wait=wait), prompt, lambda: "s" in keys.pressed())
         else:
-            frequency = np.linspace(*tones, device.grid.count)
-            found = identify_by_tones(device, frequency, duration)
-        written = _write(found, wiring or _default_wiring(device), sensor_file)
+            found = identify_by_tones(device, np.linspace(*tones, device.grid.count), duration)
+        own = device.wiring or SensorWiring(grid=device.grid, unit=device.unit, full_scale=device.full_scale)
+        written = _write(found, wiring or own, sensor_file)
     _print(found, sensor_file if written else None, json=json)
     return int(not found.sound)
 
@@ -91,10 +90,6 @@ def _prompt(device: SensorDevice, *, keys: bool) -> Callable[[int], None]:
 
     console.print("do not touch the sensor for a second")
     return prompt
-
-
-def _default_wiring(device: SensorDevice) -> SensorWiring:
-    return device.wiring or SensorWiring(grid=device.grid, unit=device.unit, full_scale=device.full_scale)
 
 
 def _write(found: Identity, wiring: SensorWiring, path: Path | None) -> bool:

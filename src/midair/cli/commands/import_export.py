@@ -142,34 +142,20 @@ def _convert(
     )
     if name in SAMPLES:
         imported = replace(imported, recording=with_credits(name, imported.recording))
-        notes = (*notes, *_sample_notes(name))
-    calibration = imported.calibration
-    stated = calibration_from_options(imported.recording, sensitivity, peak)
+        about = SAMPLES[name]
+        more = (f"{key}: {it}" for key, it in about.notes.items())
+        notes = (*notes, f"licence: {about.licence}", f"origin: {about.source}", *more)
+    recording = imported.recording
+    stated = calibration_from_options(recording, sensitivity, peak)
+    known = stated or imported.calibration
     pressure = load_pressure(file, streamed=True) if imported.stored and stated is None else None
-    lost = save(
-        imported.recording, target, calibration=stated or calibration, pressure=pressure, journal=imported.journal
-    )
-    rows = [("recording", str(target)), *recording_rows(imported.recording)]
-    if imported.recording.unit != "Pa" or stated or calibration:
-        rows.append(("calibration", calibration_text(stated or calibration)))
-    figures = {
-        "recording": str(target),
-        **recording_figures(imported.recording),
-        "calibration": calibration_figures(stated or calibration),
-    }
-    print_written(
-        rows, figures, (*notes, *imported.report), lost, simulated=imported.recording.provenance.simulated, json=json
-    )
-
-
-def _sample_notes(name: str) -> tuple[str, ...]:
-    """Licence, origin and notes of a sample, one per line."""
-    about = SAMPLES[name]
-    return (
-        f"licence: {about.licence}",
-        f"origin: {about.source}",
-        *(f"{key}: {it}" for key, it in about.notes.items()),
-    )
+    lost = save(recording, target, calibration=known, pressure=pressure, journal=imported.journal)
+    rows = [("recording", str(target)), *recording_rows(recording)]
+    if recording.unit != "Pa" or known:
+        rows.append(("calibration", calibration_text(known)))
+    figures = {"recording": str(target), **recording_figures(recording), "calibration": calibration_figures(known)}
+    notes = (*notes, *imported.report)
+    print_written(rows, figures, notes, lost, simulated=recording.provenance.simulated, json=json)
 
 
 def export_command(
@@ -201,14 +187,7 @@ def export_command(
         recording, calibration, made = as_recording(made), None, None
     lost = save(recording, output, calibration=calibration, pressure=made)
     rows = [("written", str(output)), ("format", format_of(output).name)]
-    print_written(
-        rows,
-        {"written": str(output), "format": format_of(output).name},
-        (),
-        lost,
-        simulated=recording.provenance.simulated,
-        json=json,
-    )
+    print_written(rows, dict(rows), (), lost, simulated=recording.provenance.simulated, json=json)
 
 
 def repair_command(source: Path, /) -> None:

@@ -172,13 +172,11 @@ def _facts_of_drive(source: Path) -> _FileFacts:
 
 
 def _settings(settings: Mapping[str, Setting]) -> str:
-    # Positions of a motion stage, ten a second: their number here, all of them with --json.
+    # Positions of a motion stage, ten a second: their number here, all of them with --json. Names without a dot carry
+    # their unit.
     return ", ".join(
-        f"{len(value)} {name}" if name == "stamps" and isinstance(value, tuple) else f"{name} {_with_unit(name, value)}"
+        f"{len(value)} {name}"
+        if name == "stamps" and isinstance(value, tuple)
+        else f"{name} {format_setting(name, value) if '.' in name else value}"
         for name, value in settings.items()
     )
-
-
-def _with_unit(name: str, value: Setting) -> object:
-    """A setting with its unit; names without a dot carry their unit."""
-    return format_setting(name, value) if "." in name else value

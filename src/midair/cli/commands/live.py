@@ -2,6 +2,7 @@
 
 import sys
 import time
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 
@@ -176,31 +177,18 @@ def _watch(session: LiveSession, signals: Signals, *, quiet: bool) -> None:
     """Wait for the end, with a status line if stderr is a terminal."""
     shown = not quiet and not verbosity().quiet and sys.stderr.isatty()
     warned = False
-    with Screen(console=err(), refresh_per_second=10, transient=True) if shown else _NoScreen() as screen:
+    with Screen(console=err(), refresh_per_second=10, transient=True) if shown else nullcontext() as screen:
         while session.wait(0.1) and not signals.came:
             counts = session.statistics
-            screen.update(Text(_status_line(counts)))
+            if screen is not None:
+                screen.update(Text(_status_line(counts)))
             warned = _rate_warning(counts, warned)
-
-
-class _NoScreen:
-    """Replacement for the status line that shows nothing."""
-
-    def __enter__(self) -> "_NoScreen":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        return None
-
-    def update(self, _: Text) -> None:
-        """Ignore the text."""
 
 
 def _status_line(counts: LiveStatistics) -> str:
     parts = " + ".join(f"{name} {1e3 * part:.3g}" for name, part in counts.parts.items())
-    return (
-        f"{counts.frames} frames, {counts.lost} lost, {counts.late} late   {1e3 * counts.latency:.3g} ms = {parts} ms"
-    )
+    seen = f"{counts.frames} frames, {counts.lost} lost, {counts.late} late"
+    return f"{seen}   {1e3 * counts.latency:.3g} ms = {parts} ms"
 
 
 def _by_band(session: LiveSession) -> dict[str, float]:
@@ -235,33 +223,24 @@ def _network_rows(session: LiveSession) -> list[tuple[str, str]]:
     return [("network", f"{said}; {counts['repeated']} duplicates and {counts['refused']} other packets dropped")]
 
 
-def _worst(counts: LiveStatistics) -> str:
-    return "; ".join(f"second {second}: {late} late, {lost} lost" for second, late, lost in counts.worst)
-
-
-def _over_time(counts: LiveStatistics) -> str:
-    return "; ".join(f"{name} {' '.join(map(str, parts))}" for name, parts in counts.over_time.items())
-
-
 def _statistics_rows(counts: LiveStatistics) -> list[tuple[str, str]]:
     def times(shares: tuple[float, ...]) -> str:
         names = ("half", "99 %", "99.9 %", "all")
         return ", ".join(f"{name} within {1e3 * each:.3g}" for name, each in zip(names, shares, strict=True)) + " ms"
 
-    return [
+    worst = "; ".join(f"second {second}: {late} late, {lost} lost" for second, late, lost in counts.worst)
+    tenths = "; ".join(f"{name} {' '.join(map(str, parts))}" for name, parts in counts.over_time.items())
+    rows = [
         ("frames", f"{counts.frames}, {counts.played} of them played"),
         ("lost", f"{counts.lost} missing from the sensor, in {counts.gaps} gaps of 20 ms or more"),
         ("late", f"{counts.late}; {counts.hurried} solved in half the time, {counts.unanswered} without a solution"),
-        *([("too hot", f"{counts.hot} frames dropped while a unit was too hot")] if counts.hot else []),
-        *(
-            [("failsafe", f"silenced the units {counts.failsafe} times; the level rose again")]
-            if counts.failsafe
-            else []
-        ),
+        ("too hot", f"{counts.hot} frames dropped while a unit was too hot" if counts.hot else ""),
+        ("failsafe", f"silenced the units {counts.failsafe} times; the level rose again" if counts.failsafe else ""),
         ("latency", f"{1e3 * counts.latency:.3g} ms from skin to skin"),
         ("sent after they were taken", times(counts.left)),
         ("work on a frame", times(counts.work)),
-        *([("worst seconds", _worst(counts))] if counts.worst else []),
-        *([("by tenths of the run", _over_time(counts))] if counts.worst or counts.gaps else []),
+        ("worst seconds", worst),
+        ("by tenths of the run", tenths if counts.worst or counts.gaps else ""),
         *_rate_rows(counts),
     ]
+    return [(name, text) for name, text in rows if text]

@@ -8,11 +8,12 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
-from midair.cli.console import PlainConsole, banner, err, print_json, print_rows, verbosity
+from midair.cli.console import banner, err, print_json, print_rows, verbosity
 from midair.cli.keys import Keys, Signals, signals_noted
 from midair.cli.meter_screen import MeterScreen
 from midair.cli.options import Json, Quiet, options_from, settings_from
-from midair.cli.quantities import format_quantity, parse_quantity
+from midair.cli.output import sensor_text
+from midair.cli.quantities import parse_quantity
 from midair.cli.stage_options import Drawing, StageOptions, recorded_strokes, stroke_rows
 from midair.devices import PacedSensor, SensorDevice
 from midair.errors import DeviceError, InputError
@@ -148,13 +149,11 @@ def _takes(
         with screen.take(f"{path.name}, {kind} {number} of {many}" if many > 1 or drawing else path.name):
             take = record_take(device, settings, screen, companion, path=path, notes=about.notes, about=noted, key=key)
         yield take
-        if drawing is None and take.end in ("quit", "kill", "failure"):
+        if take.end in ("quit", "kill", "failure") if drawing is None else take.end != "companion":
+            if drawing is not None and take.end != "failure":
+                err().print(drawing.stands)
             return
         if drawing is not None:
-            if take.end != "companion":
-                if take.end != "failure":
-                    err().print(drawing.stands)
-                return
             drawing.to_start(screen.ends)
         if number < many and not waits and not _wait_pause(settings, device, screen, staged=drawing is not None):
             return
@@ -189,16 +188,14 @@ def _subject(sensor: str, stated: Subject, *, ask: bool) -> Subject:
     if not (ask and console.is_terminal and sys.stdin.isatty()):
         return stated
     before = last_subject().notes
-    said = {name: value or _answer(console, name, before.get(name, "")) for name, value in asdict(stated).items()}
+    said = asdict(stated)
+    for name in [name for name, value in said.items() if not value]:
+        # Enter keeps the last answer.
+        default = before.get(name, "")
+        said[name] = console.input(f"{name} [{default}]: " if default else f"{name}: ").strip() or default
     about = Subject(**said)
     store_subject(about)
     return about
-
-
-def _answer(console: PlainConsole, name: str, default: str) -> str:
-    """Ask for one note; Enter keeps the last answer."""
-    offered = f" [{default}]" if default else ""
-    return console.input(f"{name}{offered}: ").strip() or default
 
 
 def _status(takes: list[Take], device: SensorDevice) -> int:
@@ -218,11 +215,10 @@ def _status(takes: list[Take], device: SensorDevice) -> int:
 
 def take_rows(take: Take, device: SensorDevice, *, staged: bool = False) -> list[tuple[str, str]]:
     """A take as rows, with its problems; with its strokes if a motion stage moved the object."""
-    rows, columns = device.grid.shape
     return [
         ("recording", str(take.path)),
         ("frames", f"{take.frames} at {device.rate:.6g} Hz, {take.frames / device.rate:.3f} s"),
-        ("sensor", f"{device.grid.name}, {rows} x {columns}, pitch {format_quantity(device.grid.pitch, 'm')}"),
+        ("sensor", sensor_text(device.grid)),
         ("range", f"{take.lowest:.4g} to {take.highest:.4g} {device.unit}"),
         *(stroke_rows(_provenance(take), device.rate) if staged else []),
         *take_problems(take, device.rate),

@@ -4,7 +4,6 @@ import os
 import sys
 import time
 import webbrowser
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -101,7 +100,9 @@ def show_command(
     shown = replace(shown, chosen=channel)
     banner(shown.simulated)
     rows = _WRITERS[path.suffix.lower()](shown, path)
-    told = [*rows, ("written", f"{path}, {_size(path.stat().st_size)}, in {time.monotonic() - began:.1f} s")]
+    count = path.stat().st_size
+    size = f"{count / 1e6:.3g} MB" if count >= 1e5 else f"{count / 1e3:.3g} kB"
+    told = [*rows, ("written", f"{path}, {size}, in {time.monotonic() - began:.1f} s")]
     print_rows([("shown", f"{shown.title}, {shown.frames} frames, {shown.duration:.4g} s"), *told])
     if path.suffix.lower() == ".html" and not no_browser and _has_browser():
         webbrowser.open(path.resolve().as_uri())
@@ -131,16 +132,12 @@ def _page(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     return []
 
 
-def _film(write: Callable[..., None]) -> Callable[[ViewData, Path], list[tuple[str, str]]]:
-    def write_film(shown: ViewData, path: Path) -> list[tuple[str, str]]:
-        film = Film(shown)
-        out().print(f"film of {len(film)} pictures, {film.seconds:.3g} s, {film.slower:.4g} times slower")
-        kind = path.suffix.lower()
-        with progress_bars(f"film {kind}", len(film)) as stage, atomic_file(path) as partial:
-            write(film, partial, progress=stage("film"))
-        return []
-
-    return write_film
+def _film(shown: ViewData, path: Path) -> list[tuple[str, str]]:
+    film, kind = Film(shown), path.suffix.lower()
+    out().print(f"film of {len(film)} pictures, {film.seconds:.3g} s, {film.slower:.4g} times slower")
+    with progress_bars(f"film {kind}", len(film)) as stage, atomic_file(path) as partial:
+        (write_mp4 if kind == ".mp4" else write_gif)(film, partial, progress=stage("film"))
+    return []
 
 
 def _wave(shown: ViewData, path: Path) -> list[tuple[str, str]]:
@@ -152,11 +149,7 @@ def _wave(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     return [("heard", f"channel {shown.channel}; full scale is {heard.full_scale:.3g} {shown.samples.unit}")]
 
 
-_WRITERS = {".html": _page, ".mp4": _film(write_mp4), ".gif": _film(write_gif), ".wav": _wave}
-
-
-def _size(count: int) -> str:
-    return f"{count / 1e6:.3g} MB" if count >= 1e5 else f"{count / 1e3:.3g} kB"
+_WRITERS = {".html": _page, ".mp4": _film, ".gif": _film, ".wav": _wave}
 
 
 def _made_by_show(path: Path) -> bool:
@@ -169,7 +162,5 @@ def _made_by_show(path: Path) -> bool:
 
 def _has_browser() -> bool:
     """Whether a browser can open here: stdout is a terminal and there is a display."""
-    windows = sys.platform in ("win32", "darwin") or bool(
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    )
-    return sys.stdout.isatty() and windows
+    windows = sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    return sys.stdout.isatty() and bool(windows)

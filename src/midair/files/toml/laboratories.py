@@ -39,10 +39,9 @@ def load_laboratory(path: str | os.PathLike[str]) -> Laboratory:
     """
     content = read_toml(path, "a TOML file with the uncertainties of a laboratory")
     try:
-        found: Laboratory = from_plain(Laboratory, content)
+        return from_plain(Laboratory, content)
     except InputError as wrong:
         raise BrokenFileError(f"{path}: {wrong}") from wrong
-    return found
 
 
 def save_laboratory(laboratory: Laboratory, path: str | os.PathLike[str]) -> None:

@@ -16,10 +16,11 @@ from midair.calibration import (
     fit_array,
     typical_uncertainty,
 )
-from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exposure, read_frames
-from midair.errors import InputError, RateError
+from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exposure
+from midair.errors import InputError
 from midair.model import HEIGHT, HEIGHTS, Acoustics, ArrayCalibration, Drive, Provenance
 from midair.physics import TransducerDynamics, radiation_pressure, transfer_matrix
+from midair.rig.bench.beam_bench import record_silence, samples_per_frame
 from midair.rig.correction import Stage, no_progress
 from midair.rig.playing import default_exposure, rerecord
 from midair.validation import length
@@ -64,29 +65,14 @@ def calibrate_array(
     stage: Stage = no_progress,
     warn: Callable[[str], None] = no_warning,
 ) -> ArrayCalibration:
-    """Measure the transducers of an open array with an open, calibrated sensor.
+    """Measure the transducers of an open array, whose silencer is off, with an open, calibrated sensor.
 
-    Parameters
-    ----------
-    array, sensor : ArrayDevice, SensorDevice
-        Open; both real or both virtual. The array's silencer must be off.
-    plan : ArrayPlan, optional
-        Duration and strength of the codes.
-    height, acoustics, exposure, stage, warn
-        As in `ArraySession`.
-    dynamics : TransducerDynamics, optional
-        Envelope of the model's transducers.
-    date : str
-        As in `ArrayCalibration`.
+    Height, acoustics, exposure, stage and warn are those of `ArraySession`; `dynamics` is the envelope of the model's
+    transducers.
 
-    Raises
-    ------
-    MismatchError
-        If only one of the two devices is simulated.
-    RateError
-        If the sensor's rate is not an integer multiple of the codes' rate.
-    InputError
-        If the sensor has no calibration, does not detect the beam, clips, is too noisy, or moved by more than 0.5 mm.
+    MismatchError if only one of the two devices is simulated, RateError if the sensor's rate is not an integer multiple
+    of the codes' rate, InputError if the sensor has no calibration, does not detect the beam, clips, is too noisy, or
+    moved by more than 0.5 mm.
     """
     session = ArraySession(
         height=length(height, "height", HEIGHTS),
@@ -129,11 +115,7 @@ def _recorded(
     known = sensor.calibration
     if known is None:
         raise InputError(f"{sensor.name}: expected a sensor with a calibration, got none; give one with --calibration")
-    per = sensor.rate / plan.rate
-    if per < 1 or abs(per - round(per)) > 1e-6:
-        raise RateError(
-            f"{sensor.name}: expected an integer multiple of the codes' {plan.rate:g} Hz, got {sensor.rate:g} Hz"
-        )
+    per = samples_per_frame(sensor, plan.rate, "the codes'")
     nominal = array.array.nominal
     codes = array_codes(nominal, sensor.grid, plan, acoustics=acoustics, height=height)
     drive = Drive(
@@ -148,12 +130,8 @@ def _recorded(
     model = ArrayField(
         array=nominal, codes=codes, acoustics=acoustics, calibration=known, height=height, rate=sensor.rate
     )
-    sensor.start()
-    try:
-        silence = read_frames(sensor, round(_SILENCE * sensor.rate)).reshape(-1, sensor.grid.count)
-    finally:
-        sensor.stop()
-    check_silence(silence, model, session.warn)
+    silence = record_silence(sensor, duration=_SILENCE)
+    check_silence(silence.samples.reshape(silence.frames, -1), model, session.warn)
     recording = rerecord(
         admission, array, sensor, source="array calibration", tail=0.1, progress=session.stage("play codes")
     )
@@ -166,7 +144,7 @@ def _recorded(
                 f"lower --top ({plan.top:g} Pa)"
             )
     if not sensor.simulated:
-        expected = _expected(drive, sensor, list(codes.cells), height, round(per))
+        expected = _expected(drive, sensor, list(codes.cells), height, per)
         samples = samples[find_lag(samples[:, list(codes.cells)].sum(axis=1), expected) :]
     told = {"array": array.name, "sensor": known.identifier, "seconds": plan.duration, "top_pa": plan.top}
     told |= {"height_m": height, "temperature_c": acoustics.medium.degrees}

@@ -43,35 +43,16 @@ def calibrate_by_beam(
 ) -> Calibration:
     """Calibrate an open sensor with an open array.
 
-    Parameters
-    ----------
-    array, sensor : ArrayDevice, SensorDevice
-        Open; both real or both virtual.
-    plan : BeamPlan, optional
-        Signal that is played on each cell.
-    setting : BeamSetting, optional
-        Position of the sensor, directivity of its cells, and their uncertainties.
-    acoustics, dynamics
-        Model of the array.
-    exposure : ExposureChoices, optional
-        Exposure limits of each drive; the default profile if None.
-    date, version
-        As in `Calibration`.
-    progress : callable, optional
-        Called with (cells done, total cells).
+    `plan` is the signal on each cell, `setting` the position of the sensor, the directivity of its cells, and their
+    uncertainties, `acoustics` and `dynamics` the model of the array. The exposure limits of each drive are those of the
+    default profile if None; `progress` is called with (cells done, total cells).
 
-    Raises
-    ------
-    MismatchError
-        If only one of the two devices is simulated.
-    RateError
-        If the sensor's rate is not an integer multiple of the plan's rate.
-    InputError
-        If the array cannot reach the plan's pressure, or the sensor does not detect the beam.
+    MismatchError if only one of the two devices is simulated, RateError if the sensor's rate is not an integer multiple
+    of the plan's rate, InputError if the array cannot reach the plan's pressure or the sensor does not detect the beam.
     """
     plan, setting = plan or BeamPlan(), setting or BeamSetting()
     acoustics, dynamics = acoustics or Acoustics(), dynamics or TransducerDynamics()
-    _check_rate(sensor, plan)
+    steps = samples_per_frame(sensor, plan.rate, "the beam's")
     field = beam_field(array.array, sensor.grid, setting, acoustics=acoustics)
     strongest = float(field.middle.mean())
     level = _level(plan, strongest)
@@ -84,7 +65,6 @@ def calibrate_by_beam(
         admission = check_exposure(drive, array, exposure or default_exposure())
         recording = rerecord(admission, array, sensor, source="beam calibration")
         flat = recording.samples.reshape(recording.frames, -1)
-        steps = round(sensor.rate / plan.rate)
         lag = find_lag(flat[:, cell], np.repeat(expected, steps))
         output.append(tone_amplitudes(flat, sensor.rate, plan, lag=lag))
         recordings.append(recording)
@@ -101,8 +81,12 @@ def calibrate_by_beam(
         # The beam begins anywhere within a frame: standard deviation of a uniform distribution.
         timing=1 / (np.sqrt(12) * plan.rate),
     )
-    told = _with_provenance(recordings[0], array, plan)
-    return measure_beam(reading, sensor=told, quiet=_record_silence(sensor), date=date, version=version)
+    # The first recording, with the provenance of the whole measurement.
+    life = Provenance(source=f"measured by a beam of {array.name}", simulated=recordings[0].provenance.simulated).then(
+        "beam", {"array": array.name, "tones_hz": tuple(float(tone) for tone in plan.tones), "rate_hz": plan.rate}
+    )
+    told = replace(recordings[0], provenance=life)
+    return measure_beam(reading, sensor=told, quiet=record_silence(sensor), date=date, version=version)
 
 
 def _level(plan: BeamPlan, strongest: float) -> Array:
@@ -133,8 +117,8 @@ def _drive(plan: BeamPlan, level: Array, array: ArrayDevice, focus: Array, acous
     return Drive(phase=phase, level=level, rate=plan.rate, array=array.array, acoustics=acoustics, provenance=life)
 
 
-def _record_silence(sensor: SensorDevice, *, duration: float = 4.0) -> Recording:
-    """Record the sensor while nothing plays."""
+def record_silence(sensor: SensorDevice, *, duration: float = 4.0) -> Recording:
+    """Record the sensor while nothing plays, for a duration in s."""
     sensor.start()
     try:
         samples = read_frames(sensor, round(duration * sensor.rate))
@@ -143,17 +127,9 @@ def _record_silence(sensor: SensorDevice, *, duration: float = 4.0) -> Recording
     return Recording(samples=samples, rate=sensor.rate, sensor=sensor.grid, unit=sensor.unit)
 
 
-def _with_provenance(recording: Recording, array: ArrayDevice, plan: BeamPlan) -> Recording:
-    """Return the first recording with the provenance of the whole measurement."""
-    life = Provenance(source=f"measured by a beam of {array.name}", simulated=recording.provenance.simulated).then(
-        "beam", {"array": array.name, "tones_hz": tuple(float(tone) for tone in plan.tones), "rate_hz": plan.rate}
-    )
-    return replace(recording, provenance=life)
-
-
-def _check_rate(sensor: SensorDevice, plan: BeamPlan) -> None:
-    ratio = sensor.rate / plan.rate
+def samples_per_frame(sensor: SensorDevice, rate: float, whose: str) -> int:
+    """Samples of a sensor in one frame at a rate in Hz; RateError if that is no integer."""
+    ratio = sensor.rate / rate
     if ratio < 1 or abs(ratio - round(ratio)) > 1e-6:
-        raise RateError(
-            f"{sensor.name}: expected an integer multiple of the beam's {plan.rate:g} Hz, got {sensor.rate:g} Hz"
-        )
+        raise RateError(f"{sensor.name}: expected an integer multiple of {whose} {rate:g} Hz, got {sensor.rate:g} Hz")
+    return round(ratio)

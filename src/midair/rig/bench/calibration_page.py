@@ -30,7 +30,10 @@ def check_page_name(path: Path) -> None:
 
 def render_calibration(calibration: Calibration) -> str:
     """Render the page as HTML without external resources."""
-    at = _reference_frequency(calibration)
+    # The bin closest to 100 Hz.
+    at = float(calibration.frequency[np.argmin(np.abs(calibration.frequency - 100.0))])
+    sensitivity = "sensitivity (mV/Pa)" if calibration.unit == "V" else f"sensitivity ({calibration.unit}/Pa)"
+    others = ("delay (µs)", "noise-equivalent (mPa rms)", "gain", "intercept (Pa)", "bend (%)")
     picture = Picture(
         title="Response, uncertainty, coherence, noise, crosstalk, linearity and delay",
         data=png_bytes(calibration_figure(calibration), dpi=100),
@@ -42,7 +45,7 @@ def render_calibration(calibration: Calibration) -> str:
         rows=calibration_rows(calibration),
         picture=picture,
         frequency=f"{at:g} Hz",
-        columns=_columns(calibration),
+        columns=["channel", sensitivity, *others],
         channels=[_channel(calibration, channel, at) for channel in range(calibration.sensor.count)],
         steps=[
             (step.stage, ", ".join(f"{name} {value}" for name, value in step.settings.items()))
@@ -94,24 +97,6 @@ def describe_uncertainty(calibration: Calibration) -> str:
     shared = 200 * measured.reference_uncertainty
     where = f"{band[0]:g} to {band[1]:g} Hz" if band[0] < band[1] else f"{band[0]:g} Hz"
     return f"± {100 * typical:.2g} % of the response (k = 2, median over {where}), {shared:.2g} % of it shared"
-
-
-def _reference_frequency(calibration: Calibration) -> float:
-    """Frequency of the bin closest to 100 Hz."""
-    return float(calibration.frequency[np.argmin(np.abs(calibration.frequency - 100.0))])
-
-
-def _columns(calibration: Calibration) -> list[str]:
-    unit = calibration.unit
-    return [
-        "channel",
-        f"sensitivity (m{unit}/Pa)" if unit == "V" else f"sensitivity ({unit}/Pa)",
-        "delay (µs)",
-        "noise-equivalent (mPa rms)",
-        "gain",
-        "intercept (Pa)",
-        "bend (%)",
-    ]
 
 
 def _channel(calibration: Calibration, channel: int, at: float) -> list[str]:

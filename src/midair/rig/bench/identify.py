@@ -69,12 +69,7 @@ class Identity:
 
 
 def identify(answer: Array, noise: Array, grid: SensorGrid, *, signals: Array | None = None) -> Identity:
-    """Assign channels to cells.
-
-    `answer`, shape (cell, channel), is the strength of each channel's response when each cell was touched; `noise`,
-    shape (channel,), the same figure without touch; `signals`, shape (frame, channel), serve to detect channels that
-    carry the same signal. ShapeError if shapes do not fit, InputError if no channel responded.
-    """
+    """Assign channels from responses (cell, channel), noise (channel,), and signals (frame, channel) to find copies."""
     if answer.shape != (grid.count, grid.count) or noise.shape != (grid.count,):
         raise ShapeError(f"answers: expected {grid.count} cells and channels, got {answer.shape} and {noise.shape}")
     # A channel without noise would have an infinite ratio.
@@ -103,9 +98,11 @@ def assignment_problems(identity: Identity) -> list[str]:
     """Problems of an assignment, one sentence each; empty if every channel works and is in its place."""
     said = [f"channel {c} is dead: it never responded; check its wire" for c in identity.dead]
     said += [f"channels {a} and {b} carry the same signal: one wire goes to both" for a, b in identity.alike]
-    said += [f"{_cell_name(c, identity.grid)}: no channel of its own responded" for c in identity.silent]
+    places = enumerate(np.ndindex(identity.grid.shape))
+    names = [f"cell {cell} (row {row}, column {column})" for cell, (row, column) in places]
+    said += [f"{names[c]}: no channel of its own responded" for c in identity.silent]
     said += [
-        f"{_cell_name(c, identity.grid)}: channel {identity.channel[c]} is not certain, "
+        f"{names[c]}: channel {identity.channel[c]} is not certain, "
         f"only {identity.margin[c]:.1f} dB above the next; tap again, harder, and only there"
         for c in identity.doubtful
     ]
@@ -159,11 +156,6 @@ def _duplicates(signals: Array, heard: NDArray[np.bool_]) -> tuple[tuple[int, in
     return tuple(
         (int(a), int(b)) for a, b in np.argwhere(np.triu(likeness > ALIKE, 1)) if heard[int(a)] and heard[int(b)]
     )
-
-
-def _cell_name(cell: int, grid: SensorGrid) -> str:
-    row, column = divmod(cell, grid.columns)
-    return f"cell {cell} (row {row}, column {column})"
 
 
 def _permutation(identity: Identity) -> str:

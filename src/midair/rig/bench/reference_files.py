@@ -34,21 +34,12 @@ def read_takes(
 ) -> tuple[list[ReferencedTake], list[str]]:
     """Read the takes, and return one sentence for each adjustment that made the pairs fit.
 
-    Parameters
-    ----------
-    recordings, references : sequence of Path
-        Recordings of the sensor, and one reference file for each, begun at the same moment; no references if they
-        are a channel of the recordings.
-    cells : sequence of int or None, optional
-        Channel of the cell that was pressed in each recording, None for all cells; by default from the recordings'
-        notes (``pressed``: ``cell 3`` or ``all cells``).
+    Each recording of the sensor has a reference file, begun at the same moment, unless the references are a channel of
+    the recordings. `cells` are the channels that were pressed, None for all cells; by default from the recordings'
+    notes (``pressed``: ``cell 3`` or ``all cells``).
 
-    Raises
-    ------
-    MismatchError
-        If the numbers of references or cells and of recordings differ, or the lengths of a pair differ.
-    UnitError
-        If a sensitivity is missing.
+    MismatchError if the numbers of references or cells and of recordings differ, or the lengths of a pair differ;
+    UnitError if a sensitivity is missing.
     """
     if (choice.channel is None) != bool(references):
         raise MismatchError(

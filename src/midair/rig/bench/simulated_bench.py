@@ -99,19 +99,10 @@ def write_practice_recordings(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> str:
-    """Write simulated recordings of a calibration: all cells at five levels, each cell alone, and one without pressure.
+    """Write simulated recordings of a calibration, of `duration` s each; return the command that computes it.
 
-    The folder is created if it does not exist; `kind` is the pressure signal, `duration` that of each recording in s.
-
-    Returns
-    -------
-    str
-        The command that computes the calibration.
-
-    Raises
-    ------
-    FileError
-        If one of the files exists already.
+    All cells at five levels, each cell alone, and one without pressure, in a folder that is created if it does not
+    exist. FileError if one of the files exists already.
     """
     bench = practice_bench(seed)
     folder.mkdir(parents=True, exist_ok=True)

@@ -37,12 +37,8 @@ def identify_by_taps(sensor: SensorDevice, test: TapTest, prompt: Prompt, skip: 
     """Assign channels to cells from a tap on each cell in turn, row by row.
 
     The open sensor is started and stopped here. `prompt` is called with each cell when it is to be tapped; the cell is
-    skipped when `skip` returns True.
-
-    Raises
-    ------
-    DeviceError, InputError
-        If the sensor ends before the first tap; if no channel responded.
+    skipped when `skip` returns True. DeviceError if the sensor ends before the first tap, InputError if no channel
+    responded.
     """
     sensor.start()
     try:
@@ -93,9 +89,7 @@ class _SensorReader:
 
     def take(self, frames: int) -> Array:
         """Return the next frames, shape (frame, channel); DeviceError if the sensor ends early."""
-        while len(self._waiting) < frames and self._read_block():
-            pass
-        if len(self._waiting) < frames:
+        if not self._fill_buffer(frames):
             raise DeviceError(
                 f"{self._sensor.name}: expected another {frames / self._sensor.rate:.3g} s, the sensor ended early"
             )
@@ -105,16 +99,14 @@ class _SensorReader:
     def next_beat(self) -> Array:
         """Return one interval relative to rest; no frames after the end of the source."""
         frames = self._frames(self._test.every or 1.0)
-        while len(self._waiting) < frames and self._read_block():
-            pass
-        if len(self._waiting) < frames:
-            return np.zeros((0, len(self.rest)))
-        return self.take(frames) - self.rest
+        return self.take(frames) - self.rest if self._fill_buffer(frames) else np.zeros((0, len(self.rest)))
 
     def next_tap(self, skip: Skip) -> Array:
         """Return the next tap relative to rest, no frames after the timeout; then wait until the signal has decayed."""
         passed, block = 0, self._frames(0.05)
-        while passed < self._frames(self._test.wait) and not skip() and self._fill_buffer(block):
+        while (
+            passed < self._frames(self._test.wait) and not skip() and (self._fill_buffer(block) or len(self._waiting))
+        ):
             begin = self._find_onset(self._waiting[:block])
             if begin is None:
                 passed += len(self.take(min(block, len(self._waiting))))
@@ -135,7 +127,8 @@ class _SensorReader:
     def _wait_for_decay(self, block: int) -> None:
         """Wait until a tenth of a second stays below half the level, up to the timeout."""
         calm = passed = 0
-        while calm < self._frames(0.1) and passed < self._frames(self._test.wait) and self._fill_buffer(block):
+        most = self._frames(self._test.wait)
+        while calm < self._frames(0.1) and passed < most and (self._fill_buffer(block) or len(self._waiting)):
             part = self.take(min(block, len(self._waiting)))
             calm = 0 if self._find_onset(part, share=0.5) is not None else calm + len(part)
             passed += len(part)
@@ -148,10 +141,10 @@ class _SensorReader:
         return int(past.argmax()) if past.any() else None
 
     def _fill_buffer(self, frames: int) -> bool:
-        """Buffer some frames; False when the source has ended and the buffer is empty."""
+        """Buffer some frames; False when the source has ended before."""
         while len(self._waiting) < frames and self._read_block():
             pass
-        return len(self._waiting) > 0
+        return len(self._waiting) >= frames
 
     def _read_block(self) -> bool:
         if self._ended:

@@ -37,14 +37,8 @@ def calibrate_tracker(
     focus in Pa. `say` gets the index of a place before it is marked; `entered` returns whether the person confirmed the
     place since the last call, which accepts a palm that is not still.
 
-    Raises
-    ------
-    ExposureError
-        If the focus exceeds the profile.
-    DeviceError
-        If the palm is not held still for a minute, or the tracker sends nothing.
-    InputError
-        If the places are collinear or do not fit; `fit_tracker`.
+    ExposureError if the focus exceeds the profile, DeviceError if the palm is not held still for a minute or the
+    tracker sends nothing, InputError if the places are collinear or do not fit; `fit_tracker`.
     """
     held: list[Array] = []
     for at, place in enumerate(places):

@@ -37,13 +37,9 @@ LONGEST = 1.0
 
 
 def expected_gain(original: PressureFrames, asked: PressureFrames, settings: Settings) -> float:
-    """Gain of a pass on a perfect array: mapping, interpolation, cells, hold and transducers, in the strongest second.
-
-    A cell averages over its aperture and its gel, while a focus is narrower and a pattern wider: a gain that is
-    measured at a focus alone would make the first pass several times too strong. `asked` is the original with the lead
-    on both sides. The target is assumed to be met; frame hold and transducers
-    attenuate it unless that is compensated.
-    """
+    """Gain of a pass on a perfect array in the strongest second: mapping, interpolation, cells, hold, transducers."""
+    # A cell averages over its aperture and its gel, while a focus is narrower and a pattern wider: a gain that is
+    # measured at a focus alone would make the first pass several times too strong.
     lead = (asked.frames - original.frames) / 2 / asked.rate
     start = lead + _strongest_second(original)
     part = asked.cut(max(0.0, start - lead), LONGEST + 2 * lead)
@@ -154,12 +150,7 @@ class Loop:
 def beam_test(
     rig: OpenRig, settings: Settings, *, top: float = 100.0, levels: int = 6, progress: Progress | None = None
 ) -> BeamTest:
-    """Measure the gain of the beam with a beating focus at several levels, on the channel nearest to the centre.
-
-    The gain is the sensor's reading over the model's reading of a cell, so that an array of the assumed strength has
-    gain 1. `top` is the largest commanded pressure at the focus in Pa; `levels`, 5 or more, are evenly spaced in
-    pressure.
-    """
+    """Measure the beam's gain over the model's, by a beating focus at levels up to `top` Pa on the centre channel."""
     frequency, cycles = _beat(settings)
     sensor, transducers = rig.listening(), rig.transducers
     channel = (sensor.grid.rows - 1) // 2 * sensor.grid.columns + (sensor.grid.columns - 1) // 2

@@ -20,7 +20,6 @@ from midair.model import (
     Progress,
     Provenance,
     Recording,
-    SensorGrid,
 )
 from midair.physics import PlaybackChain, simulate, transfer_matrix
 from midair.pipeline import calibrated_pressure
@@ -50,8 +49,7 @@ def palm_of_drive(
     `asked` is the target pressure on the cells, from the drive's first frame; `judged` the (start, duration) of the
     compared part in s, all if None; `band` the compared (low, high) in Hz.
     """
-    wanted, pressure = _palm_pressure(asked, drive, palm, chain, rig, progress)
-    rates, square = (asked.rate, rig.skin().rate), _square(asked.sensor)
+    wanted, pressure, rates, square = _palm_pressure(asked, drive, palm, chain, rig, progress)
     return palm_fidelity(wanted, pressure, palm, rates=rates, square=square, judged=judged, band=band)
 
 
@@ -67,27 +65,22 @@ def palm_frames_of_drive(
     skin: str = "soft, deep",
 ) -> PalmFrames:
     """Simulate a drive on a palm frame by frame, for display; parameters as in `palm_of_drive`."""
-    wanted, pressure = _palm_pressure(asked, drive, palm, chain, rig, None)
-    rates, square = (asked.rate, rig.skin().rate), _square(asked.sensor)
+    wanted, pressure, rates, square = _palm_pressure(asked, drive, palm, chain, rig, None)
     return palm_frames(wanted, pressure, palm, rates=rates, square=square, judged=judged, band=band, skin=skin)
-
-
-def _square(sensor: SensorGrid) -> tuple[float, float]:
-    """Half the sides of the sensor's area, along x and y, in m."""
-    return (sensor.columns + 1) / 2 * sensor.pitch, (sensor.rows + 1) / 2 * sensor.pitch
 
 
 def _palm_pressure(
     asked: PressureFrames, drive: Drive, palm: Palm, chain: PlaybackChain, rig: VirtualRig, progress: Progress | None
-) -> tuple[Array, Array]:
-    """Target and resulting pressure in Pa, at the points of the palm that are skin."""
-    grid, skin = palm.grid(rig.height), palm.inside.ravel()
+) -> tuple[Array, Array, tuple[float, float], tuple[float, float]]:
+    """Target and resulting pressure in Pa on the palm's skin, their rates, and half the sides of the sensor's area."""
+    grid, skin, sensor = palm.grid(rig.height), palm.inside.ravel(), asked.sensor
     around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
     G = transfer_matrix(grid.position[skin], rig.array, acoustics=around)
-    came = simulate(drive, G, chain=chain, rate=rig.skin().rate, acoustics=around, progress=progress)
+    rate, square = rig.skin().rate, (sensor.pitch / 2 * (sensor.columns + 1), sensor.pitch / 2 * (sensor.rows + 1))
+    came = simulate(drive, G, chain=chain, rate=rate, acoustics=around, progress=progress)
     # Of all pressures that give these readings of the cells, the interpolated one.
     cells = decouple(asked).pressure.reshape(asked.frames, -1)
-    return cells @ interpolation_matrix(asked.sensor, grid)[skin].T, came
+    return cells @ interpolation_matrix(sensor, grid)[skin].T, came, (asked.rate, rate), square
 
 
 def played_chain(drive: Drive, rig: VirtualRig) -> PlaybackChain:

@@ -45,13 +45,7 @@ def run_iterations(
     correction: IterativeCorrection | None = None,
     stage: Stage = no_progress,
 ) -> IterationResult:
-    """Run further passes, each with a smaller waveform error than the one before.
-
-    The best pass so far gives the response H and the error, which is added to the target, or, where the mapping offsets
-    pressure, to the drive. A step that increases the error is taken back and a smaller step is tried. The loop ends
-    after `times` steps (those that are taken back included), when a step no longer helps, or when steps become too
-    small.
-    """
+    """Run at most `times` further passes, those taken back included, each with a smaller waveform error."""
     lifts = settings.target.mapping != "half-wave"
     correction = correction or (IterativeCorrection(step=1.0) if lifts else IterativeCorrection())
     settings = settings.but(gain=start.gain)
@@ -95,11 +89,9 @@ def _minimum_norm_step(
 
 
 def _missing_pressure(original: PressureFrames, best: Pass, delay: float) -> Array:
-    """Missing pressure in Pa (original minus re-recording) at each frame of the target.
-
-    The delay is that of the first pass: estimated anew each time, it would drift with the correction.
-    """
+    """Missing pressure in Pa (original minus re-recording) at each frame of the target."""
     count = best.asked.frames
+    # The delay is that of the first pass: estimated anew each time, it would drift with the correction.
     heard = _with_length(advance(best.heard.pressure, delay, original.rate), count)
     first = (count - original.frames) // 2
     part = slice(first, first + original.frames)
@@ -134,11 +126,8 @@ def _next_target(
 
 
 def playable(asked: Array, *, mapping: str, top: float) -> Array:
-    """Nearest pressure in Pa that can be played, any shape.
-
-    Half-wave rectification plays nothing below zero, so a negative target would only accumulate. No target is stronger
-    than a single focus of the whole array, `top` in Pa.
-    """
+    """Nearest pressure that can be played, up to `top` Pa, a single focus of the whole array."""
+    # Half-wave rectification plays nothing below zero, so a negative target would only accumulate.
     return np.clip(asked, 0.0 if mapping == "half-wave" else -top, top)
 
 

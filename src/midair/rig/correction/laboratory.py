@@ -67,20 +67,11 @@ def laboratory_loss(
 ) -> LaboratoryLoss:
     """Play a drive in random laboratories, and compare with the pressure that was asked for.
 
-    Fields are steady in each frame, with ideal hold and sensor, so that only the laboratory changes the result.
-
-    Parameters
-    ----------
-    asked : PressureFrames
-        Target pressure on the cells, from the drive's first frame.
-    grid : ControlGrid
-        Control points of the solve.
-    judged : tuple of float
-        (start, duration) of the compared part in s; at most `LONGEST` of it is compared.
-    measured : ArrayCalibration, optional
-        Measured transducers that the drive was solved for: only their uncertainty remains.
-    draws : tuple of int
-        Number of laboratories for each uncertainty alone, and for all together.
+    Fields are steady in each frame, with ideal hold and sensor, so that only the laboratory changes the result. `asked`
+    is the target pressure on the cells, from the drive's first frame, `grid` the control points of the solve. `judged`
+    is (start, duration) of the compared part in s; at most `LONGEST` of it is compared. Of `measured` transducers, for
+    which the drive was solved, only the uncertainty remains. `draws` counts the laboratories for each uncertainty alone
+    and for all together.
     """
     asked, drive, judged = _part(asked, drive, judged)
     stage = _Stage(drive=drive, sensor=sensor, grid=grid, measured=measured)

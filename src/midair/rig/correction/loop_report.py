@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -55,22 +56,11 @@ def write_report(
     laboratory: LaboratoryLoss | None = None,
     progress: Progress | None = None,
 ) -> list[Picture]:
-    """Write the report of a loop, and return its figures in order.
+    """Write the report of a loop as HTML, and return its figures in order.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the HTML file.
-    commands : tuple of str
-        Commands that reproduce the result.
-    palm : PalmFidelity, optional
-        Fidelity of the last pass on a simulated palm.
-    beside : sequence of Outcome
-        Outcomes of other settings for the same recording, in the order of the page; the loop's own among them.
-    laboratory : LaboratoryLoss, optional
-        Loss in a laboratory.
-    progress : callable, optional
-        Called with (pictures drawn, total pictures).
+    `commands` reproduce the result, `palm` is the fidelity of the last pass on a simulated palm; `beside` holds the
+    outcomes of other settings for the same recording, in the order of the page, the loop's own among them; `progress`
+    is called with (pictures drawn, total pictures).
     """
     outcomes = tuple(beside) or (Outcome.of(loop, palm=palm),)
     # Drawn once, since drawing takes longer than solving.
@@ -124,11 +114,9 @@ def render(
     return with_content_policy(page)
 
 
-def settings_rows(settings: object, prefix: str = "") -> list[Row]:
+def settings_rows(settings: Any, prefix: str = "") -> list[Row]:
     """Every setting with its value; nested settings have dotted names."""
     rows: list[Row] = []
-    if not is_dataclass(settings):
-        return rows
     for entry in fields(settings):
         value = getattr(settings, entry.name)
         name = f"{prefix}{entry.name}"
@@ -150,21 +138,16 @@ def versions() -> list[Row]:
 def _summary(loop: Loop) -> str:
     last = loop.passes[-1]
     frames, solution = last.reproduction.target.frames, last.reproduction.solution
+    level = level_of(solution, last.reproduction.target, band=loop.settings.calibration.band)
+    said = dict(level.rows())
     return (
         f"{frames} frames at {last.reproduction.target.rate:g} Hz ({frames / last.reproduction.target.rate:.2f} s) on "
         f"{solution.drive.array.name}, {solution.drive.array.count} transducers, at strength "
         f"{last.reproduction.strength():.2f}. After {len(loop.passes) - 1} correction(s), the re-recorded "
         f"pressure has a correlation of {last.comparison.correlation:.2f} with the original and "
-        f"{last.comparison.gain:.2f} times its amplitude. {_level(loop)}"
+        f"{last.comparison.gain:.2f} times its amplitude. Requested: {said['requested']}. Result: {said['predicted']}. "
+        f"Possible: {said['largest possible']}."
     )
-
-
-def _level(loop: Loop) -> str:
-    """Describe the requested strength, the resulting pressure, and the largest possible pressure."""
-    made = loop.passes[-1].reproduction
-    level = level_of(made.solution, made.target, band=loop.settings.calibration.band)
-    said = dict(level.rows())
-    return f"Requested: {said['requested']}. Result: {said['predicted']}. Possible: {said['largest possible']}."
 
 
 def _figures(loop: Loop) -> list[Row]:
@@ -300,28 +283,22 @@ def loop_figures(loop: Loop) -> Iterator[Picture]:
     )
 
 
-def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> list[Picture]:
+def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> Iterator[Picture]:
     """Draw the perceptual metrics, if the loop is long enough, and the errors of an iterative correction."""
-    made: list[Picture] = []
     if card is not None:
-        made.append(
-            Picture(
-                title="Perceptual metrics of each cell",
-                caption="A dash marks cells where the original has almost no pressure.",
-                data=png_bytes(card_figure(card)),
-            )
+        yield Picture(
+            title="Perceptual metrics of each cell",
+            caption="A dash marks cells where the original has almost no pressure.",
+            data=png_bytes(card_figure(card)),
         )
     if loop.end:
         errors = [one.comparison.waveform_error for one in loop.passes]
-        made.append(
-            Picture(
-                title="Waveform error of each pass",
-                caption="The first passes correct the amplitude, the others the waveform. "
-                f"{loop.taken_back} steps increased the error and were taken back. It ended because {loop.end}.",
-                data=png_bytes(passes_figure([("this loop", errors)], simulated=loop.passes[-1].comparison.simulated)),
-            )
+        yield Picture(
+            title="Waveform error of each pass",
+            caption="The first passes correct the amplitude, the others the waveform. "
+            f"{loop.taken_back} steps increased the error and were taken back. It ended because {loop.end}.",
+            data=png_bytes(passes_figure([("this loop", errors)], simulated=loop.passes[-1].comparison.simulated)),
         )
-    return made
 
 
 def strongest_channels(original: PressureFrames, most: int = 4) -> list[int]:
@@ -356,10 +333,7 @@ def _sound(loop: Loop, seconds: float) -> Sound | None:
     """Sound of the original's part, without its lead; None where its frames differ from the recording's."""
     made = loop.passes[-1].reproduction
     inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
-    if not _same_frames(loop.original, inside, made.target.rate):
+    same = np.isclose(loop.original.rate, made.target.rate, rtol=1e-9)
+    if not same or inside.stop - inside.start != loop.original.frames:
         return None
     return show_drive(made.solution, target=made.target, part=(inside.start / made.target.rate, seconds)).sound
-
-
-def _same_frames(original: PressureFrames, inside: slice, rate: float) -> bool:
-    return bool(np.isclose(original.rate, rate, rtol=1e-9)) and inside.stop - inside.start == original.frames

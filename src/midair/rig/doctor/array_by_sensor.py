@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from midair.calibration import find_lag
 from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exposure
 from midair.errors import InputError
-from midair.model import Acoustics, Drive, Provenance, Recording
+from midair.model import Acoustics, Drive, Provenance
 from midair.physics import focus_phase, radiation_pressure, transfer_matrix
 from midair.rig.bench import tone_answers
 from midair.rig.playing import rerecord
@@ -43,12 +43,9 @@ def check_sensor_rate(sensor: SensorDevice, units: int) -> None:
 def places_of_units(
     array: ArrayDevice, sensor: SensorDevice, choices: ExposureChoices, height: float
 ) -> tuple[int | None, ...]:
-    """Find the place from which each unit sounds, by the number that the placement gives it; None if uncertain.
-
-    One unit sounds at a time, with the phases that focus from each place in turn onto the sensor; each place has a
-    tone of its own. Only the phases of the true place give a focus there. Both devices are open, and the silencer is
-    off. Raises ExposureError if a drive is refused.
-    """
+    """Find the place from which each unit sounds, by the number that the placement gives it; None if uncertain."""
+    # One unit sounds at a time, with the phases that focus from each place in turn onto the sensor; each place has a
+    # tone of its own. Only the phases of the true place give a focus there.
     from scipy.optimize import linear_sum_assignment
 
     model = array.array.nominal
@@ -70,8 +67,7 @@ def places_of_units(
         steps = np.zeros((len(time), model.count))
         steps[:, inside] = np.repeat([phase[model.unit == place] for place in units], frames, axis=0)
         level = _level(float(strongest), acoustics) * tone[:, None] * inside
-        recording = _recorded(steps, level, array, sensor, choices)
-        answer, noise = tone_answers(_flat(recording), sensor.rate, tones)
+        answer, noise = tone_answers(_recorded(steps, level, array, sensor, choices), sensor.rate, tones)
         answers.append(np.linalg.norm(answer, axis=1))
         noises.append(float(np.linalg.norm(noise)))
     strength, floor = np.array(answers), np.maximum(noises, 1e-12)[:, None]
@@ -84,12 +80,9 @@ def places_of_units(
 def transducer_strengths(
     array: ArrayDevice, sensor: SensorDevice, choices: ExposureChoices, height: float
 ) -> tuple[Array, Array]:
-    """Strength of each transducer relative to its unit, and its standard uncertainty, shape (transducer,) each.
-
-    One unit after the other focuses on a cell near the centre of the sensor, and one transducer after the other turns
-    its phase by half a turn, which lowers the pressure by four times its share of the amplitude. Devices and errors as
-    in `places_of_units`.
-    """
+    """Strength of each transducer relative to its unit, and its standard uncertainty, shape (transducer,) each."""
+    # One unit after the other focuses on a cell near the centre of the sensor, and one transducer after the other turns
+    # its phase by half a turn, which lowers the pressure by four times its share of the amplitude.
     per = round(sensor.rate / RATE)
     model, acoustics = array.array.nominal, _acoustics(choices)
     cells = np.array([(*sensor.grid.channel_position(cell), height) for cell in range(sensor.grid.count)])
@@ -107,7 +100,7 @@ def transducer_strengths(
         steps[np.ix_(np.arange(len(SYNC), lasts), members)] += np.pi * turned
         gate = np.concatenate([SYNC, np.ones(len(frame))])
         levels = level * gate[:, None] * (model.unit == unit)
-        samples = _flat(_recorded(steps, levels, array, sensor, choices))
+        samples = _recorded(steps, levels, array, sensor, choices)
         whole = level * share[:, members].sum(axis=1)
         normal = radiation_pressure(whole, acoustics.medium)
         expected = radiation_pressure(whole - 2 * level * share[:, members].T, acoustics.medium) - normal
@@ -141,9 +134,8 @@ def _acoustics(choices: ExposureChoices) -> Acoustics:
     return Acoustics() if choices.room is None else Acoustics(medium=choices.room)
 
 
-def _recorded(
-    phase: Array, level: Array, array: ArrayDevice, sensor: SensorDevice, choices: ExposureChoices
-) -> Recording:
+def _recorded(phase: Array, level: Array, array: ArrayDevice, sensor: SensorDevice, choices: ExposureChoices) -> Array:
+    """Samples, shape (frame, channel), while a drive plays."""
     drive = Drive(
         phase=phase,
         level=level,
@@ -152,8 +144,5 @@ def _recorded(
         acoustics=_acoustics(choices),
         provenance=Provenance(source="doctor --wizard"),
     )
-    return rerecord(check_exposure(drive, array, choices), array, sensor, source="doctor --wizard", tail=0.1)
-
-
-def _flat(recording: Recording) -> Array:
+    recording = rerecord(check_exposure(drive, array, choices), array, sensor, source="doctor --wizard", tail=0.1)
     return recording.samples.reshape(recording.frames, -1)

@@ -48,18 +48,21 @@ def device_findings(name: str) -> list[Check]:
 
 def report_findings(name: str, said: Mapping[str, str]) -> list[Check]:
     """Check the description of an open array."""
-    return [_check_report(f"{name}: {subject}", subject, found) for subject, found in said.items()]
+    return [
+        broken(f"{name}: {subject}", found, _ADVICE[subject])
+        if _unwell(subject, found)
+        else ok(f"{name}: {subject}", found)
+        for subject, found in said.items()
+    ]
 
 
-def _check_report(subject: str, key: str, found: str) -> Check:
-    unwell = {
+def _unwell(subject: str, found: str) -> bool:
+    return {
         "firmware": "but the SDK supports" in found,
         "link": "heartbeats missed" in found and " 0 heartbeats missed" not in found,
         "failsafe": "it acted" in found and "it acted 0 times" not in found,
         "temperature": found == "too hot",
-    }
-    wrong = unwell.get(key, False)
-    return Check(subject=subject, state="broken" if wrong else "ok", found=found, advice=_ADVICE[key] if wrong else "")
+    }.get(subject, False)
 
 
 def _installed(package: str) -> str | None:

@@ -31,7 +31,7 @@ def run_checks(device: str | None = None) -> list[Check]:
     """
     live = device is not None and is_live_sensor(device)
     looks: list[Callable[[], Sequence[Check]]] = [
-        lambda: [_python()],
+        lambda: [ok("Python", f"{platform.python_version()} on {platform.system()} {platform.machine()}")],
         lambda: [_library(name) for name in ("numpy", "scipy", "h5py", "soundfile", "matplotlib")],
         lambda: [_extra("xarray", "analysis", "opens recordings for analysis")],
         *((lambda look=look: [look()]) for look in (_folder, _field, _solver, _threads, _kernel)),
@@ -41,11 +41,6 @@ def run_checks(device: str | None = None) -> list[Check]:
         lambda: array_findings(None if live else device),
     ]
     return [found for look in report_progress(looks, len(looks)) for found in look()]
-
-
-def _python() -> Check:
-    found = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    return ok("Python", found)
 
 
 def _library(name: str) -> Check:

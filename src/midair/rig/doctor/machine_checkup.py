@@ -127,29 +127,30 @@ def _moderation(card: str, delay: int | None) -> Check:
 
 def _priority(root: Path) -> Check:
     """Check whether this user may use real-time priority."""
-    subject = "real-time priority"
-    advice = "add '@audio - rtprio 20' to /etc/security/limits.d/midair.conf, join that group, log in again"
-    for line in (_text(root / "proc/self/limits") or "").splitlines():
-        if line.startswith("Max realtime priority"):
-            allowed = line.split()[3]
-            if allowed == "0" and not _is_root(root):
-                return missing(subject, "not allowed", advice)
-            return ok(subject, "allowed" if allowed == "0" else f"up to {allowed}")
-    return missing(subject, "not reported by the system", advice)
+    subject, allowed, advice = "real-time priority", _limit(root, "realtime priority"), _RAISE.format("rtprio 20")
+    if allowed is None or (allowed == "0" and not _is_root(root)):
+        return missing(subject, "not allowed" if allowed else "not reported by the system", advice)
+    return ok(subject, "allowed" if allowed == "0" else f"up to {allowed}")
 
 
 def _locked_memory(root: Path) -> Check:
     """Check whether live touch may lock its memory, about 500 MB."""
-    subject = "locked memory"
-    advice = "add '@audio - memlock unlimited' to /etc/security/limits.d/midair.conf, join that group, log in again"
-    for line in (_text(root / "proc/self/limits") or "").splitlines():
-        if line.startswith("Max locked memory"):
-            allowed = line.split()[3]
-            if allowed == "unlimited" or _is_root(root) or (allowed.isdecimal() and int(allowed) >= 2**30):
-                return ok(subject, "allowed")
-            found = f"up to {int(allowed) / 1e6:.3g} MB" if allowed.isdecimal() else allowed
-            return missing(subject, f"{found}; live touch needs more", advice)
-    return missing(subject, "not reported by the system", advice)
+    subject, allowed, advice = "locked memory", _limit(root, "locked memory"), _RAISE.format("memlock unlimited")
+    if allowed is None:
+        return missing(subject, "not reported by the system", advice)
+    if allowed == "unlimited" or _is_root(root) or (allowed.isdecimal() and int(allowed) >= 2**30):
+        return ok(subject, "allowed")
+    found = f"up to {int(allowed) / 1e6:.3g} MB" if allowed.isdecimal() else allowed
+    return missing(subject, f"{found}; live touch needs more", advice)
+
+
+_RAISE = "add '@audio - {}' to /etc/security/limits.d/midair.conf, join that group, log in again"
+
+
+def _limit(root: Path, name: str) -> str | None:
+    """Soft limit of this process, as text; None if the system does not report it."""
+    lines = (_text(root / "proc/self/limits") or "").splitlines()
+    return next((line.split()[3] for line in lines if line.startswith(f"Max {name}")), None)
 
 
 def _group(root: Path, name: str, use: str) -> Check:

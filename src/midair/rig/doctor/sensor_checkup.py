@@ -1,7 +1,6 @@
 """Check the software that live sensors need, the connected sensors, and the signals of a named one."""
 
 import importlib.metadata
-from typing import Any
 
 import numpy as np
 
@@ -39,20 +38,15 @@ def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[
         found, _, advice = str(wrong).partition("; ")
         return [broken(plain, found, advice or "see docs, build a sensor")]
     low, high = block.samples.min(axis=0), block.samples.max(axis=0)
+    largest = np.maximum(np.abs(low), np.abs(high)).ravel()
+    clipping = [] if full_scale is None else [str(each) for each in np.flatnonzero(at_limit(largest, full_scale))]
     still = [str(channel) for channel in np.flatnonzero(low.ravel() == high.ravel())]
     return [
         *(ok(f"{plain}: {subject}", found) for subject, found in said.items()),
         _channel_check(plain, "cells that never change", still, "check their wires and their supply"),
-        _channel_check(plain, "cells that clip", _clipping(low, high, full_scale), "lower the gain"),
+        _channel_check(plain, "cells that clip", clipping, "lower the gain"),
         ok(f"{plain}: samples", f"{low.min():.4g} to {high.max():.4g} {unit}"),
     ]
-
-
-def _clipping(low: Any, high: Any, full_scale: float | None) -> list[str]:
-    if full_scale is None:
-        return []
-    largest = np.maximum(np.abs(low), np.abs(high)).ravel()
-    return [str(channel) for channel in np.flatnonzero(at_limit(largest, full_scale))]
 
 
 def _channel_check(name: str, subject: str, cells: list[str], advice: str) -> Check:

@@ -196,10 +196,9 @@ def _wiring(places: list[int | None], units: list[int]) -> Check:
         if place != unit
     ]
     advice = (
-        "check the power of silent units and that the sensor lies over the centre; exchange cables, or the entries "
+        "check the power of silent units and that the sensor lies over the centre; exchange cables, or the entries in "
     )
-    advice += "in the placement file"
-    return broken("wiring", ", ".join(wrong), advice)
+    return broken("wiring", ", ".join(wrong), advice + "the placement file")
 
 
 def _transducers(strength: Array, uncertainty: Array, unit: NDArray[np.int64]) -> Check:

@@ -1,6 +1,6 @@
 """Arrays by name: ``autd3:eth0``, ``pyautd3:audit``, ``openmpd:COM3``."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Literal
 
 from midair.devices import ArrayDevice, OpenMpdArray, SilencerChoice, autd3_array, pyautd3_array
@@ -41,27 +41,16 @@ def array_of_kind(kind: ArrayKind) -> TransducerArray:
 def array_named(name: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> ArrayDevice:
     """Make the array that a name stands for, not yet open.
 
-    Parameters
-    ----------
-    name : str
-        ``autd3`` searches all network interfaces; ``autd3:INTERFACE`` uses one, or the address of an emulator;
-        ``autd3:emulator`` starts one. ``autd3-simulator`` and ``autd3-server``, with ``:PORT`` if not the default,
-        are the makers' programs on this computer. ``pyautd3`` and ``pyautd3:INTERFACE`` are for older firmware over
-        EtherCAT, ``pyautd3:twincat`` and ``pyautd3:remote:ADDRESS:PORT`` for a server; ``pyautd3:audit`` and
-        ``pyautd3:nop`` have no hardware. ``openmpd:PORT?board=FILE`` is a board at a serial port with its own file,
-        ``openmpd:LOWER,UPPER?board=FILE,FILE`` two of them; ``board=none`` stands for a board without a file. Without
-        ``board=`` a board can be silenced, but not played on. ``virtual`` is made by `VirtualRig` instead.
-    placement : Placement, optional
-        Placement of the units; two by two if None. Boards of openmpd have a fixed placement.
+    ``autd3`` searches all network interfaces; ``autd3:INTERFACE`` uses one, or the address of an emulator;
+    ``autd3:emulator`` starts one. ``autd3-simulator`` and ``autd3-server``, with ``:PORT`` if not the default, are the
+    makers' programs on this computer. ``pyautd3`` and ``pyautd3:INTERFACE`` are for older firmware over EtherCAT,
+    ``pyautd3:twincat`` and ``pyautd3:remote:ADDRESS:PORT`` for a server; ``pyautd3:audit`` and ``pyautd3:nop`` have no
+    hardware. ``openmpd:PORT?board=FILE`` is a board at a serial port with its own file,
+    ``openmpd:LOWER,UPPER?board=FILE,FILE`` two of them; ``board=none`` stands for a board without a file. Without
+    ``board=`` a board can be silenced, but not played on. ``virtual`` is made by `VirtualRig` instead.
 
-    Raises
-    ------
-    UnknownDeviceError
-        If the name is unknown.
-    InputError
-        If an option is unknown or does not fit.
-    FileError
-        If a board's file cannot be read.
+    Without a placement the units are two by two; boards of openmpd have a fixed one. UnknownDeviceError if the name is
+    unknown, InputError if an option is unknown or does not fit, FileError if a board's file cannot be read.
     """
     if name == "virtual":
         raise UnknownDeviceError("array: expected a real array or an emulator, got virtual, which needs no driver")
@@ -80,14 +69,11 @@ def open_autd3(name: str, placement: Placement | None, silencer: SilencerChoice)
 
 def open_pyautd3(name: str, placement: Placement | None, silencer: SilencerChoice) -> ArrayDevice:
     """AUTD3 units by the SDK for older firmware."""
-    return pyautd3_array(_old_link(name.partition(":")[2]), placement, silencer=silencer)
-
-
-def _old_link(where: str) -> str:
-    """Link after ``pyautd3:``; any other text is the name of a network interface."""
-    if where in ("audit", "nop", "twincat") or where.startswith("remote:"):
-        return where
-    return f"ethercrab:{where}" if where else "ethercrab"
+    where = name.partition(":")[2]
+    if where not in ("audit", "nop", "twincat") and not where.startswith("remote:"):
+        # Any other text is the name of a network interface.
+        where = f"ethercrab:{where}" if where else "ethercrab"
+    return pyautd3_array(where, placement, silencer=silencer)
 
 
 def open_openmpd(name: str, placement: Placement | None, silencer: SilencerChoice) -> OpenMpdArray:
@@ -99,10 +85,7 @@ def open_openmpd(name: str, placement: Placement | None, silencer: SilencerChoic
         raise InputError(f"{name}: expected no placement, got one; boards are single, or opposing at 238.8 mm")
     if unknown := sorted(set(said) - {"board"}):
         raise InputError(f"{name}: expected the option board, got {unknown[0]}")
-    return OpenMpdArray(where.split(","), _boards(said), name=f"openmpd:{where}", silencer=silencer)
-
-
-def _boards(said: Mapping[str, str]) -> list[Board]:
-    """Boards of a name, in the order of its ports; empty without the option."""
+    # In the order of the ports; none without the option.
     files = said["board"].split(",") if "board" in said else []
-    return [Board.nominal() if file == "none" else load_board(file) for file in files]
+    boards = [Board.nominal() if file == "none" else load_board(file) for file in files]
+    return OpenMpdArray(where.split(","), boards, name=f"openmpd:{where}", silencer=silencer)

@@ -77,20 +77,10 @@ def sensor_named(
 ) -> SensorDevice:
     """Make the sensor that a name stands for, not yet open.
 
-    Parameters
-    ----------
-    name : str
-        ``virtual:OBJECT``, an object of `VirtualRig.touched_by` for `duration` s; or ``replay:FILE``; or a live sensor:
-        ``lsl:NAME``, ``audio:DEVICE``, ``serial:PORT``, ``ni:CHANNELS``.
-    wiring : SensorWiring, optional
-        Assignment of channels to cells, from a sensor file; cells of a virtual or replayed sensor count as channels.
-
-    Raises
-    ------
-    UnknownDeviceError
-        If the name is unknown.
-    MissingExtraError, DeviceError, InputError
-        As in `source_sensor`.
+    ``virtual:OBJECT`` is an object of `VirtualRig.touched_by` for `duration` s, ``replay:FILE`` a recording; live
+    sensors are ``lsl:NAME``, ``audio:DEVICE``, ``serial:PORT``, ``ni:CHANNELS``. `wiring` assigns channels to cells;
+    cells of a virtual or replayed sensor count as channels. UnknownDeviceError if the name is unknown; others as in
+    `source_sensor`.
     """
     kind, _, rest = name.partition(":")
     if kind not in ("virtual", "replay") and kind in SENSORS and (rest or SENSORS[kind].has_default):

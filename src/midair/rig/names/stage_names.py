@@ -16,15 +16,9 @@ STAGES: Registry[Callable[[str, Mapping[str, str]], StageDevice]] = Registry(
 def stage_named(name: str) -> StageDevice:
     """Make the motion stage that a name stands for, not yet open.
 
-    Parameters
-    ----------
-    name : str
-        ``grbl:PORT``: a machine with Grbl 1.1 at a serial port; ``?baud=`` if its rate is not 115200 bits per second.
-
-    Raises
-    ------
-    UnknownDeviceError, InputError, MissingExtraError
-        If the name is unknown, an option is invalid, or pyserial is not installed.
+    ``grbl:PORT`` is a machine with Grbl 1.1 at a serial port; ``?baud=`` if its rate is not 115200 bits per second.
+    UnknownDeviceError, InputError or MissingExtraError if the name is unknown, an option is invalid, or pyserial is not
+    installed.
     """
     kind, place, stated = split_name(name)
     if not place or kind not in STAGES:

@@ -18,12 +18,7 @@ THERMOMETERS: Registry[type[Thermometer]] = Registry(
 def thermometer_named(name: str) -> Thermometer:
     """Make the thermometer that a name stands for; its first `read` opens it.
 
-    Raises
-    ------
-    UnknownDeviceError
-        If the kind is unknown.
-    MissingExtraError
-        If its package is not installed.
+    UnknownDeviceError if the kind is unknown, MissingExtraError if its package is not installed.
     """
     kind, _, place = name.partition(":")
     if kind not in THERMOMETERS or not place:

@@ -64,19 +64,9 @@ def open_tracker(
 ) -> Tracker:
     """Open a tracker of the palm; close it, or leave its ``with`` block.
 
-    Parameters
-    ----------
-    name : str
-        Kind, place and options, such as ``replay:hand.csv?latency_ms=20``.
-    placement : TrackerPlacement or path, optional
-        How the tracker lies relative to the array, or its TOML file; by default their coordinates are the same.
-    clock : callable, optional
-        Clock of all times, for simulations.
-
-    Raises
-    ------
-    UnknownDeviceError, InputError, MissingExtraError, DeviceError
-        If the name is unknown, an option is invalid, a package is missing, or the tracker does not answer.
+    The placement states how the tracker lies relative to the array; by default their coordinates are the same. `clock`
+    is that of all times, for simulations. UnknownDeviceError, InputError, MissingExtraError or DeviceError if the name
+    is unknown, an option is invalid, a package is missing, or the tracker does not answer.
     """
     kind, place, stated = split_name(name)
     if kind not in TRACKERS:

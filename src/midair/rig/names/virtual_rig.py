@@ -105,15 +105,11 @@ class VirtualRig:
         )
 
     def touched_by(self, thing: str, *, duration: float | None = None) -> VirtualSensor:
-        """Make the sensor with a simulated touch from the start.
+        """Make the sensor with a simulated touch from the start, for some seconds.
 
-        Parameters
-        ----------
-        thing : str
-            ``brush``, ``sponge`` or ``towel``, each with ``+groove`` for the grooved surface; ``am-i``, ``am-ii`` or
-            ``am-iii``; or ``taps``, on each cell in turn. UnknownDeviceError for other names.
-        duration : float, optional
-            Duration in s; a whole stroke, or half a second of a modulated focus, if None.
+        ``brush``, ``sponge`` or ``towel``, each with ``+groove`` for the grooved surface; ``am-i``, ``am-ii`` or
+        ``am-iii``; or ``taps``, on each cell in turn; UnknownDeviceError for other names. Without a duration a whole
+        stroke, or half a second of a modulated focus.
         """
         skin = self.skin()
         touch = self._touch(thing, skin, duration)
@@ -126,12 +122,9 @@ class VirtualRig:
                 # Only silence follows, which the skin appends.
                 longest = None if duration is None else min(duration, 10.0)
                 return stroke(name, groove=bool(surface), seed=self.seed, rate=skin.rate, duration=longest, sensor=grid)
-            case ("am-i", "", ""):
-                return am_stimulus("i", peak=self.peak, duration=duration or 0.5, rate=skin.rate, sensor=grid)
-            case ("am-ii", "", ""):
-                return am_stimulus("ii", peak=self.peak, duration=duration or 0.5, rate=skin.rate, sensor=grid)
-            case ("am-iii", "", ""):
-                return am_stimulus("iii", peak=self.peak, duration=duration or 0.5, rate=skin.rate, sensor=grid)
+            case ("am-i" | "am-ii" | "am-iii" as name, "", ""):
+                number: Literal["i", "ii", "iii"] = "i" if name == "am-i" else "ii" if name == "am-ii" else "iii"
+                return am_stimulus(number, peak=self.peak, duration=duration or 0.5, rate=skin.rate, sensor=grid)
             case ("taps", "", ""):
                 return taps(seed=self.seed, rate=skin.rate, sensor=grid)
             case _:

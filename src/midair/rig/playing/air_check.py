@@ -39,16 +39,12 @@ def check_air(
     """
     own = drive.acoustics.medium
     if room is None:
-        if simulated:
-            return AirCheck(said=f"air: {own}, the drive's own", warns=False)
-        said = f"room temperature unknown: the drive was solved for {own}; give it with --temperature"
-        return AirCheck(said=said, warns=True)
-    both = f"the room has {room}, the drive was solved for {own}"
-    if abs(room.degrees - own.degrees) <= FAR:
-        return AirCheck(said=f"air: {both}", warns=False)
-    return AirCheck(
-        said=f"air: {both}: {_error_text(drive, room, target(), frames)}; solve it again for this air", warns=True
-    )
+        unknown = f"room temperature unknown: the drive was solved for {own}; give it with --temperature"
+        return AirCheck(said=f"air: {own}, the drive's own" if simulated else unknown, warns=not simulated)
+    said = f"air: the room has {room}, the drive was solved for {own}"
+    if far := abs(room.degrees - own.degrees) > FAR:
+        said += f": {_error_text(drive, room, target(), frames)}; solve it again for this air"
+    return AirCheck(said=said, warns=far)
 
 
 def correct_air_of_file(drive: Drive, source: Path, room: Medium) -> Drive:

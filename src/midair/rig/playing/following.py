@@ -50,21 +50,8 @@ class FollowRules:
 class Follower:
     """Steers frames to the palm that a tracker predicts for the moments at which they sound.
 
-    Parameters
-    ----------
-    tracker : Tracker
-        An open tracker, in array coordinates.
-    drive : Drive
-        Frames that were solved for the palm above the middle of the grid.
-    grid : ControlGrid
-        Control points of the solve.
-    report : callable
-        Called with one line when the sound fades and when it returns.
-
-    Raises
-    ------
-    InputError
-        If the drive has a level for each transducer.
+    The tracker is open, in array coordinates; the drive was solved for a palm above the middle of the grid; `report`
+    gets one line when the sound fades and when it returns. InputError if the drive has a level for each transducer.
     """
 
     def __init__(
@@ -141,7 +128,7 @@ class Follower:
     def _gains(self, count: int) -> Array:
         """Gain of each frame, 0 to 1."""
         step = (1 if self._audible else -1) / (self._drive.rate * self.rules.fade)
-        gains = np.asarray(np.clip(self._gain + step * np.arange(1, count + 1), 0.0, 1.0), np.float64)
+        gains = np.clip(self._gain + step * np.arange(1, count + 1), 0.0, 1.0, dtype=np.float64)
         self._gain = float(gains[-1])
         return gains
 
@@ -168,16 +155,12 @@ def tracker_name(name: str, latency: float | None) -> str:
     return f"{name}{'&' if '?' in name else '?'}latency_ms={1e3 * latency:g}"
 
 
-def rules_of(settings: PlaySettings) -> FollowRules:
-    """Rules of following from the settings of playing."""
-    return FollowRules(confidence=settings.confidence)
-
-
 def follow_as_set(drive: Drive, settings: PlaySettings, report: Callable[[str], object]) -> tuple[Drive, PlaySettings]:
     """The drive as the virtual array plays it, and the settings for that; both unchanged without a tracker."""
     if settings.follow is None:
         return drive, settings
-    tracker, rules = tracker_name(settings.follow, settings.tracker_latency), rules_of(settings)
+    tracker = tracker_name(settings.follow, settings.tracker_latency)
+    rules = FollowRules(confidence=settings.confidence)
     steered = follow_simulated(drive, tracker, grid_of(drive), rules=rules, repeats=settings.repeats, report=report)
     return steered, settings.but(repeats=1)
 
@@ -197,9 +180,13 @@ def follow_simulated(
     Poses are available after the latency of the tracker, on the clock of the simulation.
     """
     now = [0.0]
+
+    def timed(line: str) -> None:
+        report(f"{now[0]:.3f} s: {line}")
+
     with open_tracker(tracker, clock=lambda: now[0]) as opened:
         opened.begin(0.0)
-        follower = Follower(opened, drive, grid, rules=rules, predictor=predictor, report=_timed(report, now))
+        follower = Follower(opened, drive, grid, rules=rules, predictor=predictor, report=timed)
         block, parts = max(1, round(follower.rules.block * drive.rate)), []
         for turn in range(repeats):
             for first in range(0, drive.frames, block):
@@ -207,17 +194,12 @@ def follow_simulated(
                 times = (turn * drive.frames + np.arange(frames.start, frames.stop)) / drive.rate
                 now[0] = float(times[0])
                 parts.append(follower.steered(frames, times)[0])
-    provenance = drive.provenance.then("follow", {"tracker": tracker})
     return replace(
         drive,
         phase=np.concatenate([part.phase for part in parts]),
         level=np.concatenate([part.level for part in parts]),
-        provenance=provenance,
+        provenance=drive.provenance.then("follow", {"tracker": tracker}),
     )
-
-
-def _timed(report: Callable[[str], object], now: list[float]) -> Callable[[str], object]:
-    return lambda line: report(f"{now[0]:.3f} s: {line}")
 
 
 def open_followed(settings: PlaySettings) -> Tracker:
@@ -232,7 +214,6 @@ class FollowedPlay:
     """Result of playing on an array while a palm was followed."""
 
     report: PlayReport
-    admission: ExposureClearance
     reaction: tuple[float, float]
     """Time from the newest pose to the sending of a block of frames in s: median and 99 %; NaN without poses."""
 
@@ -259,7 +240,7 @@ def clear_followed(
     drive: Drive, array: ImmediateArray, settings: PlaySettings, grid: ControlGrid, *, samples: int = 256, seed: int = 0
 ) -> ExposureClearance:
     """Check the exposure of a drive for the box of poses: as it was solved, and frames steered to random poses."""
-    box, solved, rng = rules_of(settings).box, middle_of(grid), np.random.default_rng(seed)
+    box, solved, rng = FollowRules().box, middle_of(grid), np.random.default_rng(seed)
     frames = np.sort(rng.integers(0, drive.frames, samples))
     down = np.array([0.0, 0.0, -1.0]) + np.tan(box.tilt) * rng.uniform(-0.7, 0.7, (samples, 3)) * [1, 1, 0]
     down = down / np.linalg.norm(down, axis=1, keepdims=True)
@@ -273,8 +254,8 @@ def clear_followed(
     )
     aims = aims_of(drive, grid)[frames]
     some = replace(drive, phase=drive.phase[frames], level=drive.level[frames])
-    steered = some.phase + steering_phase(array.array, drive.acoustics.medium, solved, poses, aim=aims)
-    steered = replace(some, phase=steered)
+    added = steering_phase(array.array, drive.acoustics.medium, solved, poses, aim=aims)
+    steered = replace(some, phase=some.phase + added)
     return check_exposure_steered(drive, array, settings.exposure, box=box, solved=solved, samples=steered)
 
 
@@ -295,7 +276,7 @@ def play_followed(
     A frame that is not ready at its instant is not played; the units keep the one before it.
     """
     units, period = array.units, divider(drive.rate) * TICK
-    follower = Follower(tracker, drive, grid, rules=rules_of(settings), report=report)
+    follower = Follower(tracker, drive, grid, rules=FollowRules(confidence=settings.confidence), report=report)
     block, total = max(1, round(follower.rules.block * drive.rate)), drive.frames * settings.repeats
     ahead, before, reactions = round(array.hold * 1e9), units.told(), list[float]()
     with signals_end_the_program(), array.frames_to_come(admission, source=source, room=settings.exposure.room) as put:
@@ -334,7 +315,7 @@ def play_followed(
         silencer=str(array.silencer),
     )
     middle, worst = np.percentile(reactions, [50, 99]) if reactions else (np.nan, np.nan)
-    return FollowedPlay(report=played, admission=admission, reaction=(float(middle), float(worst)))
+    return FollowedPlay(report=played, reaction=(float(middle), float(worst)))
 
 
 def _wait(units: ImmediateUnits, instant: int) -> None:

@@ -37,13 +37,7 @@ def default_exposure() -> ExposureChoices:
 @documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaySettings(Declared):
-    """Settings of an array, the sensor that records it, and a playback, in SI units.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-    """
+    """Settings of an array, its sensor and a playback, in SI units; InputError if a value is out of range."""
 
     device: str = setting(
         "virtual",

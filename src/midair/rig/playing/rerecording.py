@@ -1,11 +1,12 @@
 """Play a cleared drive, and re-record it."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from midair.devices import ArrayDevice, ExposureClearance, PlayReport, SensorDevice, read_frames
 from midair.errors import MismatchError
-from midair.model import Medium, Progress, Provenance, Recording
+from midair.model import Medium, Progress, Recording
 from midair.rig.signals import signals_end_the_program
 
 
@@ -47,14 +48,8 @@ def rerecord(
     that a delay cuts nothing off. `source` is the name of the drive in the log; a file is hashed there. `delay` in s
     before the first frame and `room` concern a real array only.
 
-    Raises
-    ------
-    MismatchError
-        If only one of the two devices is simulated.
-    DeviceStateError
-        If the drive was not cleared for this array, or holds no frames (live).
-    DeviceError
-        If the sensor loses frames.
+    MismatchError if only one of the two devices is simulated, DeviceStateError if the drive was not cleared for this
+    array or holds no frames (live), DeviceError if the sensor loses frames.
     """
     if array.simulated != sensor.simulated:
         raise MismatchError(f"expected array and sensor both real or both virtual, got {array.name} and {sensor.name}")
@@ -71,13 +66,7 @@ def rerecord(
         samples = read_frames(sensor, round((lasted + tail) * sensor.rate))
     finally:
         sensor.stop()
-    provenance = Provenance(
-        source=f"{array.name} heard by {sensor.name}",
-        simulated=sensor.simulated or drive.provenance.simulated,
-        notes=drive.provenance.notes,
-        steps=drive.provenance.steps,
-    ).then(
-        "play",
-        {"array": array.name, "frames": drive.frames, "rate_hz": drive.rate, "silencer": report.silencer},
-    )
+    played = {"array": array.name, "frames": drive.frames, "rate_hz": drive.rate, "silencer": report.silencer}
+    life = replace(drive.provenance, source=f"{array.name} heard by {sensor.name}")
+    provenance = life.then("play", played, simulated=sensor.simulated)
     return Recording(samples=samples, rate=sensor.rate, sensor=sensor.grid, unit=sensor.unit, provenance=provenance)

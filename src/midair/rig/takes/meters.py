@@ -56,7 +56,9 @@ class Meters:
         if not len(samples):
             return ()
         block = np.asarray(samples, np.float64).reshape(len(samples), -1)
-        at_limit = self._at_limit(block)
+        # An unknown limit is estimated with the frames before.
+        together = block if self._full_scale is not None else np.concatenate([self._recent, block])
+        at_limit = self._limits(together)[-len(block) :]
         first = self._frames
         self._update_changes(block)
         self._recent = np.concatenate([self._recent, block])[-self._window :]
@@ -84,13 +86,6 @@ class Meters:
             dead=still & ~self._moved,
             stuck=still & self._moved,
         )
-
-    def _at_limit(self, block: Array) -> Flags:
-        """Samples of a block at the limit; an unknown limit is estimated with the frames before."""
-        if self._full_scale is not None:
-            return self._limits(block)
-        together = np.concatenate([self._recent, block])
-        return self._limits(together)[len(self._recent) :]
 
     def _limits(self, samples: Array) -> Flags:
         if self._full_scale is not None:

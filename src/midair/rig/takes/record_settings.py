@@ -12,13 +12,7 @@ from midair.validation import Declared, check_settings, documented, setting
 @documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordSettings(Declared):
-    """Settings of one take of a sensor or of several, in SI units.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-    """
+    """Settings of one take of a sensor or of several, in SI units; InputError if a value is out of range."""
 
     sensor: str = setting("virtual:towel", "Sensor, as in midair record.", option="")
     duration: float | None = setting(None, "Length of a take.", unit="s", limits=(0, np.inf), above=True)

@@ -49,29 +49,14 @@ def record_take(
 ) -> Take:
     """Record one take with an open sensor, which is started and stopped here.
 
-    It begins with a touch if the settings have a level, at a command if `key`, and else at once.
+    It begins with a touch if the settings have a level, at the command "toggle" of the watcher if `key`, and else at
+    once; settings of the sensor or of several takes are ignored. A companion begins with the first frame; the take ends
+    with it, and if the take ends earlier, the companion is stopped. A file is written during the recording, so that the
+    frames survive a crash; without `path` they are kept in memory. `about` are further settings of the step "record" in
+    the provenance, such as the number of the take; `block` is the duration of one read in s.
 
-    Parameters
-    ----------
-    settings : RecordSettings
-        Duration, trigger level, pre-roll and post-roll; the others concern the sensor, or several takes.
-    companion : Companion, optional
-        Begins with the first frame. The take ends with it; if the take ends earlier, the companion is stopped.
-    path : Path, optional
-        New file, written during the recording, so that the frames survive a crash; in memory if None.
-    about : mapping, optional
-        Further settings of the step "record" in the provenance, such as the number of the take.
-    key : bool
-        Whether to wait for the command "toggle" of the watcher.
-    block : float
-        Duration of one read in s.
-
-    Raises
-    ------
-    InputError, FileError
-        If the duration is shorter than one frame; if the file cannot be created.
-    DeviceError
-        If the sensor gives no frames, or is lost before the first frame.
+    InputError if the duration is shorter than one frame, FileError if the file cannot be created, DeviceError if the
+    sensor gives no frames, or is lost before the first frame.
     """
     if settings.duration is not None and round(settings.duration * sensor.rate) < 1:
         shortest = 1e3 / sensor.rate
@@ -113,6 +98,7 @@ class _TakeRun:
         self._gap_filler = GapFiller(sensor.name, sensor.rate)
         self._meters = Meters(sensor.grid.count, sensor.rate, full_scale=sensor.full_scale)
         self._rate, self._clock = ClockWatch(), ClockWatch()
+        self._watches: tuple[tuple[EventKind, ClockWatch], ...] = (("rate", self._rate), ("clock", self._clock))
         self._trigger = None if settings.level is None else Trigger(settings.level, sensor.rate)
         self._before = PreRoll(round(settings.pre_roll * sensor.rate))
         self._writer: RecordingWriter | RecordingBuffer | None = None
@@ -303,8 +289,7 @@ class _TakeRun:
             self._writer.note(rows)
 
     def _report_drift(self) -> None:
-        watches: tuple[tuple[EventKind, ClockWatch], ...] = (("rate", self._rate), ("clock", self._clock))
-        for kind, watch in watches:
+        for kind, watch in self._watches:
             drift = None if kind in self._reported else watch.drift()
             if drift is not None and drift.certain and abs(drift.ppm) > DRIFT_TOLD:
                 self._reported.add(kind)
@@ -324,10 +309,8 @@ class _TakeRun:
         )
 
     def _close(self, end: EndReason, error: MidairError | None) -> Take:
-        drifts = self._rate.drift(), self._clock.drift()
-        kinds: tuple[EventKind, ...] = ("rate", "clock")
-        for kind, drift in zip(kinds, drifts, strict=True):
-            if drift is not None and self._frames and end != "failure":
+        for kind, watch in self._watches:
+            if (drift := watch.drift()) is not None and self._frames and end != "failure":
                 self._store([Event(kind=kind, frame=self._origin + self._frames - 1, ppm=drift.ppm)])
         return Take(
             path=None if self._writer is None else self._path,
@@ -339,6 +322,6 @@ class _TakeRun:
             levels=self._meters.levels,
             lowest=self._range[0],
             highest=self._range[1],
-            rate=drifts[0],
-            clock=drifts[1],
+            rate=self._rate.drift(),
+            clock=self._clock.drift(),
         )

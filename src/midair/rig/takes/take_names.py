@@ -56,16 +56,9 @@ def take_name(folder: Path, stem: str) -> Path:
 def take_path(output: Path | None, subject: Subject, *, repeats: int) -> Path:
     """Path of the next of `repeats` takes.
 
-    Parameters
-    ----------
-    output : Path, optional
-        A folder (the current one if None), in which the name is made from the subject; or the name of a single take, or
-        the start of the names of several.
-
-    Raises
-    ------
-    InputError, MissingFileError
-        If the name does not end in .h5, or the file exists; if the folder does not exist.
+    `output` is a folder (the current one if None), in which the name is made from the subject; or the name of a single
+    take, or the start of the names of several. InputError if the name does not end in .h5 or the file exists,
+    MissingFileError if the folder does not.
     """
     if output is None or output.is_dir():
         return take_name(output or Path(), subject.stem)

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 from midair.calibration import ArrayPlan
-from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars
+from midair.cli.console import print_note, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
 from midair.cli.options import Force, Json, Length, Placement, Spread, Time
-from midair.cli.output import array_rows, may_write
+from midair.cli.output import array_rows, may_write, print_result
 from midair.cli.quantities import quantity
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import InputError, MissingFileError
@@ -136,11 +136,7 @@ def array_command(
     rows = [*array_rows(found), ("written", str(target))]
     if not simulated:
         rows.append(("used by default", f"for --device {device}: {keep_array_calibration(device, found)}"))
-    if json:
-        return print_json({**dict(rows), "simulated": simulated})
-    banner(simulated)
-    print_rows(rows)
-    return None
+    return print_result(rows, simulated=simulated, json=json)
 
 
 WORK = 9e-6
@@ -171,11 +167,7 @@ def _check(
         ("units", f"{offsets} ns out of step, ± {2e9 * found.offset_uncertainty:.0f} ns (k = 2)"),
         ("air", f"{found.warming:+.1f} K off the stated one, ± {2 * found.warming_uncertainty:.1f} K (k = 2)"),
     ]
-    if json:
-        print_json({**dict(rows), "problems": problems, "simulated": source.simulated})
-    else:
-        banner(source.simulated)
-        print_rows(rows)
+    print_result(rows, simulated=source.simulated, json=json, problems=problems)
     return int(bool(problems))
 
 

@@ -1,6 +1,7 @@
 """Output of calibrations: options, comparison with an earlier one, rows to print."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -8,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from cyclopts import Parameter
 
-from midair.cli.console import banner, print_json, print_rows
 from midair.cli.options import Force, Json
-from midair.cli.output import may_write
+from midair.cli.output import may_write, print_result
 from midair.errors import MismatchError, MissingFileError
 from midair.files import CALIBRATION_SUFFIX, load_calibration, save_calibration
 from midair.model import Calibration, SensorGrid
@@ -70,15 +70,12 @@ class OutputOptions:
         target = self.path(calibration.sensor)
         if self.supersedes is not None:
             notes = [*notes, drift(require_calibration(self.supersedes), calibration)]
-        finish(calibration, target, page=self.figure, json=self.json, notes=notes)
+        save_calibration(calibration, target)
+        print_calibration(calibration, [("written", str(target))], page=self.figure, json=self.json, notes=notes)
 
 
 def drift(old: Calibration, new: Calibration) -> str:
-    """Difference between two calibrations of a sensor, and whether their uncertainties explain it.
-
-    E_n = |difference| / sqrt(U_old^2 + U_new^2) with expanded uncertainties U (ISO 13528, 9.7); above 1 the sensor has
-    changed, or an uncertainty is too small.
-    """
+    """Difference between two calibrations of a sensor, and whether their uncertainties explain it."""
     low, high = max(old.frequency[0], new.frequency[0]), min(old.frequency[-1], new.frequency[-1])
     if low > high:
         return "no comparison: it has no frequency in common with the superseded calibration"
@@ -94,6 +91,7 @@ def drift(old: Calibration, new: Calibration) -> str:
     before, after = old.uncertainty_at(frequency), new.uncertainty_at(frequency)
     if before is None or after is None:
         return told
+    # E_n of ISO 13528, 9.7: difference over the root of the sum of squares of both expanded uncertainties.
     score = np.abs(change) / np.maximum(2 * np.hypot(before, after), 1e-12)
     return f"{told}; E_n {np.median(score[heard]):.2g} (median), {100 * (score[heard] > 1).mean():.1f} % above 1"
 
@@ -113,28 +111,17 @@ def prepare_page(page: Path | None, force: bool) -> None:
         may_write(page, force)
 
 
-def finish(calibration: Calibration, output: Path, *, page: Path | None, json: bool, notes: list[str]) -> None:
-    """Write a new calibration and its page, and print it."""
-    save_calibration(calibration, output)
-    print_calibration(calibration, [("written", str(output))], page=page, json=json, notes=notes)
-
-
 def print_calibration(
     calibration: Calibration,
     rows: list[tuple[str, str]],
     *,
     page: Path | None,
     json: bool,
-    notes: list[str] | None = None,
+    notes: Sequence[str] = (),
 ) -> None:
     """Print a calibration, and write its page if requested."""
     if page is not None:
         write_calibration_page(calibration, page)
         rows = [*rows, ("page", str(page))]
-    rows = [*calibration_rows(calibration), *rows]
-    simulated = calibration.provenance.simulated
-    if json:
-        return print_json({**dict(rows), "simulated": simulated, "notes": notes or []})
-    banner(simulated)
-    print_rows([*rows, *(("note", note) for note in notes or [])])
-    return None
+    rows = [*calibration_rows(calibration), *rows, *(() if json else (("note", note) for note in notes))]
+    print_result(rows, simulated=calibration.provenance.simulated, json=json, notes=notes)

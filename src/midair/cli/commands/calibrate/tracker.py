@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Annotated
 
-from midair.cli.console import banner, print_json, print_note, print_rows
+from midair.cli.console import print_note
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
 from midair.cli.keys import Keys
 from midair.cli.options import Force, Json, Placement
-from midair.cli.output import may_write
+from midair.cli.output import may_write, print_result
 from midair.cli.quantities import quantity
 from midair.files import load_placement, save_tracker
 from midair.model import Acoustics, Medium
@@ -76,12 +76,7 @@ def tracker_command(
             entered=lambda: "\n" in keys.pressed(),
         )
     save_tracker(found, output)
-    rows = [
-        ("offset", ", ".join(f"{1e3 * each:.1f}" for each in found.offset) + " mm"),
-        ("uncertainty", f"{2e3 * found.uncertainty:.1f} mm (k = 2)"),
-        ("written", str(output)),
-    ]
-    if json:
-        return print_json({**dict(rows), "simulated": array.simulated})
-    banner(array.simulated)
-    return print_rows(rows)
+    uncertainty = f"{2e3 * found.uncertainty:.1f} mm (k = 2)"
+    offset = ", ".join(f"{1e3 * each:.1f}" for each in found.offset) + " mm"
+    rows = [("offset", offset), ("uncertainty", uncertainty), ("written", str(output))]
+    print_result(rows, simulated=array.simulated, json=json)

@@ -1,11 +1,10 @@
 """The commands `study new`, `study plan` and `study withdraw`."""
 
 import shlex
-import sys
 from hashlib import sha256
 from pathlib import Path
 
-from midair.cli.console import banner, err, out, print_note, progress_bars
+from midair.cli.console import banner, confirmed, out, print_note, progress_bars
 from midair.cli.options import Force, Study
 from midair.errors import InputError
 from midair.files import atomic_file, read_text
@@ -151,20 +150,11 @@ def withdraw_command(study: Study, participant: int, /, *, force: Force = False)
     """
     folder = StudyFolder(study)
     folder.plan()
-    if not force:
-        _confirm_deletion(study, participant)
+    if not (force or confirmed(f"Delete all data of participant {participant} of {study}?")):
+        raise InputError(f"{study}: nothing was deleted; use --force to delete without asking")
     for line in withdraw(folder, participant):
         out().print(line)
     out().print(f"participant {participant} is withdrawn.")
-
-
-def _confirm_deletion(study: Path, participant: int) -> None:
-    """Ask before deleting; without a terminal, refuse."""
-    if sys.stdin.isatty():
-        err().print(f"Delete all data of participant {participant} of {study}? [y/N] ", end="")
-        if sys.stdin.readline().strip().lower() in ("y", "yes"):
-            return
-    raise InputError(f"{study}: nothing was deleted; use --force to delete without asking")
 
 
 def _print_drives(gathered: list[StudyDrive]) -> None:

@@ -15,7 +15,6 @@ from midair.study import (
     Plan,
     Policy,
     Session,
-    SessionState,
     SilentPresenter,
     SimulatedParticipant,
     SimulatedScreen,
@@ -140,7 +139,10 @@ def run_command(
     out().print(
         f"{folder.log(participant).name}: seal {session.seal}. Write it down elsewhere: it detects a replaced log."
     )
-    _print_next_session(session.standing())
+    standing = session.standing()
+    if standing.next_trial < len(standing.trials) and not standing.broken_off:
+        due = standing.trials[standing.next_trial].session
+        out().print(f"Session {due} is next: run the same command again.")
     return 0 if step.kind == "done" else 1
 
 
@@ -198,12 +200,6 @@ def _finished_log(folder: StudyFolder, plan: Plan, participant: int) -> str:
         return ""
     standing = folder.session(plan, participant)
     return f"{log.name}: seal {chain_hash(log)}" if standing.next_trial == len(standing.trials) else ""
-
-
-def _print_next_session(standing: SessionState) -> None:
-    if standing.next_trial < len(standing.trials) and not standing.broken_off:
-        due = standing.trials[standing.next_trial].session
-        out().print(f"Session {due} is next: run the same command again.")
 
 
 def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Policy, d_prime: float) -> int:

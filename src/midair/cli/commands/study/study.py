@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -12,8 +12,6 @@ from midair.errors import InputError
 from midair.files import atomic_file
 from midair.study import (
     Incomplete,
-    Report,
-    StudyData,
     StudyFolder,
     UnpresentedAnswers,
     analyse,
@@ -36,9 +34,6 @@ from midair.study import (
     write_csv,
     write_psych_ds,
 )
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 
 def analyse_command(
@@ -104,9 +99,9 @@ def analyse_command(
         folder = StudyFolder(source)
         plan, data = folder.plan(), data_of_study(folder)
         title, target = plan.design.title or plan.design.name, output or source / "report.html"
-        loading = load_study(_relative(target, source))
+        loading = load_study(os.path.relpath(source, target.parent))
     else:
-        table = _read_table(source)
+        table = read_bids(source) if source.is_dir() else read_csv(source)
         columns: dict[str, Any] = {
             "participant": participant,
             "presented": presented,
@@ -122,7 +117,7 @@ def analyse_command(
         }
         data = data_of_columns(table, **columns)
         title, target = source.name, output or source.with_name(f"{source.stem}-report.html")
-        loading = load_table(_relative(target, source), columns, bids=source.is_dir())
+        loading = load_table(os.path.relpath(source, target.parent), columns, bids=source.is_dir())
     report = analyse(data, seed=seed, draws=draws)
     if (source / "plan.json").exists():
         for file in (target, target.with_suffix(".ipynb")):
@@ -133,7 +128,12 @@ def analyse_command(
         with atomic_file(file) as partial:
             partial.chmod(0o600)
             partial.write_text(text, encoding="utf-8")
-    _print_report(report, data, target, json=json)
+    if json:
+        print(report_json(report))  # noqa: T201
+        return
+    out().print(report_text(report))
+    out().print(f"\nreport {target}, notebook of the analysis {target.with_suffix('.ipynb')}")
+    warn_simulated(data.simulated)
 
 
 def export_command(study: Study, output: Path, /, *, format: Literal["bids", "psych-ds", "csv"] = "bids") -> None:
@@ -154,28 +154,20 @@ def export_command(study: Study, output: Path, /, *, format: Literal["bids", "ps
     plan = folder.plan()
     answers = answers_table(plan, folder.sessions())
     verified = verify_study(folder)
+    if format == "csv" and answers.empty:
+        raise InputError("export: expected answers, got none; run a participant first")
+    # Logged before the export exists, so that `study withdraw` also finds an interrupted one.
+    log_derived_file(folder, output, format)
+    files, told = verified.summary, ""
     if format == "bids":
-        # Logged before the export exists, so that `study withdraw` also finds an interrupted one.
-        log_derived_file(folder, output, "bids")
-        written = write_bids(
-            answers,
-            plan.design,
-            output,
-            files=verified.summary,
-            unfinished=tuple(verified.unfinished),
-            markers=markers_table(folder.sessions()),
-        )
-        out().print(f"{output}: {len(written)} files, {len(answers)} answers.")
+        markers, unfinished = markers_table(folder.sessions()), tuple(verified.unfinished)
+        written = write_bids(answers, plan.design, output, files=files, unfinished=unfinished, markers=markers)
+        told = f"{len(written)} files, "
     elif format == "psych-ds":
-        log_derived_file(folder, output, "psych-ds")
-        written = write_psych_ds(answers, plan.design, output, files=verified.summary)
-        out().print(f"{output}: {len(written)} files, {len(answers)} answers.")
+        told = f"{len(write_psych_ds(answers, plan.design, output, files=files))} files, "
     else:
-        if answers.empty:
-            raise InputError("export: expected answers, got none; run a participant first")
-        log_derived_file(folder, output, "csv")
-        write_csv(answers, output, files=verified.summary)
-        out().print(f"{output}: {len(answers)} answers.")
+        write_csv(answers, output, files=files)
+    out().print(f"{output}: {told}{len(answers)} answers.")
     out().print(" ".join(part for part in (verified.summary, verified.unfinished_words) if part))
     warn_simulated(bool(answers["simulated"].any()))
 
@@ -201,21 +193,3 @@ def verify_command(study: Study, /, *, seal: Path | None = None) -> int:
     for line in (*verified.sessions, verified.summary):
         out().print(line)
     return 1 if verified.faults else 0
-
-
-def _relative(target: Path, source: Path) -> str:
-    """Path of a source relative to the folder of the report."""
-    return os.path.relpath(source, target.parent)
-
-
-def _read_table(source: Path) -> "DataFrame":
-    return read_bids(source) if source.is_dir() else read_csv(source)
-
-
-def _print_report(report: Report, data: StudyData, target: Path, *, json: bool) -> None:
-    if json:
-        print(report_json(report))  # noqa: T201
-        return
-    out().print(report_text(report))
-    out().print(f"\nreport {target}, notebook of the analysis {target.with_suffix('.ipynb')}")
-    warn_simulated(data.simulated)

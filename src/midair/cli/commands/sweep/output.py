@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from typing import Annotated
 
@@ -28,18 +28,15 @@ def run_with_bar(sweep: Sweep, where: str, *, scheduler: str | None, workers: in
     if not where.rstrip("/").endswith(".zarr"):
         raise InputError(f"{where}: expected a name that ends in .zarr for a sweep")
     try:
-        with sweep_bar("patterns" if sweep.kind == "patterns" else "frames", _workload(sweep)) as progress:
+        # Everything that decides the speed.
+        method = f" {sweep.method}" if isinstance(sweep, PatternSweep) else ""
+        workload = f"{sweep.kind}{method} {os.cpu_count()} cores"
+        with sweep_bar("patterns" if sweep.kind == "patterns" else "frames", workload) as progress:
             run_sweep(sweep, where, scheduler=scheduler, workers=workers, progress=progress)
     except KeyboardInterrupt:
         err().print("midair: stopped; the results so far are stored; run the same command again to resume")
         return 130
     return 0
-
-
-def _workload(sweep: Sweep) -> str:
-    """Everything that decides the speed of a sweep."""
-    method = f" {sweep.method}" if isinstance(sweep, PatternSweep) else ""
-    return f"{sweep.kind}{method} {os.cpu_count()} cores"
 
 
 @contextmanager
@@ -65,12 +62,21 @@ def sweep_bar(items: str, workload: str) -> Generator[Advance]:
     remember_speed(kind, last[0] - begun[0], last[1] - begun[1])
 
 
-def show_patterns(report: PatternReport) -> None:
-    """Print a table of the conditions."""
+def _table(texts: Sequence[str], figures: Sequence[str]) -> Shown:
+    """A table of E with columns of text and of figures."""
     banner(True)
     table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
-    for name in ("strength", "height", "patterns", "mean", "sd", "median", "95 %", "worst", "rounded", "worst"):
+    for name in texts:
+        table.add_column(name, no_wrap=True)
+    for name in figures:
         table.add_column(name, justify="right")
+    return table
+
+
+def show_patterns(report: PatternReport) -> None:
+    """Print a table of the conditions."""
+    heads = ("strength", "height", "patterns", "mean", "sd", "median", "95 %", "worst", "rounded", "worst")
+    table = _table((), heads)
     for row in report.conditions:
         where = (f"{row['strength']:g}", f"{row['height_mm']:g}mm", f"{row['patterns']}")
         shares = ("mean", "sd", "median", "p95", "worst", "mean_rounded", "worst_rounded")
@@ -81,12 +87,7 @@ def show_patterns(report: PatternReport) -> None:
 
 def show_trials(report: TrialReport) -> None:
     """Print a table of the trials."""
-    banner(True)
-    table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
-    for name in ("recording", "variant"):
-        table.add_column(name, no_wrap=True)
-    for name in ("frames", "strength", "mean", "95 %", "worst", "rounded", "worst"):
-        table.add_column(name, justify="right")
+    table = _table(("recording", "variant"), ("frames", "strength", "mean", "95 %", "worst", "rounded", "worst"))
     shares = ("mean", "p95", "worst", "mean_rounded", "worst_rounded")
     for row in report.rows:
         figures = (f"{row['frames']}", f"{row['strength']:.3f}", *(f"{100 * row[name]:.2f}" for name in shares))

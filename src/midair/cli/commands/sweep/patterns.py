@@ -1,32 +1,19 @@
 """The command `sweep patterns`: solve many binary patterns in parallel."""
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated
 
-from cyclopts import Parameter, Token
+from cyclopts import Parameter
 
 from midair.cli.commands.sweep.output import Bits, Scheduler, Store, Workers, run_with_bar, show_patterns
 from midair.cli.console import out
 from midair.cli.exposure_options import AirOptions
-from midair.cli.quantities import format_quantity, parse_quantity
+from midair.cli.quantities import quantity
 from midair.model import HEIGHT, Acoustics, Directivity, Medium
 from midair.sweep import PatternResults, PatternSweep, load_sweep, report_of
 
-
-def _lengths(_: Any, tokens: Sequence[Token]) -> tuple[float, ...]:
-    return tuple(parse_quantity(token.value, "m") for token in tokens)
-
-
-def _lengths_text(values: tuple[float, ...]) -> str:
-    return " ".join(format_quantity(value, "m") for value in values)
-
-
 Numbers = Annotated[tuple[float, ...], Parameter(consume_multiple=True)]
-Lengths = Annotated[
-    tuple[float, ...],
-    Parameter(converter=_lengths, n_tokens=-1, consume_multiple=True, show_default=_lengths_text, metavar="QUANTITIES"),
-]
+Lengths = Annotated[tuple[float, ...], quantity("m", many=-1), Parameter(consume_multiple=True, metavar="QUANTITIES")]
 
 
 def patterns_command(

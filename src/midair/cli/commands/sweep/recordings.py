@@ -91,14 +91,11 @@ def _variants(options: SolveOptions, vary: Sequence[str]) -> list[tuple[str, Sol
     names = [name for axis in axes for name in {field for _, (field, _) in axis}]
     if len(set(names)) < len(names):
         raise InputError(f"--vary: expected each option once, got {' '.join(vary)}")
+    made: Any = options
     return [
-        (" ".join(spelt for spelt, _ in chosen), _with(options, dict(choice for _, choice in chosen)))
+        (" ".join(spelt for spelt, _ in chosen), replace(made, **dict(choice for _, choice in chosen)))
         for chosen in itertools.product(*axes)
     ]
-
-
-def _with(options: Any, changes: dict[str, Any]) -> SolveOptions:
-    return replace(options, **changes)
 
 
 def _axis(text: str) -> list[tuple[str, Choice]]:
