@@ -17,7 +17,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from midair.devices.arrays.openmpd_frames import (
     PERIOD,
@@ -46,31 +46,6 @@ BUFFERED_MAX = 32 * 255 * PERIOD
 """Maximum duration of the frames that a board can buffer, in s."""
 FOUR_FRAMES = 4 * 255 * PERIOD
 """Maximum duration of four frames with any divider, in s."""
-
-
-class BoardPort(Protocol):
-    """The part of `serial.Serial` that midair uses."""
-
-    @property
-    def out_waiting(self) -> int:
-        """Number of bytes still to be sent."""
-        ...
-
-    def write(self, data: bytes, /) -> int | None:
-        """Send bytes, or raise OSError after the time limit."""
-        ...
-
-    def reset_output_buffer(self) -> None:
-        """Discard the bytes still to be sent."""
-        ...
-
-    def fileno(self) -> int:
-        """File descriptor of the port."""
-        ...
-
-    def close(self) -> None:
-        """Close the port."""
-        ...
 
 
 class OpenMpdArray(ArrayDevice):
@@ -103,7 +78,7 @@ class OpenMpdArray(ArrayDevice):
         self.name, self.exclusive = name, f"openmpd:{','.join(ports)}"
         self.array = array_of_boards(*(boards or [Board.nominal()] * len(ports)))
         self._names, self._boards = tuple(ports), tuple(boards)
-        self._ports: list[BoardPort] = []
+        self._ports: list[Any] = []
         self._guard: PortGuard | None = None
         self._lock = threading.RLock()
         self._silenced = 0
@@ -248,7 +223,7 @@ class OpenMpdArray(ArrayDevice):
             if self._silenced != ordered:
                 raise DeviceError(f"{self.name}: silenced by another thread during playback")
 
-    def _silence_port(self, port: BoardPort) -> LinkLostError | None:
+    def _silence_port(self, port: Any) -> LinkLostError | None:
         """Discard unsent bytes and send silence; return the error, if any."""
         try:
             port.reset_output_buffer()

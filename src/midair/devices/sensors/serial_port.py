@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import serial
 from pydantic import PositiveInt
@@ -20,27 +20,6 @@ from midair.devices.sensors.sources import Chunk, SensorOptions, Stream
 from midair.errors import DeviceError, DeviceStateError
 
 
-class Port(Protocol):
-    """The part of `serial.Serial` that midair uses."""
-
-    @property
-    def in_waiting(self) -> int:
-        """Number of bytes received."""
-        ...
-
-    def read(self, size: int = 1) -> bytes:
-        """Read up to `size` bytes: at least one within the time limit, or none."""
-        ...
-
-    def reset_input_buffer(self) -> None:
-        """Discard the received bytes."""
-        ...
-
-    def close(self) -> None:
-        """Close the port."""
-        ...
-
-
 class SerialSource:
     """Frames received at a serial port, such as ``/dev/ttyUSB0`` or ``COM3``.
 
@@ -50,12 +29,12 @@ class SerialSource:
     """
 
     def __init__(
-        self, port: str, *, baud: int = 921_600, search: float = 2.0, connect: Callable[[], Port] | None = None
+        self, port: str, *, baud: int = 921_600, search: float = 2.0, connect: Callable[[], Any] | None = None
     ) -> None:
         self._name, self._search = port, search
         self._connect = connect or (lambda: exclusive_port(port, baud))
         self._hold = ExitStack()
-        self._port: Port | None = None
+        self._port: Any = None
         self._decoder = Decoder()
         self._waiting: deque[Frames] = deque()
         self._base: int | None = None
@@ -153,7 +132,7 @@ class SerialSource:
         except (OSError, TypeError) as wrong:
             raise DeviceError(f"serial: lost {self._name}: {wrong}; plug it in and start again") from wrong
 
-    def _opened(self) -> Port:
+    def _opened(self) -> Any:
         if self._port is None:
             raise DeviceStateError("serial: expected open first")
         return self._port
