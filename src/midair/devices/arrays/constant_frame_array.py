@@ -23,7 +23,6 @@ class ConstantFrameUnits(Units, Protocol):
 
     def stand(self, phases: Bytes, intensity: Bytes) -> None:
         """Play a pattern until another one arrives; shape (unit, transducer of the unit) each."""
-        ...
 
     def state(self) -> UnitsState:
         """Current state of the units; the query also resets the failsafe timer."""

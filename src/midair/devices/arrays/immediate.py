@@ -38,11 +38,9 @@ class ImmediateUnits(Units, Protocol):
 
         Raises DeviceError if an earlier frame failed: link lost, units too hot, or failsafe active.
         """
-        ...
 
     def skip(self) -> None:
         """Count a frame that is dropped, since a unit is too hot."""
-        ...
 
     def sent(self, number: int) -> int:
         """Time at which one of the last 64 frames was sent, in ns of `time.monotonic_ns`; 0 if it was not sent."""

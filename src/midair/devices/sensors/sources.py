@@ -85,7 +85,6 @@ class Source(Protocol):
 
     def start(self) -> None:
         """Start sampling and discard earlier data: frame 0 is the first one after this call."""
-        ...
 
     def pull(self, wait: float) -> Chunk | None:
         """Return the frames since the last call, waiting up to `wait` seconds for the first; None if there are none."""
@@ -93,11 +92,9 @@ class Source(Protocol):
 
     def stop(self) -> None:
         """Stop sampling; no effect if not started."""
-        ...
 
     def close(self) -> None:
         """Close the source; no effect if not open."""
-        ...
 
     def describe(self) -> dict[str, str]:
         """Information about the source and counters since start, by name."""
