@@ -6,7 +6,7 @@ silenced first. To add a device, write a subclass in its own file and implement 
 
 import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -275,20 +275,19 @@ class ArrayDevice(ABC):
             raise InputError(f"delay: expected 0 to 3600 s, got {delay:g} s")
         drive = admission.check_for(self)
 
-        def emitted() -> PlayReport:
-            try:
-                self._plays = True
+        said: dict[str, object] = {}
+        logs = self._logged(admission, source, room, said) if self.gated or watched else contextlib.nullcontext()
+        with logs:
+            with self._playing():
                 report = self.emit(drive, progress, repeats=admission.repeats, delay=delay)
-            except BaseException:
-                self._silence_after_an_error()
-                raise
-            finally:
-                self._plays = False
-            self.silence()
-            return report
+            said |= asdict(report)
+        return report
 
-        if not (self.gated or watched):
-            return emitted()
+    @contextmanager
+    def _logged(
+        self, admission: ExposureClearance, source: str | Path, room: Medium | None, said: Mapping[str, object]
+    ) -> Generator[None]:
+        """Log the order on entry and its end on exit, with the contents of `said`; `midair stop` reaches it inside."""
         with self._order.held(self.name, self.exclusive, self.silence):
             self._order.check(self.name)
             number = log_order(
@@ -296,7 +295,7 @@ class ArrayDevice(ABC):
             )
             self._log = partial(log_pause, number, source, self.name)
             try:
-                report = emitted()
+                yield
                 # A stop during the last block is not noticed inside `emit`.
                 self._order.check(self.name)
             except BaseException as end:
@@ -304,8 +303,20 @@ class ArrayDevice(ABC):
                 raise
             finally:
                 self._log = log_nothing
-            log_end(number, source, self.name, "played", report=asdict(report))
-        return report
+            log_end(number, source, self.name, "played", report=said)
+
+    @contextmanager
+    def _playing(self) -> Generator[None]:
+        """Inside, `sounding` permits sound; it is silent afterwards, also after an error."""
+        try:
+            self._plays = True
+            yield
+        except BaseException:
+            self._silence_after_an_error()
+            raise
+        finally:
+            self._plays = False
+        self.silence()
 
     @contextmanager
     def reserved(self) -> Generator[None]:

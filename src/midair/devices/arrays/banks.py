@@ -183,6 +183,12 @@ class UnitsArray(ArrayDevice, Generic[U]):
         self._connect = connect
         self._units: U | None = None
         self._lock = threading.RLock()
+        self._sounds = False
+
+    @property
+    def emitting(self) -> bool:
+        """True if the last frame sent was not silent."""
+        return self._units is not None and self._sounds
 
     @property
     def units(self) -> U:
@@ -216,6 +222,7 @@ class UnitsArray(ArrayDevice, Generic[U]):
         """Close the device."""
         # With the lock a silence from another thread returns only after closing has silenced the device.
         with self._lock:
+            self._sounds = False
             units, self._units = self._units, None
             if units is not None:
                 units.close()
