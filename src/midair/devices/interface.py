@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -106,9 +105,7 @@ class SensorDevice(ABC):
         self.open()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
         self.close()
 
@@ -137,17 +134,13 @@ class PlayReport:
     """Silence while units were too hot, in s; part of neither `duration` nor `gap`."""
 
 
-def _ignore(_: str) -> None:
-    """Ignore a message."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cooling:
     """Permission to wait in silence for units that are too hot, instead of ending with an error."""
 
     limit: float = 600.0
     """Longest pause, in s; playback then ends with TooHotError."""
-    report: Callable[[str], object] = _ignore
+    report: Callable[[str], object] = lambda _: None
     """Called with one line as soon as a pause begins, and when playback continues."""
     agreed: Callable[[], bool] = lambda: True
     """Asked while units are cool; the pause lasts until it returns True."""
@@ -375,12 +368,10 @@ class ArrayDevice(ABC):
             self._entered = stack.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._entered.__exit__(kind, error, trace)
+    def __exit__(self, *error: Any) -> None:
+        self._entered.__exit__(*error)
 
-    def _on_exit(self, _: type[BaseException] | None, error: BaseException | None, __: TracebackType | None) -> None:
+    def _on_exit(self, _: object, error: BaseException | None, __: object) -> None:
         try:
             if error is None:
                 self.silence()

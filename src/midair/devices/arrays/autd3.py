@@ -5,9 +5,8 @@ from typing import Any
 
 from midair.devices.arrays.autd3_address import autd3_place
 from midair.devices.arrays.banked_array import BankedArray
-from midair.devices.arrays.banks import Banks
-from midair.devices.arrays.constant_frame_array import ConstantFrameArray, ConstantFrameUnits
-from midair.devices.arrays.immediate import ImmediateArray, ImmediateUnits
+from midair.devices.arrays.constant_frame_array import ConstantFrameArray
+from midair.devices.arrays.immediate import ImmediateArray
 from midair.devices.arrays.silencer import SilencerChoice, named_silencer
 from midair.errors import MissingExtraError
 from midair.model import RATE, Placement
@@ -36,11 +35,8 @@ def autd3_array(
     """
     place = autd3_place(where)
 
-    def connect(placement: Placement) -> Banks:
-        return _module("midair.devices.arrays.autd3_udp", "autd3").Autd3Udp(placement, place)
-
     return BankedArray(
-        connect,
+        lambda placement: _module("autd3_udp", "autd3").Autd3Udp(placement, place),
         placement or Placement.grid(),
         name=place.device,
         silencer=silencer,
@@ -68,11 +64,12 @@ def autd3_constant_frame(
     """
     place = autd3_place(where)
 
-    def connect(placement: Placement) -> ConstantFrameUnits:
-        module = _module("midair.devices.arrays.autd3_udp", "autd3")
-        return module.Autd3Udp(placement, place, failsafe=failsafe, heartbeat=False)
-
-    return ConstantFrameArray(connect, placement or Placement.grid(), name=place.device, exclusive=place.exclusive)
+    return ConstantFrameArray(
+        lambda placement: _module("autd3_udp", "autd3").Autd3Udp(placement, place, failsafe=failsafe, heartbeat=False),
+        placement or Placement.grid(),
+        name=place.device,
+        exclusive=place.exclusive,
+    )
 
 
 def autd3_immediate(
@@ -108,12 +105,8 @@ def autd3_immediate(
     """
     place = autd3_place(where)
 
-    def connect(placement: Placement) -> ImmediateUnits:
-        module = _module("midair.devices.arrays.autd3_single_frames", "autd3")
-        return module.Autd3Immediate(placement, place, failsafe=failsafe)
-
     return ImmediateArray(
-        connect,
+        lambda placement: _module("autd3_single_frames", "autd3").Autd3Immediate(placement, place, failsafe=failsafe),
         placement or Placement.grid(),
         name=place.device,
         silencer=named_silencer(silencer, rate),
@@ -125,11 +118,13 @@ def autd3_immediate(
 
 def autd3_firmware(placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
     """The firmware's emulator in virtual time; ``.banks.put_out()`` returns the output of the transducers."""
-
-    def connect(placement: Placement) -> Banks:
-        return _module("midair.devices.arrays.autd3_emulator", "autd3-emulator").Autd3Firmware(placement)
-
-    return BankedArray(connect, placement or Placement.grid(), name="autd3:firmware", silencer=silencer, simulated=True)
+    return BankedArray(
+        lambda placement: _module("autd3_emulator", "autd3-emulator").Autd3Firmware(placement),
+        placement or Placement.grid(),
+        name="autd3:firmware",
+        silencer=silencer,
+        simulated=True,
+    )
 
 
 def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
@@ -143,12 +138,8 @@ def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: Si
     placement, silencer
         As in `autd3_array`.
     """
-
-    def connect(placement: Placement) -> Banks:
-        return _module("midair.devices.arrays.pyautd3_banks", "pyautd3").PyAutd3Banks(placement, link)
-
     return BankedArray(
-        connect,
+        lambda placement: _module("pyautd3_banks", "pyautd3").PyAutd3Banks(placement, link),
         placement or Placement.grid(),
         name=f"pyautd3:{link}",
         silencer=silencer,
@@ -157,9 +148,9 @@ def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: Si
     )
 
 
-def _module(name: str, extra: str) -> Any:
+def _module(driver: str, extra: str) -> Any:
     try:
-        return importlib.import_module(name)
+        return importlib.import_module(f"midair.devices.arrays.{driver}")
     except ModuleNotFoundError as wrong:
         raise MissingExtraError(
             f'{extra}: expected the package {wrong.name}, it is not installed; pip install "midair[{extra}]"'
