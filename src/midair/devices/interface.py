@@ -81,12 +81,8 @@ class SensorDevice(ABC):
     def read(self, frames: int) -> FrameBlock:
         """Return the next `frames` frames; fewer before a gap and at the end, none if the source has ended.
 
-        Raises
-        ------
-        DeviceStateError
-            If it was not started.
-        DeviceError
-            If it times out or the connection is lost; frames that arrived before are returned first.
+        Raises DeviceStateError if it was not started, DeviceError if it times out or the connection is lost; frames
+        that arrived before are returned first.
         """
 
     @abstractmethod
@@ -318,14 +314,8 @@ class ArrayDevice(ABC):
         After a stop nothing sounds until the outermost block ends. Entering the device reserves it; reserve it earlier
         if preparation, such as reading and checking a long drive, takes time.
 
-        Raises
-        ------
-        HeldError
-            If another program uses it.
-        StoppedError
-            If `midair stop` was called since the command was given, or is called inside.
-        FileError
-            If the state folder cannot be written.
+        Raises HeldError if another program uses it, StoppedError if `midair stop` was called since the command was
+        given, or is called inside, FileError if the state folder cannot be written.
         """
         if not self.gated:
             yield
@@ -338,14 +328,8 @@ class ArrayDevice(ABC):
         """Inside, a driver may start or continue sound; a stop waits until the block ends and then prevents any further
         sound.
 
-        Raises
-        ------
-        StoppedError
-            If `midair stop` was called.
-        DeviceStateError
-            If a gated array is used outside `play`.
-        MidairError
-            Any error of the check set by `allowing`.
+        Raises StoppedError if `midair stop` was called, DeviceStateError if a gated array is used outside `play`, and
+        any error of the check set by `allowing`.
         """
         if self.gated and not self._plays:
             raise DeviceStateError(

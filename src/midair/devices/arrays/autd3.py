@@ -15,7 +15,7 @@ from midair.model import RATE, Placement
 def autd3_array(
     where: str = "auto", placement: Placement | None = None, *, silencer: SilencerChoice = "auto"
 ) -> BankedArray:
-    """An array of units with firmware series 0.12, over Ethernet.
+    """An array of units with firmware series 0.12, over Ethernet; UnknownDeviceError if an address is invalid.
 
     Parameters
     ----------
@@ -27,14 +27,8 @@ def autd3_array(
         Default: two by two units.
     silencer : {"auto", "off", "quarter", "half", "default"}
         As in `choose_silencer`.
-
-    Raises
-    ------
-    UnknownDeviceError
-        If an address or a port is invalid.
     """
     place = autd3_place(where)
-
     return BankedArray(
         lambda placement: _module("autd3_udp", "autd3").Autd3Udp(placement, place),
         placement or Placement.grid(),
@@ -56,14 +50,8 @@ def autd3_constant_frame(
         As in `autd3_array`; not a server, whose own heartbeat would keep the units on.
     failsafe : float
         Time without a message after which the units go silent, in s; the player sends one every 10 ms.
-
-    Raises
-    ------
-    UnknownDeviceError
-        If an address or a port is invalid.
     """
     place = autd3_place(where)
-
     return ConstantFrameArray(
         lambda placement: _module("autd3_udp", "autd3").Autd3Udp(placement, place, failsafe=failsafe, heartbeat=False),
         placement or Placement.grid(),
@@ -81,7 +69,7 @@ def autd3_immediate(
     hold: float = 0.006,
     failsafe: float = 0.05,
 ) -> ImmediateArray:
-    """Units as in `autd3_array`, for frames that are computed during playback.
+    """Units as in `autd3_array`, for frames that are computed during playback; InputError if the silencer is unknown.
 
     Parameters
     ----------
@@ -95,16 +83,8 @@ def autd3_immediate(
         Maximum time by which a frame is sent ahead of its instant, in s.
     failsafe : float
         Time without a frame after which the units go silent, in s.
-
-    Raises
-    ------
-    UnknownDeviceError
-        If an address or a port is invalid.
-    InputError
-        If the silencer is unknown.
     """
     place = autd3_place(where)
-
     return ImmediateArray(
         lambda placement: _module("autd3_single_frames", "autd3").Autd3Immediate(placement, place, failsafe=failsafe),
         placement or Placement.grid(),

@@ -52,16 +52,9 @@ class ImmediateUnits(Units, Protocol):
 class ImmediateArray(UnitsArray[ImmediateUnits]):
     """Plays frames while they are computed, and is silent at all other times.
 
-    Parameters
-    ----------
-    connect : callable
-        Opens the units, without a heartbeat and with a short failsafe.
-    silencer : Silencer
-        Setting of the firmware's silencer; default: off.
-    hold : float
-        Maximum time by which a frame is sent ahead of its instant, in s: units may still hold so much when silenced.
-    simulated, gated, exclusive
-        As in `ArrayDevice`.
+    `connect` opens the units, without a heartbeat and with a short failsafe. `silencer` is off by default. `hold` is
+    the maximum time by which a frame is sent ahead of its instant, in s: units may still hold so much when silenced.
+    The other parameters are as in `ArrayDevice`.
     """
 
     def __init__(
@@ -93,17 +86,10 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
 
         The order is logged before the first frame and its end after the last; `midair stop` silences the array.
 
-        Raises
-        ------
-        MismatchError, DeviceStateError
-            If the clearance is for another array, or the device is not open.
-        ExposureError
-            From a frame that exceeds the cleared level.
-        StoppedError
-            From the first frame after `midair stop`.
-        TooHotError
-            Before the first frame or from a later one, if a unit is too hot; with `cooling`, frames are dropped until
-            all units have cooled, and the error comes after its limit.
+        Raises MismatchError or DeviceStateError if the clearance is for another array or the device is not open;
+        ExposureError from a frame that exceeds the cleared level; StoppedError from the first frame after `midair
+        stop`; TooHotError if a unit is too hot, but with `cooling` frames are dropped until all units have cooled, and
+        the error comes after its limit.
         """
         admission.check_array(self)
         units, strongest = self.units, admission.strongest

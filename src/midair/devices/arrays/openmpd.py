@@ -51,14 +51,9 @@ FOUR_FRAMES = 4 * 255 * PERIOD
 class OpenMpdArray(ArrayDevice):
     """Plays drives on boards frame by frame, and is silent at all other times.
 
-    Parameters
-    ----------
-    ports : sequence of str
-        Port of one board, or of the lower and then the upper of two.
-    boards : sequence of Board
-        Data of each board in the same order; without them the boards can be silenced, but not play.
-    silencer : {"auto", "off"}
-        No effect: the firmware has no silencer.
+    `ports` is that of one board, or of the lower and then the upper of two; `boards` are the data of each in the same
+    order, without which the boards can be silenced, but not play. `silencer`, "auto" or "off", has no effect: the
+    firmware has none.
     """
 
     streams, steps_a_turn = True, STEPS

@@ -391,13 +391,7 @@ class GrblStage(StageDevice):
 
 
 def grbl_stage(port: str, options: Mapping[str, str]) -> GrblStage:
-    """Stage at a port; the option baud is the rate in bits per second.
-
-    Raises
-    ------
-    InputError
-        If an option is unknown or is no rate.
-    """
+    """Stage at a port; the option baud is bits per second. Raises InputError if an option is unknown or no rate."""
     baud = options.get("baud", "115200")
     if set(options) - {"baud"} or not baud.isdecimal() or not int(baud):
         unknown = next(iter(set(options) - {"baud"}), f"baud={baud}")

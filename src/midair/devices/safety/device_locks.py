@@ -25,19 +25,9 @@ def device_lock(device: str) -> Generator[None]:
     both end with the process, and a leftover file does not block. On macOS, programs of other users, or with another
     state folder, get the device; on Windows every program does.
 
-    Parameters
-    ----------
-    device : str
-        Name in parts separated by colons: ``autd3``, which may find any units, excludes ``autd3:eth0``, and vice versa.
-
-    Raises
-    ------
-    HeldError
-        If another program uses it.
-    DeviceError
-        If Linux refuses the socket.
-    FileError
-        If the state folder cannot be written.
+    Colons separate the parts of a name: ``autd3``, which may find any units, excludes ``autd3:eth0``, and vice versa.
+    Raises HeldError if another program uses it, DeviceError if Linux refuses the socket, FileError if the state folder
+    cannot be written.
     """
     path = make_state_folder() / f"device-{quote(device, safe='')}.json"
     held = LockFile.take(path)

@@ -20,10 +20,7 @@ def state_folder() -> Path:
 def make_state_folder() -> Path:
     """Create the state folder, private to this user, if it does not exist.
 
-    Raises
-    ------
-    FileError
-        If it cannot be created, belongs to another user, or can be written by other users.
+    Raises FileError if it cannot be created, belongs to another user, or can be written by other users.
     """
     folder = state_folder()
     try:

@@ -45,12 +45,7 @@ class VirtualSkin:
     def touch(self, stroke: PressureFrames) -> None:
         """Append the pressure of an object on the cells.
 
-        Raises
-        ------
-        RateError
-            If the rate of the stroke differs from the skin's.
-        ShapeError
-            If its cells differ.
+        Raises RateError if the rate of the stroke differs from the skin's, ShapeError if its cells differ.
         """
         if stroke.rate != self.rate:
             raise RateError(
