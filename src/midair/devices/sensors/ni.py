@@ -15,8 +15,8 @@ from nidaqmx.errors import Error as DaqmxError
 from nidaqmx.system import System
 from pydantic import PositiveFloat
 
-from midair.devices.sensors.sources import Chunk, SensorOptions, Stream
-from midair.errors import DeviceError, DeviceStateError, InputError
+from midair.devices.sensors.sources import Chunk, SensorOptions, Stream, opened
+from midair.errors import DeviceError, InputError
 
 Wires = Literal["default", "rse", "nrse", "differential"]
 
@@ -76,13 +76,13 @@ class NiSource:
         """Start sampling."""
         self._frames = 0
         try:
-            self._opened().start()
+            opened(self._task, "ni").start()
         except DaqmxError as wrong:
             raise self._failed(wrong) from wrong
 
     def pull(self, wait: float) -> Chunk | None:
         """Return all frames in the driver's buffer."""
-        task, end = self._opened(), time.monotonic() + wait
+        task, end = opened(self._task, "ni"), time.monotonic() + wait
         try:
             while not (ready := int(task.in_stream.avail_samp_per_chan)):
                 if time.monotonic() > end:
@@ -121,11 +121,6 @@ class NiSource:
             call()
         except DaqmxError:
             return
-
-    def _opened(self) -> Any:
-        if self._task is None:
-            raise DeviceStateError("ni: expected open first")
-        return self._task
 
     def _failed(self, wrong: Exception) -> DeviceError:
         said = str(wrong).strip().splitlines() or [type(wrong).__name__]

@@ -16,8 +16,8 @@ from serial.tools.list_ports import comports
 
 from midair.devices.safety import device_lock
 from midair.devices.sensors.serial_frames import Decoder, Frames, Layout
-from midair.devices.sensors.sources import Chunk, SensorOptions, Stream
-from midair.errors import DeviceError, DeviceStateError
+from midair.devices.sensors.sources import Chunk, SensorOptions, Stream, opened
+from midair.errors import DeviceError
 
 
 class SerialSource:
@@ -60,7 +60,7 @@ class SerialSource:
 
     def start(self) -> None:
         """Discard the received bytes; the next whole frame is frame 0."""
-        self._convert_errors(self._opened().reset_input_buffer)
+        self._convert_errors(opened(self._port, "serial").reset_input_buffer)
         # The layout stays, since `open` returned its channels and rate.
         self._decoder = Decoder(layout=self._decoder.layout)
         self._waiting.clear()
@@ -106,7 +106,7 @@ class SerialSource:
         )
 
     def _read(self) -> bytes:
-        port = self._opened()
+        port = opened(self._port, "serial")
         # At least one byte, so that an empty port blocks instead of being polled.
         data: bytes = self._convert_errors(lambda: port.read(max(1, port.in_waiting)))
         self._arrived = time.monotonic()
@@ -131,11 +131,6 @@ class SerialSource:
             return call()
         except (OSError, TypeError) as wrong:
             raise DeviceError(f"serial: lost {self._name}: {wrong}; plug it in and start again") from wrong
-
-    def _opened(self) -> Any:
-        if self._port is None:
-            raise DeviceStateError("serial: expected open first")
-        return self._port
 
 
 def exclusive_port(port: str, baud: int) -> Any:

@@ -3,14 +3,17 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
 
+from midair.errors import DeviceStateError
 from midair.model import SensorGrid, SensorWiring, Unit
 from midair.streaming import Stored
+
+T = TypeVar("T")
 
 Samples = NDArray[Any]
 """Shape (frame, channel), of any number type."""
@@ -99,6 +102,13 @@ class Source(Protocol):
     def describe(self) -> dict[str, str]:
         """Information about the source and counters since start, by name."""
         ...
+
+
+def opened(part: T | None, kind: str) -> T:
+    """A part of a source that exists while it is open; DeviceStateError before."""
+    if part is None:
+        raise DeviceStateError(f"{kind}: expected open first")
+    return part
 
 
 class SensorOptions(BaseModel, ABC):
