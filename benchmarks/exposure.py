@@ -2,9 +2,10 @@
 
 The parts are: attacks by an optimiser that uses all points and airs of the check, on random places in random airs; a
 table of rooms for natural, quiet-ears and hostile drives, by the former check in the file's air and by the present one;
-random foci, a third of them on a surface; drives of strokes; and the time for a drive of 5 s compared with the former
-check of 27 points. The true level is the sum of all waves at the units' own phase and level steps, maximised over
-place and air without code of the check (`benchmarks.exposure_attacks`).
+random foci, a third of them on a surface; drives of strokes; the time for a drive of 5 s compared with the former
+check of 27 points; and the mode quiet under five levels at the ears (only with `--part safe`). The true level is the
+sum of all waves at the units' own phase and level steps, maximised over place and air without code of the check
+(`benchmarks.exposure_attacks`).
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +35,14 @@ from benchmarks.exposure_attacks import (
     sounding,
     within,
 )
+from benchmarks.real_objects import HERE, fast, kept
 from benchmarks.targets import towel
 from midair.datasets import stroke
 from midair.devices import measure_exposure
 from midair.devices.frame_bytes import actual_level
-from midair.files import profile_named
+from midair.files import open_take, profile_named
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium
+from midair.paper.modes_compared import FidelityPlan, original_of
 from midair.physics import (
     Place,
     airs_of_room,
@@ -48,16 +53,23 @@ from midair.physics import (
     sound_level,
     transfer_matrix,
 )
-from midair.solvers import solve
-from midair.targets import prepare
+from midair.pipeline import calibrated_pressure, reproduce, required_lead
+from midair.rig import BudgetPlan, VirtualRig, level_trade, record
+from midair.rig.names.virtual_rig import SPREADS, TransducerSpread
+from midair.settings import best_mode, quiet_mode
+from midair.solvers import one_blas_thread, solve
+from midair.targets import add_lead, prepare
 
 PROFILE = profile_named("occupational-110")
 PARTS = ("attacks", "rooms", "foci", "natural", "time")
+THINGS = ("towel", "sponge", "denim", "am-i")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.exposure", description=__doc__.splitlines()[0])
-    parser.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these parts (default all)")
+    parser.add_argument(
+        "--part", choices=(*PARTS, "safe"), nargs="*", default=list(PARTS), help="only these parts (default all)"
+    )
     parser.add_argument("--foci", type=int, default=3072, help="random foci (default 3072)")
     parser.add_argument("--attacks", type=int, default=102, help="number of attacks, in groups of 6 (default 102)")
     parser.add_argument("--steps", type=int, default=200, help="optimisation steps per attack (default 200)")
@@ -65,6 +77,9 @@ def main() -> None:
     parser.add_argument("--surface", action="store_true", help="attack points on the cube's surface only")
     parser.add_argument("--seed", type=int, default=2026, help="seed of all random numbers (default 2026)")
     parser.add_argument("--frames", type=int, default=5000, help="frames of the timed drive (default 5000)")
+    parser.add_argument("--data", type=Path, default=HERE, help="folder with fabricslide, for denim")
+    parser.add_argument("--things", nargs="*", choices=THINGS, default=THINGS, help="recordings of the part safe")
+    parser.add_argument("--levels", type=float, nargs="*", default=[110, 115, 120, 125, 130], help="in dB")
     options = parser.parse_args()
     print(load())
     rng = np.random.default_rng(options.seed)
@@ -77,6 +92,10 @@ def main() -> None:
         foci(options.foci, rng, room)
     if "natural" in options.part:
         natural()
+    if "safe" in options.part:
+        with one_blas_thread():
+            for thing in options.things:
+                safe(thing, options.levels, options.data)
     if "time" in options.part:
         timed(options.frames, rng)
 
@@ -233,6 +252,64 @@ def natural(*, frames: int = 300, loudest: int = 2) -> None:
             q = sounding(drive)[np.argsort(level)[-loudest:]]
             true = max(loudest_in(place, q, Medium.at(temperature=each)).max() for each in range(14, 31, 2))
             print(f"{place.name}, {label}: reported minus true {level.max() - true:+.2f} dB", flush=True)
+
+
+def safe(thing: str, levels: list[float], data: Path) -> None:
+    """Print what the palm gets under each level, and the level at the ears by the direct sum, also of true arrays.
+
+    am-i is the first pattern of experiment 5.2. True arrays have random transducers of each spread, with a mean
+    strength of 1 as in the check.
+    """
+    plan, settings = FidelityPlan(), quiet_mode().but(strength=0.15)
+    if thing == "denim":
+        with TemporaryDirectory() as folder:
+            take = open_take(data / "fabricslide" / "fabric" / "Denim_F180_V-50mmps_0.csv").recording
+            original = original_of(str(kept(fast(take), Path(folder) / "denim.h5")), plan, settings)
+    elif thing == "am-i":
+        with plan.rig.touched_by(thing) as sensor:
+            took = calibrated_pressure(record(sensor, 0.4).recording, sensor.calibration, settings)
+        original = took.cut(0.2, plan.duration)
+    else:
+        original = original_of(thing, plan, settings)
+    rig = replace(plan.rig, cells=original.sensor)
+    equal = best_mode().but(strength=0.15)
+    asked = add_lead(original, required_lead(equal))
+    loud = measure_exposure(reproduce(asked, rig.array, equal).solution.drive, rig.array, PROFILE)
+    print(
+        f"{thing}: best mode {loud.pressure:.1f} Pa, ears {loud.peak[:2].max():.1f} dB, bystander {loud.peak[2]:.1f} dB"
+    )
+    for level in levels:
+        left = loud.pressure * 10 ** (-max(loud.peak[:2].max() - level, 0) / 10)
+        print(f"  best mode attenuated to {level:g} dB: {left:.2g} Pa")
+    for row in level_trade(original, BudgetPlan(settings=settings, rig=rig, lead=required_lead(settings)), levels):
+        true = {str(spread or "equal"): true_ears(row.drive, spread) for spread in (None, *SPREADS)}
+        print(
+            f"  {row.limit:g} dB: strength {row.strength:.3f}, palm {row.palm:.2g} Pa, vibration {row.felt:+.1f} dB "
+            f"over threshold, touched cells {row.distortion_ratio:.1f} dB; check: ears {row.ears:.1f}, bystander "
+            f"{row.bystander:.1f}, unlike {row.unlike:.1f} dB; direct sum at the ears: "
+            + ", ".join(f"{name} {level:.1f}" for name, level in true.items())
+            + " dB",
+            flush=True,
+        )
+
+
+def true_ears(drive: Drive, spread: TransducerSpread | None, *, loudest: int = 24, seed: int = 0) -> float:
+    """Level in dB at the louder ear: direct sum over loud frames in dry air of 14, 22, 30 °C; true arrays at 14 °C."""
+    chosen = np.argsort(measure_exposure(drive, ARRAY, PROFILE).level[:, :2].max(axis=1))[-loudest:]
+    q, degrees = sounding(drive)[chosen], (14, 22, 30)
+    if spread is not None:
+        transducers = VirtualRig(seed=seed, spread=spread).array_device().chain.transducers
+        known = np.ones(1) if transducers is None else transducers.response
+        q, degrees = q * known / np.abs(known).mean(), (14,)
+    found, edge = [], np.linspace(-1, 1, 17)
+    for place, each in product(PROFILE.places[:2], degrees):
+        air, cube = Medium.at(temperature=each, humidity=0.1), np.stack(np.meshgrid(edge, edge, edge), axis=-1)
+        points = place.reach * cube.reshape(-1, 3) + place.position
+        field = direct_sum(q, points, air)
+        frame = q[[field.max(axis=0).argmax()]]
+        best = points[np.argsort(field.max(axis=1))[-5:]]
+        found.append(max(field.max(), direct_sum(frame, within(place, best, 2.5e-3, 7), air).max()))
+    return float(sound_level(np.array(max(found))))
 
 
 def timed(frames: int, rng: np.random.Generator) -> None:

@@ -29,7 +29,7 @@ from midair.files import contents, open_take
 from midair.model import Calibration, PressureFrames, Recording
 from midair.paper.modes_compared import strongest_begins
 from midair.paper.result import PaperResult, Row
-from midair.pipeline import calibrated_pressure, reproduce, required_lead, with_gain_for_strength
+from midair.pipeline import calibrated_pressure, reproduce, required_lead, with_fitted_gain
 from midair.rig import Stage, VirtualRig, default_exposure, no_progress, record, rerecord
 from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import add_lead
@@ -223,7 +223,7 @@ def through(original: PressureFrames, settings: Settings, plan: MaterialsPlan) -
     rig = replace(plan.rig, cells=original.sensor)
     lead = required_lead(settings)
     asked = add_lead(original, lead)
-    made = reproduce(asked, rig.array, with_gain_for_strength(asked, rig.array, settings.but(strength=plan.strength)))
+    made = reproduce(asked, rig.array, with_fitted_gain(asked, rig.array, settings.but(strength=plan.strength)))
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
         again = rerecord(check_exposure(made.solution.drive, array, default_exposure()), array, sensor)

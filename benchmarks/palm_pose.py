@@ -4,11 +4,14 @@
 lies elsewhere: as it is, steered to its centre, steered to the place of the pressure, and solved again for that palm.
 `follow`: the same for recorded palms that move, as they are and followed over the latency of a tracker, with and
 without prediction; the median over pieces of 1 s, without the first .3 s, of frames that sound, and the share of those.
+`exposure`: an attack on the check of steered frames: random drives, each steered to random poses of the box; the level
+that the check states for the loudest frame of each drive, minus that of a direct sum over a grid in the same cube.
 """
 
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,16 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.clock import load
+from benchmarks.exposure_attacks import loudest_in, sounding
 from benchmarks.real_objects import takes
 from benchmarks.trackers import RECORDINGS, at_the_array
-from midair.files import load_palm_path, save_palm_path
-from midair.model import Acoustics, ControlGrid, Drive, PalmPath
+from midair.files import DEFAULT_PROFILE, load_palm_path, profile_named, save_palm_path
+from midair.model import Acoustics, ControlGrid, Drive, Medium, PalmPath, TransducerArray
 from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
 from midair.physics import (
     PoseBox,
     aims_of,
+    airs_of_room,
     array_from_palm,
     cell_weights,
+    exposure_levels,
+    focus_phase,
     middle_of,
     on_the_palm,
     pose_of,
@@ -192,11 +199,51 @@ def follow(thing: str, plan: FidelityPlan, data: Path, folder: Path, latencies: 
             print(f"| {name} | {way} | {np.median(found):.1f} | {100 * heard.mean():.0f} % |", flush=True)
 
 
+def exposure(drives: int, poses: int, seed: int = 0) -> None:
+    """Print how far the check of steered frames lies above a direct sum, and its CPU time."""
+    profile, rng = profile_named(DEFAULT_PROFILE), np.random.default_rng(seed)
+    solved, box, room = np.array([0.0, 0.0, 0.2]), PoseBox(), Medium.at(temperature=22.0, humidity=0.4)
+    array = TransducerArray.autd3()
+    airs = airs_of_room(room, profile.places, array)
+    above, worse, spent = [], [], 0.0
+    for number in range(drives):
+        # Foci on the palm, spots on a ring, and random phases.
+        aims = solved + rng.uniform(-0.03, 0.03, (1 + number % 3, 3)) * [1, 1, 0]
+        phase = np.angle(sum(np.exp(1j * (focus_phase(array, aim) + rng.uniform(0, 6))) for aim in aims))
+        phase = phase if number % 4 else rng.uniform(0, 2 * np.pi, array.count)
+        places = PalmPath(
+            time=np.arange(poses, dtype=float),
+            centre=solved + rng.uniform(-0.5, 0.5, (poses, 3)) * box.size,
+            normal=np.tile([0.0, 0.0, -1.0], (poses, 1)),
+            fingers=np.tile([0.0, 1.0, 0.0], (poses, 1)),
+            confidence=np.ones(poses),
+        )
+        steered = phase + steering_phase(array, ROOM.medium, solved, places)
+        drive = Drive(phase=steered, level=np.ones(poses), rate=1000.0, array=array)
+        began = time.process_time()
+        stated = exposure_levels(drive, profile, airs, steps=256)
+        spent += time.process_time() - began
+        worse.append(float(stated[:, 0].max() - np.median(stated[:, 0])))
+        q = sounding(replace(drive, phase=drive.phase[[frame := int(stated[:, 0].argmax())]], level=np.ones(1)))
+        true = max(float(loudest_in(profile.places[0], q, air.medium)[0]) for air in airs)
+        above.append(float(stated[frame, 0]) - true)
+    low, middle, high = np.min(above), np.median(above), np.max(above)
+    print(
+        f"{drives} drives, {poses} poses each: the loudest pose is {np.median(worse):.1f} dB above the median pose; "
+        f"stated minus direct sum at the left ear {low:.2f} to {high:.2f} dB, median {middle:.2f}; "
+        f"{1e6 * spent / (drives * poses):.0f} us of CPU a frame"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.palm_pose", description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=HERE, help="folder with the recordings")
-    parser.add_argument("--part", choices=("table", "follow"), nargs="+", default=["table"], help="(default table)")
+    parser.add_argument(
+        "--part", choices=("table", "follow", "exposure"), nargs="+", default=["table"], help="(default table)"
+    )
     parser.add_argument("--latencies", type=float, nargs="+", default=[10, 20, 40], help="in ms (default 10 20 40)")
+    parser.add_argument("--drives", type=int, default=200, help="random drives for exposure (default 200)")
+    parser.add_argument("--random-poses", type=int, default=1000, help="poses of each for exposure (default 1000)")
     parser.add_argument("--things", nargs="+", default=["towel", "brush", "sponge", "denim", "hapmat-fabric"])
     parser.add_argument("--poses", nargs="+", choices=POSES, default=list(POSES))
     parser.add_argument("--again", action="store_true", help="solve again for each pose, which takes minutes")
@@ -209,6 +256,8 @@ def main() -> None:
         things = [str(files.get(thing, thing)) for thing in options.things]
         if "table" in options.part:
             table(things, options.poses, plan, again=options.again)
+        if "exposure" in options.part:
+            exposure(options.drives, options.random_poses)
         if "follow" in options.part:
             follow(things[0], plan, options.data, Path(folder), options.latencies)
 

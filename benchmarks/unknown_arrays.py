@@ -13,6 +13,7 @@ and prints what the short check reports.
 from __future__ import annotations
 
 import argparse
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -129,13 +130,14 @@ def record(
     )
 
 
-def measured(truth: Truth, seed: int, seconds: float) -> tuple[ArrayField, ArrayCalibration, float]:
+def measured(seed: int, seconds: float) -> tuple[ArrayField, ArrayCalibration, float]:
     """The model, the calibration of a simulated array, and its CPU time in s."""
-    model = SensorModel().with_spread(seed=seed)
+    truth, model = draw(seed), SensorModel().with_spread(seed=seed)
     codes = array_codes(ARRAY, model.grid, ArrayPlan(duration=seconds), acoustics=ROOM, height=HEIGHT)
-    volts = record(codes, truth, model, seed=seed)
     assumed = ArrayField(array=ARRAY, codes=codes, acoustics=ROOM, calibration=calibration_of(model), height=HEIGHT)
-    found, cost = timed(lambda: fit_array(assumed, volts, synchronous=False))
+    with one_blas_thread():
+        volts = record(codes, truth, model, seed=seed)
+        found, cost = timed(lambda: fit_array(assumed, volts, synchronous=False))
     return assumed, found, cost / 1e3
 
 
@@ -202,13 +204,15 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="*", default=list(range(10)), help="arrays (default 0 to 9)")
     parser.add_argument("--seconds", type=float, default=8.0, help="duration of the codes in s (default 8)")
     parser.add_argument("--checks", type=int, default=2, help="number of arrays that are checked again (default 2)")
+    parser.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
     options = parser.parse_args()
     print(load())
     together: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
-    with one_blas_thread():
-        for seed in options.seeds:
+    with ProcessPoolExecutor(options.jobs) as pool:
+        for seed, (assumed, found, cost) in zip(
+            options.seeds, pool.map(measured, options.seeds, [options.seconds] * len(options.seeds)), strict=True
+        ):
             truth = draw(seed)
-            assumed, found, cost = measured(truth, seed, options.seconds)
             missed, wrong = (truth.dead & ~found.dead).sum(), (found.dead & ~truth.dead).sum()
             left = found.provenance.last("fit array")["noise_ratio"]
             print(

@@ -42,6 +42,10 @@ SMALLEST = {
         *("--part", "table", "ears", "floor", "--things", "noise", "denim", "--ways", "finest", "--duration", ".06"),
         *("--units", "4", "--strengths", ".1", "--starts", "1", "--frames", "8", "--iterations", "9"),
     ],
+    "benchmarks.palm_pose": [
+        *("--part", "table", "exposure", "--things", "towel", "--poses", "solved", "10 up", "--duration", ".03"),
+        *("--drives", "2", "--random-poses", "3", "--data", "none"),
+    ],
     "benchmarks.palm_pictures": ["FOLDER", "--duration", ".03", "--pitch", ".005"],
     "benchmarks.live": ["--part", "bands", "run", "--frames", "1000", "--priority", "0"],
     "benchmarks.loss": ["--plays", "1", "--seconds", "2"],

@@ -1,10 +1,13 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from midair.devices import ExposureChoices, check_exposure
 from midair.errors import InputError, RateError
-from midair.model import ControlGrid, PressureFrames, Provenance, Recording, TransducerArray
+from midair.files import profile_named
+from midair.model import ControlGrid, Drive, PressureFrames, Provenance, Recording, TransducerArray
 from midair.physics import Transducers, focus_amplitude, transfer_matrix
 from midair.pipeline import (
     calibrated_pressure,
@@ -13,8 +16,10 @@ from midair.pipeline import (
     reproduce_stream,
     resample_pressure,
     target_amplitude,
+    under_ears,
+    weaker_settings,
 )
-from midair.settings import Settings
+from midair.settings import Settings, quiet_mode
 from midair.solvers import QuietPalm, solve
 from midair.targets import Circle
 
@@ -62,7 +67,8 @@ def test_progress_reaches_the_end():
 
 def played(**settings):
     """Provenance steps of a reproduction at 4 kHz."""
-    chosen = Settings().but(iterations=1, rate=4000.0, grid=ControlGrid(rows=6, columns=6, pitch=11e-3), **settings)
+    settings = {"iterations": 1} | settings if "method" not in settings else settings
+    chosen = Settings().but(rate=4000.0, grid=ControlGrid(rows=6, columns=6, pitch=11e-3), **settings)
     pressure = calibrated_pressure(recording(), None, chosen).cut(0.1, 0.01)
     made = reproduce(pressure, SMALL, chosen)
     assert made.target.frames == made.solution.drive.frames == 40
@@ -182,3 +188,40 @@ def test_envelopes_of_a_measured_array_are_predicted(mapping, foreseen):
     assert np.array_equal(made.phase, plain.phase) is not bool(foreseen)
     _, parts = reproduce_stream(pressure, measured(), settings)
     np.testing.assert_array_equal(np.concatenate([part.drive.phase for part in parts]), made.phase)
+
+
+def quiet(limit, gain=1.0):
+    """A reproduction by one unit under a level at the ears."""
+    chosen = quiet_mode().but(ears=limit, gain=gain, grid=ControlGrid(rows=6, columns=6, pitch=11e-3))
+    return reproduce(calibrated_pressure(recording(), None, chosen).cut(0.1, 0.01), SMALL, chosen).solution.drive
+
+
+@pytest.mark.long
+def test_a_drive_is_as_strong_as_the_level_at_the_ears_permits():
+    drive = quiet(100.0)
+    assert -1.5 < under_ears(drive, 100.0) <= 0
+    fitted = Settings.of(drive.provenance)
+    assert fitted is not None
+    assert fitted.target.gain < 1
+    assert fitted.target.ears == 100.0
+    device = SimpleNamespace(name="units", array=SMALL, gated=True, steps_a_turn=256)
+    admitted = check_exposure(drive, device, ExposureChoices(profile=profile_named("occupational-110").under(100.0)))
+    assert admitted.outcome == "kept"
+    # A gain that is low enough stays.
+    weak = Settings.of(quiet(100.0, gain=0.1 * fitted.target.gain).provenance)
+    assert weak is not None
+    assert weak.target.gain == pytest.approx(0.1 * fitted.target.gain)
+
+
+def test_a_drive_above_its_level_is_solved_with_less_gain(monkeypatch):
+    monkeypatch.setattr("midair.pipeline.under_ears", lambda drive, limit: 2.0)
+    weaker = weaker_settings(played_drive(), Settings().but(ears=110.0))
+    assert weaker is not None
+    assert weaker.target.gain == pytest.approx(10**-0.21)
+    assert weaker_settings(played_drive(), Settings()) is None
+    with pytest.raises(InputError, match=r"ears: expected a drive below 110 dB, got one 2\.0 dB above it"):
+        played(ears=110.0, method="naive")
+
+
+def played_drive():
+    return Drive(phase=np.zeros((2, SMALL.count)), level=np.ones(2), rate=1000.0, array=SMALL)

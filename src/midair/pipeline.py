@@ -11,22 +11,26 @@ from numpy.typing import NDArray
 from midair import ram
 from midair.calibration import calibrate
 from midair.correct import EnvelopePrediction
+from midair.devices import measure_exposure
 from midair.dsp import resample
 from midair.errors import InputError
 from midair.evaluate import band_settling_frames
+from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import (
     AmplitudeFrames,
     Calibration,
+    Drive,
     PressureFrames,
     Progress,
     Recording,
     Solution,
     TransducerArray,
 )
-from midair.physics import Transducers, check_frame_rate, focus_amplitude
+from midair.physics import MEASURED, UNLIKE, Transducers, check_frame_rate, focus_amplitude, level_if_unlike
 from midair.settings import Settings
 from midair.solvers import (
     Cells,
+    Free,
     PressureMeans,
     QuietPalm,
     Windows,
@@ -37,7 +41,7 @@ from midair.solvers import (
     solve,
     solve_parts,
 )
-from midair.streaming import pad_with_silence
+from midair.streaming import blocks, pad_with_silence, read_frames
 from midair.targets import decouple, default_lead, precompensate, precompensate_sound, prepare
 
 Array = NDArray[np.float64]
@@ -148,14 +152,20 @@ def target_amplitude(pressure: PressureFrames, settings: Settings) -> AmplitudeF
     return target
 
 
-def with_gain_for_strength(pressure: PressureFrames, array: TransducerArray, settings: Settings) -> Settings:
-    """The settings with the gain at which the target has their strength; unchanged if they have no strength.
+def with_fitted_gain(pressure: PressureFrames, array: TransducerArray, settings: Settings) -> Settings:
+    """The settings with the gain for their strength, reduced where they limit the level at the ears.
+
+    Unchanged if they have neither.
 
     Raises
     ------
     InputError
         If the target is zero everywhere.
     """
+    if settings.target.ears is not None:
+        limit = settings.target.ears
+        strong = with_fitted_gain(pressure, array, settings.but(ears=None)).but(strength=None, ears=limit)
+        return strong.but(gain=strong.target.gain * _part_under(limit, pressure, array, strong))
     if settings.target.strength is None:
         return settings
     plain = settings.but(strength=None, gain=1.0)
@@ -165,6 +175,59 @@ def with_gain_for_strength(pressure: PressureFrames, array: TransducerArray, set
     focus = focus_amplitude(settings.target.grid, array, acoustics=settings.acoustics)
     # Sound amplitude is proportional to the square root of pressure, and so of gain.
     return settings.but(gain=(settings.target.strength * focus / peak) ** 2)
+
+
+def under_ears(drive: Drive, limit: float) -> float:
+    """Level above a limit at ears and bystander, in dB, negative below it.
+
+    The highest of: the exposure check in rooms of 14 to 30 °C, also for the nominal transducers of a measured array;
+    and the sound by transducers that differ.
+    """
+    profile, array = profile_named(DEFAULT_PROFILE).under(limit), drive.array
+    known = () if array.alike else (array.nominal,)
+    found = [measure_exposure(replace(drive, array=each), each, profile) for each in (array, *known)]
+    unlike = level_if_unlike(drive, profile, UNLIKE if array.alike else MEASURED)
+    heard = [level - limit for level, place in zip(unlike, profile.places, strict=True) if place.enforced]
+    return max(*(each.excess for each in found), *heard)
+
+
+def weaker_settings(drive: Drive, settings: Settings) -> Settings | None:
+    """Settings with less gain for a drive above their level at the ears; None if it is below, or if they have none."""
+    limit = settings.target.ears
+    above = -np.inf if limit is None else under_ears(drive, limit)
+    return settings.but(gain=settings.target.gain * 10 ** (-(above + 0.1) / 10)) if above > 0 else None
+
+
+_PROBED = 128
+"""Loudest frames, and frames in regular distances, that are solved to find the gain for a level at the ears."""
+
+
+def _part_under(limit: float, pressure: PressureFrames, array: TransducerArray, settings: Settings) -> float:
+    """Part of the gain, up to 1, with which some frames of a target meet a level at the ears."""
+    target = target_amplitude(pressure, settings)
+    power = np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
+    some = np.union1d(np.argsort(power)[-_PROBED:], np.arange(0, target.frames, max(1, target.frames // _PROBED)))
+    amplitude = np.concatenate([read_frames(target.amplitude, frame, frame + 1) for frame in some.tolist()])
+    method = settings.solver.solver()
+    if isinstance(method, Free):
+        # Successive frames are not alike here.
+        settings = settings.but(method=replace(method, every=1))
+    part, above = 1.0, np.inf
+    for _ in range(6):
+        probe = replace(target, amplitude=np.sqrt(part) * amplitude)
+        above = under_ears(solve(probe, array, settings.solver, acoustics=settings.acoustics).drive, limit)
+        if above <= -_SPARE:
+            return part
+        # Radiation pressure is proportional to the square of the sound.
+        part *= 10 ** (-(above + _SPARE + 0.1) / 10)
+    raise InputError(
+        f"ears: expected a drive below {limit:g} dB, got one {above:.1f} dB above it after six solutions; "
+        "use --mode quiet"
+    )
+
+
+_SPARE = 0.5
+"""Distance in dB from the limit that the probed frames keep, for frames that are solved from their neighbours."""
 
 
 def solve_with(
@@ -238,7 +301,7 @@ def reproduce_stream(
     """
     check_frame_rate(pressure.rate, array.frequency)
     check_size(pressure.frames, array, settings, parts=True)
-    settings = with_gain_for_strength(pressure, array, settings)
+    settings = with_fitted_gain(pressure, array, settings)
     target = target_amplitude(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
     parts = solve_parts(target, array, settings.solver, acoustics=settings.acoustics, progress=progress)
     return target, compensate_envelope(parts, target, array, settings)
@@ -258,9 +321,12 @@ def reproduce(
     """
     check_frame_rate(pressure.rate, array.frequency)
     check_size(pressure.frames, array, settings, parts=False)
-    settings = with_gain_for_strength(pressure, array, settings)
-    known = replace(pressure, provenance=settings.noted(pressure.provenance))
-    target = target_amplitude(known, settings)
-    return Reproduction(
-        pressure=pressure, target=target, solution=solve_with(target, array, settings, progress=progress)
-    )
+    settings = with_fitted_gain(pressure, array, settings)
+    while True:
+        known = replace(pressure, provenance=settings.noted(pressure.provenance))
+        target = target_amplitude(known, settings)
+        solution = solve_with(target, array, settings, progress=progress)
+        weaker = weaker_settings(solution.drive, settings)
+        if weaker is None:
+            return Reproduction(pressure=pressure, target=target, solution=solution)
+        settings = weaker

@@ -9,10 +9,10 @@ ARRAY = TransducerArray.autd3(columns=1, rows=1)
 RNG = np.random.default_rng(0)
 
 
-def calibration(**changes):
-    count = ARRAY.count
+def calibration(array=ARRAY, **changes):
+    count = array.count
     values = {
-        "array": ARRAY,
+        "array": array,
         "response": (1 + 0.1 * RNG.standard_normal(count)) * np.exp(0.1j * RNG.standard_normal(count)),
         "pole": np.full(count, -5000 + 1300j),
         "dead": np.arange(count) == 7,

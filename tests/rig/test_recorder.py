@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.model.test_array_calibration import calibration
 
 import midair
 from midair.devices import ExposureChoices, FrameBlock, ReplaySensor, VirtualArray
@@ -19,7 +20,7 @@ from midair.errors import (
 from midair.files import RecordingWriter, load, profile_named
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
 from midair.physics import focus_amplitude
-from midair.rig import OpenRig, PlaySettings, RecordSettings, open_rig, play, record
+from midair.rig import KeptCalibration, OpenRig, PlaySettings, RecordSettings, open_rig, play, record
 from midair.settings import Settings
 
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
@@ -252,6 +253,17 @@ def test_the_loop_accepts_a_take_a_file_or_a_pressure(tmp_path):
     from_take = midair.loop(take, QUICK, corrections=0)
     assert from_file.passes[0].gain == from_take.passes[0].gain
     np.testing.assert_array_equal(from_file.original.pressure, from_take.original.pressure)
+
+
+@pytest.mark.long
+def test_a_loop_solves_for_the_measured_array_of_its_rig():
+    pressure = midair.PressureFrames(pressure=np.random.default_rng(0).standard_normal((30, 4, 4)), rate=1000.0)
+    known = calibration(ARRAY)
+    with replace(open_rig(height=0.2), measured=KeptCalibration(known=known)) as rig:
+        made = midair.loop(pressure, QUICK, rig, corrections=0)
+    life = made.passes[0].reproduction.solution.drive.provenance
+    assert life.last("solve")["array_calibration"] == life.last("array calibration")["id"] == known.identifier
+    assert made.settings.compensation.dynamics.detuning == pytest.approx(1300.0)
 
 
 def test_a_loop_needs_a_sensor():

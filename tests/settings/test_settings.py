@@ -4,7 +4,16 @@ import pytest
 
 from midair.errors import BrokenFileError, InputError, MissingFileError
 from midair.model import Acoustics, ControlGrid, Medium, Provenance
-from midair.settings import Settings, best_mode, finest_mode, paper_mode, quick_mode, with_fewer_points, with_paper_mode
+from midair.settings import (
+    Settings,
+    best_mode,
+    finest_mode,
+    paper_mode,
+    quick_mode,
+    quiet_mode,
+    with_fewer_points,
+    with_paper_mode,
+)
 from midair.solvers import Cells, Exact, Fast, Glide, Windows
 from midair.targets import Circle
 
@@ -98,6 +107,19 @@ def test_settings_of_the_modes():
     finest = finest_mode()
     assert finest.solver.quiet_palm
     assert finest.but(quiet_palm=0.0, fit="windows", level=1.0, amplitudes="equal", predict=False) == best
+    quiet = quiet_mode()
+    assert quiet.but(method=best.solver.method, quiet_ears=0.0, ears=None) == best
+
+
+def test_quiet_ears_at_three_places_are_saved(tmp_path):
+    quiet_mode().save(tmp_path / "quiet.toml")
+    assert Settings.load(tmp_path / "quiet.toml") == quiet_mode()
+    assert Settings.of(quiet_mode().noted(Provenance(source="test"))) == quiet_mode()
+
+
+def test_a_level_at_the_ears_is_a_level():
+    with pytest.raises(InputError, match="ears: expected a level of 80 to 160 dB, got 20; typical value: 110"):
+        Settings().but(ears=20.0)
 
 
 def test_a_coarser_grid_spans_the_same_square():

@@ -194,7 +194,16 @@ def test_progress_reaches_the_end(method):
 
 @pytest.mark.parametrize(
     ("name", "worst"),
-    [("lm", 1e-3), ("exact", 1e-3), ("fast", 0.02), ("live", 0.1), ("wgs", 0.4), ("gs", 0.4), ("greedy", 0.6)],
+    [
+        ("lm", 1e-3),
+        ("exact", 1e-3),
+        ("fast", 0.02),
+        ("free", 0.02),
+        ("live", 0.1),
+        ("wgs", 0.4),
+        ("gs", 0.4),
+        ("greedy", 0.6),
+    ],
 )
 def test_how_close_each_comes_to_a_field_that_exists(name, worst):
     problem = PROBLEMS["reachable"]

@@ -31,5 +31,5 @@ def test_wrong_settings_are_refused(call, message):
 
 
 def test_a_method_without_cells_suggests_fit_points():
-    with pytest.raises(InputError, match=r"method lm: .* got cells; choose fast or glide or fit points"):
+    with pytest.raises(InputError, match=r"method lm: .* got cells; choose fast or glide or free or fit points"):
         check_terms("lm", {"cells", "guard"})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
-from midair.solvers import Glide, solve, solve_parts
+from midair.solvers import Free, Glide, solve, solve_parts
 from midair.streaming import LazyFrames
 
 UNIT = TransducerArray.autd3(columns=1, rows=1)
@@ -22,6 +22,7 @@ PARTS = {
     "fast, bounded": {"method": "fast", "amplitudes": "bounded"},
     "fast, cells": {"method": "fast", "fit": "cells"},
     "glide": {"method": Glide(block=64)},
+    "free": {"method": Free(block=64, iterations=20, between=4), "quiet_ears": 1.0},
 }
 
 

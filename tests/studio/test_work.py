@@ -5,14 +5,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.model.test_array_calibration import calibration
 
 from midair.datasets import stroke
 from midair.errors import InputError
 from midair.files import load_solution, open_take, save
-from midair.model import Palm, Provenance, Recording
+from midair.model import Palm, Provenance, Recording, TransducerArray
 from midair.pipeline import calibrated_pressure, required_lead
-from midair.rig import BudgetPlan, VirtualRig, error_budget, play, rerecord_drive
+from midair.rig import BudgetPlan, VirtualRig, error_budget, keep_array_calibration, play, rerecord_drive
 from midair.settings import Settings
+from midair.studio.take_data import TakeData, facts
 from midair.studio.work import SolveRequest, budget_of_take, compare_takes, methods_of_modes, palm_of_take, solve_take
 from midair.targets import add_lead
 
@@ -51,6 +53,23 @@ def test_drive_that_appears_during_a_solve_is_kept(solved):
     solve_take(replace(request, replaces="5"), lambda *_: None)
     assert drive.stat().st_mtime_ns > 5
     assert sorted(path.name for path in drive.parent.iterdir()) == ["towel.drive.h5", "towel.h5"]
+
+
+def test_a_drive_for_a_real_array_takes_its_stored_calibration(solved, monkeypatch, tmp_path):
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+    keep_array_calibration("autd3:eth0", calibration(TransducerArray.autd3()))
+    request = replace(solved, device="autd3:eth0", drive=str(tmp_path / "measured.drive.h5"))
+    solve_take(request, lambda *_: None)
+    drive = load_solution(request.drive).drive
+    assert not drive.array.alike
+    shown = facts(TakeData(take=solved.take, drive=request.drive))["drive"]
+    assert f"({drive.provenance.last('solve')['array_calibration']}), " in shown["array_calibration"]
+    assert "% of the power" in shown["not_reproduced"]
+    # The form shows the settings as they were chosen.
+    assert (shown["settings"]["mode"], shown["settings"]["method"]) == ("paper", "naive")
+    plain = replace(request, array_calibration=Path("none"), drive=str(tmp_path / "plain.drive.h5"))
+    solve_take(plain, lambda *_: None)
+    assert load_solution(plain.drive).drive.array.alike
 
 
 @pytest.mark.long

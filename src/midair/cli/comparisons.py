@@ -3,7 +3,6 @@
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, cast
 
@@ -11,11 +10,11 @@ from rich.table import Table
 
 from midair.cli.console import out, print_note
 from midair.evaluate import OVERALL, RATIOS, Comparison, LaboratoryLoss, PalmFidelity, PerceptualMetrics, ratio_text
-from midair.files import load_array_calibration, open_take
+from midair.files import open_take
 from midair.model import PressureFrames, Provenance, TransducerArray
 from midair.pipeline import calibrated_pressure
 from midair.recordings import unreproduced
-from midair.rig import Outcome, calibration_age, comparison_rows, kept_array_calibration
+from midair.rig import KeptCalibration, Outcome, array_calibration_for, comparison_rows
 from midair.settings import Settings
 from midair.streaming import TempFrames, blocks
 
@@ -54,26 +53,20 @@ def cached_pressure(pressure: PressureFrames) -> Generator[PressureFrames]:
         yield replace(pressure, pressure=cast("Any", spool.reel()))
 
 
+def stated_array_calibration(path: Path | None, device: str, settings: Settings) -> KeptCalibration | None:
+    """The calibration of a file, or by default that stored for a device; prints its age and what differs from it."""
+    kept = array_calibration_for(device, path)
+    if kept is not None:
+        print_note(f"array calibration: {kept.described(settings)}")
+    return kept
+
+
 def with_array_calibration(
     path: Path | None, array: TransducerArray, settings: Settings, pressure: PressureFrames, *, device: str = "virtual"
 ) -> tuple[TransducerArray, Settings, PressureFrames]:
-    """Array, settings and pressure for measured transducers: of a file, or those stored for a device if `path` is None.
-
-    Unchanged if there are none, or if the path is ``none``. Prints the age of the calibration.
-    """
-    kept = kept_array_calibration(device) if path is None else None
-    if kept is not None:
-        path, known, checked = kept.path, kept.known, f"; checked on {kept.checked}" if kept.checked else ""
-    elif path is None or str(path) == "none":
-        return array, settings, pressure
-    else:
-        known, checked = load_array_calibration(path), ""
-    medium, height = settings.acoustics.medium, settings.target.grid.height
-    age = calibration_age(known, today=datetime.now(UTC).date(), medium=medium, height=height)
-    print_note(f"array calibration: {path.name} ({known.identifier}), {age}{checked}")
-    told = {"file": path.name, "id": known.identifier, "date": known.date}
-    life = pressure.provenance.then("array calibration", told, simulated=known.provenance.simulated)
-    return known.applied(array), settings.measured(known), replace(pressure, provenance=life)
+    """Array, settings and pressure of a solve for measured transducers, if there are any."""
+    kept = stated_array_calibration(path, device, settings)
+    return (array, settings, pressure) if kept is None else kept.applied(array, settings, pressure)
 
 
 def settings_of_rerecording(provenance: Provenance, settings: Settings) -> Settings:

@@ -250,7 +250,7 @@ def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: 
     if modes:
         mode = Parameter(
             name=("--mode", "-m"),
-            help="Preset that other options override; quick: fewer iterations; finest: whole palm, slower.",
+            help="Preset that other options override; quiet: under --ears.",
             show_default=_constant_default("best"),
         )
         path = Parameter(

@@ -22,6 +22,7 @@ EXAMPLES = {
     "C": "22C",
     "K": "2C",
     "%": "50%",
+    "dB": "110dB",
 }
 """Example of each unit for messages and help; K is a temperature difference."""
 
@@ -30,6 +31,7 @@ _BY_HAND: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
         "C": {"C": (1, 0), "°C": (1, 0), "K": (1, -273.15), "F": (5 / 9, -160 / 9), "°F": (5 / 9, -160 / 9)},
         "K": {"C": (1, 0), "°C": (1, 0), "K": (1, 0), "F": (5 / 9, 0), "°F": (5 / 9, 0)},
         "%": {"%": (0.01, 0)},
+        "dB": {"dB": (1, 0)},
     }
 )
 """Factor and offset of units that pint reads differently: C is coulomb, F is farad, % is unknown."""
@@ -96,7 +98,7 @@ def _value(text: str, unit: str) -> float:
 def format_quantity(value: float, unit: str) -> str:
     """A quantity as text: lengths below a metre in millimetres, fractions in %."""
     if unit in _BY_HAND:
-        return f"{100 * value:.6g}%" if unit == "%" else f"{value:.6g}C"
+        return f"{100 * value:.6g}%" if unit == "%" else f"{value:.6g}{'dB' if unit == 'dB' else 'C'}"
     return f"{value * 1e3:.6g}mm" if unit == "m" and abs(value) < 1 else f"{value:.6g}{unit}"
 
 

@@ -34,7 +34,9 @@ from .palm_metrics import PressedPalm as PressedPalm
 from .palm_metrics import palm_fidelity as palm_fidelity
 from .palm_metrics import palm_frames as palm_frames
 from .peak import peak_position as peak_position
+from .perception import FELT_BANDS as FELT_BANDS
 from .perception import SkinModel as SkinModel
+from .perception import band_levels as band_levels
 from .perception import pacinian_level as pacinian_level
 from .perception import spqi as spqi
 from .perception import st_sim as st_sim

@@ -1,6 +1,5 @@
 """Measured response, resonance and quality factor of each transducer of an array."""
 
-import hashlib
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -132,8 +131,7 @@ class ArrayCalibration:
     @property
     def identifier(self) -> str:
         """Eight hexadecimal digits: a hash of the response and the poles."""
-        digest = hashlib.sha256(self.response.tobytes() + self.pole.tobytes())
-        return digest.hexdigest()[:8]
+        return self.applied(self.array).calibration_id
 
     def applied(self, array: TransducerArray) -> TransducerArray:
         """The same array with the measured response of its transducers, for use in a solver.

@@ -4,6 +4,7 @@ Origin at the centre of the array, z towards the palm, metres. x increases with 
 maps are drawn with row 0 at the top, so that channel 0 is the top left corner, as in the paper's Fig. 4.
 """
 
+import hashlib
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -118,6 +119,13 @@ class TransducerArray:
     def alike(self) -> bool:
         """True if no transducer has a measured response."""
         return bool((self.response == 1).all()) and not len(self.pole)
+
+    @property
+    def calibration_id(self) -> str:
+        """Identifier of the array calibration that the response and the poles are from; empty if not measured."""
+        if not len(self.pole):
+            return ""
+        return hashlib.sha256(self.response.tobytes() + self.pole.tobytes()).hexdigest()[:8]
 
     @property
     def nominal(self) -> "TransducerArray":

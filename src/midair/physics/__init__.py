@@ -1,9 +1,12 @@
 """Physical models as pure functions: radiation pressure, propagation, transducers, sensors, exposure, skin."""
 
+from .exposure_level import MEASURED as MEASURED
+from .exposure_level import UNLIKE as UNLIKE
 from .exposure_level import Exposure as Exposure
 from .exposure_level import exposure as exposure
 from .exposure_level import exposure_levels as exposure_levels
 from .exposure_level import greatest_exposure as greatest_exposure
+from .exposure_level import level_if_unlike as level_if_unlike
 from .exposure_level import sound_level as sound_level
 from .exposure_places import ExposureProfile as ExposureProfile
 from .exposure_places import Place as Place

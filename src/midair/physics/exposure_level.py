@@ -253,6 +253,28 @@ def greatest_exposure(
     )
 
 
+UNLIKE = 0.2
+"""Relative error of a transducer that is not measured: its phase differs by .2 rad (median of 33 published boards)."""
+
+MEASURED = 0.05
+"""The same for a measured array: strengths to 3 % and phases to .03 rad (docs/decisions/0028-measured-array)."""
+
+
+def level_if_unlike(drive: Drive, profile: ExposureProfile, spread: float = UNLIKE) -> Array:
+    """Level in dB at each place that random errors of the transducers alone cause in the loudest frame, (place,).
+
+    `spread` is their rms relative error. Sound that cancels at an ear does so for equal transducers only. The maximum
+    over a cube is twice the rms sound, as it is for some fifty independent values with a Rayleigh distribution.
+    """
+    power = np.zeros((drive.frames, len(profile.places)))
+    alone = np.stack([ceiling(place, drive.array, (drive.acoustics,)) for place in profile.places], axis=1) ** 2
+    for first in range(0, drive.frames, BLOCK):
+        frames = slice(first, first + BLOCK)
+        level = np.asarray(drive.level[frames]).reshape(len(power[frames]), -1)
+        power[frames] = level**2 @ alone if level.shape[1] > 1 else level**2 * alone.sum(axis=0)
+    return sound_level(2 * spread * np.sqrt(power.max(axis=0)))
+
+
 def sound_level(peak: Array) -> Array:
     """Sound pressure level of a peak amplitude, in dB re 20 µPa rms: 20 lg(p / sqrt(2) / 20 µPa), at least -40 dB."""
     # The lower limit represents silence, whose level is minus infinity.

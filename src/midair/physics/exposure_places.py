@@ -1,6 +1,6 @@
 """Exposure profiles: places of ears and hands, the sound level limit at each, and the points searched around it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,6 +51,19 @@ class ExposureProfile:
     """Highest mean level of a unit over a minute, 0 to 1; midair's own value, since the makers state none."""
     warming: float = 6.0
     """Highest estimated warming of the palm in K: from 35 °C to the 41 °C of IEC 60601-1 for parts on skin."""
+
+    def under(self, limit: float) -> "ExposureProfile":
+        """The profile with the same limit in dB at all enforced places."""
+        places = tuple(replace(place, limit=limit) if place.enforced else place for place in self.places)
+        return replace(self, name=f"{limit:g} dB", title=f"{limit:g} dB at the ears", places=places)
+
+    def behind(self, attenuation: float) -> "ExposureProfile":
+        """The profile for people whose ear protection attenuates by this many dB at 40 kHz, as stated by the user."""
+        name = f"{self.name}, {attenuation:g} dB of ear protection stated by the user"
+        places = tuple(
+            replace(place, limit=place.limit + attenuation) if place.enforced else place for place in self.places
+        )
+        return replace(self, name=name, places=places)
 
     @property
     def nearest(self) -> tuple[int, Place]:

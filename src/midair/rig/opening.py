@@ -7,9 +7,9 @@ from typing import Any, Self
 
 from midair.devices import ArrayDevice, ExposureChoices, SensorDevice
 from midair.errors import InputError
-from midair.model import Drive, TransducerArray
+from midair.model import ArrayCalibration, Drive, TransducerArray
 from midair.physics import Transducers
-from midair.rig.names import VirtualRig, array_named, sensor_named
+from midair.rig.names import KeptCalibration, VirtualRig, array_calibration_for, array_named, sensor_named
 from midair.rig.playing import PlaySettings
 from midair.settings import Settings
 from midair.targets import sensor_from_provenance
@@ -27,8 +27,9 @@ class OpenRig:
     """Sensor that records the array, with its calibration; None for an array alone."""
     settings: PlaySettings = field(default_factory=PlaySettings)
     """Settings with which it was made, and of each playback unless `play` changes them."""
-    measured: TransducerArray | None = None
-    """Measured transducers of the array, for which `loop` solves; the model's if None."""
+    measured: KeptCalibration | None = None
+    """Calibration of the array for which `loop` solves; by default the stored one of a real array. The model's
+    transducers if None."""
     _open: ExitStack = field(default_factory=ExitStack, repr=False)
 
     @property
@@ -38,8 +39,8 @@ class OpenRig:
 
     @property
     def transducers(self) -> TransducerArray:
-        """Transducers that the solver assumes."""
-        return self.measured or self.array.array
+        """Transducers to solve for: those of the model, or as they were measured."""
+        return self.array.array if self.measured is None else self.measured.known.applied(self.array.array)
 
     def listening(self) -> SensorDevice:
         """The sensor; InputError if there is none."""
@@ -64,7 +65,8 @@ class OpenRig:
 
     def __repr__(self) -> str:
         heard = "nothing listens" if self.sensor is None else f"heard by {self.sensor.name}"
-        return f"<OpenRig {self.array.name}, {self.array.array.count} transducers, {heard}>"
+        known = "" if self.measured is None else f", array calibration {self.measured.described(Settings())}"
+        return f"<OpenRig {self.array.name}, {self.array.array.count} transducers, {heard}{known}>"
 
 
 def open_rig(
@@ -87,8 +89,8 @@ def open_rig(
     settings : PlaySettings, optional
         All settings; the defaults if None.
     **changes
-        Fields of `PlaySettings` that differ from `settings`, such as ``silencer="off"``. Calibration and placement may
-        be the path of a file.
+        Fields of `PlaySettings` that differ from `settings`, such as ``silencer="off"``. Calibrations and placement may
+        be the path of a file; ``array_calibration="none"`` leaves out the stored calibration of a real array.
 
     Raises
     ------
@@ -110,15 +112,12 @@ def open_rig(
         return OpenRig(array=device, sensor=virtual.sensor(skin), settings=chosen)
     if chosen.palm_path is not None:
         raise InputError(f"palm path: expected the virtual array, got {chosen.device}, above which a real palm moves")
-    if chosen.array_calibration is not None:
-        raise InputError(
-            f"array calibration: expected the virtual array, got {chosen.device}; for a real array solve with it"
-        )
     real = array_named(chosen.device, chosen.placement, silencer=chosen.silencer)
     listens = None if chosen.sensor is None else sensor_named(chosen.sensor, _virtual_rig(chosen, drive))
     if listens is not None and chosen.calibration is not None:
         listens.calibration = chosen.calibration
-    return OpenRig(array=real, sensor=listens, settings=chosen)
+    measured = array_calibration_for(chosen.device, chosen.array_calibration)
+    return OpenRig(array=real, sensor=listens, settings=chosen, measured=measured)
 
 
 def _virtual_rig(chosen: PlaySettings, drive: Drive | None) -> VirtualRig:
@@ -136,7 +135,7 @@ def _virtual_rig(chosen: PlaySettings, drive: Drive | None) -> VirtualRig:
         spread=chosen.spread,
         palm=chosen.palm_path,
     ).hearing(band)
-    if (measured := chosen.array_calibration) is None:
+    if not isinstance(measured := chosen.array_calibration, ArrayCalibration):
         return rig
     measured.applied(rig.array)  # raises if it was measured on another array
     return replace(rig, transducers=Transducers.measured(measured))

@@ -193,6 +193,8 @@ def play(
     followed = list[str]()
     if rig.array.simulated and not rig.array.gated:
         drive, chosen = follow_as_set(drive, chosen, followed.append)
+    elif chosen.follow is not None:
+        raise InputError("follow: expected the virtual rig or the name of an array, got an open rig with a real array")
     rig.array.cooling, rig.array.participant = chosen.cooling, chosen.participant
     admission = check_exposure(drive, rig.array, chosen.exposure, repeats=chosen.repeats)
     played = admission.check_for(rig.array)

@@ -20,5 +20,6 @@ from .settings import best_mode as best_mode
 from .settings import finest_mode as finest_mode
 from .settings import paper_mode as paper_mode
 from .settings import quick_mode as quick_mode
+from .settings import quiet_mode as quiet_mode
 from .settings import with_fewer_points as with_fewer_points
 from .settings import with_paper_mode as with_paper_mode

@@ -84,7 +84,13 @@ CHOICES: tuple[Choice, ...] = (
     Choice(
         name="strength",
         path="target.strength",
-        help="Target peak relative to a single focus of the whole array (replaces --gain).",
+        help="Target peak over one focus; replaces --gain.",
+    ),
+    Choice(
+        name="ears",
+        path="target.ears",
+        unit="dB",
+        help="Highest level at the ears.",
     ),
     Choice(name="height", path="target.grid.height", unit="m", help="Palm height above the array."),
     Choice(name="pitch", path="target.grid.pitch", unit="m", help="Pitch of the control points."),
@@ -119,11 +125,9 @@ CHOICES: tuple[Choice, ...] = (
     Choice(
         name="backend",
         path="solver.backend",
-        help="Array library of methods fast and glide: numpy, torch, torch:cuda or cupy.",
+        help="Array library: numpy, torch, torch:cuda or cupy.",
     ),
-    Choice(
-        name="jobs", path="solver.jobs", help="Number of blocks that method glide solves at once; default: all cores."
-    ),
+    Choice(name="jobs", path="solver.jobs", help="Blocks that glide solves at once; default: cores."),
     Choice(
         name="temperature",
         path="acoustics.medium.temperature",
@@ -212,9 +216,9 @@ def format_setting(path: str, value: Any) -> str:
 def choices_table() -> str:
     """Return the Markdown table of all choices: option, place in `Settings`, help, value in each mode.
 
-    A cell is empty where best equals the paper's value, and where quick or finest equals best.
+    A cell is empty where best equals the paper's value, and where another mode equals best.
     """
-    lines = ["| option, in `Settings` | what | paper | best | quick | finest |", "| --- " * 6 + "|"]
+    lines = ["| option, in `Settings` | what | paper | best | quick | finest | quiet |", "| --- " * 7 + "|"]
     for choice in CHOICES:
         paper, best, *others = (format_value(choice.of(MODES[mode]()), choice.unit) for mode in MODES)
         said = " | ".join([paper, best if best != paper else "", *(each if each != best else "" for each in others)])

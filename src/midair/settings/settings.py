@@ -1,4 +1,4 @@
-"""All settings of the pipeline from a recording to a drive as one value, and its modes: paper, best, quick, finest."""
+"""All settings of the pipeline from a recording to a drive as one value, and its modes."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -10,7 +10,7 @@ from midair.errors import BrokenFileError, InputError
 from midair.files import atomic_file, from_plain, read_toml, to_plain
 from midair.model import BAND, RATE, Acoustics, ArrayCalibration, ControlGrid, Medium, Provenance, Setting
 from midair.physics import TransducerDynamics
-from midair.solvers import Glide, Guard, name_of, settings_type
+from midair.solvers import Free, Glide, Guard, QuietEars, name_of, settings_type
 from midair.solvers import solver as solver_of
 from midair.targets import Circle, Interpolated
 
@@ -24,6 +24,9 @@ class CalibrationSettings:
     inverse: Literal["fft", "fir"] = "fft"
     """Inverse of the channels' responses: zero-phase FFT or linear-phase FIR filter."""
 
+
+EARS = (80.0, 160.0)
+"""Smallest and largest level at the ears that can be asked for, in dB."""
 
 STRONGEST = 10.0
 """Largest allowed strength: ten times the maximum of any array."""
@@ -44,12 +47,19 @@ class TargetSettings:
     strength: float | None = None
     """Peak of the target's sound relative to one focus of the whole array at full drive; replaces the gain unless None.
     """
+    ears: float | None = None
+    """Highest sound level in dB at ears and bystander by the exposure check, at 14 to 30 °C. The gain is reduced until
+    the drive meets it, also if the transducers differ as those of published boards do; None for no limit.
+    """
     grid: ControlGrid = field(default_factory=ControlGrid)
     """Control points (4.1)."""
     circle: Circle | None = None
     """Slow circle on which the pattern moves, for touch below 20 Hz; not in the paper, not validated on people."""
 
     def __post_init__(self) -> None:
+        low, high = EARS
+        if self.ears is not None and not low <= self.ears <= high:
+            raise InputError(f"ears: expected a level of {low:g} to {high:g} dB, got {self.ears:g}; typical value: 110")
         if self.strength is not None and not 0 < self.strength <= STRONGEST:
             raise InputError(
                 f"strength: expected above 0 and up to {STRONGEST:g} times one focus of the whole array, got "
@@ -233,8 +243,10 @@ def _nested(flat: Mapping[str, Setting]) -> dict[str, Any]:
     return nested
 
 
-Mode = Literal["paper", "best", "quick", "finest"]
-"""Names: the paper's settings; the default; best with fewer iterations; best with a quiet palm."""
+Mode = Literal["paper", "best", "quick", "finest", "quiet"]
+"""Names: the paper's settings; the default; best with fewer iterations; best with a quiet palm; under a stated level at
+the ears.
+"""
 
 
 def paper_mode() -> Settings:
@@ -284,8 +296,18 @@ def finest_mode() -> Settings:
     )
 
 
+def quiet_mode() -> Settings:
+    """Return the best mode with free amplitudes, as strong as 110 dB at ears and bystander permit, or another level.
+
+    The ears are quiet in rooms of 14 to 30 °C, so that a play passes the exposure check without a stated temperature.
+    """
+    everyone = (*QuietEars().positions, 1.0, -0.35, 0.45)
+    ears = QuietEars(weight=1.0, positions=everyone, temperatures=(14.0, 30.0))
+    return best_mode().but(method=Free(effort=3e-3, power=0.01), quiet_ears=ears, ears=110.0)
+
+
 MODES: Mapping[Mode, Callable[[], Settings]] = MappingProxyType(
-    {"paper": paper_mode, "best": best_mode, "quick": quick_mode, "finest": finest_mode}
+    {"paper": paper_mode, "best": best_mode, "quick": quick_mode, "finest": finest_mode, "quiet": quiet_mode}
 )
 """Function that makes the settings of each mode."""
 

@@ -3,6 +3,7 @@
 from .backend import one_blas_thread as one_blas_thread
 from .exact import Exact as Exact
 from .fast import Fast as Fast
+from .free import Free as Free
 from .glide import Glide as Glide
 from .glide import Piece as Piece
 from .glide import pieces as pieces
@@ -41,6 +42,7 @@ from .terms import Fit as Fit
 from .terms import Guard as Guard
 from .terms import PhaseTerm as PhaseTerm
 from .terms import PressureMeans as PressureMeans
+from .terms import QuietEars as QuietEars
 from .terms import QuietPalm as QuietPalm
 from .terms import QuietTerm as QuietTerm
 from .terms import Term as Term

@@ -111,8 +111,13 @@ class FieldOperators:
         state = move.run(batch, move.first(batch.p * self.psi), one / self.strongest, iterations)
         return move.coordinates(batch, state)
 
-    def field_move(self, *, loudness: float, floor: float, sampled: NDArray[np.int64]) -> "FieldMove":
-        """The field step; `loudness` is the weight of amplitudes above full drive at the `sampled` transducers."""
+    def field_move(
+        self, *, loudness: float, floor: float, sampled: NDArray[np.int64], effort: float = 0.0
+    ) -> "FieldMove":
+        """The field step; `loudness` is the weight of amplitudes above full drive at the `sampled` transducers.
+
+        `effort` is the weight of the squared length of V^H q, in units of a target in the strongest mode.
+        """
         # Convergence is best in z = sqrt(s) a, for strong and weak modes; a and s a are both slower.
         heard_at = self.backend.xp.take(self.drive, self.backend.put(sampled), axis=1)
         out, loud = self.field / self.root[:, None], heard_at / self.root[:, None]
@@ -124,6 +129,7 @@ class FieldOperators:
             loud_back=self.backend.adjoint(loud),
             loudness=loudness / loud.shape[1],
             pseudo=self.root / (self.root**4 + (floor * self.strongest) ** 2),
+            effort=effort * (self.strongest / self.root) ** 2 if effort else None,
         )
 
     @property
@@ -275,6 +281,7 @@ class FieldMove:
     loud_back: Rows  # Adjoint of `loud`
     loudness: float  # Weight of amplitudes above full drive, per sampled transducer
     pseudo: Numbers  # Damped inverse from the field at the points to z, shape (mode,)
+    effort: Numbers = None  # Weight of |z|^2 / 2, shape (mode,), or None
 
     def first(self, y: Rows) -> Rows:
         """The z whose field at the control points comes close to y, (row, point): root s U^H y / (s^2 + floor^2)."""
@@ -296,9 +303,16 @@ class FieldMove:
         def function(x: Rows) -> tuple[Numbers, Rows]:
             z = backend.as_complex(x)
             cost, slope = self.operators.cost_and_slope(batch, z @ self.out)
-            q = inverse * (z @ self.loud)
-            above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
-            gradient = slope @ self.out_back + heavy * ((above * q) @ self.loud_back)
-            return cost + 0.25 * weight * squares(xp, above), backend.as_real(gradient)
+            gradient = slope @ self.out_back
+            if weight:
+                q = inverse * (z @ self.loud)
+                above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
+                gradient = gradient + heavy * ((above * q) @ self.loud_back)
+                cost = cost + 0.25 * weight * squares(xp, above)
+            if self.effort is not None:
+                pull = self.effort * z
+                gradient = gradient + pull
+                cost = cost + 0.5 * xp.real(xp.vecdot(z, pull))
+            return cost, backend.as_real(gradient)
 
         return function

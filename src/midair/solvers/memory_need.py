@@ -48,7 +48,7 @@ def memory_needed(points: int, transducers: int, frames: int, *, method: str, gu
     G = 16 * M * N * (2 if airs > 1 else 1) + (16 * N * (listeners - M + 2 * listeners) if guard else 0)
     answer = _ANSWER * 8 * frames * N
     gram = 16 * M * M + _PLAIN * 16 * M * M + 8 * M * N
-    if method in ("exact", "fast", "glide", "live"):
+    if method in ("exact", "fast", "glide", "live", "free"):
         batch = min(frames, _ROWS) * 4 * _DESCENT * N + 8 * min(listeners, N) * (2 * listeners + 3 * N)
         work = max(_modes(listeners, N), batch, gram if method == "exact" else 0)
     else:

@@ -8,6 +8,7 @@ from typing import Any
 from midair.errors import InputError
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
+from midair.solvers.free import Free
 from midair.solvers.glide import Glide
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Live
@@ -20,6 +21,7 @@ Method = (
     | Exact
     | Fast
     | Glide
+    | Free
     | Live
     | Naive
     | GerchbergSaxton
@@ -34,6 +36,7 @@ METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
         "exact": Exact,
         "fast": Fast,
         "glide": Glide,
+        "free": Free,
         "live": Live,
         "naive": Naive,
         "gs": GerchbergSaxton,

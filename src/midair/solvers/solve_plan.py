@@ -14,6 +14,7 @@ from midair.solvers.backend import one_blas_thread
 from midair.solvers.device import phases_and_errors
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
+from midair.solvers.free import Free
 from midair.solvers.glide import Glide
 from midair.solvers.methods import Method, check_terms
 from midair.solvers.phases import spreading_phase
@@ -34,6 +35,9 @@ def frames_per_part(solver: Method) -> int:
     """
     if isinstance(solver, Glide):
         return solver.coarse * max(-(-solver.block_on() // solver.coarse), 1) * solver.jobs
+    if isinstance(solver, Free):
+        # Few parts, since each computes its matrices again.
+        return 4 * solver.block
     if isinstance(solver, Fast):
         return _whole_batches(solver)
     if isinstance(solver, Exact) and solver.start == "zero" and solver.first == "field":
@@ -215,6 +219,7 @@ class SolvePlan:
             "temperature_c": acoustics.medium.temperature,
             "humidity": acoustics.medium.humidity,
             "array": self.own.array.name,
+            **({"array_calibration": known} if (known := self.own.array.calibration_id) else {}),
             **{field.name: getattr(solver, field.name) for field in fields(solver) if field.name != "jobs"},
         }
 

@@ -18,7 +18,8 @@ class MethodSettings:
     method: str | Method = "exact"
     """A name in `METHODS`, or a configured solver such as ``Exact(tolerance=1e-3)``. "lm": Levenberg-Marquardt of the
     paper (4.2). "exact": the same steps in the modes of G above .5 % of the strongest, cheaper. "fast": batches of
-    independent frames. "glide": whole recordings, by bisection in time. "live": less than a millisecond per frame.
+    independent frames. "glide": whole recordings, by bisection in time. "free": an amplitude for
+    each transducer, with little power. "live": less than a millisecond per frame.
     "naive", "gs", "wgs", "gs-pat", "greedy": published methods for comparison.
     """
     iterations: int | tuple[int, int] | None = None

@@ -48,6 +48,8 @@ class StudioPlan:
     """Name of the array."""
     sensor: str = "virtual:towel"
     """Name of the sensor."""
+    array_calibration: Path | None = None
+    """Calibration to solve for; the stored one of the array if None, the model's transducers if ``none``."""
     seed: int = 0
     """Random seed of the virtual rig."""
 
@@ -89,6 +91,7 @@ class Studio:
             air=self.air,
             later=self.later,
             sensor=plan.sensor,
+            array_calibration=plan.array_calibration,
             seed=plan.seed,
             first=self.first,
         )

@@ -29,6 +29,7 @@ from midair.rig import (
     LiveTake,
     LoopStarted,
     PlayLease,
+    array_calibration_for,
     live,
     live_clearance,
 )
@@ -113,6 +114,8 @@ class LiveView:
 
     def __init__(self, order: LiveSettings) -> None:
         self.array: TransducerArray = (order.placement or Placement.grid()).array()
+        if (kept := array_calibration_for(order.device, order.array_calibration)) is not None:
+            self.array = kept.known.applied(self.array)
         self.grid: ControlGrid = order.grid
         self._acoustics, self._rate, self._channels = order.acoustics, RATE, 1
         matrix = transfer_matrix(self.grid, self.array, acoustics=self._acoustics)
@@ -302,6 +305,7 @@ def _session_info(session: LiveSession) -> dict[str, Any]:
         "level": opened.level,
         "exposure": opened.exposure,
         "computer": opened.granted.words(),
+        "array_calibration": opened.array_calibration,
         "height_mm": 1e3 * order.height,
         "air_c": order.acoustics.medium.degrees,
         "hold_ms": 1e3 * order.hold,

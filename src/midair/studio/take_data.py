@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError, MidairError
 from midair.files import OpenedTake, load_solution, load_target, open_take
-from midair.model import AmplitudeFrames, Solution
-from midair.physics import focus_amplitude, transfer_matrix
+from midair.model import AmplitudeFrames, Provenance, Solution
+from midair.physics import TransducerDynamics, focus_amplitude, transfer_matrix
 from midair.pipeline import calibrated_pressure
 from midair.rig import event_message
 from midair.settings import CHOICES, Settings, format_value, nearest_mode
@@ -72,7 +72,7 @@ def facts(data: TakeData, _: object = None) -> dict[str, Any]:
 
 def _drive_facts(data: TakeData, shown: int) -> dict[str, Any]:
     solution, target, field_of = _drive(data.drive, data.stamp)
-    drive, grid, known = solution.drive, target.grid, Settings.of(solution.drive.provenance)
+    drive, grid, known = solution.drive, target.grid, _chosen_settings(solution.drive.provenance)
     frames = _frames_of(solution, target, _take(data.take, data.stamp).recording.rate, 0, shown)
     fine = _finer(data.drive, data.stamp)
     error, plays = solution.error[frames], solution.plays[frames]
@@ -97,8 +97,17 @@ def _drive_facts(data: TakeData, shown: int) -> dict[str, Any]:
         "strength": np.round(peak / focus, 4).tolist(),
         "error_mean": float(error[plays].mean()) if plays.any() else 0.0,
         "settings": None if known is None else describe_settings(known),
+        "not_reproduced": drive.provenance.last("not reproduced").get("text", ""),
+        "array_calibration": drive.provenance.last("array calibration").get("age", ""),
         "field_pa": field_of.shape[0],
     }
+
+
+def _chosen_settings(provenance: Provenance) -> Settings | None:
+    """Settings of a drive as they were chosen: without the envelope of a measured array."""
+    known = Settings.of(provenance)
+    measured = known is not None and provenance.last("array calibration")
+    return known.but(dynamics=TransducerDynamics()) if known is not None and measured else known
 
 
 def describe_settings(settings: Settings) -> dict[str, Any]:
@@ -140,7 +149,7 @@ def describe_settings(settings: Settings) -> dict[str, Any]:
 def made_with(path: str, _: object = None) -> str:
     """Return the settings of a drive in one line."""
     try:
-        known = Settings.of(load_solution(path, streamed=True).drive.provenance)
+        known = _chosen_settings(load_solution(path, streamed=True).drive.provenance)
     except MidairError:
         return "a file that cannot be read"
     return (

@@ -15,10 +15,12 @@ from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
 from midair.headroom import level_of
 from midair.model import Palm, PressureFrames, Provenance
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
+from midair.recordings import unreproduced
 from midair.rig import (
     BudgetPlan,
     VirtualRig,
     aligned_pair,
+    array_calibration_for,
     array_of_kind,
     error_budget,
     loop,
@@ -47,6 +49,10 @@ class SolveRequest:
     mode: Mode = "paper"
     choices: tuple[tuple[str, Any], ...] = ()
     """Names and values of settings that differ from those of the mode."""
+    device: str = "virtual"
+    """Array on which the drive will be played."""
+    array_calibration: Path | None = None
+    """As in `StudioPlan`."""
     start: float = 0.0
     """Start in s of the part to solve."""
     duration: float | None = None
@@ -84,7 +90,11 @@ def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     if order.duration is not None:
         pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
+    told = unreproduced(take.recording, take.calibration, settings.calibration.band)
+    pressure = replace(pressure, provenance=pressure.provenance.then("not reproduced", told))
     led, array = add_lead(pressure, required_lead(settings)), array_of_kind("autd3")
+    if (kept := array_calibration_for(order.device, order.array_calibration)) is not None:
+        array, settings, led = kept.applied(array, settings, led)
     target, parts = reproduce_stream(led, array, settings, progress=partial(progress, "solving"))
     drive = Path(order.drive)
     fresh = drive.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")

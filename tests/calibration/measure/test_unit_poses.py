@@ -68,6 +68,10 @@ def test_the_jacobian_is_that_of_the_model():
         true = np.concatenate([real_parts(cell) for cell in (changed - now).T]) / step
         # The coded transducers change the beam itself a little.
         assert np.linalg.norm(found[:, column] - true) < 0.03 * np.linalg.norm(true)
+    # Far from the minimum a full step of a pole would overshoot.
+    fit.measured, first = [20 * now], pole.copy()
+    fit.step(0)
+    assert np.abs(state.pole - first).max() == pytest.approx(0.3 * abs(first[0].real))
 
 
 def test_the_motion_of_the_whole_array_is_no_difference():
@@ -87,20 +91,29 @@ def test_the_motion_of_the_whole_array_is_no_difference():
     assert np.abs(left / POSE_AIMS).max() < 0.01
 
 
-def measured(array, secret, pose, *, seed=0, plan=None, away=(0.0, 0.0, 0.2), known=None):
-    """Calibrate, or check against `known`, an array whose units are at `pose`."""
+def measured(array, secret, pose, *, seed=0, plan=None, away=(0.0, 0.0, 0.2), known=None, jump=None):
+    """Calibrate, or check against `known`, an array whose units are at `pose`; `jump` moves the sensor before the last
+    group.
+    """
     model = SensorModel(noise=1e-6, bits=32).with_spread(seed=seed)
     codes = array_codes(array, model.grid, plan or ArrayPlan(duration=1.0, group=60), acoustics=ROOM, height=0.2)
     drive = Drive(phase=codes.phase, level=np.full(codes.frames, codes.level), rate=1000, array=array, acoustics=ROOM)
-    points = ControlGrid(rows=16, columns=16, pitch=1.6e-3, height=away[2], centre=away[:2])
     late = np.exp(2j * np.pi * 40e3 * pose[array.unit, 6])
-    felt = simulate(
-        drive,
-        transfer_matrix(points, moved_array(array, pose), acoustics=ROOM),
-        chain=PlaybackChain(transducers=replace(secret, response=secret.response * late), precision="double"),
-        rate=8000,
-        weights=cell_weights(model, points, centre=away[:2], between="waves"),
-    ).reshape(-1, 4, 4)
+
+    def pressed(away):
+        points = ControlGrid(rows=16, columns=16, pitch=1.6e-3, height=away[2], centre=away[:2])
+        return simulate(
+            drive,
+            transfer_matrix(points, moved_array(array, pose), acoustics=ROOM),
+            chain=PlaybackChain(transducers=replace(secret, response=secret.response * late), precision="double"),
+            rate=8000,
+            weights=cell_weights(model, points, centre=away[:2], between="waves"),
+        ).reshape(-1, 4, 4)
+
+    felt = pressed(away)
+    if jump is not None:
+        before = 8 * (codes.starts[-1] - codes.settle // 2)
+        felt = np.concatenate([felt[:before], pressed(tuple(np.add(away, jump)))[before:]])
     felt = np.concatenate([felt, np.repeat(felt[-1:], 400, axis=0)])
     volts = sense(model, felt, 1000, rng=np.random.default_rng(seed), oversample=8).reshape(-1, 16)
     field = ArrayField(array=array, codes=codes, acoustics=ROOM, calibration=calibration_of(model))

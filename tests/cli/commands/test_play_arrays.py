@@ -14,11 +14,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from tests.model.test_array_calibration import calibration
 from tests.simulators.udp_proxy import UdpProxy
 
 from midair.cli import run
 from midair.files import save_solution
-from midair.model import Drive, Solution, TransducerArray
+from midair.model import Drive, Provenance, Solution, TransducerArray
+from midair.rig import keep_array_calibration
 
 pytest.importorskip("autd3")
 EMULATOR = ["--device", "autd3:emulator"]
@@ -43,7 +45,9 @@ def tap():
 
 def make(name, level=0.008, frames=200, rate=1000.0, array=ARRAY):
     rng = np.random.default_rng(0)
-    drive = Drive(phase=rng.uniform(0, 6, (frames, array.count)), level=np.full(frames, level), rate=rate, array=array)
+    phase, solved = rng.uniform(0, 6, (frames, array.count)), {"array_calibration": array.calibration_id}
+    life = Provenance().then("solve", solved)
+    drive = Drive(phase=phase, level=np.full(frames, level), rate=rate, array=array, provenance=life)
     solution = Solution(
         drive=drive, error=np.zeros(frames), iterations=np.ones(frames, int), status=("converged",) * frames
     )
@@ -70,6 +74,18 @@ def test_a_quiet_drive_plays_with_a_timing_report(capsys):
     assert [entry["event"] for entry in log()] == ["play", "end"]
     assert log()[1]["reason"] == "played"
     assert list(Path("state").glob("playing-*")) == []
+
+
+@pytest.mark.long
+def test_play_recommends_a_check_and_warns_of_a_drive_for_the_model(capsys):
+    known = calibration(ARRAY)
+    keep_array_calibration("autd3:emulator", known)
+    assert run(["play", make("a.drive.h5", frames=20), *EMULATOR]) == 0
+    assert "solved without that of this array" in capsys.readouterr().err
+    assert run(["play", make("b.drive.h5", frames=20, array=known.applied(ARRAY)), *EMULATOR]) == 0
+    told = re.sub(r"\s+", " ", capsys.readouterr().err)
+    assert "not checked today: midair calibrate array SENSOR --device autd3:emulator --check" in told
+    assert "solved without" not in told
 
 
 def test_a_loud_drive_is_refused_before_the_device_is_opened(capsys):

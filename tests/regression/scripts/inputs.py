@@ -26,3 +26,5 @@ rows = [
 Path("old.csv").write_text("\n".join(["subject,presented,surface,rated,score", *rows]) + "\n", encoding="utf-8")
 outline = [[-40, -45], [40, -45], [45, 20], [30, 50], [-35, 50]]
 Path("palm.toml").write_text(f'name = "left hand"\noutline_mm = {outline}\n', encoding="utf-8")
+sway = [f"{each},{0.01 * each},0,0.2,0,0,-1,0,1,0,1" for each in np.arange(60) / 100]
+Path("hand.csv").write_text("\n".join(["time,x,y,z,nx,ny,nz,dx,dy,dz,confidence", *sway]) + "\n", encoding="utf-8")

@@ -1,12 +1,15 @@
 import numpy as np
 import pytest
+from tests.calibration.measure.test_unit_poses import measured, some
+from tests.model.test_array_calibration import calibration
 
 from midair.calibration import ArrayField, ArrayPlan, array_codes
 from midair.errors import InputError, RateError
-from midair.model import Acoustics, TransducerArray
+from midair.model import Acoustics, Provenance, TransducerArray
 from midair.physics import SensorModel, Transducers, calibration_of, sense
 from midair.rig import VirtualRig, calibrate_array
 from midair.rig.bench import check_silence
+from midair.rig.bench.array_bench import _check_fit, no_warning
 
 WHOLE = TransducerArray.autd3(columns=1, rows=1)
 NEAR = np.sort(np.argsort(np.linalg.norm(WHOLE.position, axis=1))[:30])
@@ -80,6 +83,25 @@ def test_a_clipped_recording_is_refused():
         sensor.full_scale = 1e-4
         with pytest.raises(InputError, match=r"no clipped sample under the beam, got .* lower --top"):
             calibrate_array(array, sensor, ArrayPlan(duration=0.4, group=15))
+
+
+@pytest.mark.slow
+def test_a_sensor_that_moves_between_two_groups_is_refused():
+    """Half of the jump is the distance of each group's place from their mean."""
+    array = some(30)
+    found = measured(array, Transducers.alike(array.count), np.zeros((4, 7)), jump=(2e-3, 0, 0))
+    assert found.provenance.last("fit array")["moved_m"] == pytest.approx(1e-3, rel=0.5)
+    with pytest.raises(InputError, match=r"expected it at rest, got a movement of .* mm"):
+        _check_fit(found, no_warning)
+
+
+def test_what_the_model_does_not_explain_is_reported():
+    array = some(30)
+    told = {"moved_m": 0.0, "moved_uncertainty_m": 1e-5, "noise_ratio": 4.0}
+    found, said = calibration(array, provenance=Provenance().then("fit array", told)), []
+    _check_fit(found, said.append)
+    assert len(said) == 1
+    assert "4.0 times as much: draught, movement or echoes" in said[0]
 
 
 def test_the_spread_of_published_boards_has_their_phases():

@@ -47,7 +47,7 @@ def test_without_uncertainty_nothing_is_lost(focus) -> None:
 
 @pytest.mark.long
 def test_each_uncertainty_costs_more_when_it_is_larger(focus) -> None:
-    small = Laboratory(echo=0.1)
+    small = Laboratory(frequency=2e-3)
     doubled = {name: 2 * getattr(small, name) for names in PARTS.values() for name in names}
     one, other = loss(focus, small), loss(focus, small.but(**doubled))
     for name in PARTS:

@@ -38,6 +38,7 @@ FOUND = LoopStarted(
     parts=((20.0, 470.0),),
     error=(0.1,),
     silencer="off",
+    array_calibration="",
     described={},
 )
 

@@ -277,6 +277,10 @@ def test_steered_frames_are_weakened_to_the_profile_and_refused_outside_the_box(
 def test_devices_without_single_frames_are_refused() -> None:
     with pytest.raises(UnknownDeviceError, match="single frames"):
         immediate_array(PlaySettings(device="pyautd3"), 1000.0)
+    with pytest.raises(InputError, match="palm-path"):
+        immediate_array(PlaySettings(device="autd3:emulator", palm_path=palm([[0, 0, 0]])), 1000.0)
+    with pytest.raises(InputError, match="expected --follow"):
+        PlaySettings(tracker_latency=0.02)
 
 
 def test_the_box_admits_poses_by_place_and_tilt() -> None:

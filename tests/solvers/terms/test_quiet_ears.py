@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.model import Acoustics, AmplitudeFrames, ControlGrid, TransducerArray
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, TransducerArray
 from midair.physics import focus_amplitude, propagate, transfer_matrix
 from midair.settings import CHOICES, Settings
 from midair.solvers import solve
@@ -13,7 +13,8 @@ GRID = ControlGrid(rows=4, columns=4, pitch=11e-3)
 
 
 def somewhere_at_the_ears(count, rng):
-    return np.concatenate([np.array(ear) + rng.uniform(-0.04, 0.04, (count, 3)) for ear in QuietEars().positions])
+    ears = np.reshape(QuietEars().positions, (-1, 3))
+    return np.concatenate([ear + rng.uniform(-0.04, 0.04, (count, 3)) for ear in ears])
 
 
 def target():
@@ -32,7 +33,18 @@ def test_rows_add_up_to_the_mean_square_over_the_cubes():
     assert len(rows) < ARRAY.count / 2
 
 
-@pytest.mark.parametrize("method", ["fast", "lm", "glide"])
+def test_rows_of_a_range_of_temperatures_are_the_mean_over_its_airs():
+    rng = np.random.default_rng(4)
+    rows = QuietEars(temperatures=(14.0, 30.0)).rows(GRID, ARRAY, Acoustics())
+    points = somewhere_at_the_ears(500, rng)
+    for q in np.exp(1j * rng.uniform(0, 2 * np.pi, (3, ARRAY.count))):
+        # Dry air attenuates least.
+        airs = [Acoustics(medium=Medium.at(temperature=each, humidity=0.1)) for each in (14, 18, 22, 26, 30)]
+        power = [np.abs(transfer_matrix(points, ARRAY, acoustics=air) @ q) ** 2 for air in airs]
+        assert (np.abs(rows @ q) ** 2).sum() == pytest.approx(np.mean(power), rel=0.15)
+
+
+@pytest.mark.parametrize("method", ["fast", "lm", "glide", "free"])
 def test_ears_are_quieter_and_the_target_is_still_met(method):
     points = somewhere_at_the_ears(200, np.random.default_rng(1))
     loud, quiet = (solve(target(), ARRAY, method=method, quiet_ears=weight) for weight in (0.0, 10.0))
@@ -49,6 +61,11 @@ def test_beside_a_guard_each_keeps_its_weight():
     assert both.weight == 2.0
     np.testing.assert_array_equal(both.ceilings, [0.3] * 4 + [0.0] * 2)
     np.testing.assert_allclose(both.weight * np.abs(both.G[4:]) ** 2, 8.0 * np.abs(rows) ** 2)
+
+
+def test_half_an_ear_is_refused():
+    with pytest.raises(InputError, match="expected x, y, z of each ear in m, got 4 numbers"):
+        QuietEars(positions=(0.0, 0.0, 0.3, 0.1))
 
 
 @pytest.mark.parametrize(("method", "weight", "says"), [("exact", 1.0, "quiet-ears"), ("fast", -1.0, "0 or more")])

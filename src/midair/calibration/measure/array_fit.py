@@ -34,7 +34,7 @@ Complex = NDArray[np.complex128]
 
 
 _CLOSE = 1.5
-"""Power of the remainder over that of the noise below which the slopes stay as they are."""
+"""Power of the remainder over that of the noise below which a fit may end, once the units stay where they are."""
 
 
 def fit_array(
@@ -63,8 +63,8 @@ def fit_array(
     usual : TransducerPrior, optional
         Prior of the transducers.
     sweeps : int
-        Largest number of fits of each group; at least 4, if that many are allowed. It ends when the remainder is close
-        to the noise, or no longer falls.
+        Largest number of fits of each group; at least 4, if that many are allowed. It ends when the units stay where
+        they are, and the remainder is close to the noise or no longer falls.
     synchronous : bool
         Whether the first sample belongs to the first frame. If not, the delay is fitted too, and the mean time constant
         stays unknown: slow transducers and a late array have the same effect.
@@ -103,15 +103,18 @@ def fit_array(
     common = np.zeros((2, len(groups)))
     units = len(np.unique(field.array.unit))
     pose, covariance = np.zeros((units, 7)), np.zeros((7 * units, 7 * units))
-    left = [np.inf]
+    left, settled = [np.inf], units == 1
     for sweep in range(sweeps):
-        if sweep > 3 and (left[-1] < _CLOSE or left[-1] > 0.97 * min(left[:-2])):
+        if sweep > 3 and settled and (left[-1] < _CLOSE or left[-1] > 0.97 * min(left[:-2])):
             break
         if units > 1 and sweep > 1:
-            pose, covariance = fit_units(fit, field.array, pose)
+            last = pose
+            pose, covariance = fit_units(fit, field.array, pose, synchronous=synchronous)
+            moved, uncertain = differences(field.array, pose - last, covariance)
+            settled = bool((np.abs(moved.ravel()) < 0.5 * np.sqrt(np.diag(uncertain))).all())
         for group in groups:
-            if sweep < 2 or left[-1] > _CLOSE:
-                fit.slopes[group : group + 1] = [fit.slope(group)]
+            # Slopes of an earlier state would end the fit beside the minimum.
+            fit.slopes[group : group + 1] = [fit.slope(group)]
             fit.step(group)
             if progress:
                 progress(sweep * len(groups) + group + 1, sweeps * len(groups))

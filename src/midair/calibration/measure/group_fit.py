@@ -18,6 +18,10 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
+_STEP = 0.3
+"""Longest step of a pole, relative to one over the time constant."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Slope:
     """Jacobian (number, unknown) and posterior covariance of a group's responses and scaled poles."""
@@ -106,7 +110,9 @@ class GroupFit:
         real, imag, slow, turning = change.reshape(4, -1)
         self.state.response[members] += real + 1j * imag
         scale = np.abs(self.pole.real[members])
-        pole = self.state.pole[members] + scale * (slow + 1j * turning)
+        # The output is not linear in a pole: full steps of some transducers would oscillate and never converge.
+        shorter = np.minimum(1, _STEP / np.maximum(np.hypot(slow, turning), 1e-12))
+        pole = self.state.pole[members] + scale * shorter * (slow + 1j * turning)
         # Keep the pole stable: a step that is too large would make the response grow.
         self.state.pole[members] = np.minimum(pole.real, -0.2 * scale) + 1j * pole.imag
 

@@ -119,7 +119,7 @@ def absorb_displacement(field: ArrayField, state: ArrayState, strength: float, u
     moved = np.linalg.solve(pattern[alive].T @ pattern[alive] + belief, pattern[alive].T @ phase[alive])
     x, y, z = (float(each) for each in moved[:3])
     state.response = state.response * np.exp(-1j * (pattern[:, :3] @ moved[:3]))
-    soft = _softness(field, state)
+    soft = softness(field, state)
     size = np.abs(state.response) / np.abs(state.response[alive]).mean() - 1
     about = soft - soft[alive].mean()
     change = float(about[alive] @ size[alive] / (about[alive] @ about[alive] + np.var(size[alive]) / usual.softness**2))
@@ -129,7 +129,7 @@ def absorb_displacement(field: ArrayField, state: ArrayState, strength: float, u
     state.place = replace(place, x=place.x + x, y=place.y + y, z=place.z + z, spread=place.spread + change)
 
 
-def _softness(field: ArrayField, state: ArrayState) -> Array:
+def softness(field: ArrayField, state: ArrayState) -> Array:
     """Relative increase of each transducer's signal per metre of point spread, shape (transducer,).
 
     Transducers far from the beam's axis lose signal, because they interfere with the beam in finer patterns.
@@ -150,7 +150,7 @@ def gel_strength_error(
     field: ArrayField, state: ArrayState, dead: NDArray[np.bool_], usual: TransducerPrior
 ) -> tuple[Array, float]:
     """Uncertainty of each strength, and of their mean, from the estimate of the gel's point spread."""
-    soft = _softness(field, state)
+    soft = softness(field, state)
     alive, size = soft[~dead] - soft[~dead].mean(), np.abs(state.response[~dead])
     known = float(alive @ alive / np.square(size.std() / size.mean()))
     spread = 1 / np.sqrt(known + 1 / usual.softness**2)

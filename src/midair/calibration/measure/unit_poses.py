@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 
 from midair.calibration.measure.array_field import ArrayField, SensorPlace
 from midair.calibration.measure.group_fit import GroupFit
-from midair.calibration.measure.shared_parameters import DEAD, real_parts, sound_at_points
+from midair.calibration.measure.shared_parameters import (
+    DEAD,
+    ArrayState,
+    predicted_spectrum,
+    real_parts,
+    softness,
+    sound_at_points,
+)
 from midair.model import POSE_AIMS, TransducerArray
 from midair.physics import transfer_matrix, wavenumber
 
@@ -28,8 +35,15 @@ _PRIOR = 20.0
 """Prior standard deviation of every number of a pose, in units of `POSE_AIMS`: 2 mm, 2 degrees, 1 us."""
 
 
-def fit_units(fit: GroupFit, nominal: TransducerArray, pose: Array) -> tuple[Array, Array]:
+_SHARED = np.array([0.1e-3, 1e-6])
+"""Units of the width of the gel's point spread in m and of the array's delay in s."""
+
+
+def fit_units(fit: GroupFit, nominal: TransducerArray, pose: Array, *, synchronous: bool = True) -> tuple[Array, Array]:
     """One Gauss-Newton step of the units from their current `pose` on; the sound at the sensor stays the same.
+
+    The gel's point spread and the array's delay are fitted with them: both were estimated with identical transducers,
+    and an error of them would appear in the units.
 
     Returns the new pose, shape (unit, 7): x, y, z in m, the rotation about x, y, z in rad, and the delay in s; and its
     covariance, shape (7 unit, 7 unit).
@@ -44,11 +58,21 @@ def fit_units(fit: GroupFit, nominal: TransducerArray, pose: Array) -> tuple[Arr
     phase = np.angle(own * np.exp(-1j * np.angle(own[alive].sum())))[alive]
     even, phase = mean[alive] - mean[alive].mean(axis=0), phase - phase.mean()
     scatter = max(float((phase - even @ np.linalg.lstsq(even, phase, rcond=1e-6)[0]).std()), 0.01)
-    information = even.T @ even / scatter**2 + np.eye(len(aims)) / _PRIOR**2
-    gradient = even.T @ phase / scatter**2 - (pose / POSE_AIMS).ravel() / _PRIOR**2
+    count, place, soft = len(aims), state.place, softness(model, state)
+    information, gradient = np.zeros((count + 2, count + 2)), np.zeros(count + 2)
+    information[:count, :count] = even.T @ even / scatter**2 + np.eye(count) / _PRIOR**2
+    gradient[:count] = even.T @ phase / scatter**2 - (pose / POSE_AIMS).ravel() / _PRIOR**2
+    size, about = np.abs(state.response)[alive], (soft[alive] - soft[alive].mean()) * _SHARED[0]
+    size = size / size.mean() - 1
+    wide = np.array([fit.usual.softness, 1e-12 if synchronous else 1e-3]) / _SHARED
+    information[count:, count:] = np.diag([about @ about / np.var(size), 0] + 1 / wide**2)
+    gradient[count:] = [
+        about @ size / np.var(size) - (place.spread - SensorPlace().spread) / _SHARED[0] / wide[0] ** 2,
+        0,
+    ]
     for group, slope in enumerate(fit.slopes):
         noise, rest = fit.noise[group], fit.residual(group)
-        moved = columns_of_units(fit, group, aims, mean)
+        moved = np.column_stack([columns_of_units(fit, group, aims, mean), _shared_columns(fit, group, soft)])
         cross, pull = slope.jacobian.T @ moved / noise, fit.unknowns(group) / fit.belief(group) ** 2
         solved = slope.covariance @ np.column_stack([cross, slope.jacobian.T @ rest / noise - pull])
         # A remainder above the noise is no information on the units.
@@ -56,13 +80,30 @@ def fit_units(fit: GroupFit, nominal: TransducerArray, pose: Array) -> tuple[Arr
         information += share * (moved.T @ moved / noise - cross.T @ solved[:, :-1])
         gradient += share * (moved.T @ rest / noise - cross.T @ solved[:, -1])
     covariance = np.linalg.inv(information)
-    pose = pose + (covariance @ gradient * aims).reshape(-1, 7)
+    change = covariance @ gradient
+    pose = pose + (change[:count] * aims).reshape(-1, 7)
+    softer, later = change[count:] * _SHARED
+    softer = float(np.clip(place.spread + softer, 0.6e-3, 3e-3)) - place.spread
+    state.response *= 1 - (soft - soft[alive].mean()) * softer
+    state.place = replace(place, spread=place.spread + softer, late=place.late + float(later))
     before, old = state.response.copy(), transfer_matrix(cell_places(model, state.place), model.array)
     fit.field = replace(model, array=moved_array(nominal, pose))
     new = transfer_matrix(cell_places(model, state.place), fit.field.array)
     state.response *= (new.conj() * old).sum(axis=0) / np.square(np.abs(new)).sum(axis=0)
     fit.turn(before)
-    return pose, covariance * np.outer(aims, aims)
+    return pose, np.asarray(covariance[:count, :count] * np.outer(aims, aims), np.float64)
+
+
+def _shared_columns(fit: GroupFit, group: int, soft: Array) -> Array:
+    """Change of a group's spectrum for the gel's point spread, with constant signals, and for the array's delay."""
+    state, now, columns = fit.state, predicted_spectrum(fit.field, group, fit.state), []
+    for name, step in (("spread", 0.1 * _SHARED[0]), ("late", _SHARED[1])):
+        place = replace(state.place, **{name: getattr(state.place, name) + step})
+        response = state.response * (1 - soft * step) if name == "spread" else state.response
+        changed = predicted_spectrum(fit.field, group, ArrayState(response, state.pole, place)) - now
+        scale = _SHARED[0] / step if name == "spread" else 1.0
+        columns.append(scale * np.concatenate([real_parts(cell) for cell in changed.T]))
+    return np.column_stack(columns)
 
 
 def columns_of_units(fit: GroupFit, group: int, aims: Array, absorbed: Array) -> Array:

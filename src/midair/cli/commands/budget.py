@@ -1,6 +1,8 @@
 """The command `budget`: distortion that each stage of a reproduction adds."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 from rich.table import Table
 
@@ -9,13 +11,15 @@ from midair.cli.console import banner, out, print_json, print_rows, progress_bar
 from midair.cli.exposure_options import print_air
 from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, Seed, SolveOptions, Spread, StartAt
 from midair.cli.output import may_write
+from midair.cli.quantities import parse_quantity
 from midair.cli.time_estimates import workload_of
 from midair.devices import SilencerChoice
-from midair.evaluate import Budget
+from midair.errors import InputError
+from midair.evaluate import FELT_BANDS, Budget
 from midair.figures import budget_figure, png_bytes
 from midair.files import atomic_file, load_array_calibration, load_laboratory, open_take
 from midair.pipeline import required_lead
-from midair.rig import BudgetPlan, VirtualRig, band_power_share, error_budget
+from midair.rig import BudgetPlan, LevelTrade, VirtualRig, band_power_share, error_budget, level_trade
 
 
 def budget_command(
@@ -32,6 +36,7 @@ def budget_command(
     array_calibration: ArrayCalibration = None,
     spread: Spread = "default",
     seed: Seed = 0,
+    trade: str | None = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -48,6 +53,9 @@ def budget_command(
         Write a waterfall chart of the stages to this PNG file.
     silencer
         How the array smooths phase steps; auto is the setting that midair uses on any array.
+    trade
+        Instead, solve under each of these levels at the ears (110dB,120dB) in the mode quiet, and print what the palm
+        gets. --gain or --strength is the highest.
     lab
         TOML file with the uncertainties of a laboratory, from midair doctor --lab: adds the part "palm and laboratory",
         the loss by each of them and by all together, in random draws from the seed.
@@ -58,6 +66,9 @@ def budget_command(
     $ midair budget take.h5 --lab lab.toml
     """
     options = options or SolveOptions()
+    levels = _levels(trade)
+    if levels and getattr(options, "mode", None) is None and getattr(options, "settings_file", None) is None:
+        options = cast("SolveOptions", replace(cast("Any", options), mode="quiet"))
     settings = options.settings()
     if figure is not None:
         may_write(figure, force)
@@ -82,6 +93,10 @@ def budget_command(
     banner(True)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     frames = round((original.frames / original.rate + 2 * plan.lead) * settings.target.rate)
+    if levels:
+        with progress_bars(f"trade {workload_of(settings, measured.count)}", frames) as stage:
+            rows = list(level_trade(original, plan, levels, stage=stage))
+        return print_json([row.plain() for row in rows]) if json else print_trade(source.name, rows)
     with progress_bars(f"budget {workload_of(settings, measured.count)}", frames) as stage:
         made = error_budget(original, plan, kept=band_power_share(open_take(source).recording, band), stage=stage)
     if figure is not None:
@@ -92,6 +107,36 @@ def budget_command(
     print_budget(f"distortion of each stage, {source.name}", made)
     print_rows([("figure", str(figure))] if figure is not None else [])
     return None
+
+
+def _levels(trade: str | None) -> list[float]:
+    """The levels of --trade in dB."""
+    try:
+        return [] if trade is None else [parse_quantity(each, "dB") for each in trade.split(",")]
+    except ValueError as wrong:
+        raise InputError(f"--trade: {wrong}") from None
+
+
+def print_trade(name: str, rows: list[LevelTrade]) -> None:
+    """Print a row for each level at the ears."""
+    table = Table(title=f"under a level at the ears, {name}", title_justify="left", box=None, pad_edge=False)
+    for head in ("ears at most", "palm", "over threshold", "in", "touched cells", "ears", "bystander", "unlike"):
+        table.add_column(head, justify="right")
+    table.add_row("dB", "Pa", "dB", "Hz", "dB", "dB", "dB", "dB", style="dim")
+    for row in rows:
+        low, high = FELT_BANDS[row.vibration.index(row.felt)]
+        levels = (f"{each:.1f}" for each in (row.distortion_ratio, row.ears, row.bystander, row.unlike))
+        table.add_row(f"{row.limit:g}", f"{row.palm:.2g}", f"{row.felt:+.0f}", f"{low:g} to {high:g}", *levels)
+    out().print(table)
+    print_rows(
+        [
+            ("palm", "highest radiation pressure"),
+            ("over threshold", "vibration over the nominal detection threshold; people lie -20 to +13 dB from it"),
+            ("touched cells", "signal to distortion, without the sensor"),
+            ("ears, bystander", "exposure check at 14 to 30 °C"),
+            ("unlike", "sound at the ears by transducers that differ by 0.2 rad"),
+        ]
+    )
 
 
 def print_budget(title: str, budget: Budget) -> None:

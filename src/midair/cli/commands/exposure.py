@@ -2,18 +2,19 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import Annotated, get_args
 
 from midair.cli.console import print_figures, print_json, print_rows
-from midair.cli.exposure_options import AirOptions, print_check_time
+from midair.cli.exposure_options import AirOptions, print_check_time, protected_profile
 from midair.cli.options import Force, Json, Placement
 from midair.cli.output import may_write
+from midair.cli.quantities import quantity
 from midair.devices import felt_pressure_text, measure_exposure
 from midair.errors import InputError
 from midair.figures import exposure_figure, png_bytes
-from midair.files import DEFAULT_PROFILE, atomic_file, load_placement, load_solution, profile_named
+from midair.files import DEFAULT_PROFILE, atomic_file, load_placement, load_solution
 from midair.model import Drive, Medium, TransducerArray
-from midair.physics import Exposure
+from midair.physics import MEASURED, UNLIKE, Exposure, ExposureProfile, level_if_unlike
 from midair.rig import ArrayKind, array_named, array_of_kind
 
 
@@ -25,6 +26,7 @@ def exposure_command(
     placement: Placement = None,
     profile: str = DEFAULT_PROFILE,
     profiles: Path | None = None,
+    ear_protection: Annotated[float, quantity("dB")] = 0.0,
     repeats: int = 1,
     figure: Path | None = None,
     air: AirOptions | None = None,
@@ -46,6 +48,8 @@ def exposure_command(
         Name of the exposure profile.
     profiles
         TOML file of exposure profiles. [default: the profiles of midair]
+    ear_protection
+        Attenuation at 40 kHz of ear protection that everyone in the room wears, as you state it.
     repeats
         How often the drive would be played, for the dose.
     figure
@@ -63,7 +67,7 @@ def exposure_command(
     if repeats < 1:
         raise InputError(f"--repeats: expected 1 or more, got {repeats}")
     target = figure or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".exposure.png")
-    chosen, room = profile_named(profile, profiles), (air or AirOptions()).medium()
+    chosen, room = protected_profile(profile, profiles, ear_protection), (air or AirOptions()).medium()
     drawn = figure is not None or not json
     if drawn:
         may_write(target, force)
@@ -87,6 +91,7 @@ def exposure_command(
             ("for", _array_text(drive, array)),
             ("resolution", found.resolution),
             ("felt", felt_pressure_text(found) or f"up to {found.pressure:.3g} Pa on the palm"),
+            ("unlike", _unlike_text(replace(drive, array=array), chosen)),
             ("heat", found.heat),
             ("nonlinearity", f"sigma {found.nonlinearity:.2f}; above 1 the real sound is weaker and more distorted"),
             ("limits from", chosen.source),
@@ -110,6 +115,17 @@ def _array_text(drive: Drive, array: TransducerArray) -> str:
     if abs(drive.array.pressure / array.pressure - 1) < 1e-6:
         return said
     return f"{said}; the file states {drive.array.pressure:.3g} Pa m, which is ignored"
+
+
+def _unlike_text(drive: Drive, profile: ExposureProfile) -> str:
+    """The sound that adds to the levels if transducers differ, which the exposure check does not contain."""
+    spread = UNLIKE if drive.array.alike else MEASURED
+    level = max(
+        level
+        for level, place in zip(level_if_unlike(drive, profile, spread), profile.places, strict=True)
+        if place.enforced
+    )
+    return f"{level:.1f} dB of further sound at the loudest place if transducers differ by {spread:g} rad; not checked"
 
 
 def _columns(found: Exposure) -> dict[str, dict[str, tuple[float, str]]]:

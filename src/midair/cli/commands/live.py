@@ -126,6 +126,7 @@ def _print_result(ended: LiveSession, keep: Path | None, *, json: bool) -> None:
         beside = {
             "simulated": opened.simulated,
             "exposure": opened.exposure,
+            "array_calibration": opened.array_calibration,
             "computer": opened.granted.words(),
             "rehearsal": opened.rehearsal.words(),
         }
@@ -215,6 +216,7 @@ def _session_rows(session: LiveSession) -> list[tuple[str, str]]:
     return [
         ("sensor", f"{order.sensor}, {grid.rows} x {grid.columns} cells at {opened.rate:g} Hz"),
         ("array", f"{order.device}, {opened.transducers} transducers, silencer {opened.silencer}"),
+        ("array calibration", opened.array_calibration or "none"),
         ("exposure", opened.exposure),
         ("level", f"{opened.level:.3g} of full drive, rising over the first second"),
         ("delay", " + ".join(f"{name} {1e3 * part:.3g} ms" for name, part in session.statistics.parts.items())),

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from midair.cli.comparisons import calibrated_part, plain, print_metrics, print_ratios, with_array_calibration
+from midair.cli.comparisons import calibrated_part, plain, print_metrics, print_ratios, stated_array_calibration
 from midair.cli.console import banner, out, print_figures, print_json, print_rows, progress_bars, verbosity
 from midair.cli.exposure_options import ExposureOptions, air_watched, print_air, print_check_time_ahead
 from midair.cli.options import (
@@ -91,11 +91,7 @@ def loop_command(
             f"loop on {playing.device}: expected --sensor and its --calibration to re-record the array, got "
             f"{playing.sensor or 'no sensor'} and {'a' if playing.calibration else 'no'} calibration"
         )
-    measured, settings, original = with_array_calibration(
-        array_calibration, opened.array.array, settings, original, device=playing.device
-    )
-    if measured is not opened.array.array:
-        opened = replace(opened, measured=measured)
+    opened = replace(opened, measured=stated_array_calibration(array_calibration, playing.device, settings))
     banner(opened.array.simulated or original.provenance.simulated)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     lead = required_lead(settings) if lead is None else lead

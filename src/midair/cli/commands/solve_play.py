@@ -50,7 +50,8 @@ from midair.pipeline import (
     reproduce_stream,
     required_lead,
     target_amplitude,
-    with_gain_for_strength,
+    weaker_settings,
+    with_fitted_gain,
 )
 from midair.rig import (
     ArrayKind,
@@ -63,7 +64,6 @@ from midair.rig import (
     follow_as_set,
     grid_of,
     immediate_array,
-    kept_array_calibration,
     open_followed,
     open_rig,
     play_cleared,
@@ -102,7 +102,7 @@ def solve_command(
     array
         autd3: two by two units. openmpd, openmpd-twin (experimental): one board, two facing boards.
     placement
-        TOML file with position and rotation of AUTD3 units.
+        TOML file with the places of AUTD3 units.
     device
         Array on which the drive will be played, as in midair play, to use its stored calibration.
 
@@ -132,11 +132,19 @@ def solve_command(
     tried = settings.solver.name in ("lm", "exact") and not is_speed_known(kind) and frames > TRIAL
     if tried:
         _estimate(pressure, transducers, settings, frames)
-    with progress_bars(kind, frames, estimated=tried) as stage:
-        wanted, parts = reproduce_stream(pressure, transducers, settings, progress=stage("solve"))
-        save_solutions(parts, target, frames=wanted.frames, target=wanted)
-    # Read back from the file: the lazy frames would be computed again.
-    solution = load_solution(target, streamed=True)
+    used = settings
+    while True:
+        with progress_bars(kind, frames, estimated=tried) as stage:
+            wanted, parts = reproduce_stream(pressure, transducers, used, progress=stage("solve"))
+            save_solutions(parts, target, frames=wanted.frames, target=wanted)
+        # Read back from the file: the lazy frames would be computed again.
+        solution = load_solution(target, streamed=True)
+        weaker = weaker_settings(solution.drive, Settings.of(solution.drive.provenance) or used)
+        if weaker is None:
+            break
+        # A drive above the stated level does not stay if the next solve is interrupted.
+        target.unlink()
+        used = weaker
     made = Reproduction(pressure=pressure, target=load_target(target, streamed=True) or wanted, solution=solution)
     level = level_of(solution, made.target, band=settings.calibration.band)
     inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
@@ -148,7 +156,7 @@ def solve_command(
         simulated = pressure.provenance.simulated
         return print_json(
             {"drive": str(target), "simulated": simulated, **told, **error.plain(), "level": level.plain()}
-            | {"not_reproduced": dict(pressure.provenance.last("not reproduced"))}
+            | {"not_reproduced": dict(pressure.provenance.last("not reproduced")), "ears_db": settings.target.ears}
         )
     print_rows(
         [
@@ -160,6 +168,7 @@ def solve_command(
             ),
             *level.rows(),
             *unreproduced_rows(pressure.provenance),
+            *_ears_rows(settings),
             ("E", str(error)),
             *_robustness_rows(made, settings),
             ("solver", f"{settings.solver.name}, {solution.iterations[plays].mean():.1f} iterations a frame"),
@@ -175,7 +184,7 @@ TRIAL = 8
 def _estimate(pressure: PressureFrames, array: TransducerArray, settings: Settings, frames: int) -> None:
     """Print the time that solving takes, by a trial of frames from the whole recording."""
     check_size(pressure.frames, array, settings, parts=True)
-    settings = with_gain_for_strength(pressure, array, settings)
+    settings = with_fitted_gain(pressure, array, settings)
     target = target_amplitude(pressure, settings)
 
     def seconds(count: int) -> float:
@@ -187,6 +196,14 @@ def _estimate(pressure: PressureFrames, array: TransducerArray, settings: Settin
     # The second time is that of the matrices.
     each = max(seconds(TRIAL) - seconds(1), 0.0) / (TRIAL - 1)
     print_note(f"this takes about {duration_text(each * frames)}, by a trial of {TRIAL} frames")
+
+
+def _ears_rows(settings: Settings) -> list[tuple[str, str]]:
+    """The level at the ears that a drive was solved for, and was checked to keep."""
+    if settings.target.ears is None:
+        return []
+    checked = "by the exposure check, at 14 to 30 °C, also if transducers differ by 0.2 rad"
+    return [("ears", f"at most {settings.target.ears:g} dB at ears and bystander {checked}")]
 
 
 def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, str]]:
@@ -208,6 +225,7 @@ def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, 
     PlaySettings,
     *("device", "array_calibration", "placement", "silencer", "repeats", "delay", "participant", "spread", "seed"),
     *("follow", "tracker_latency", "confidence", "palm_path"),
+    array_calibration="Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.",
 )
 class PlayOptions:
     """Array and playback."""
@@ -354,10 +372,13 @@ def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, cor
                 2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
             )
             drive = load_solution(source).drive
-        kept = kept_array_calibration(device)
-        if kept is not None and drive.provenance.last("array calibration").get("id") != kept.known.identifier:
+        kept = rig.measured
+        if kept is not None and drive.provenance.last("solve").get("array_calibration") != kept.known.identifier:
             advice = f"{device} has one of {kept.known.date or 'unknown date'}; use midair solve --device {device}"
             print_note(f"array calibration: this drive was solved without that of this array: {advice}", warn=True)
+        elif kept is not None:
+            known = Settings.of(drive.provenance) or Settings()
+            print_note(f"array calibration: {kept.described(known)}")
         drive = _corrected(drive, source, room) if correct else drive
         admission = _admitted(drive, array, settings)
         _print_room_air(drive, source, room)

@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from midair.cli.options import Seed, StopInput
+from midair.cli.options import ArrayCalibration, Seed, StopInput
 from midair.devices import stop_on_input
 
 
@@ -15,6 +15,7 @@ def studio_command(
     no_browser: bool = False,
     device: str = "virtual",
     sensor: str = "virtual:towel",
+    array_calibration: ArrayCalibration = None,
     seed: Seed = 0,
     stop_input: StopInput = None,
 ) -> None:
@@ -43,6 +44,8 @@ def studio_command(
     """
     from midair.studio import StudioPlan, open_studio
 
-    plan = StudioPlan(folder=folder or Path(), device=device, sensor=sensor, seed=seed)
+    plan = StudioPlan(
+        folder=folder or Path(), device=device, sensor=sensor, array_calibration=array_calibration, seed=seed
+    )
     with stop_on_input(stop_input):
         open_studio(plan, port=port, browser=not no_browser and sys.stdout is not None)

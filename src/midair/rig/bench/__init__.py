@@ -4,11 +4,6 @@ from .array_bench import ArraySession as ArraySession
 from .array_bench import calibrate_array as calibrate_array
 from .array_bench import check_array_calibration as check_array_calibration
 from .array_bench import check_silence as check_silence
-from .array_store import KeptCalibration as KeptCalibration
-from .array_store import calibration_age as calibration_age
-from .array_store import keep_array_calibration as keep_array_calibration
-from .array_store import keep_array_check as keep_array_check
-from .array_store import kept_array_calibration as kept_array_calibration
 from .beam_bench import calibrate_by_beam as calibrate_by_beam
 from .calibration_page import calibration_rows as calibration_rows
 from .calibration_page import check_page_name as check_page_name

@@ -1,8 +1,10 @@
 """The correction loop (play, re-record, correct, compare), its report, and the error budget of each stage."""
 
 from .budget_stages import BudgetPlan as BudgetPlan
+from .budget_stages import LevelTrade as LevelTrade
 from .budget_stages import band_power_share as band_power_share
 from .budget_stages import error_budget as error_budget
+from .budget_stages import level_trade as level_trade
 from .correction_loop import Loop as Loop
 from .correction_loop import loop as loop
 from .drive_rerecording import DriveRerecording as DriveRerecording

@@ -1,21 +1,22 @@
 """Error budget of one reproduction on the virtual rig: the stages are added one after the other."""
 
-from collections.abc import Generator
-from dataclasses import dataclass, field, replace
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.calibration import known_noise
-from midair.devices import SilencerChoice, choose_silencer
+from midair.devices import SilencerChoice, choose_silencer, measure_exposure
 from midair.dsp import band_energy
-from midair.evaluate import Budget, StageOutput, apply_band_twice, budget, leak
-from midair.files import Laboratory
+from midair.evaluate import Budget, StageOutput, apply_band_twice, band_levels, budget, leak
+from midair.files import DEFAULT_PROFILE, Laboratory, profile_named
 from midair.model import Acoustics, ArrayCalibration, Drive, Palm, PressureFrames, Recording, TransducerArray
 from midair.physics import (
     PlaybackChain,
     calibration_of,
     cell_weights,
+    level_if_unlike,
     radiation_pressure,
     sense,
     simulate,
@@ -27,7 +28,7 @@ from midair.pipeline import (
     compensate_pressure,
     map_pressure,
     reproduce,
-    with_gain_for_strength,
+    with_fitted_gain,
 )
 from midair.rig.correction.drive_rerecording import palm_of_drive
 from midair.rig.correction.laboratory import laboratory_loss
@@ -81,7 +82,7 @@ def error_budget(
         Called with the name of each stage at its start; returns its progress callback.
     """
     asked = add_lead(original, plan.lead)
-    plan = replace(plan, settings=with_gain_for_strength(asked, plan.measured or plan.rig.array, plan.settings))
+    plan = replace(plan, settings=with_fitted_gain(asked, plan.measured or plan.rig.array, plan.settings))
     made = reproduce(asked, plan.measured or plan.rig.array, plan.settings, progress=stage("solve"))
     # With the lead: the compared part is cut out at the comparison, so that no stage sees an edge.
     outputs = list(_outputs(asked, made, plan, stage))
@@ -110,6 +111,78 @@ def error_budget(
         progress=stage("laboratory"),
     )
     return replace(found, laboratory=loss)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelTrade:
+    """Reproduction of a recording under a level at the ears."""
+
+    limit: float
+    """Highest level at ears and bystander, in dB."""
+    strength: float
+    """Target peak over the peak of a single focus."""
+    palm: float
+    """Highest radiation pressure on the palm, in Pa."""
+    vibration: tuple[float, ...]
+    """Vibration of the strongest cell over the nominal detection threshold in each of `FELT_BANDS`, in dB."""
+    distortion_ratio: float
+    """Signal to distortion on the touched cells, without the sensor, in dB."""
+    ears: float
+    """Level at the louder ear in dB, by the exposure check at 14 to 30 °C."""
+    bystander: float
+    """Level at the bystander in dB."""
+    unlike: float
+    """Level at the louder ear in dB of the random errors of transducers that are not measured."""
+    drive: Drive = field(repr=False)
+    """The drive that was solved."""
+
+    @property
+    def felt(self) -> float:
+        """Level in dB of the band that is highest over its threshold."""
+        return max(self.vibration)
+
+    def plain(self) -> dict[str, object]:
+        """Values for JSON."""
+        return {one.name: getattr(self, one.name) for one in fields(self) if one.name != "drive"}
+
+
+def level_trade(
+    original: PressureFrames, plan: BudgetPlan, limits: Sequence[float], *, stage: Stage = no_progress
+) -> Generator[LevelTrade]:
+    """Solve a recording under each level at the ears, in dB, and compute what the palm gets.
+
+    The gain of the plan's settings is the highest; a level above what it needs gives the same as no limit.
+    """
+    asked, array = add_lead(original, plan.lead), plan.measured or plan.rig.array
+    power = (original.pressure**2).sum(axis=0)
+    area = float((power >= 0.01 * power.max()).sum()) * original.sensor.pitch**2
+    profile, most = profile_named(DEFAULT_PROFILE), with_fitted_gain(asked, array, plan.settings.but(ears=None))
+    full: LevelTrade | None = None
+    for limit in limits:
+        if full is not None and max(full.ears, full.bystander, full.unlike) <= limit:
+            yield replace(full, limit=limit)
+            continue
+        made = reproduce(asked, array, plan.settings.but(ears=limit), progress=stage(f"{limit:g} dB"))
+        drive, fitted = made.solution.drive, Settings.of(made.solution.drive.provenance) or plan.settings
+        outputs = list(_outputs(asked, made, replace(plan, settings=fitted), stage))
+        part = (round(plan.lead * original.rate) / original.rate, original.frames / original.rate)
+        found = budget(asked, outputs, strength=made.strength(), band=fitted.calibration.band, judged=part)
+        delivered = next(each.pressure for each in outputs if each.name == "silencer").cut(*part)
+        exposed = measure_exposure(drive, array, profile)
+        row = LevelTrade(
+            limit=limit,
+            strength=made.strength(),
+            palm=exposed.pressure,
+            vibration=tuple(float(each.max()) for each in band_levels(delivered.pressure, delivered.rate, area=area)),
+            distortion_ratio=found.stage("silencer").so_far.distortion_ratio,
+            ears=float(exposed.peak[:2].max()),
+            bystander=float(exposed.peak[2]),
+            unlike=float(level_if_unlike(drive, profile)[:2].max()),
+            drive=drive,
+        )
+        # Without a reduced gain, a higher level changes nothing.
+        full = row if fitted.target.gain >= (1 - 1e-9) * most.target.gain else None
+        yield row
 
 
 def band_power_share(recording: Recording, band: tuple[float, float]) -> float | None:

@@ -210,7 +210,8 @@ def loop(
     settings : Settings or {"paper", "best", "quick", "finest"}
         Settings of every stage, or the name of a mode.
     rig : OpenRig or str
-        An entered rig with a sensor, or the name of an array that is opened for this call.
+        An entered rig with a sensor, or the name of an array that is opened for this call. A real array is solved for
+        its stored calibration, unless the rig was opened with ``array_calibration="none"``.
     corrections : int
         Passes after the first that correct the amplitude; the paper has one.
     iterate : int
@@ -243,12 +244,19 @@ def loop(
         raise InputError(
             f"corrections: expected 0 or more amplitude and waveform corrections, got {corrections} and {iterate}"
         )
+    if chosen.target.ears is not None:
+        raise InputError(
+            f"ears: expected none in a loop, which finds the level itself, got {chosen.target.ears:g}; use --profile "
+            "with --attenuate"
+        )
     if chosen.target.strength is not None:
         raise InputError(
             "strength: expected none in a loop, which finds the level itself, got "
             f"{chosen.target.strength:g}; leave it out"
         )
     check_size(original.frames, rig.transducers, chosen, parts=False)
+    if rig.measured is not None:
+        _, chosen, original = rig.measured.applied(rig.array.array, chosen, original)
     lead = required_lead(chosen) if lead is None else lead
     if not 0 <= lead < 10:
         raise InputError(f"lead: expected 0 to 10 s, got {lead:g} s")

@@ -62,7 +62,7 @@ def laboratory_loss(
     band: tuple[float, float],
     measured: ArrayCalibration | None = None,
     seed: int = 0,
-    draws: tuple[int, int] = (8, 48),
+    draws: tuple[int, int] = (12, 48),
     progress: Progress | None = None,
 ) -> LaboratoryLoss:
     """Play a drive in random laboratories, and compare with the pressure that was asked for.
@@ -82,10 +82,12 @@ def laboratory_loss(
     draws : tuple of int
         Number of laboratories for each uncertainty alone, and for all together.
     """
-    rng, (asked, drive, judged) = np.random.default_rng(seed), _part(asked, drive, judged)
+    asked, drive, judged = _part(asked, drive, judged)
     stage = _Stage(drive=drive, sensor=sensor, grid=grid, measured=measured)
 
-    def ratio(own: Laboratory) -> float:
+    def ratio(own: Laboratory, *draw: int) -> float:
+        # A stream for each draw: other uncertainties, or a measured array, do not change the palm's.
+        rng = np.random.default_rng([seed, *draw])
         came = replace(asked, pressure=stage.pressure(own, rng).reshape(-1, *asked.sensor.shape), rate=drive.rate)
         return fidelity(asked, came, band=band, judged=judged).overall_ratio
 
@@ -98,8 +100,8 @@ def laboratory_loss(
     nominal = ratio(nothing)
     for name, own, count in plan:
         found = []
-        for _ in range(count):
-            found.append(ratio(own))
+        for number in range(count):
+            found.append(ratio(own, [*PARTS, ALL].index(name), number))
             done += 1
             if progress is not None:
                 progress(done, total)

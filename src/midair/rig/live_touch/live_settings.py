@@ -9,7 +9,19 @@ import numpy as np
 from midair.devices import ExposureChoices
 from midair.errors import InputError
 from midair.files import load_calibration, load_placement, load_sensor
-from midair.model import BAND, HEIGHT, HEIGHTS, Acoustics, Calibration, ControlGrid, Medium, Placement, SensorWiring
+from midair.model import (
+    BAND,
+    HEIGHT,
+    HEIGHTS,
+    Acoustics,
+    ArrayCalibration,
+    Calibration,
+    ControlGrid,
+    Medium,
+    Placement,
+    SensorWiring,
+)
+from midair.rig.names import array_calibration_named
 from midair.rig.playing import default_exposure
 from midair.validation import Declared, check_settings, documented, setting
 
@@ -39,6 +51,12 @@ class LiveSettings(Declared):
     )
     calibration: Calibration | None = setting(
         None, "Calibration of the sensor, a file of midair calibrate.", load=load_calibration
+    )
+    array_calibration: ArrayCalibration | Literal["none"] | None = setting(
+        None,
+        "Measured transducers to solve for, NAME.array.h5 of midair calibrate array; none: the model's. "
+        "[default: the calibration stored for a real --device]",
+        load=array_calibration_named,
     )
     wiring: SensorWiring | None = setting(
         None, "TOML file of the sensor with the order of its channels.", load=load_sensor, option="sensor-file"

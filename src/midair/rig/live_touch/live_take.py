@@ -119,5 +119,6 @@ def _provenance(order: LiveSettings, opened: LoopStarted, notes: Mapping[str, st
             "silencer": opened.silencer,
             "error_by_band": opened.error,
             "computer": opened.granted.words(),
+            "array_calibration": opened.array_calibration,
         },
     )

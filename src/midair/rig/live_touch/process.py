@@ -30,8 +30,9 @@ from midair.rig.live_touch.repeated_source import streamed
 from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
 from midair.rig.live_touch.touch import Rehearsal, Touch
 from midair.rig.live_touch.touch_ring import TouchRing
-from midair.rig.names import VirtualRig, sensor_named
+from midair.rig.names import VirtualRig, array_calibration_for, sensor_named
 from midair.rig.play_lease import LeaseToken, PlayLease
+from midair.settings import Settings
 from midair.solvers import one_blas_thread
 
 RATES = (100.0, 2000.0)
@@ -77,6 +78,8 @@ class LoopStarted:
     """How the units spread phase steps."""
     described: dict[str, str]
     """Description by the units."""
+    array_calibration: str
+    """Calibration of the array that is solved for, with its age; empty without one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,7 +157,9 @@ def _play(
                 array.cooling = Cooling(limit=order.cooling_limit, report=lambda text: told.send(LoopPaused(text=text)))
             array.participant = order.participant
             admission = check_exposure_level(order.level, array, order.exposure, rate=sensor.rate)
-            touch = Touch(order, calibration, sensor.grid, sensor.rate, array.array, admission.level)
+            kept = array_calibration_for(order.device, order.array_calibration)
+            solved = array.array if kept is None else kept.known.applied(array.array)
+            touch = Touch(order, calibration, sensor.grid, sensor.rate, solved, admission.level)
             if source is not None:
                 touch.delay += source.delay
             rehearsal = touch.rehearse(sensor.rate, order.hold)
@@ -162,6 +167,7 @@ def _play(
             for _ in range(2):
                 if rehearsal.late:
                     rehearsal = touch.rehearse(sensor.rate, order.hold)
+            known = "" if kept is None else kept.described(Settings().but(acoustics=order.acoustics, grid=order.grid))
             told.send(
                 LoopStarted(
                     sensor=sensor.grid,
@@ -181,6 +187,7 @@ def _play(
                     error=() if touch.error is None else tuple(float(each) for each in touch.error),
                     silencer=str(array.silencer),
                     described=array.describe(),
+                    array_calibration=known,
                 )
             )
             loop = LiveLoop(

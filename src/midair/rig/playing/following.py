@@ -245,6 +245,10 @@ def immediate_array(settings: PlaySettings, rate: float) -> ImmediateArray:
             f"--follow: expected virtual or autd3, autd3:INTERFACE, autd3:emulator, which accept single frames, got "
             f"{settings.device!r}"
         )
+    if settings.palm_path is not None:
+        raise InputError(
+            f"--palm-path: expected --device virtual, got {settings.device}, above which a real palm moves"
+        )
     silencer = "off" if settings.silencer == "auto" else settings.silencer
     # Units queue seven frames.
     hold = min(0.006, 5 / rate)

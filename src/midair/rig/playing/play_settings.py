@@ -1,13 +1,14 @@
 """Settings of playing: source of the keywords of `play` and `open_rig`, of options and of the studio's form."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from midair.devices import Cooling, ExposureChoices, SilencerChoice
+from midair.errors import InputError
 from midair.files import (
     DEFAULT_PROFILE,
-    load_array_calibration,
     load_calibration,
     load_palm_path,
     load_placement,
@@ -24,7 +25,7 @@ from midair.model import (
     Placement,
     SensorGrid,
 )
-from midair.rig.names import TransducerSpread
+from midair.rig.names import TransducerSpread, array_calibration_named
 from midair.validation import Declared, check_settings, documented, setting
 
 
@@ -58,10 +59,11 @@ class PlaySettings(Declared):
     calibration: Calibration | None = setting(
         None, "Calibration of that sensor, a file of midair calibrate.", load=load_calibration
     )
-    array_calibration: ArrayCalibration | None = setting(
+    array_calibration: ArrayCalibration | Literal["none"] | None = setting(
         None,
-        "Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.",
-        load=load_array_calibration,
+        "Measured transducers, NAME.array.h5 of midair calibrate array: those of the virtual device; for a real one "
+        "those to solve for in a loop, by default its stored calibration; none: the model's.",
+        load=array_calibration_named,
     )
     placement: Placement | None = setting(
         None,
@@ -115,3 +117,5 @@ class PlaySettings(Declared):
 
     def __post_init__(self) -> None:
         check_settings(self)
+        if self.follow is None and (self.tracker_latency is not None or self.confidence != 0.3):
+            raise InputError("--tracker-latency, --confidence: expected --follow with them, got none")

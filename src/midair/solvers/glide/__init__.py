@@ -3,3 +3,4 @@
 from .blocks import Piece as Piece
 from .blocks import pieces as pieces
 from .glide import Glide as Glide
+from .glide import evenly_spread as evenly_spread

@@ -35,7 +35,7 @@ class PressureMeans(Term):
     __slots__ = ()
     keyword = "fit"
     help = "Where the error is measured: control points, windows of 8 or 5.5 mm, or sensor cells."
-    methods = frozenset({"fast", "glide"})
+    methods = frozenset({"fast", "glide", "free"})
     default = "points"
     values = Literal["points", "windows", "fine-windows", "cells"]
     name = "cells"

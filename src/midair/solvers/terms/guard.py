@@ -29,7 +29,7 @@ class Guard(Term):
 
     keyword = "guard"
     help = "Width of the quiet ring around the control points; 0mm switches it off."
-    methods = frozenset({"lm", "fast", "glide"})
+    methods = frozenset({"lm", "fast", "glide", "free"})
     unit = "m"
     default = None
     values = float | None

@@ -23,7 +23,7 @@ class Robust(Term):
 
     keyword = "robust"
     help = "Range below and above --temperature in which the phases stay accurate; with --fit points alone."
-    methods = frozenset({"lm", "exact", "fast", "glide", "live"})
+    methods = frozenset({"lm", "exact", "fast", "glide", "live", "free"})
     unit = "K"
     limits = (0.0, 10.0, "0 to 10 degrees Celsius")
 

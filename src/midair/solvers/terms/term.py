@@ -132,7 +132,7 @@ class QuietTerm(Term):
     """
 
     __slots__ = ()
-    methods = frozenset({"lm", "fast", "glide"})
+    methods = frozenset({"lm", "fast", "glide", "free"})
     weight: float
 
     def points(self, grid: ControlGrid) -> Places:

@@ -109,6 +109,7 @@ class LivePanel(Panel):
         request: dict[str, Any] = {
             **given,
             "device": self._playing.device,
+            "array_calibration": self._context.array_calibration,
             "delay": 1e-3 * order.delay_ms,
             "hold": 1e-3 * order.hold_ms,
             "height": 1e-3 * order.height_mm,

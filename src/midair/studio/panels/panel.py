@@ -36,6 +36,8 @@ class PanelContext:
     """Runs a function on the event loop, from any thread."""
     sensor: str
     """Name of the sensor."""
+    array_calibration: Path | None
+    """As in `StudioPlan`."""
     seed: int
     """Random seed of the virtual rig."""
     first: DemoStroke

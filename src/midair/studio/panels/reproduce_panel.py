@@ -164,6 +164,8 @@ class ReproducePanel(Panel):
             drive=str(drive),
             mode=order.mode,
             choices=self._choices(order),
+            device=self._context.playing.device,
+            array_calibration=self._context.array_calibration,
             replaces=stamp_of(drive),
             outdated=((str(again), stamp_of(again)),),
         )

@@ -66,7 +66,7 @@ export default class Compare {
     this.spent.replaceChildren(...(budget && budget.stamp === row?.drive ? [make("h3", {}, "Error budget ", make("strong.simulated", {}, "SIMULATED")),
       make("table", {}, make("thead", {}, make("tr", {}, ...["stage", "alone", "touched cells"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
         make("tbody", {}, ...budget.rows.map(([name, alone, far, what]) => make("tr", { title: what }, make("td", {}, name), make("td.number", {}, alone), make("td.number", {}, far))))),
-      make("p.quiet", {}, `Signal-to-distortion ratio, ${budget.band[0]} to ${budget.band[1]} Hz, first ${budget.seconds.toPrecision(2)} s. Alone: output of the stage against its input. So far: output against the original, later stages ideal.`)] : []));
+      make("p.quiet", {}, `Signal-to-distortion ratio, ${budget.band[0]} to ${budget.band[1]} Hz, first ${budget.seconds.toPrecision(2)} s. Alone: output of the stage against its input. Touched cells: output against the original, later stages ideal.`)] : []));
     // Results of a replaced drive are not shown.
     this.pressed.replaceChildren(...(palm && palm.stamp === row?.drive ? [make("h3", {}, "Pressure on the whole palm ", make("strong.simulated", {}, "SIMULATED")), rows(palm.rows),
       make("p.quiet", {}, `${palm.palm}, ${palm.seconds.toPrecision(2)} s; signal-to-distortion ratio on flat model skins, soft and stiff, on bone and deep: a simulation, without participants`)] : []));

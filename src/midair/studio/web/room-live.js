@@ -231,7 +231,7 @@ export default class Live {
     const side = this.soundPicture.down.length / about.grid_rows;
     panels.touch.aside.textContent = `${about.rows} × ${about.columns} cells, Pa`;
     panels.sound.aside.textContent = `${about.simulated ? "simulated" : "computed"}, ${side} × ${side}`;
-    panels.array.aside.textContent = `phases of ${about.transducers}`;
+    panels.array.aside.textContent = `phases of ${about.transducers}${about.array_calibration ? `, array calibration ${about.array_calibration}` : ""}`;
     panels.traces.querySelector("h2").textContent = `${about.rows * about.columns} cells, Pa`;
     this.studio.shownLive = about.sensor;
     this._choose(Math.min(this.state.channel, about.rows * about.columns - 1));

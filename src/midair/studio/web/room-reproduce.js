@@ -90,7 +90,7 @@ export default class Reproduce {
     const comes = this.take?.stamp === "first";
     this.solve.disabled = !controls || !this.take || comes;
     const facts = this.take?.facts, settings = facts?.drive?.settings, other = settings && JSON.stringify(chosen({ ...USUAL, ...settings })) !== JSON.stringify(chosen(this.made));
-    this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "its settings are not stored in the file"}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes a new drive with the settings above." : ""}`;
+    this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "its settings are not stored in the file"}${facts.drive.array_calibration ? `, array calibration ${facts.drive.array_calibration}` : ""}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes a new drive with the settings above." : ""}`;
     this.play.disabled = !controls || !row?.solved || facts.part || !playable(player);
     this.play.title = !row?.solved ? "solve it first" : facts.part ? "the drive is being solved" : !playable(player) ? "the array is not ready" : "";
     const [correct, again] = this.drifted.querySelectorAll("button");
@@ -269,6 +269,7 @@ export default class Reproduce {
     if (facts.simulated) said.push("SIMULATED");
     if (facts.frames_in_all > facts.frames) said.push(`the first ${this.take.seconds} s of ${(facts.frames_in_all / facts.rate_hz).toFixed(0)} s are shown`);
     if (!facts.calibrated) said.push("not calibrated");
+    if (facts.drive?.not_reproduced) said.push(`not reproduced: ${facts.drive.not_reproduced}`);
     said.push(...facts.report, ...facts.journal.filter((event) => event.kind !== "stroke").slice(0, 6).map((event) => event.said));
     this.about.replaceChildren(...said.map((words) => make("div", {}, words)));
   }
@@ -294,11 +295,11 @@ export default class Reproduce {
   }
   /** Show the code for the drive in view or, without one, for the settings of the form. */
   async _code() {
-    const { name, facts } = this.take, sample = name.startsWith("sample:"), file = sample ? `${name.slice(7)}.h5` : name, stem = file.replace(/\.\w+$/, ""), seconds = (facts.frames / facts.rate_hz).toFixed(1);
+    const { name, facts } = this.take, device = facts.drive?.array_calibration ? ` --device ${this.link.state.player?.device}` : "", sample = name.startsWith("sample:"), file = sample ? `${name.slice(7)}.h5` : name, stem = file.replace(/\.\w+$/, ""), seconds = (facts.frames / facts.rate_hz).toFixed(1);
     const made = facts.drive?.settings ?? (await tried(this.link.order("reproduce", "code", { take: name, ...chosen(this.made) })));
     if (!made) return;
     const first = sample ? `midair record virtual:${name.slice(7)} ${file} --duration ${seconds}s\n` : "";
-    this.studio.code("The same, as code", `${first}midair solve ${file} ${made.options || `--settings ${stem}.drive.h5`}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
+    this.studio.code("The same, as code", `${first}midair solve ${file} ${made.options || `--settings ${stem}.drive.h5`}${device}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
       `import midair\nfrom midair.pipeline import calibrated_pressure, required_lead, reproduce\nfrom midair.settings import ${made.python.startsWith("MODES") ? "MODES" : "Settings"}\nfrom midair.targets import add_lead\n\ntake = ${sample ? `midair.record("virtual:${name.slice(7)}", ${seconds})` : `midair.open_take("${file}")`}\nsettings = ${made.python}\npressure = add_lead(calibrated_pressure(take.recording, take.calibration, settings), required_lead(settings))\nmade = reproduce(pressure, midair.TransducerArray.autd3(), settings)\nplayed = midair.play(made.solution, "virtual")\nprint(made, played)`);
   }
 }

@@ -15,7 +15,7 @@ from midair.cli.options import OptionalTime, SolveOptions, Time
 from midair.errors import InputError
 from midair.files import open_take
 from midair.model import TransducerArray
-from midair.pipeline import calibrated_pressure, with_gain_for_strength
+from midair.pipeline import calibrated_pressure, with_fitted_gain
 from midair.sweep import RecordingSweep, SweepTrial, load_sweep, trial_report
 
 Choice = tuple[str, Any]
@@ -81,7 +81,7 @@ def _trial(source: Path, variant: str, options: SolveOptions, start: float, dura
     take = open_take(source, streamed=settings.solver.name == "glide")
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     part = pressure if start == 0 and duration is None else pressure.cut(start, duration)
-    known = with_gain_for_strength(part, TransducerArray.autd3(), settings)
+    known = with_fitted_gain(part, TransducerArray.autd3(), settings)
     return SweepTrial(recording=source.name, variant=variant, pressure=part, settings=known)
 
 

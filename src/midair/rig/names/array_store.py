@@ -5,15 +5,18 @@ only one. The virtual array and emulators have no calibration here.
 """
 
 import hashlib
+import os
 import re
-from dataclasses import dataclass
-from datetime import date
+from dataclasses import dataclass, replace
+from datetime import UTC, date, datetime
 from pathlib import Path
+from typing import Literal
 
 from midair.devices import make_state_folder, state_folder
 from midair.errors import InputError
 from midair.files import ARRAY_SUFFIX, atomic_file, load_array_calibration, save_array_calibration
-from midair.model import ArrayCalibration, Medium
+from midair.model import ArrayCalibration, Medium, PressureFrames, TransducerArray
+from midair.settings import Settings
 
 _WARMER, _MOVED = 1.0, 20e-3
 """Differences of temperature in K and of height in m that are reported."""
@@ -21,12 +24,57 @@ _WARMER, _MOVED = 1.0, 20e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptCalibration:
-    """The calibration that is used by default for an array."""
+    """A calibration of an array for which drives are solved."""
 
-    path: Path
     known: ArrayCalibration
-    checked: str
-    """Result of the last check; empty if there was none."""
+    path: Path | None = None
+    """Its file, if it has one."""
+    checked: str = ""
+    """Date and result of the last check; empty if there was none."""
+    device: str = ""
+    """Array for which it is stored; empty if it is not."""
+
+    def described(self, settings: Settings) -> str:
+        """Name, age, what differs from the conditions of the measurement, and the last check, as one line."""
+        medium, height, today = settings.acoustics.medium, settings.target.grid.height, datetime.now(UTC).date()
+        age = calibration_age(self.known, today=today, medium=medium, height=height)
+        name = "" if self.path is None else f"{self.path.name} "
+        parts = [f"{name}({self.known.identifier}), {age}", *([f"checked on {self.checked}"] if self.checked else [])]
+        if self.device and not self.checked.startswith(today.isoformat()):
+            parts.append(f"not checked today: midair calibrate array SENSOR --device {self.device} --check")
+        return "; ".join(parts)
+
+    def applied(
+        self, array: TransducerArray, settings: Settings, pressure: PressureFrames
+    ) -> tuple[TransducerArray, Settings, PressureFrames]:
+        """Array, settings and pressure for a solve; the provenance names the calibration.
+
+        Raises MismatchError if it was measured on another array.
+        """
+        known = self.known
+        told = {"id": known.identifier, "date": known.date, "age": self.described(settings)}
+        life = pressure.provenance.then("array calibration", told, simulated=known.provenance.simulated)
+        return known.applied(array), settings.measured(known), replace(pressure, provenance=life)
+
+
+def array_calibration_named(name: str | os.PathLike[str]) -> ArrayCalibration | Literal["none"]:
+    """The array calibration in a file; ``none`` stands for itself, the model's transducers."""
+    return "none" if str(name) == "none" else load_array_calibration(name)
+
+
+def array_calibration_for(
+    device: str, given: ArrayCalibration | str | os.PathLike[str] | None = None
+) -> KeptCalibration | None:
+    """The calibration for which drives of an array are solved: by default the stored one of a real array.
+
+    `given` is another one, its file, or ``none``.
+    """
+    if given is None:
+        return kept_array_calibration(device)
+    known = given if isinstance(given, ArrayCalibration) else array_calibration_named(given)
+    if known == "none":
+        return None
+    return KeptCalibration(known=known, path=None if isinstance(given, ArrayCalibration) else Path(given))
 
 
 def keep_array_calibration(device: str, known: ArrayCalibration) -> Path:
@@ -45,7 +93,7 @@ def keep_array_check(device: str, result: str) -> None:
     """Store the result of a check, one line, beside the calibration of the array, if it has one."""
     if (path := _path(device)).exists():
         with atomic_file(_checked(path)) as partial:
-            partial.write_text(f"{date.today().isoformat()}: {result}\n", encoding="utf-8")
+            partial.write_text(f"{datetime.now(UTC).date().isoformat()}: {result}\n", encoding="utf-8")
 
 
 def kept_array_calibration(device: str) -> KeptCalibration | None:
@@ -55,7 +103,7 @@ def kept_array_calibration(device: str) -> KeptCalibration | None:
         return None
     said = _checked(path)
     checked = said.read_text(encoding="utf-8").strip() if said.exists() else ""
-    return KeptCalibration(path=path, known=load_array_calibration(path), checked=checked)
+    return KeptCalibration(known=load_array_calibration(path), path=path, checked=checked, device=device)
 
 
 def calibration_age(known: ArrayCalibration, *, today: date, medium: Medium, height: float) -> str:

@@ -3,10 +3,23 @@ from datetime import date
 
 import numpy as np
 import pytest
+from tests.model.test_array_calibration import calibration
 
 from midair.errors import InputError
-from midair.model import ArrayCalibration, Medium, Provenance, TransducerArray
-from midair.rig import calibration_age, keep_array_calibration, keep_array_check, kept_array_calibration
+from midair.files import save_array_calibration
+from midair.model import (
+    AmplitudeFrames,
+    ArrayCalibration,
+    ControlGrid,
+    Medium,
+    PressureFrames,
+    Provenance,
+    TransducerArray,
+)
+from midair.rig import keep_array_calibration, keep_array_check, kept_array_calibration, open_rig
+from midair.rig.names import calibration_age
+from midair.settings import best_mode
+from midair.solvers import solve
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 
@@ -51,8 +64,12 @@ def test_a_check_is_kept_until_the_array_is_measured_again():
     keep_array_calibration("autd3", known())
     keep_array_check("autd3", "unit 1 is late")
     assert kept_array_calibration("autd3").checked.endswith(": unit 1 is late")
+    assert "not checked" not in kept_array_calibration("autd3").described(best_mode())
     keep_array_calibration("autd3", known())
     assert kept_array_calibration("autd3").checked == ""
+    assert "not checked today: midair calibrate array SENSOR --device autd3 --check" in kept_array_calibration(
+        "autd3"
+    ).described(best_mode())
 
 
 @pytest.mark.parametrize(
@@ -67,3 +84,32 @@ def test_a_check_is_kept_until_the_array_is_measured_again():
 def test_age_and_what_changed_are_said(day, temperature, height, said):
     medium = Medium.at(temperature=temperature)
     assert calibration_age(known(day=day), today=date(2026, 11, 23), medium=medium, height=height) == said
+
+
+def test_a_rig_and_every_solve_for_it_take_the_stored_calibration(tmp_path):
+    """A drive that was solved from Python names the calibration too."""
+    whole = TransducerArray.autd3()
+    stored = calibration(whole)
+    keep_array_calibration("autd3:emulator", stored)
+    rig = open_rig("autd3:emulator")
+    np.testing.assert_array_equal(rig.transducers.response, stored.response)
+    assert f"({stored.identifier}), of unknown age" in repr(rig)
+    grid = ControlGrid(rows=2, columns=2, pitch=11e-3)
+    target = AmplitudeFrames(amplitude=np.ones((1, 4)), rate=1000.0, grid=grid)
+    drive = solve(target, rig.transducers, method="naive").drive
+    assert drive.provenance.last("solve")["array_calibration"] == stored.identifier
+    assert "array_calibration" not in solve(target, whole, method="naive").drive.provenance.last("solve")
+    save_array_calibration(replace(stored, response=np.full(whole.count, 0.5)), tmp_path / "other.array.h5")
+    assert open_rig("autd3:emulator", array_calibration=tmp_path / "other.array.h5").transducers.response[0] == 0.5
+    for device, given in (("autd3:emulator", "none"), ("autd3", None), ("virtual", None), ("virtual", "none")):
+        assert open_rig(device, array_calibration=given).transducers.alike
+
+
+def test_a_solve_takes_the_measured_envelope_and_names_the_calibration():
+    keep_array_calibration("autd3", known(day="2026-11-20"))
+    kept = kept_array_calibration("autd3")
+    pressure = PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0)
+    array, settings, told = kept.applied(ARRAY, best_mode(), pressure)
+    assert settings.compensation.dynamics.detuning == pytest.approx(1200.0)
+    assert array.calibration_id == kept.known.identifier
+    assert " days old" in told.provenance.last("array calibration")["age"]
