@@ -12,8 +12,8 @@ import midair
 NAMES = {
     "classes": "Acoustics AmplitudeFrames Calibration ControlGrid Drive Medium PressureFrames Recording SensorGrid "
     "Settings Solution TransducerArray",
-    "functions": "calibrate compare live load load_calibration loop open_rig open_take play prepare propagate record "
-    "save solve",
+    "functions": "calibrate compare live load load_calibration loop open_rig open_take open_tracker play prepare "
+    "propagate record save solve",
     "modules": "calibration correct datasets devices dsp errors evaluate figures files model paper physics pipeline "
     "recordings rig settings solvers studio study sweep targets view",
 }
@@ -139,7 +139,7 @@ def stages():
         ("record('virtual:towel', '1s')", "duration: expected a number in s, got '1s'"),
         ("record(5)", "sensor: expected str or SensorDevice, got int; give its name"),
         ("loop(rec)", "original: expected PressureFrames, got Recording; call calibrate first"),
-        ("loop(rec, 'bset')", "mode: expected one of paper, best, quick, finest, got 'bset'"),
+        ("loop(rec, 'bset')", "mode: expected one of paper, best, quick, finest, quiet, got 'bset'"),
         ("ControlGrid(height=200)", "lengths are in metres, 200 mm is 0.2"),
         ("ControlGrid(height='200mm')", "height: expected a number in m, got '200mm'"),
         ("ControlGrid(rows='4')", "rows: expected a number, got '4'"),

@@ -55,11 +55,14 @@ def _curves(values: Array) -> Array:
     return values.reshape(len(values), -1).T
 
 
-def _line(axis: Axes, frequency: Array, values: Array, colour: Array) -> None:
-    """Draw a curve, or a dot if there is only one bin."""
-    axis.plot(
-        frequency, values, color=tuple(colour), linewidth=0.8, marker="o" if len(frequency) == 1 else "", markersize=4
-    )
+def _line(
+    axis: Axes, calibration: Calibration, values: Array, colour: Array, wide: Array | None = None, alpha: float = 0.15
+) -> None:
+    """Draw a curve with its band, or a dot if there is only one bin."""
+    frequency, shown = calibration.frequency, tuple(colour)
+    axis.plot(frequency, values, color=shown, linewidth=0.8, marker="o" if len(frequency) == 1 else "", markersize=4)
+    if wide is not None:
+        axis.fill_between(frequency, values - wide, values + wide, color=shown, alpha=alpha, linewidth=0)
 
 
 def _heard(calibration: Calibration) -> tuple[Array, list[int]]:
@@ -69,9 +72,7 @@ def _heard(calibration: Calibration) -> tuple[Array, list[int]]:
 
 
 def _frequency_axis(axis: Axes, calibration: Calibration, label: str, style: Style) -> Axes:
-    plain_axes(axis, style)
-    axis.set_xlabel("frequency (Hz)", fontsize=9)
-    axis.set_ylabel(label, fontsize=9)
+    plain_axes(axis, style, x="frequency (Hz)", y=label)
     low, high = calibration.frequency[[0, -1]]
     if 0 < low < high:
         axis.set_xscale("log")
@@ -82,18 +83,13 @@ def _frequency_axis(axis: Axes, calibration: Calibration, label: str, style: Sty
     return axis
 
 
-def _expanded(calibration: Calibration) -> Array | None:
-    """Expanded relative uncertainty of the magnitude (k = 2), shape (channel, bin)."""
-    measured = calibration.measurement
-    return None if measured is None else 2 * _curves(measured.magnitude_uncertainty)
-
-
 def _response(axis: Axes, calibration: Calibration, style: Style) -> None:
     _frequency_axis(axis, calibration, f"response ({calibration.unit}/Pa)", style)
     size, heard = _heard(calibration)
-    wide, colours = _expanded(calibration), _colours(len(size))
+    measured, colours = calibration.measurement, _colours(len(size))
+    wide = None if measured is None else 2 * _curves(measured.magnitude_uncertainty)
     for channel in heard:
-        _line(axis, calibration.frequency, size[channel], colours[channel])
+        _line(axis, calibration, size[channel], colours[channel])
         if wide is not None:
             # A logarithmic axis has no 0: bands end just above it.
             low, high = size[channel] * (1 - np.minimum(wide[channel], 0.99)), size[channel] * (1 + wide[channel])
@@ -120,14 +116,11 @@ def _deviation(axis: Axes, calibration: Calibration, style: Style) -> None:
         return
     mean, colours, measured = size[heard].mean(axis=0), _colours(len(size)), calibration.measurement
     for channel in heard:
-        level = 20 * np.log10(size[channel] / mean)
-        _line(axis, calibration.frequency, level, colours[channel])
+        wide = None
         if measured is not None:
             own = _curves(measured.magnitude_uncertainty)[channel] ** 2 - measured.reference_uncertainty**2
             wide = 20 / np.log(10) * 2 * np.sqrt(np.maximum(own, 0))
-            axis.fill_between(
-                calibration.frequency, level - wide, level + wide, color=colours[channel], alpha=0.3, lw=0
-            )
+        _line(axis, calibration, 20 * np.log10(size[channel] / mean), colours[channel], wide, alpha=0.3)
     axis.set_title("difference between channels", fontsize=8, loc="left")
 
 
@@ -137,17 +130,8 @@ def _phase(axis: Axes, calibration: Calibration, style: Style) -> None:
     phase, colours = np.unwrap(_curves(np.angle(calibration.response)), axis=1), _colours(calibration.sensor.count)
     measured = calibration.measurement
     for channel in heard:
-        _line(axis, calibration.frequency, phase[channel], colours[channel])
-        if measured is not None:
-            wide = 2 * _curves(measured.phase_uncertainty)[channel]
-            axis.fill_between(
-                calibration.frequency,
-                phase[channel] - wide,
-                phase[channel] + wide,
-                color=colours[channel],
-                alpha=0.15,
-                lw=0,
-            )
+        wide = None if measured is None else 2 * _curves(measured.phase_uncertainty)[channel]
+        _line(axis, calibration, phase[channel], colours[channel], wide)
     axis.set_title("phase", fontsize=8, loc="left")
 
 
@@ -182,7 +166,7 @@ def _coherence(axis: Axes, calibration: Calibration, measured: Measurement | Non
         return _absent(axis, "not measured", style)
     lost, colours = np.maximum(1 - _curves(measured.coherence), 1e-9), _colours(calibration.sensor.count)
     for channel in _heard(calibration)[1]:
-        _line(axis, calibration.frequency, lost[channel], colours[channel])
+        _line(axis, calibration, lost[channel], colours[channel])
     # 1 minus the default coherence limit of `MeasureSettings`.
     axis.axhline(0.1, color=style.reproduced, lw=1, ls="--")
     axis.set_yscale("log")
@@ -197,7 +181,7 @@ def _noise(axis: Axes, calibration: Calibration, style: Style) -> None:
     white = np.broadcast_to(calibration.noise, (len(calibration.frequency), *calibration.noise.shape))
     density = _curves(white if measured is None else measured.noise_density)
     for channel in heard:
-        _line(axis, calibration.frequency, 1e3 * density[channel] / size[channel], colours[channel])
+        _line(axis, calibration, 1e3 * density[channel] / size[channel], colours[channel])
     if density.max() > 0:
         axis.set_yscale("log")
     axis.set_title("noise floor", fontsize=8, loc="left")
@@ -224,9 +208,7 @@ def _crosstalk(figure: Figure, axis: Axes, crosstalk: Crosstalk | None, style: S
 
 
 def _linearity(axis: Axes, linearity: Linearity | None, style: Style) -> None:
-    plain_axes(axis, style)
-    axis.set_xlabel("pressure (Pa rms)", fontsize=9)
-    axis.set_ylabel("deviation from the line through 0 (%)", fontsize=9)
+    plain_axes(axis, style, x="pressure (Pa rms)", y="deviation from the line through 0 (%)")
     if linearity is None:
         return _absent(axis, "not measured: needs five levels or more", style)
     x, y = _curves(linearity.pressure), _curves(linearity.output)
@@ -245,9 +227,7 @@ def _linearity(axis: Axes, linearity: Linearity | None, style: Style) -> None:
 
 
 def _delay(axis: Axes, measured: Measurement | None, style: Style) -> None:
-    plain_axes(axis, style)
-    axis.set_xlabel("channel", fontsize=9)
-    axis.set_ylabel("delay (ms)", fontsize=9)
+    plain_axes(axis, style, x="channel", y="delay (ms)")
     if measured is None or not measured.delay.any():
         return _absent(axis, "not measured", style)
     delay, wide = 1e3 * measured.delay.ravel(), 2e3 * measured.delay_uncertainty.ravel()

@@ -23,14 +23,12 @@ def error_figure(
     """Draw E of every frame that plays; the range that the paper reports for static patterns is shaded."""
     style = style or Style()
     figure = new_figure(8.0, 2.6, simulated=simulated, style=style)
-    axis = plain_axes(figure.subplots(), style)
+    axis = plain_axes(figure.subplots(), style, x="time (s)", y="E (%)")
     low, high = (100 * value for value in published)
     axis.axhspan(low, high, color=style.band, label=f"paper, static patterns: {low:.0f}–{high:.0f} %")
     plays = np.array([status != "silent" for status in solution.status])
     error = np.where(plays, 100 * solution.error, np.nan)
     axis.plot(solution.drive.time, error, color=style.reproduced, linewidth=0.8, label="this drive")
-    axis.set_xlabel("time (s)", fontsize=9)
-    axis.set_ylabel("E (%)", fontsize=9)
     # Not scaled to the worst frame: faint frames can have errors of several hundred per cent.
     top = np.nanpercentile(error, 99) if plays.any() else 0
     axis.set_ylim(0, max(20.0, 1.2 * top))
@@ -61,7 +59,7 @@ def trials_figure(spreads: Sequence[ErrorSpread], *, style: Style | None = None)
     """Draw a line per trial: mean, middle 90 % and worst frame in %, with its strength at the right."""
     style = style or Style()
     figure = new_figure(8.0, 1.2 + 0.26 * len(spreads), simulated=True, style=style)
-    axes = plain_axes(figure.subplots(), style)
+    axes = plain_axes(figure.subplots(), style, x="E (%): mean, middle 90 % of the frames, worst frame")
     top = 100 * max(one.worst for one in spreads) or 1.0
     for row, one in enumerate(spreads):
         axes.plot([100 * one.low, 100 * one.high], [row, row], color=style.reproduced, linewidth=5, alpha=0.3)
@@ -72,7 +70,6 @@ def trials_figure(spreads: Sequence[ErrorSpread], *, style: Style | None = None)
     axes.set_yticks(range(len(spreads)), [one.name for one in spreads])
     axes.set_ylim(len(spreads) - 0.5, -0.5)
     axes.set_xlim(0, 1.04 * top)
-    axes.set_xlabel("E (%): mean, middle 90 % of the frames, worst frame", fontsize=9)
     return figure
 
 
@@ -82,13 +79,11 @@ def passes_figure(
     """Draw the error of the waveform, ||reproduced - original|| / ||original||, after each pass of each named loop."""
     style = style or Style()
     figure = new_figure(5.4, 3.0, simulated=simulated, style=style)
-    axis = plain_axes(figure.subplots(), style)
+    axis = plain_axes(figure.subplots(), style, x="pass", y="error of the waveform (%)")
     for (name, errors), colour in zip(series, _colours(style, len(series)), strict=True):
         axis.plot(
             range(1, len(errors) + 1), [100 * error for error in errors], "o-", color=colour, markersize=4, label=name
         )
-    axis.set_xlabel("pass", fontsize=9)
-    axis.set_ylabel("error of the waveform (%)", fontsize=9)
     axis.set_ylim(0)
     axis.set_xticks(range(1, 1 + max(len(errors) for _, errors in series)))
     axis.legend(fontsize=8, frameon=False)
@@ -128,7 +123,7 @@ def laboratory_figure(found: LaboratoryLoss, *, style: Style | None = None) -> F
     """Draw the signal-to-distortion ratio that each uncertainty of a laboratory leaves, alone and all together."""
     style, rows = style or Style(), found.rows()
     figure = new_figure(6.4, 0.28 * len(rows) + 1.0, simulated=True, style=style)
-    axis = plain_axes(figure.subplots(), style)
+    axis = plain_axes(figure.subplots(), style, x=f"{OVERALL} (dB)")
     for place, (name, _, middle, low, high) in zip(range(len(rows))[::-1], rows, strict=True):
         colour = style.reproduced if name == ALL else style.before
         axis.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.4, solid_capstyle="butt")
@@ -136,7 +131,6 @@ def laboratory_figure(found: LaboratoryLoss, *, style: Style | None = None) -> F
     axis.axvline(found.nominal, color=style.original, linewidth=1)
     names = [f"{name}, {stated}" if stated else name for name, stated, *_ in rows]
     axis.set_yticks(range(len(rows))[::-1], names, fontsize=8)
-    axis.set_xlabel(f"{OVERALL} (dB)", fontsize=9)
     return figure
 
 

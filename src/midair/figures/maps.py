@@ -38,11 +38,9 @@ def maps_figure(
     top = max(float(np.max(values)) for _, values in maps) or 1.0
     image: AxesImage | None = None
     for axis, (title, values) in zip(axes, maps, strict=True):
-        image = _map(axis, np.reshape(values, grid.shape), grid, top, style)
+        image = draw_map(axis, values, grid, top, style, sensor=sensor)
         axis.set_title(title, fontsize=9, color=style.ink, loc="left")
-        if sensor is not None:
-            x, y = np.meshgrid(1e3 * sensor.x, 1e3 * sensor.y)
-            axis.plot(x.ravel(), y.ravel(), "o", markerfacecolor="none", markeredgecolor="white", markersize=5, mew=0.8)
+        axis.set_xlabel("x (mm)", fontsize=9)
     axes[0].set_ylabel("y (mm)", fontsize=9)
     if image is not None:
         bar = figure.colorbar(image, ax=list(axes), shrink=0.85, pad=0.02)
@@ -77,13 +75,26 @@ def phase_figure(drive: Drive, frame: int, *, simulated: bool, style: Style | No
     return figure
 
 
-def _map(axis: Axes, values: Array, grid: ControlGrid | SensorGrid, top: float, style: Style) -> AxesImage:
+def draw_map(
+    axis: Axes,
+    values: Array,
+    grid: ControlGrid | SensorGrid,
+    top: float,
+    style: Style,
+    *,
+    sensor: SensorGrid | None = None,
+    size: float = 8,
+) -> AxesImage:
+    """Draw values of the points of a grid from 0 to `top`, with circles on the cells of a sensor; labels of `size`."""
     half = 0.5e3 * grid.pitch
     x, y = 1e3 * grid.x, 1e3 * grid.y
     extent = (x[0] - half, x[-1] + half, y[-1] + half, y[0] - half)
-    image = axis.imshow(values, cmap=style.quantity, vmin=0, vmax=top, extent=extent, origin="upper")
-    axis.tick_params(labelsize=8)
-    axis.set_xlabel("x (mm)", fontsize=9)
+    shown = np.reshape(values, grid.shape)
+    image = axis.imshow(shown, cmap=style.quantity, vmin=0, vmax=top, extent=extent, origin="upper")
+    axis.tick_params(labelsize=size)
+    if sensor is not None:
+        x, y = (1e3 * each.ravel() for each in np.meshgrid(sensor.x, sensor.y))
+        axis.plot(x, y, "o", mfc="none", mec="white", markersize=size - 3, mew=0.2 * (size - 4))
     return image
 
 

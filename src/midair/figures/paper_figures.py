@@ -10,6 +10,7 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.dsp import welch
+from midair.figures.maps import draw_map
 from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import ControlGrid, PressureFrames, SensorGrid
 
@@ -37,17 +38,11 @@ def fields_figure(rows: Sequence[FieldRow], sensor: SensorGrid, *, quantity: str
     figure = new_figure(1.85 * count + 1.2, 2.05 * len(rows) + 0.3, simulated=True, style=style)
     axes = figure.subplots(len(rows), count, sharex=True, sharey=True, squeeze=False)
     top = max(float(row.fields.max()) for row in rows)
-    x, y = (1e3 * each.ravel() for each in np.meshgrid(sensor.x, sensor.y))
     image = None
     for line, row in zip(axes, rows, strict=True):
-        half = 0.5e3 * row.grid.pitch
-        edges = (1e3 * row.grid.x[0] - half, 1e3 * row.grid.x[-1] + half)
-        extent = (*edges, 1e3 * row.grid.y[-1] + half, 1e3 * row.grid.y[0] - half)
         for axis, values, note in zip(line, row.fields, row.notes, strict=True):
-            image = axis.imshow(values.reshape(row.grid.shape), cmap=style.quantity, vmin=0, vmax=top, extent=extent)
-            axis.plot(x, y, "o", markerfacecolor="none", markeredgecolor="white", markersize=4, mew=0.6)
+            image = draw_map(axis, values, row.grid, top, style, sensor=sensor, size=7)
             axis.set_title(note, fontsize=7, loc="left", color=style.ink)
-            axis.tick_params(labelsize=7)
         line[0].set_ylabel(f"{row.name}\ny (mm)", fontsize=8)
     for axis in axes[-1]:
         axis.set_xlabel("x (mm)", fontsize=8)

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midair.array_types import Array
+from midair.figures.maps import draw_map
 from midair.figures.style import Style, new_figure, plain_axes
 from midair.model import ControlGrid, SensorGrid
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.image import AxesImage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,7 +50,7 @@ def histogram_figure(
     """
     style = style or Style()
     figure = new_figure(7.0, 3.0, simulated=True, style=style)
-    axes = plain_axes(figure.subplots(), style)
+    axes = plain_axes(figure.subplots(), style, x="E (%)", y="patterns")
     axes.axvspan(100 * published[0], 100 * published[1], color=style.band, zorder=0, label="paper, average")
     top = 100 * max(float(values.max()) for _, values in errors)
     bins = np.linspace(0, top, 121).tolist()
@@ -59,8 +58,6 @@ def histogram_figure(
         label = f"{name}: mean {100 * values.mean():.1f} %, worst {100 * values.max():.1f} %, {len(values)} patterns"
         axes.hist(100 * values, bins=bins, histtype="stepfilled", color=colour, alpha=0.35)
         axes.hist(100 * values, bins=bins, histtype="step", color=colour, linewidth=1.1, label=label)
-    axes.set_xlabel("E (%)", fontsize=9)
-    axes.set_ylabel("patterns", fontsize=9)
     axes.set_xlim(0, max(top, 100 * published[1]) * 1.02)
     # Space for the legend.
     axes.set_ylim(0, axes.get_ylim()[1] * 1.3)
@@ -79,7 +76,7 @@ def examples_figure(
     image = None
     for column, one in zip(axes.T, examples, strict=True):
         for axis, values in zip(column, (one.target, one.field), strict=True):
-            image = _map(axis, values, grid, sensor, top, style)
+            image = draw_map(axis, values, grid, top, style, sensor=sensor, size=7)
         column[0].set_title(one.name, fontsize=8, loc="left", color=style.ink)
         column[1].set_title(f"E {100 * one.error:.1f} %", fontsize=8, loc="left", color=style.ink)
         column[1].set_xlabel("x (mm)", fontsize=8)
@@ -98,29 +95,14 @@ def curve_figure(
     """Draw mean E over a quantity; shaded: the middle 90 % of the patterns."""
     style = style or Style()
     figure = new_figure(5.2, 3.2, simulated=True, style=style)
-    axes = plain_axes(figure.subplots(), style)
+    axes = plain_axes(figure.subplots(), style, x=quantity, y="E (%)")
     axes.axhspan(100 * published[0], 100 * published[1], color=style.band, zorder=0, label="paper, average")
     for curve, colour in zip(curves, _colours(len(curves), style), strict=True):
         axes.fill_between(curve.x, 100 * curve.low, 100 * curve.high, color=colour, alpha=0.18, linewidth=0)
         axes.plot(curve.x, 100 * curve.mean, "o-", color=colour, markersize=3.5, linewidth=1.2, label=curve.name)
-    axes.set_xlabel(quantity, fontsize=9)
-    axes.set_ylabel("E (%)", fontsize=9)
     axes.set_ylim(0, None)
     axes.legend(fontsize=8, frameon=False, loc="upper left")
     return figure
-
-
-def _map(axis: Axes, values: Array, grid: ControlGrid, sensor: SensorGrid, top: float, style: Style) -> AxesImage:
-    half = 0.5e3 * grid.pitch
-    x, y = 1e3 * grid.x, 1e3 * grid.y
-    extent = (x[0] - half, x[-1] + half, y[-1] + half, y[0] - half)
-    image = axis.imshow(values.reshape(grid.shape), cmap=style.quantity, vmin=0, vmax=top, extent=extent)
-    places_x, places_y = np.meshgrid(1e3 * sensor.x, 1e3 * sensor.y)
-    axis.plot(
-        places_x.ravel(), places_y.ravel(), "o", markerfacecolor="none", markeredgecolor="white", markersize=4, mew=0.6
-    )
-    axis.tick_params(labelsize=7)
-    return image
 
 
 def _colours(count: int, style: Style) -> list[str]:

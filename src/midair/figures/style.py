@@ -46,13 +46,15 @@ def new_figure(width: float, height: float, *, simulated: bool, style: Style | N
     return figure
 
 
-def plain_axes(axes: Axes, style: Style) -> Axes:
-    """Apply the common axes style: no box, small ticks, a faint grid behind the data."""
+def plain_axes(axes: Axes, style: Style, *, x: str = "", y: str = "") -> Axes:
+    """Apply the common axes style: no box, small ticks, a faint grid behind the data, labels of the axes."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(style.faint)
     axes.tick_params(labelsize=8, color=style.faint, labelcolor=style.ink)
     axes.grid(visible=True, color=style.faint, linewidth=0.5, alpha=0.6)
     axes.set_axisbelow(True)
+    axes.set_xlabel(x, fontsize=9)
+    axes.set_ylabel(y, fontsize=9)
     return axes
 
 

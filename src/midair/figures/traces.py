@@ -96,12 +96,10 @@ def beam_figure(
     """Draw the amplitude that the sensor measured in a focus over the commanded amplitude, with the fitted line."""
     style = style or Style()
     figure = new_figure(3.6, 3.0, simulated=simulated, style=style)
-    axis = plain_axes(figure.subplots(), style)
+    axis = plain_axes(figure.subplots(), style, x="commanded amplitude (Pa)", y="measured amplitude (Pa)")
     ends = np.array([0.0, float(commanded.max())])
     axis.plot(ends, intercept + gain * ends, color=style.reproduced, linewidth=1, label=f"gain {gain:.3f}")
     axis.plot(commanded, measured, "o", color=style.original, markersize=4, label="measured")
-    axis.set_xlabel("commanded amplitude (Pa)", fontsize=9)
-    axis.set_ylabel("measured amplitude (Pa)", fontsize=9)
     axis.set_xlim(0)
     axis.set_ylim(0)
     axis.legend(fontsize=8, frameon=False)
@@ -112,7 +110,7 @@ def exposure_figure(exposure: Exposure, *, simulated: bool, style: Style | None 
     """Draw the level of every frame at every place, each with its limit as a dashed line of the same colour."""
     style = style or Style()
     figure = new_figure(8.0, 3.2, simulated=simulated, style=style)
-    axis = plain_axes(figure.subplots(), style)
+    axis = plain_axes(figure.subplots(), style, x="time (s)", y="level (dB re 20 µPa rms)")
     time = np.arange(len(exposure.level)) / exposure.rate
     colours = (style.original, style.reproduced, style.before, "#009e73", "#cc79a7", "#e69f00")
     for number, place in enumerate(exposure.profile.places):
@@ -122,8 +120,6 @@ def exposure_figure(exposure: Exposure, *, simulated: bool, style: Style | None 
         label = f"{place.name}, limit {place.limit:g} dB{'' if place.enforced else ' (advice)'}"
         axis.plot(time, np.where(heard, exposure.level[:, number], np.nan), color=colour, linewidth=0.8, label=label)
         axis.axhline(place.limit, color=colour, linewidth=0.8, linestyle="--")
-    axis.set_xlabel("time (s)", fontsize=9)
-    axis.set_ylabel("level (dB re 20 µPa rms)", fontsize=9)
     axis.set_title(exposure.verdict(), fontsize=8, loc="left")
     axis.margins(x=0)
     axis.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.01, 0.5))

@@ -181,16 +181,8 @@ def parse_errors(path: Path | str, expected: str) -> Generator[None]:
     """Convert errors of a parser into one message that names the file; `expected` completes "expected ...".
 
     Errors of midair (a NaN, a wrong shape) keep their type, get the file's name if they lack it, and lose unprintable
-    characters, which can come from names in damaged files.
-
-    Raises
-    ------
-    BrokenFileError
-        If the file cannot be parsed or read.
-    FileError
-        If its content does not fit into memory.
-    MidairError
-        The error of midair that the block raised.
+    characters, which can come from names in damaged files. Raises BrokenFileError if the file cannot be parsed or read,
+    FileError if its content does not fit into memory.
     """
     try:
         yield

@@ -107,11 +107,6 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
     rate, unit, sensor, scale, channels, stream, packed, mending, streamed
         Facts that a file of another program does not contain: the fields of `ImportOptions`.
 
-    Returns
-    -------
-    Recording or Solution
-        With the provenance from the file, or with the file's name as its source.
-
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError
@@ -121,7 +116,9 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
     """
     if os.fspath(path).lower().endswith(DRIVE_SUFFIX):
         if given != ImportOptions():
-            raise InputError(f"{path}: expected no options for a drive, got {_listed(given)}")
+            values = {field.name: getattr(given, field.name) for field in fields(given)}
+            got = ", ".join(f"{name}={value!r}" for name, value in values.items() if value not in (None, False))
+            raise InputError(f"{path}: expected no options for a drive, got {got}")
         return load_solution(path)
     return _opened(path, given).recording
 
@@ -130,18 +127,8 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
 def open_take(path: Place, given: ImportOptions) -> OpenedTake:
     """Read a recording with its calibration, its journal and a report of all assumptions.
 
-    The content of a file decides what it is; the case of its suffix does not matter. Raises MissingFileError,
-    BrokenFileError, UnknownFormatError or InputError as in `load`.
-
-    Parameters
-    ----------
-    path, rate, unit, sensor, scale, channels, stream, packed, mending, streamed
-        As in `load`.
-
-    Returns
-    -------
-    OpenedTake
-        Its report has a sentence for each assumption, change, omission or suspicious channel.
+    The content of a file decides what it is; the case of its suffix does not matter. Parameters and errors are those of
+    `load`.
     """
     return _opened(path, given)
 
@@ -169,7 +156,7 @@ def save(
     pressure: PressureFrames | None = None,
     journal: Sequence[Event] = (),
 ) -> tuple[FormatLoss, ...]:
-    """Write a recording atomically, in the format of the suffix of `path`.
+    """Write a recording atomically, in the format of the suffix of `path`; returns each loss of the format.
 
     Raises UnknownFormatError if the suffix is unknown and FileError if the file cannot be written.
 
@@ -177,40 +164,23 @@ def save(
     ----------
     path : str or PathLike
         Suffix .h5, .hdf5, .csv, .wav, .npz, .mat, .nc, .hjif or .ahap; an existing file is replaced.
-    calibration : Calibration, optional
-        Calibration of its sensor, stored in the same file.
-    pressure : PressureFrames, optional
-        Calibrated pressure, stored in the same file.
+    calibration, pressure
+        Calibration of its sensor and calibrated pressure, stored in the same file.
     journal : sequence of Event
         Events during the recording; only HDF5 of midair stores them.
-
-    Returns
-    -------
-    tuple of FormatLoss
-        One for each fact that the format cannot store.
     """
     check_type(path, "path, the second argument", str, os.PathLike)
     check_type(recording, "recording", Recording)
     write = writer_of(path)
-    native = write is HDF5.write
-    if journal and native:
+    if write is HDF5.write:
         return write_recording(recording, Path(path), calibration, pressure, journal=journal)
-    if pressure is None:
-        return write(recording, Path(path), calibration)
-    if native:
-        return write_recording(recording, Path(path), calibration, pressure)
     lost = write(recording, Path(path), calibration)
-    return (
-        *lost,
-        FormatLoss(what="pressure", text="The calibrated pressure was left out; --pressure exports it instead."),
-    )
+    left_out = FormatLoss(what="pressure", text="The calibrated pressure was left out; --pressure exports it instead.")
+    return lost if pressure is None else (*lost, left_out)
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:
-    """Format by the suffix of a file name.
-
-    Raises UnknownFormatError if the suffix is unknown, or is not that of a recording.
-    """
+    """Format by the suffix of a file name; raises UnknownFormatError if it is not that of a recording."""
     name = os.fspath(path).lower()
     for ending, other in OTHERS.items():
         if name.endswith(ending):
@@ -234,11 +204,6 @@ def writer_of(path: str | os.PathLike[str]) -> Writer:
         said = f"{FORMATS[ending].name} can be read, not written; writable formats are {', '.join(known)}"
         raise UnknownFormatError(f"{path}: {said}")
     raise UnknownFormatError(f"{path}: expected a name that ends in {', '.join(known)}; got {ending or 'no ending'!r}")
-
-
-def _listed(given: ImportOptions) -> str:
-    values = {field.name: getattr(given, field.name) for field in fields(given)}
-    return ", ".join(f"{name}={value!r}" for name, value in values.items() if value not in (None, False))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -270,7 +235,10 @@ def contents(path: str | os.PathLike[str]) -> Contents:
     program, or was written by a newer midair.
     """
     with open_file(path) as file:
-        kind = _kind(kind_of(file), path)
+        text, kinds = kind_of(file), {f"midair {kind}": kind for kind in get_args(Kind)}
+        if text not in kinds:
+            raise BrokenFileError(f"{path}: expected a file of midair, got {text or 'an HDF5 file of another program'}")
+        kind: Kind = kinds[text]
         check_kind(file, kind, Path(path))
         return Contents(
             kind=kind,
@@ -281,11 +249,3 @@ def contents(path: str | os.PathLike[str]) -> Contents:
             checksums=has_checksums(stored_dataset(file, _NUMBERS.get(kind, "response_real"))),
             parts=tuple(part for part in ("calibration", "pressure", "target") if part in file),
         )
-
-
-def _kind(text: str, path: str | os.PathLike[str]) -> Kind:
-    kinds: tuple[Kind, ...] = get_args(Kind)
-    for kind in kinds:
-        if text == f"midair {kind}":
-            return kind
-    raise BrokenFileError(f"{path}: expected a file of midair, got {text or 'an HDF5 file of another program'}")

@@ -77,17 +77,13 @@ class ImportOptions(Declared):
 
     def check(self, recording: Recording, path: Path) -> None:
         """Raise MismatchError if an option contradicts a file of midair, which needs no options."""
-        pairs = (
-            ("rate", self.rate, recording.rate),
-            ("unit", self.unit, recording.unit),
-            ("sensor", self.sensor, recording.sensor),
-        )
         for name in ("scale", "channels", "stream", "packed"):
             if getattr(self, name) is not None:
                 raise MismatchError(f"{path}: a file of midair needs no options; leave {name} out")
         if self.mending is not None:
             raise MismatchError(f"{path}: a file of midair has no gaps; leave mend out")
-        for name, given, stated in pairs:
+        for name in ("rate", "unit", "sensor"):
+            given, stated = getattr(self, name), getattr(recording, name)
             if given is not None and given != stated:
                 raise MismatchError(f"{path}: the file states {name} {stated}, got {name} {given}; leave {name} out")
 
@@ -115,10 +111,7 @@ class ImportedData:
     """Sentences for the user so far."""
 
     def resolve(self, given: ImportOptions, path: Path) -> OpenedTake:
-        """Build the recording; facts that the file lacks come from the options or from a stated assumption.
-
-        Raises a subclass of InputError if a fact is missing and cannot be assumed, or an option contradicts the file.
-        """
+        """Build the recording; facts that the file lacks come from the options or a stated assumption, or raise."""
         if given.packed is not None:
             return self._deinterleaved(given.packed, path).resolve(replace(given, packed=None), path)
         if given.channels is not None:
@@ -126,9 +119,13 @@ class ImportedData:
         rate = self._rate(given, path)
         unit = self._unit(given, path)
         sensor, assumed = self._sensor(given, path)
-        mended = self._gaps_filled(given.mending, rate)
+        mended = Mended(samples=self.samples, journal=())
+        if given.mending is not None:
+            whole = np.asarray(self.samples, np.float64)
+            mended = mend(whole.reshape(len(whole), -1), rate, given.mending)
         report = (*self.report, *([assumed] if assumed else []), *_gap_report(mended, rate))
-        settings = {"format": self.form, "sha256": _sha256(path), **self.settings}
+        with path.open("rb") as file:
+            settings = {"format": self.form, "sha256": hashlib.file_digest(file, "sha256").hexdigest(), **self.settings}
         if given.scale is not None:
             settings["scale_pa"] = given.scale
         provenance = Provenance(source=path.name, notes=self.notes).then("import", {**settings, "report": report})
@@ -140,13 +137,6 @@ class ImportedData:
         )
         recording = Recording(samples=samples, rate=rate, sensor=sensor, unit=unit, provenance=provenance)
         return OpenedTake(recording=recording, report=report, journal=mended.journal)
-
-    def _gaps_filled(self, mending: Mending | None, rate: float) -> Mended:
-        """Fill the gaps if requested; otherwise any gap raises an error later."""
-        if mending is None:
-            return Mended(samples=self.samples, journal=())
-        whole = np.asarray(self.samples, np.float64)
-        return mend(whole.reshape(len(whole), -1), rate, mending)
 
     def _deinterleaved(self, channels: int, path: Path) -> "ImportedData":
         """Deinterleave numbers into frames of `channels` channels: c0 c1 c2 ... c0 c1 c2 ..."""
@@ -184,9 +174,7 @@ class ImportedData:
         return rate
 
     def _unit(self, given: ImportOptions, path: Path) -> Unit:
-        stated = self.unit
-        if self.units and len(set(self.units)) == 1:
-            stated = self.units[0]
+        stated = self.units[0] if len(set(self.units)) == 1 else self.unit
         if given.scale is not None:
             if stated == "Pa":
                 raise MismatchError(f"{path}: the file states Pa, got a scale; leave it out")
@@ -289,11 +277,6 @@ def _mend_settings(mended: Mended, mending: Mending) -> dict[str, Setting]:
 def of_two(scale: float) -> bool:
     """True if a factor is a power of two, which keeps every digit of a number."""
     return abs(np.frexp(scale)[0]) == 0.5
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 Lost = Literal[

@@ -26,7 +26,7 @@ def printable(text: str) -> str:
 
 def no_formula(value: object) -> object:
     """Put an apostrophe before text that a spreadsheet would run as a formula; numbers are unchanged, also as text."""
-    if not isinstance(value, str) or not value.startswith(_FORMULA) or _is_number(value):
+    if not isinstance(value, str) or not value.startswith(_FORMULA) or is_number(value):
         return value
     return f"'{value}"
 
@@ -40,7 +40,8 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _BEFORE_FORMULA = re.compile(r"([,;\t])([=+\-@])")
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """True for text that Python reads as a number."""
     try:
         float(text)
     except ValueError:
@@ -57,7 +58,9 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     for row in rows:
-        writer.writerow({name: _field(value) for name, value in row.items()})
+        writer.writerow(
+            {name: f"{each:.6g}" if isinstance(each, float) else no_formula(each) for name, each in row.items()}
+        )
     return text.getvalue()
 
 
@@ -70,10 +73,6 @@ def for_json(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [for_json(each) for each in value]
     return value
-
-
-def _field(value: Any) -> object:
-    return f"{value:.6g}" if isinstance(value, float) else no_formula(value)
 
 
 LARGEST = 2**26
@@ -107,10 +106,7 @@ def read_text(path: str | os.PathLike[str], expected: str, *, largest: int = LAR
 
 
 def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
-    """Read a TOML file.
-
-    Raises MissingFileError or BrokenFileError as `read_text`, and if it is not valid TOML.
-    """
+    """Read a TOML file; raises the errors of `read_text`, and BrokenFileError if it is not valid TOML."""
     text = read_text(path, expected, largest=LARGEST_TOML)
     try:
         return toml_of(text)

@@ -40,7 +40,8 @@ def to_fixed_rate(time: Array, samples: Array, *, rate: float | None = None) -> 
         row = int(np.argmax(np.diff(time) < 0))
         raise RateError(f"time stamps: expected increasing values, got {time[row + 1]:g} s after {time[row]:g} s")
     keep = np.concatenate([[True], np.diff(time) > 0])
-    report = (*_repeats(keep), *repeated_rows(samples[keep]))
+    repeats = f"{(~keep).sum()} of {len(keep)} rows have the time stamp of the row before: the first of each was kept."
+    report = (*(() if keep.all() else (repeats,)), *repeated_rows(samples[keep]))
     time, samples = time[keep] - time[0], samples[keep]
     if len(time) < 2:
         raise RateError(f"time stamps: expected two that differ, got {len(time)}; give the rate and drop the stamps")
@@ -53,7 +54,9 @@ def to_fixed_rate(time: Array, samples: Array, *, rate: float | None = None) -> 
         return Uniform(samples=samples, rate=rate, report=report)
     frames = np.arange(int(place[-1] + 1e-3) + 1)
     even = np.stack([np.interp(frames, place, channel) for channel in samples.T], axis=1)
-    return Uniform(samples=even, rate=rate, report=(*report, *_gaps(time, usual), _interpolated(distance[usual], rate)))
+    low, high = distance[usual].min() * 1e3, distance[usual].max() * 1e3
+    text = f"Time stamps are {low:.4g} to {high:.4g} ms apart: interpolated linearly to {rate:.9g} Hz."
+    return Uniform(samples=even, rate=rate, report=(*report, *_gaps(time, usual), text))
 
 
 def _check_gaps(time: Array, usual: NDArray[np.bool_], rate: float) -> None:
@@ -79,13 +82,6 @@ def _rate(measured: float, nominal: float | None) -> float:
     return nominal
 
 
-def _repeats(keep: NDArray[np.bool_]) -> tuple[str, ...]:
-    repeats = int((~keep).sum())
-    if not repeats:
-        return ()
-    return (f"{repeats} of {len(keep)} rows have the time stamp of the row before: the first of each was kept.",)
-
-
 def repeated_rows(samples: Array) -> tuple[str, ...]:
     """Report of rows, shape (row, channel), that repeat the previous one at a later time, if not all do."""
     repeats, before = 0, samples[:0]
@@ -94,8 +90,8 @@ def repeated_rows(samples: Array) -> tuple[str, ...]:
         repeats, before = repeats + int((np.diff(rows, axis=0) == 0).all(axis=1).sum()), block[-1:]
     if not repeats or repeats == len(samples) - 1:
         return ()
-    share = f"{repeats} of {len(samples)} rows"
-    return (f"{share} repeat every channel of the row before, at a later time: they were kept.",)
+    of = len(samples)
+    return (f"{repeats} of {of} rows repeat every channel of the row before, at a later time: they were kept.",)
 
 
 def _gaps(time: Array, usual: NDArray[np.bool_]) -> tuple[str, ...]:
@@ -107,8 +103,3 @@ def _gaps(time: Array, usual: NDArray[np.bool_]) -> tuple[str, ...]:
         f"{int((~usual).sum())} gaps in the time stamps, the longest {distance[longest] * 1e3:.4g} ms "
         f"after {time[longest]:.4g} s: filled by straight lines.",
     )
-
-
-def _interpolated(distance: Array, rate: float) -> str:
-    low, high = distance.min() * 1e3, distance.max() * 1e3
-    return f"Time stamps are {low:.4g} to {high:.4g} ms apart: interpolated linearly to {rate:.9g} Hz."

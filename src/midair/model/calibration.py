@@ -189,12 +189,19 @@ class Calibration:
         noise = frozen_array(self.noise, "noise", axes)
         if (noise < 0).any():
             raise InputError(f"noise: expected densities of 0 or more, got {noise.min():g}")
-        object.__setattr__(self, "frequency", frequency)
-        object.__setattr__(self, "response", response)
-        object.__setattr__(self, "noise", noise)
+        for name, values in (("frequency", frequency), ("response", response), ("noise", noise)):
+            object.__setattr__(self, name, values)
         if self.version < 1:
             raise InputError(f"version of the calibration: expected 1 or more, got {self.version}")
-        self._check_parts()
+        bins, cells = len(frequency), self.sensor.count
+        if self.measurement is not None and self.measurement.coherence.shape != (bins, *axes):
+            raise ShapeError(
+                f"measurement: expected shape {(bins, *axes)} like the response, got {self.measurement.coherence.shape}"
+            )
+        if self.crosstalk is not None and len(self.crosstalk.matrix) != cells:
+            raise ShapeError(f"crosstalk: expected {cells} x {cells}, got {self.crosstalk.matrix.shape}")
+        if self.linearity is not None and self.linearity.gain.shape != axes:
+            raise ShapeError(f"linearity: expected {axes} cells, got {self.linearity.gain.shape}")
 
     def __repr__(self) -> str:
         return summary(
@@ -253,10 +260,7 @@ class Calibration:
         return digest.hexdigest()[:8]
 
     def uncertainty_at(self, frequency: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Relative standard uncertainty of the magnitude, interpolated, shape (f, row, column).
-
-        None for a calibration that was not measured.
-        """
+        """Relative standard uncertainty of the magnitude, interpolated, (f, row, column); None if not measured."""
         if self.measurement is None:
             return None
         return self._between(frequency, self.measurement.magnitude_uncertainty)
@@ -275,15 +279,3 @@ class Calibration:
         high = np.minimum(low + 1, len(self.frequency) - 1)
         part = (where - low)[:, None, None]
         return (1 - part) * values[low] + part * values[high]
-
-    def _check_parts(self) -> None:
-        bins, cells = len(self.frequency), self.sensor.count
-        if self.measurement is not None and self.measurement.coherence.shape != (bins, *self.sensor.shape):
-            raise ShapeError(
-                f"measurement: expected shape {(bins, *self.sensor.shape)} like the response, got "
-                f"{self.measurement.coherence.shape}"
-            )
-        if self.crosstalk is not None and len(self.crosstalk.matrix) != cells:
-            raise ShapeError(f"crosstalk: expected {cells} x {cells}, got {self.crosstalk.matrix.shape}")
-        if self.linearity is not None and self.linearity.gain.shape != self.sensor.shape:
-            raise ShapeError(f"linearity: expected {self.sensor.shape} cells, got {self.linearity.gain.shape}")

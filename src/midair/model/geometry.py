@@ -265,9 +265,8 @@ class Board:
     def __post_init__(self) -> None:
         count = SIDE * SIDE
         object.__setattr__(self, "position", frozen_array(self.position, "board position", (count, 3)))
-        object.__setattr__(self, "pin", frozen_array(self.pin, "board pin", (count,), np.int64))
-        object.__setattr__(self, "offset", frozen_array(self.offset, "board offset", (count,)))
-        object.__setattr__(self, "strength", frozen_array(self.strength, "board strength", (count,)))
+        for name, kind in (("pin", np.int64), ("offset", np.float64), ("strength", np.float64)):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), f"board {name}", (count,), kind))
         if np.any(np.sort(self.pin) != np.arange(count)):
             raise InputError(f"board pin: expected each of 0 to {count - 1} once, got {np.sort(self.pin)[:4]}...")
         if self.strength.min() < 0 or self.strength.max() > 1:

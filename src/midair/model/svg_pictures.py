@@ -56,10 +56,7 @@ def framed(value: object, picture: str, caption: str, *, simulated: bool = False
 
 
 def sparklines(values: Array, *, duration: float, unit: str, style: PictureStyle | None = None) -> str:
-    """A small trace of each channel at the position of its cell, all on one scale.
-
-    `values` has shape (frame, row, column); of more than 8 rows or columns only some are drawn. `duration` is in s.
-    """
+    """A trace of each channel (frame, row, column) at the position of its cell, all on one scale; 8 x 8 at most."""
     style = style or PictureStyle()
     shown = values[:, :: -(-values.shape[1] // 8), :: -(-values.shape[2] // 8)]
     rows, columns = shown.shape[1:]
@@ -85,13 +82,9 @@ def sparklines(values: Array, *, duration: float, unit: str, style: PictureStyle
 
 
 def heat_map(values: Array, x: Array, y: Array, *, unit: str, style: PictureStyle | None = None) -> str:
-    """A map in 16 colours from 0 to the maximum, with a colour bar.
-
-    `values` has shape (row, column); beyond 32 rows or columns a square shows the maximum of several. `x` and `y` are
-    in m.
-    """
+    """A map (row, column) in 16 colours from 0 to the maximum, with a colour bar; `x` and `y` are in m."""
     style = style or PictureStyle()
-    shown = values
+    shown = values  # beyond 32 rows or columns a square shows the maximum of several
     for axis, count in enumerate(values.shape):
         shown = np.maximum.reduceat(shown, np.arange(0, count, -(-count // 32)), axis=axis)
     rows, columns = shown.shape
@@ -121,11 +114,7 @@ def dots(
     bar: tuple[str, str] | None = None,
     style: PictureStyle | None = None,
 ) -> str:
-    """Transducers from above, as dots of the cyclic colours.
-
-    `position` is in m, shape (transducer, 2 or 3); beyond `style.points`, one dot stands for a cluster. `colour` is 0
-    to 15, or -1 for a faint dot in the text colour. `bar` labels the last and the first colour.
-    """
+    """Transducers from above, as dots of the cyclic colours 0 to 15; -1 is a faint dot, `bar` labels last and first."""
     style = style or PictureStyle()
     place = position[:, :2]
     low, high = place.min(axis=0), place.max(axis=0)
@@ -163,10 +152,7 @@ def curve(
     logarithmic: bool = False,
     style: PictureStyle | None = None,
 ) -> str:
-    """A line over an axis that begins at 0, with a gap where it is NaN.
-
-    `x` increases. `around` is the lower and upper end of a shaded range. `logarithmic` needs x above 0.
-    """
+    """A line over increasing `x` from 0, with a gap where it is NaN; `around` are the ends of a shaded range."""
     style = style or PictureStyle()
     width, height, foot = style.width - style.left - 10, 100, 100 + style.line + 2
     known = np.concatenate([y, *(around or ())])
@@ -188,10 +174,7 @@ def curve(
 
 
 def thinned(at: Array, values: Array, most: int) -> NDArray[np.intp]:
-    """Indices of at most `most` + 2 points of a trace: the ends, and the minimum and maximum of each interval.
-
-    The intervals have the same length in `at`, which increases; there are `most` / 2 of them. Values may be NaN.
-    """
+    """Up to `most` + 2 indices of a trace: its ends, and minimum and maximum of each of `most` / 2 equal intervals."""
     if len(values) <= most:
         return np.arange(len(values))
     start = np.unique(np.searchsorted(at, np.linspace(at[0], at[-1], max(most // 2, 1), endpoint=False)))

@@ -89,22 +89,10 @@ class Footprint:
 def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGrid | None = None) -> Recording:
     """The pressure field of a footprint that presses on a sensor with a waveform of one channel.
 
-    The result is marked as simulated, because its positions were not measured. Its unit is that of the waveform: Pa, or
-    the output of a sensor of that shape. Raises ShapeError if the recording has more than one channel.
-
-    Parameters
-    ----------
-    recording : Recording
-        One channel; the field is lazy if the samples are.
-    footprint : Footprint
-        At time 0 it is about to touch the first side.
-    sensor : SensorGrid, optional
-        The paper's 4 x 4 at 11 mm if None.
-
-    Returns
-    -------
-    Recording
-        Shape (frame, row, column), at the rate of the waveform.
+    The result is marked as simulated, because its positions were not measured; it is lazy if the samples are. Its unit
+    is that of the waveform: Pa, or the output of a sensor of that shape. At time 0 the footprint is about to touch the
+    first side of `sensor`, the paper's 4 x 4 at 11 mm if None. Raises ShapeError if the recording has more than one
+    channel.
     """
     sensor = sensor or SensorGrid()
     if recording.sensor.count != 1:
@@ -165,11 +153,8 @@ def disc_in_rectangle(left: Array, right: Array, low: Array, high: Array, radius
 
 
 def _disc_below(x: Array, y: Array) -> Array:
-    """Area of the unit disc with X <= x and Y <= y.
-
-    Integral over t from -1 to x of the part below y of the chord from -s to s, s = sqrt(1 - t^2): y + s where
-    |t| < c = sqrt(1 - y^2); elsewhere the whole chord (2 s) for y above 0, and nothing for y below 0.
-    """
+    """Area of the unit disc with X <= x and Y <= y: the integral of the chords at t from -1 to x below y."""
+    # A chord from -s to s, s = sqrt(1 - t^2), counts y + s where |t| < c; elsewhere 2 s for y above 0, and 0 below.
     x, y = np.broadcast_arrays(np.clip(x, -1, 1), np.clip(y, -1, 1))
     c = np.sqrt(1 - y * y)
     inner = np.clip(x, -c, c)
@@ -188,11 +173,7 @@ def _overlap(distance: Array, half: float, other: float) -> Array:
 
 
 def _strip_in_square(along: Array, pitch: float, half: float, *, diagonal: bool) -> Array:
-    """Area of a square of side `pitch` within `half` of a line; its centre is `along` from that line.
-
-    Parallel to a side: the overlap of intervals times the side. At 45 degrees: the area of the square below a line is
-    quadratic within pitch / sqrt(2) of its centre.
-    """
+    """Area of a square of side `pitch` within `half` of a line, parallel or at 45 degrees, `along` from its centre."""
     if not diagonal:
         return _overlap(along, pitch / 2, half) * pitch
     return _square_below(half - along, pitch) - _square_below(-half - along, pitch)

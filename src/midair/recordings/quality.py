@@ -50,12 +50,9 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
     if recording.frames >= 100 and not dead.all():
         spread = found.spread.ravel()
         floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _is_white(found, recording.frames)
-        if floor.any():
-            names = ", ".join(str(i) for i in np.flatnonzero(floor))
+        if names := ", ".join(map(str, np.flatnonzero(floor))):
             report.append(f"Channels that hold only white noise, more than ten times below the others: {names}.")
-    clipped = _flat_tops(recording.samples, found)
-    if clipped.any():
-        names = ", ".join(str(i) for i in np.flatnonzero(clipped))
+    if names := ", ".join(map(str, np.flatnonzero(_flat_tops(recording.samples, found)))):
         report.append(f"Channels that reach their maximum or minimum repeatedly, clipped: {names}.")
     if outliers := _outliers(recording, found):
         report.append(

@@ -88,7 +88,10 @@ def filter_lazily(
         if length not in known:
             # All segments except the last one have the same length.
             known.clear()
-            known[length] = _response_at(response, np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
+            frequency = np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64)
+            # In parts, because intermediate results are several times as large.
+            parts = [response(frequency[begin : begin + 4096]) for begin in range(0, len(frequency), 4096)]
+            known[length] = cast("Complex", np.concatenate(parts))
         wanted = known[length]
         inside = slice(margin, margin + last - first)
         changing = np.empty((last - first, *x.shape[1:]))
@@ -175,13 +178,6 @@ def with_context(x: LazyFrames, reach: int, function: Callable[[Array], Array]) 
         return function(np.concatenate([ends[0], inside, ends[1]]))
 
     return cached_blocks(make, x.shape, size=max(_block_frames(x), 2 * reach), kept=2)
-
-
-def _response_at(response: Callable[[Array], Complex | Array], frequency: Array) -> Complex | Array:
-    """A response at many frequencies, computed in parts because intermediate results are several times as large."""
-    step = 4096
-    parts = [response(frequency[first : first + step]) for first in range(0, len(frequency), step)]
-    return cast("Complex", np.concatenate(parts))
 
 
 def _block_frames(x: LazyFrames) -> int:

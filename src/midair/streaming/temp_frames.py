@@ -30,27 +30,39 @@ def _unnamed_file() -> IO[bytes]:
         return tempfile.TemporaryFile(prefix="midair-")
 
 
-def _write(file: IO[bytes], at: int, block: Array) -> None:
-    with _disk_errors():
-        file.seek(at)
-        file.write(np.ascontiguousarray(block, np.float64).data)
-        file.flush()
+class _Numbers:
+    """Numbers in an unnamed file."""
+
+    def __init__(self) -> None:
+        self._file = _unnamed_file()
+
+    def __del__(self) -> None:
+        # Lazy frames may hold the last reference to it.
+        self.close()
+
+    def close(self) -> None:
+        """Delete all frames."""
+        # Closing retries failed writes, whose data are no longer needed.
+        with suppress(OSError):
+            self._file.close()
+
+    def _write(self, at: int, block: Array) -> None:
+        with _disk_errors():
+            self._file.seek(8 * at)
+            self._file.write(np.ascontiguousarray(block, np.float64).data)
+            self._file.flush()
+
+    def _read(self, at: int, count: int) -> Array:
+        self._file.seek(8 * at)
+        return np.frombuffer(self._file.read(8 * count), np.float64)
 
 
-def _close(file: IO[bytes]) -> None:
-    # Closing retries failed writes, whose data are no longer needed.
-    with suppress(OSError):
-        file.close()
-
-
-class TempFrames:
+class TempFrames(_Numbers):
     """Frames of one shape on disk, which can be appended and read."""
 
     def __init__(self, *shape: int) -> None:
-        self.shape = shape
-        self.frames = 0
-        self._bytes = 8 * int(np.prod(shape, dtype=np.int64))
-        self._file = _unnamed_file()
+        super().__init__()
+        self.shape, self.frames, self._size = shape, 0, int(np.prod(shape, dtype=np.int64))
 
     def __enter__(self) -> Self:
         return self
@@ -60,48 +72,34 @@ class TempFrames:
     ) -> None:
         self.close()
 
-    def __del__(self) -> None:
-        # Lazy frames may hold the last reference to it.
-        self.close()
-
-    def close(self) -> None:
-        """Delete all frames."""
-        _close(self._file)
-
     def append(self, block: Array) -> None:
         """Append frames, shape (frame, ...); raises FileError if the disk is full."""
-        _write(self._file, self.frames * self._bytes, block)
+        self._write(self.frames * self._size, block)
         self.frames += len(block)
 
     def read(self, first: int, last: int) -> Array:
         """Frames from `first` up to `last`, shape (last - first, ...)."""
-        self._file.seek(first * self._bytes)
-        whole = np.frombuffer(self._file.read((last - first) * self._bytes), np.float64)
-        return whole.reshape(-1, *self.shape)
+        return self._read(first * self._size, (last - first) * self._size).reshape(-1, *self.shape)
 
     def reel(self, frames: int | None = None) -> LazyFrames:
         """All frames as lazy frames; `frames` if more will be appended."""
         return LazyFrames(self.read, (self.frames if frames is None else frames, *self.shape))
 
 
-class TempChannels:
+class TempChannels(_Numbers):
     """Values of every channel over all frames, stored channel by channel, written and read by channel or by frame."""
 
     def __init__(self, frames: int, channels: int) -> None:
+        super().__init__()
         self.frames, self.channels = frames, channels
-        self._file = _unnamed_file()
-
-    def __del__(self) -> None:
-        _close(self._file)
 
     def put(self, channel: int, first: int, values: Array) -> None:
         """Write values of one channel from frame `first` on; raises FileError if the disk is full."""
-        _write(self._file, 8 * (channel * self.frames + first), values)
+        self._write(channel * self.frames + first, values)
 
     def channel(self, number: int, first: int, last: int) -> Array:
         """Values of one channel from frame `first` up to `last`."""
-        self._file.seek(8 * (number * self.frames + first))
-        return np.frombuffer(self._file.read(8 * (last - first)), np.float64)
+        return self._read(number * self.frames + first, last - first)
 
     def fill(self, x: "Array | LazyFrames") -> Self:
         """Write a whole array or lazy frames with the same numbers of frames and channels."""

@@ -38,15 +38,8 @@ def channel_sound(
 ) -> ChannelSound:
     """Convert a channel to sound, without its mean, with 10 ms fades at both ends and its peak near full scale.
 
-    Raises InputError if there is no such channel.
-
-    Parameters
-    ----------
-    rate, sound_rate : float
-        Sampling rate of the channels and of the sound, in Hz.
-    full_scale : float, optional
-        Full scale in the unit of the channel, for comparable loudness; larger values are clipped. If None, the loudest
-        sample is at 0.9 of full scale.
+    `full_scale`, in the unit of the channel, makes loudness comparable; larger values are clipped. If it is None, the
+    loudest sample is at 0.9 of full scale. Raises InputError if there is no such channel.
     """
     channels.check(channel)
     heard = channels.values[:, channel] - channels.values[:, channel].mean()

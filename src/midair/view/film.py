@@ -151,7 +151,10 @@ class Film:
             draw.text((left + 22, 46), group[0].unit, fill="#a9b4c0", font=self._font)
             draw.text((left + 22, 14 + self._side), _short(group[0].low), fill="white", font=self._font)
             left += _BAR + _EDGE
-        self._words(draw)
+        width, height = self._size
+        draw.text((_EDGE + 190, height - 30), f"{self.slower:.4g} times slower", fill="#a9b4c0", font=self._font)
+        if self._showing.simulated:
+            draw.text((width - _EDGE, height - 30), "SIMULATED", fill="#ff7b72", font=self._font, anchor="ra")
         return picture
 
     def _length(self, draw: Any, left: int, width: float) -> None:
@@ -160,12 +163,6 @@ class Film:
         end, level = left + round(self._side * length / width), 42 + self._side
         draw.line([(left, level - 4), (left, level), (end, level), (end, level - 4)], fill="white")
         draw.text((end + 6, level - 10), f"{_short(1e3 * length)} mm", fill="white", font=self._font)
-
-    def _words(self, draw: Any) -> None:
-        width, height = self._size
-        draw.text((_EDGE + 190, height - 30), f"{self.slower:.4g} times slower", fill="#a9b4c0", font=self._font)
-        if self._showing.simulated:
-            draw.text((width - _EDGE, height - 30), "SIMULATED", fill="#ff7b72", font=self._font, anchor="ra")
 
 
 _EDGE, _BAR = 14, 74
@@ -177,10 +174,7 @@ _GROUND, _LINE = (13, 17, 23), (110, 115, 120)
 
 
 def write_gif(film: Film, path: Path, *, progress: Report | None = None) -> None:
-    """Write the film as a looping GIF.
-
-    Raises InputError if it has more than 2000 pictures.
-    """
+    """Write the film as a looping GIF. Raises InputError if it has more than 2000 pictures."""
     if len(film) > MOST_OF_A_GIF:
         raise InputError(
             f"{path.name}: expected at most {MOST_OF_A_GIF} frames in a GIF, got {len(film)}; "
@@ -202,9 +196,10 @@ def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None
     made = ["-an", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(path)]
     command = [program, "-nostdin", "-loglevel", "error", "-y", *given, *made]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        pipe: Any = running.stdin
         try:
             for picture in _with_progress(film, progress):
-                _into(running).write(picture.tobytes())
+                pipe.write(picture.tobytes())
         except BrokenPipeError:
             pass  # ffmpeg ended; its message is read below
         except BaseException:
@@ -216,18 +211,11 @@ def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None
 
 
 def ffmpeg() -> str:
-    """Return the path of ffmpeg.
-
-    Raises MissingExtraError if it is not installed.
-    """
+    """Return the path of ffmpeg. Raises MissingExtraError if it is not installed."""
     found = shutil.which("ffmpeg")
     if found is None:
         raise MissingExtraError("an .mp4 file needs ffmpeg, which is not installed: install it, or save a .gif")
     return found
-
-
-def _into(running: "subprocess.Popen[bytes]") -> Any:
-    return running.stdin
 
 
 def _with_progress(film: Film, progress: Report | None) -> "Iterator[Image.Image]":
@@ -272,15 +260,11 @@ def _fields(sound: Sound) -> Iterator[Tile]:
             field = played[frame].reshape(shape)
             return np.abs(field if sound.finer is None else sound.finer(field))
 
-        yield Tile(title="Played sound", values=made, top=top, unit="Pa", width=width, share=_covered(sound))
-
-
-def _covered(sound: Sound) -> float:
-    """Share of the map's side that the interpolated points cover, which lie from the first grid point to the last."""
-    if sound.finer is None or sound.grid.columns == 1:
-        return 1.0
-    points, finer = sound.grid.columns, len(sound.finer.across)
-    return finer * (points - 1) / (finer - 1) / points
+        share, points = 1.0, sound.grid.columns
+        if sound.finer is not None and points > 1:
+            # Interpolated points lie from the first grid point to the last.
+            share = (finer := len(sound.finer.across)) * (points - 1) / (finer - 1) / points
+        yield Tile(title="Played sound", values=made, top=top, unit="Pa", width=width, share=share)
 
 
 def _cells(channels: Channels, sensor: SensorGrid, top: float) -> Tile:
@@ -325,12 +309,10 @@ def film_of_palm(
     shown = ViewData(title=title, rate=rate, frames=frames, simulated=simulated)
     # Red is positive, blue negative pressure. Leakage may be many times stronger than the target: on a square-root
     # scale both are visible.
-    return Film(shown, side=side, groups=[_tiles(group) for group in groups], table="RdBu_r")
-
-
-def _tiles(group: PalmMaps) -> list[Tile]:
-    top = max(float(np.nanmax(np.abs(each))) for each in group.maps.values())
-    return [_tile(name, each, group, top) for name, each in group.maps.items()]
+    tops = [max(float(np.nanmax(np.abs(each))) for each in group.maps.values()) for group in groups]
+    pairs = zip(groups, tops, strict=True)
+    tiles = [[_tile(name, each, group, top) for name, each in group.maps.items()] for group, top in pairs]
+    return Film(shown, side=side, groups=tiles, table="RdBu_r")
 
 
 def _tile(name: str, frames: Array, group: PalmMaps, top: float) -> Tile:

@@ -19,7 +19,7 @@ have one count of 2 pi / 256 rad per transducer. A mark has one value per frame:
 """
 
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -74,19 +74,30 @@ class Section:
 
 
 def pack(sections: Iterable[Section]) -> bytes:
-    """Encode sections as bytes.
-
-    Raises InputError if a number does not fit into the header.
-    """
+    """Encode sections as bytes. Raises InputError if a number does not fit into the header."""
     return b"".join(_packed(section) for section in sections)
 
 
 def unpack(data: bytes | bytearray | memoryview) -> list[Section]:
-    """Decode sections.
-
-    Raises InputError if version, kind or type is unknown, or the data is incomplete.
-    """
-    return list(_sections(memoryview(data)))
+    """Decode sections. Raises InputError if version, kind or type is unknown, or the data is incomplete."""
+    data, at, found = memoryview(data), 0, list[Section]()
+    while at < len(data):
+        if len(data) - at < HEADER.size:
+            raise InputError(f"section at byte {at}: expected a header of {HEADER.size} bytes, got {len(data) - at}")
+        magic, version, kind, kept, number, time, first, frames, width, unit = HEADER.unpack_from(data, at)
+        if (magic, version) != (MAGIC, VERSION) or kind not in list(Kind) or kept not in TYPES:
+            raise InputError(
+                f"section at byte {at}: expected {MAGIC:#x}, version {VERSION}, a kind of 1 to {len(Kind)} and a type "
+                f"of 1 to {len(TYPES)}, got {magic:#x}, {version}, {kind}, {kept}; reload the page"
+            )
+        dtype, at = TYPES[kept], at + HEADER.size
+        size = frames * width * dtype.itemsize
+        if len(data) - at < size:
+            raise InputError(f"section of frame {first}: expected {size} bytes of values, got {len(data) - at}")
+        values = np.frombuffer(data, dtype, frames * width, at).reshape(frames, width)
+        found.append(Section(kind=Kind(kind), values=values, unit=unit, first=first, time=time, number=number))
+        at += size
+    return found
 
 
 def encode_counts(values: NDArray[Any], kind: Kind, *, dtype: str = "<i2", first: int = 0, rate: float) -> Section:
@@ -124,26 +135,6 @@ def _packed(section: Section) -> bytes:
             f"got {section.number}, {section.first} and {section.unit:g}"
         ) from wrong
     return head + np.ascontiguousarray(section.values, TYPES[number]).tobytes()
-
-
-def _sections(data: memoryview) -> Iterator[Section]:
-    at = 0
-    while at < len(data):
-        if len(data) - at < HEADER.size:
-            raise InputError(f"section at byte {at}: expected a header of {HEADER.size} bytes, got {len(data) - at}")
-        magic, version, kind, kept, number, time, first, frames, width, unit = HEADER.unpack_from(data, at)
-        if (magic, version) != (MAGIC, VERSION) or kind not in list(Kind) or kept not in TYPES:
-            raise InputError(
-                f"section at byte {at}: expected {MAGIC:#x}, version {VERSION}, a kind of 1 to {len(Kind)} and a type "
-                f"of 1 to {len(TYPES)}, got {magic:#x}, {version}, {kind}, {kept}; reload the page"
-            )
-        dtype, at = TYPES[kept], at + HEADER.size
-        size = frames * width * dtype.itemsize
-        if len(data) - at < size:
-            raise InputError(f"section of frame {first}: expected {size} bytes of values, got {len(data) - at}")
-        values = np.frombuffer(data, dtype, frames * width, at).reshape(frames, width)
-        yield Section(kind=Kind(kind), values=values, unit=unit, first=first, time=time, number=number)
-        at += size
 
 
 def _type_number(dtype: np.dtype[Any]) -> int:

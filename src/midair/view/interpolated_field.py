@@ -48,20 +48,8 @@ def fit_interpolation(
 ) -> InterpolatedField:
     """Fit the two matrices with the smallest mean error over all fields of the array with random phases.
 
-    Least squares over the fields of the single transducers on some lines of the grid.
-
-    Parameters
-    ----------
-    grid : ControlGrid
-        Points with known field.
-    acoustics : Acoustics, optional
-        Air and directivity; those of the paper if None.
-    times : int
-        Ratio of points per side, finer to known.
-    lines : int
-        Number of rows, and of columns, for the fit.
-    noise : float
-        Relative rms error of the known field; the default is about that of 8-bit counts.
+    Least squares over the fields of the single transducers on `lines` rows and columns of the grid, which get `times`
+    as many points per side. `noise` is the relative rms error of the known field, by default that of 8-bit counts.
     """
     x, y = grid.x + grid.centre[0], grid.y + grid.centre[1]
     fine_x, fine_y = _between(x, times), _between(y, times)

@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import ControlGrid
 from midair.view.colours import TABLES, colour_table
 from midair.view.frame_encoding import Kind, Section, encode_counts, pack, phase_counts
-from midair.view.interpolated_field import InterpolatedField
 from midair.view.view_data import Channels, Sound, ViewData
 
 CHUNK = 250
@@ -76,10 +74,7 @@ def size_of(showing: ViewData) -> int:
 
 
 def check_size(showing: ViewData, *, most: int = 64 * 2**20) -> None:
-    """Check that a view fits into one page.
-
-    Raises InputError if its frames are more than `most` bytes.
-    """
+    """Raise InputError if the frames of a view are more than `most` bytes, too many for one page."""
     size = size_of(showing)
     if size > most:
         raise InputError(
@@ -110,26 +105,15 @@ def _tracks(showing: ViewData) -> Iterator[dict[str, object]]:
 
 
 def _plane(sound: Sound) -> dict[str, object]:
-    grid, data = sound.grid, dict[str, object]()
-    data["field"] = {"rows": grid.rows, "columns": grid.columns, "place": _place(grid), **_matrices(sound.finer)}
-    data["top"] = sound.top
-    data["played"] = "Played, simulated"
+    grid = sound.grid
+    place = {"pitch": 1e3 * grid.pitch, "x": 1e3 * grid.centre[0], "y": 1e3 * grid.centre[1]}
+    field: dict[str, object] = {"rows": grid.rows, "columns": grid.columns, "place": place}
+    for name in () if sound.finer is None else ("down", "across"):
+        field[name] = _text(np.asarray(getattr(sound.finer, name), "<f4").tobytes())
+    data: dict[str, object] = {"field": field, "top": sound.top, "played": "Played, simulated"}
     if sound.drive is not None:
         data["positions"] = np.round(1e3 * sound.drive.array.position[:, :2], 2).ravel().tolist()
     return data
-
-
-def _place(grid: ControlGrid) -> dict[str, float]:
-    return {"pitch": 1e3 * grid.pitch, "x": 1e3 * grid.centre[0], "y": 1e3 * grid.centre[1]}
-
-
-def _matrices(finer: InterpolatedField | None) -> dict[str, str]:
-    if finer is None:
-        return {}
-    return {
-        name: _text(np.asarray(each, "<f4").tobytes())
-        for name, each in (("down", finer.down), ("across", finer.across))
-    }
 
 
 def _counts(values: NDArray[np.float64] | NDArray[np.complex128], kind: Kind, dtype: str, showing: ViewData) -> bytes:

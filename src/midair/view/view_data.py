@@ -143,10 +143,7 @@ def show_target(target: AmplitudeFrames, *, part: Part = WHOLE) -> ViewData:
 
 
 def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = None, part: Part = WHOLE) -> ViewData:
-    """View of the field that a drive plays, beside its target, and of the phases of its array.
-
-    Without a target, the plane is the default grid, 200 mm above the array.
-    """
+    """View of the field that a drive plays, beside its target, by default 200 mm above the array, and of its phases."""
     whole = solution.drive if isinstance(solution, Solution) else solution
     first, last = frame_range(part, whole.frames, whole.rate)
     drive = replace(whole, phase=read_frames(whole.phase, first, last), level=read_frames(whole.level, first, last))
@@ -175,10 +172,7 @@ def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = N
 def show_comparison(
     original: PressureFrames, again: PressureFrames, *, sound: Sound | None = None, part: Part = WHOLE
 ) -> ViewData:
-    """View of a re-recording over its original, with the sound field between them if given.
-
-    Raises RateError if the rates differ.
-    """
+    """View of a re-recording over its original, with the sound field between them; RateError if the rates differ."""
     if not np.isclose(original.rate, again.rate, rtol=1e-9):
         raise RateError(f"comparison: expected both at one rate, got {original.rate:g} and {again.rate:g} Hz")
     first, last = frame_range(part, min(original.frames, again.frames), original.rate)

@@ -24,12 +24,12 @@ class LeapFrames:
         if "hands" not in frame:
             return None
         try:
-            hands = [hand for hand in frame["hands"] if self._side in ("any", hand["type"])]
+            hands: list[Mapping[str, Any]] = [hand for hand in frame["hands"] if self._side in ("any", hand["type"])]
             if not hands:
                 self._id = None
                 return None
             hand = next((hand for hand in hands if hand["id"] == self._id), None)
-            hand = hand or max(hands, key=_time_visible)
+            hand = hand or max(hands, key=lambda one: float(one.get("timeVisible", 0.0)))
             self._id = hand["id"]
             return RawPose(
                 stamp=float(frame["timestamp"]) * 1e-6,
@@ -42,10 +42,6 @@ class LeapFrames:
             )
         except (KeyError, TypeError, ValueError, AttributeError) as wrong:
             return f"a frame without a usable {str(wrong)[:60]}"
-
-
-def _time_visible(hand: Mapping[str, Any]) -> float:
-    return float(hand.get("timeVisible", 0.0))
 
 
 def _turned(vector: Any) -> tuple[float, float, float]:

@@ -1,7 +1,7 @@
 """Poses in messages of Open Sound Control 1.0 over UDP.
 
-It parses the packets itself: python-osc replaces the time of a bundle that has passed by now, and logs a line for each
-bad packet.
+It parses the packets itself: python-osc 1.10 never returns from an element of negative size, reads a number that is cut
+off as 0, replaces the time of a bundle that has passed by now, and logs a line for each bad packet.
 """
 
 import socket
@@ -15,10 +15,7 @@ from midair.errors import DeviceError, InputError
 
 
 class OscPoses:
-    """Messages to a port with 9 or 10 numbers: centre in m, normal, direction of the fingers, and confidence.
-
-    The time of a bundle is the time of the pose; a message without one has the time of its arrival.
-    """
+    """Messages with 9 or 10 numbers (those of `LslPoses`), at the time of their bundle or else of their arrival."""
 
     host_clock = False
 
@@ -84,10 +81,7 @@ EPOCH = 2208988800
 
 
 def messages(packet: bytes) -> Iterator[tuple[float | None, str, list[float]]]:
-    """Time in s since 1970 (None for now), address and numbers of each message; bundles within a bundle are left out.
-
-    ValueError, struct.error or IndexError if the packet is malformed.
-    """
+    """Time since 1970 (None for now), address and numbers of each message; ValueError, struct.error or IndexError."""
     if not packet.startswith(b"#bundle\0"):
         yield (None, *_message(packet))
         return

@@ -61,14 +61,7 @@ class PosePredictor:
     """Predicts centre, normal and fingers by one Kalman filter.
 
     A new pose corrects the prediction; the correction is blended in over `smoothing` s from the last predicted time,
-    without a step of position or velocity, since steps are felt.
-
-    Parameters
-    ----------
-    model : MotionModel
-        How a palm moves.
-    smoothing : float
-        Time over which a correction is blended in, in s; 0 for steps.
+    without a step of position or velocity, since steps are felt; 0 for steps.
     """
 
     def __init__(self, model: MotionModel = DAMPED_VELOCITY, *, smoothing: float = 0.017) -> None:

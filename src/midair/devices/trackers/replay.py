@@ -11,15 +11,7 @@ from midair.model import PalmPath
 
 
 class ReplaySource:
-    """Sends each pose `latency` s after its time, which counts from `begin`; the last pose ends it.
-
-    Parameters
-    ----------
-    palm : PalmPath
-        Poses in the coordinates of the tracker.
-    latency : float
-        Time from a pose to its arrival, in s.
-    """
+    """Sends each pose, in the tracker's coordinates, `latency` s after its time, which counts from `begin`, once."""
 
     host_clock = True
 

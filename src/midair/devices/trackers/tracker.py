@@ -262,9 +262,17 @@ class Tracker:
         self._fit.add(pose.stamp, arrived)
         at = self._time(pose.stamp)
         last = self._rows[-1] if self._rows else None
-        if self._is_frozen(values, pose.stamp) or (last is not None and self._jumps(values, at - last[0], last)):
+        if self._values is None or not np.array_equal(values, self._values):
+            self._values, self._same_since = values, pose.stamp
+        if self._frozen():
+            self._report("frozen", f"the pose has not changed by one bit for {1e3 * self.options.freeze:.0f} ms")
             return
         if last is not None:
+            way, speed = float(np.linalg.norm(values[:3] - last[1:4])), self.options.speed
+            # 2 ms and 2 mm for the error of the stamps and of the tracker.
+            if way > 2e-3 + speed * (max(at - last[0], 0.0) + 2e-3):
+                self._report("jump", f"expected at most {speed:g} m/s, got a jump of {1e3 * way:.0f} mm")
+                return
             if at - last[0] > GAP:
                 self._report("gap", f"no pose for {1e3 * (at - last[0]):.0f} ms", every=True)
             # A better offset of the clock may lie below the last time.
@@ -313,24 +321,8 @@ class Tracker:
         self._stamp = self._same_since = self._accepted_stamp = -math.inf
         self._bad_stamps_since: float | None = None
 
-    def _is_frozen(self, values: NDArray[np.float64], stamp: float) -> bool:
-        if self._values is None or not np.array_equal(values, self._values):
-            self._values, self._same_since = values, stamp
-        if self._frozen():
-            self._report("frozen", f"the pose has not changed by one bit for {1e3 * self.options.freeze:.0f} ms")
-            return True
-        return False
-
     def _frozen(self) -> bool:
         return self.options.freeze > 0 and self._stamp - self._same_since > self.options.freeze
-
-    def _jumps(self, values: NDArray[np.float64], after: float, last: NDArray[np.float64]) -> bool:
-        way = float(np.linalg.norm(values[:3] - last[1:4]))
-        # 2 ms and 2 mm for the error of the stamps and of the tracker.
-        if way > 2e-3 + self.options.speed * (max(after, 0.0) + 2e-3):
-            self._report("jump", f"expected at most {self.options.speed:g} m/s, got a jump of {1e3 * way:.0f} mm")
-            return True
-        return False
 
     def _report(self, kind: str, text: str, *, every: bool = False) -> None:
         self._faults[kind] += 1

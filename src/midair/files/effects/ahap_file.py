@@ -17,7 +17,7 @@ import numpy as np
 from midair.array_types import Array
 from midair.errors import BrokenFileError
 from midair.files.atomic import atomic_file
-from midair.files.opened_take import FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
+from midair.files.opened_take import FormatLoss, ImportedData, ImportOptions, Lost, OpenedTake, calibration_lost
 from midair.files.size_limits import check_memory_for
 from midair.model import Calibration, Recording
 from midair.streaming import medians, read_frames, with_cache
@@ -40,15 +40,16 @@ def write_ahap(recording: Recording, path: Path, calibration: Calibration | None
     time, intensity, frequency = envelope(recording)
     low, high = SHARPNESS
     sharpness = np.clip((frequency - low) / (high - low), 0, 1)
+    starts = np.arange(0.0, recording.duration, EVENT_LIMIT)
     pattern = [
-        *(_event(start, min(EVENT_LIMIT, recording.duration - start)) for start in _starts(recording.duration)),
+        *(_event(start, min(EVENT_LIMIT, recording.duration - start)) for start in starts),
         *_curves("HapticIntensityControl", time, intensity),
         # This curve is added to the 0.5 of the events.
         *_curves("HapticSharpnessControl", time, sharpness - 0.5),
     ]
     with atomic_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
         json.dump({"Version": 1.0, "Pattern": pattern}, file, allow_nan=False, indent=1)
-    return (*_losses(recording), *calibration_lost(calibration, "AHAP"))
+    return (*_losses(recording, len(starts)), *calibration_lost(calibration, "AHAP"))
 
 
 def envelope(recording: Recording) -> tuple[Array, Array, Array]:
@@ -79,10 +80,6 @@ def envelope(recording: Recording) -> tuple[Array, Array, Array]:
     return time, rms / (rms.max() or 1.0), frequency
 
 
-def _starts(duration: float) -> Array:
-    return np.arange(0.0, duration, EVENT_LIMIT)
-
-
 def _event(start: float, duration: float) -> dict[str, Any]:
     parameters = [
         {"ParameterID": "HapticIntensity", "ParameterValue": 1.0},
@@ -111,30 +108,21 @@ def _curves(name: str, time: Array, values: Array) -> list[dict[str, Any]]:
     return curves
 
 
-def _losses(recording: Recording) -> tuple[FormatLoss, ...]:
+def _losses(recording: Recording, parts: int) -> tuple[FormatLoss, ...]:
     low, high = SHARPNESS
     rows, columns = recording.sensor.shape
-    found = [
-        FormatLoss(
-            what="channels", text=f"{rows} x {columns} cells became one actuator: the position of the pressure is lost."
-        ),
-        FormatLoss(what="waveform", text=f"The waveform became an intensity and a sharpness every {STEP * 1e3:g} ms."),
-        FormatLoss(
-            what="band", text=f"Sharpness maps {low:g} to {high:g} Hz; frequencies outside are moved to these limits."
-        ),
-        FormatLoss(what="scale", text="Intensity is relative to the recording's maximum: the absolute level is lost."),
-        FormatLoss(what="provenance", text="Sensor and provenance were left out."),
+    found: list[tuple[Lost, str]] = [
+        ("channels", f"{rows} x {columns} cells became one actuator: the position of the pressure is lost."),
+        ("waveform", f"The waveform became an intensity and a sharpness every {STEP * 1e3:g} ms."),
+        ("band", f"Sharpness maps {low:g} to {high:g} Hz; frequencies outside are moved to these limits."),
+        ("scale", "Intensity is relative to the recording's maximum: the absolute level is lost."),
+        ("provenance", "Sensor and provenance were left out."),
     ]
     if recording.provenance.simulated:
-        found.append(FormatLoss(what="provenance", text="The file cannot state that this recording is SIMULATED."))
+        found.append(("provenance", "The file cannot state that this recording is SIMULATED."))
     if recording.duration > EVENT_LIMIT:
-        parts = len(_starts(recording.duration))
-        found.append(
-            FormatLoss(
-                what="length", text=f"{recording.duration:g} s became {parts} events of up to {EVENT_LIMIT:g} s."
-            )
-        )
-    return tuple(found)
+        found.append(("length", f"{recording.duration:g} s became {parts} events of up to {EVENT_LIMIT:g} s."))
+    return tuple(FormatLoss(what=what, text=text) for what, text in found)
 
 
 RATE = 8000.0
@@ -158,7 +146,10 @@ def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
     HapticSharpnessControl (added). Apple specifies no shapes: a transient is a decaying click; attack, decay and
     release are linear. Audio events are left out and reported.
     """
-    pattern = _pattern(path)
+    content = json.loads(path.read_text(encoding="utf-8-sig"))
+    if not isinstance(content, dict) or not isinstance(content.get("Pattern"), list):
+        raise BrokenFileError(f"{path}: expected an AHAP with a Pattern, got none")
+    pattern = [entry for entry in content["Pattern"] if isinstance(entry, dict)]
     events = [entry["Event"] for entry in pattern if "Event" in entry]
     haptic = [event for event in events if event.get("EventType") in ("HapticContinuous", "HapticTransient")]
     if not haptic:
@@ -190,14 +181,6 @@ def frame_times(path: Path, end: float, rate: float, *, channels: int = 1) -> Ar
         8 * (2 * channels + 6) * end * rate, f"{path}, {end:g} s at {rate:g} Hz", "state a lower rate with --rate"
     )
     return np.arange(round(end * rate)) / rate
-
-
-def _pattern(path: Path) -> Sequence[Mapping[str, Any]]:
-    content = json.loads(path.read_text(encoding="utf-8-sig"))
-    pattern = content.get("Pattern") if isinstance(content, dict) else None
-    if not isinstance(pattern, list):
-        raise BrokenFileError(f"{path}: expected an AHAP with a Pattern, got none")
-    return [entry for entry in pattern if isinstance(entry, dict)]
 
 
 def _parameter(event: Mapping[str, Any], name: str, otherwise: float) -> float:

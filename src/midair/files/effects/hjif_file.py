@@ -18,7 +18,7 @@ from midair.array_types import Array
 from midair.errors import BrokenFileError
 from midair.files.atomic import atomic_file
 from midair.files.effects.ahap_file import CLICK, RATE, frame_times
-from midair.files.opened_take import FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
+from midair.files.opened_take import FormatLoss, ImportedData, ImportOptions, Lost, OpenedTake, calibration_lost
 from midair.model import Calibration, Recording
 from midair.streaming import block_ranges, medians, moments, read_frames
 from midair.version import __version__
@@ -141,22 +141,16 @@ def _description(recording: Recording, peak: float) -> str:
 
 def _losses(recording: Recording, peak: float, shifted: bool, timescale: int) -> tuple[FormatLoss, ...]:
     steps = f"{peak / _STEPS:.3g} {recording.unit}"
-    found = [
-        FormatLoss(
-            what="scale",
-            text=f"Samples are relative to the largest change, {peak:.6g} {recording.unit}, in steps of {steps}.",
-        ),
-        FormatLoss(
-            what="sensor",
-            text="Positions of the cells are only text: the format has one actuator per channel.",
-        ),
-        FormatLoss(what="provenance", text="The steps and notes of the provenance were left out."),
+    found: list[tuple[Lost, str]] = [
+        ("scale", f"Samples are relative to the largest change, {peak:.6g} {recording.unit}, in steps of {steps}."),
+        ("sensor", "Positions of the cells are only text: the format has one actuator per channel."),
+        ("provenance", "The steps and notes of the provenance were left out."),
     ]
     if shifted:
-        found.append(FormatLoss(what="band", text="The median of each channel was subtracted: only changes are kept."))
+        found.append(("band", "The median of each channel was subtracted: only changes are kept."))
     if timescale != recording.rate:
-        found.append(FormatLoss(what="rate", text=f"Frames were moved to the nearest of {timescale} ticks a second."))
-    return tuple(found)
+        found.append(("rate", f"Frames were moved to the nearest of {timescale} ticks a second."))
+    return tuple(FormatLoss(what=what, text=text) for what, text in found)
 
 
 Plain = Mapping[str, Any]

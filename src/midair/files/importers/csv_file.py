@@ -50,7 +50,7 @@ def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
     if text.startswith(MARK):
         return _own(text, path, given)
     table = read_table(text, path, gaps=given.mending is not None)
-    if fabricslide.is_fabricslide(table.names):
+    if table.names == fabricslide.COLUMNS:
         return fabricslide.imported(table, path, given).resolve(given, path)
     return _foreign(table, given).resolve(given, path)
 

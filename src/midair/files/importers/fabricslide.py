@@ -22,11 +22,6 @@ _LAYOUT = (
 )
 
 
-def is_fabricslide(names: tuple[str, ...]) -> bool:
-    """True if these are the columns of a FabricSlide table."""
-    return names == COLUMNS
-
-
 def imported(table: TextTable, path: Path, given: ImportOptions) -> ImportedData:
     """The 16 taxels at a fixed rate, without the proximity readings."""
     even = to_fixed_rate(table.values[:, 0] / 1e3, table.values[:, 3:], rate=given.rate)

@@ -2,29 +2,24 @@
 
 import json
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import BrokenFileError, UnknownFormatError
-from midair.files.native import FORMAT, from_plain, to_plain
+from midair.errors import BrokenFileError
+from midair.files.native import check_format, from_plain, signature, to_plain
 from midair.files.text_files import json_of
 from midair.model import Recording, SensorGrid
 from midair.streaming import each_frame
-from midair.version import __version__
 
 
 def header_of(recording: Recording, *, scale_exponent: int | None = None) -> str:
     """All data of a recording except its samples, as one line of ASCII; full scale is 2^scale_exponent."""
     sensor = recording.sensor
     plain: dict[str, Any] = {
-        "kind": "midair recording",
-        "format": FORMAT,
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "created_by": f"midair {__version__}",
+        **signature("recording", recording.provenance),
         "frames": recording.frames,
         "rate_hz": recording.rate,
         "unit": recording.unit,
@@ -41,11 +36,7 @@ def parse_header(text: str, path: Path) -> Mapping[str, Any]:
     header = json_of(text)
     if not isinstance(header, dict) or header.get("kind") != "midair recording":
         raise BrokenFileError(f"{path}: expected the header of a midair recording, got {text[:60]!r}")
-    version = header.get("format")
-    if not isinstance(version, int) or version < 1:
-        raise BrokenFileError(f"{path}: expected a whole number from 1 on as format, got {version!r}")
-    if version > FORMAT:
-        raise UnknownFormatError(f"{path}: expected format {FORMAT}, got {version}, of a newer midair; update midair")
+    check_format(header.get("format"), path)
     return header
 
 

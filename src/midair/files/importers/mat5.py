@@ -9,10 +9,9 @@ import math
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +27,7 @@ _MOST = 10_000
 _MATRIX, _COMPRESSED, _CHAR, _COMPLEX = 14, 15, 4, 0x08
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Element:
+class _Element(NamedTuple):
     kind: int
     data: bytes
 

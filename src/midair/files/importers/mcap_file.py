@@ -21,21 +21,8 @@ from midair.files.size_limits import check_expansion
 from midair.files.text_files import json_of
 from midair.files.timestamps import to_fixed_rate
 
-_ROS = {
-    f"std_msgs/msg/{name}MultiArray": dtype
-    for name, dtype in (
-        ("Float32", "f4"),
-        ("Float64", "f8"),
-        ("Int8", "i1"),
-        ("Int16", "i2"),
-        ("Int32", "i4"),
-        ("Int64", "i8"),
-        ("UInt8", "u1"),
-        ("UInt16", "u2"),
-        ("UInt32", "u4"),
-        ("UInt64", "u8"),
-    )
-}
+_NUMBERS = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64")
+_ROS = {f"std_msgs/msg/{name}MultiArray": np.dtype(name.lower()).str[1:] for name in _NUMBERS}
 
 _CHUNK = 6
 _EXPANDED_ANYWAY = 2**24  # bytes; low, because parsing numbers from text is slow
@@ -108,11 +95,8 @@ def _messages(path: Path) -> tuple[dict[str, _Topic], bool]:
 
 
 def _check_chunks(path: Path) -> None:
-    """Raise BrokenFileError if the chunks, or their zstd frames, expand to more than the limit for this file.
-
-    A record is an opcode, a length of 8 bytes, and content. The content of a chunk starts with two times, its expanded
-    size, a checksum, and the name of the compression (MCAP Format Specification, Chunk).
-    """
+    """Raise BrokenFileError if the chunks, or their zstd frames, expand to more than the limit for this file."""
+    # Opcode, length (8 bytes), two times, expanded size, checksum, compression (MCAP Format Specification, Chunk).
     from zstandard import ZstdError, get_frame_parameters
 
     place, size, expanded = 8, path.stat().st_size, 0
@@ -181,10 +165,8 @@ def _from_json(data: bytes) -> dict[str, Any] | list[Any]:
 
 
 def _from_cdr(data: bytes, dtype: str) -> NDArray[Any]:
-    """Data of a MultiArray: its layout (labels, sizes and strides of the axes, an offset), then the numbers.
-
-    XCDR1 (OMG DDSI-RTPS 2.5, 10.2): 4 bytes give the byte order, then each value is aligned to its own size.
-    """
+    """Data of a MultiArray: labels, sizes and strides of the axes, an offset, then the numbers."""
+    # XCDR1 (OMG DDSI-RTPS 2.5, 10.2): 4 bytes give the byte order, then each value is aligned to its own size.
     order = "<" if data[1] & 1 else ">"
     words = struct.Struct(order + "I")
 

@@ -8,12 +8,12 @@ the order of pins.
 
 import os
 import re
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import BrokenFileError, InputError, MissingFileError
+from midair.errors import BrokenFileError, InputError
+from midair.files.text_files import read_text
 from midair.model import Board
 
 LARGEST = 65_536
@@ -26,7 +26,12 @@ def load_board(path: str | os.PathLike[str]) -> Board:
     Raises MissingFileError if the file does not exist; BrokenFileError if it is not a board file, or a number is out of
     range.
     """
-    serial, *lines = _lines(Path(path))
+    expected = "the seven lines of an OpenMPD board file"
+    content = read_text(path, f"{expected} (board_N.pat)", largest=LARGEST)
+    whole = [line.strip() for line in content.splitlines() if line.strip()]
+    if len(whole) != 7:
+        raise BrokenFileError(f"{path}: expected {expected}, got {len(whole)}; use the board_N.pat of this board")
+    serial, *lines = whole
     count, steps = (_numbers(line, path, 1)[0] for line in lines[:2])
     if (count, steps) != (256, 128):
         raise BrokenFileError(f"{path}: expected a board of 256 transducers and 128 steps, got {count:g} and {steps:g}")
@@ -42,23 +47,6 @@ def load_board(path: str | os.PathLike[str]) -> Board:
         )
     except InputError as wrong:
         raise BrokenFileError(f"{path}: {wrong}") from None
-
-
-def _lines(path: Path) -> list[str]:
-    try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST + 1)
-    except FileNotFoundError:
-        raise MissingFileError(f"{path}: expected a board file of OpenMPD (board_N.pat), found no file") from None
-    except OSError as wrong:
-        raise BrokenFileError(f"{path}: {wrong.strerror}") from wrong
-    lines = [line.strip() for line in content.decode("ascii", errors="replace").splitlines() if line.strip()]
-    if len(lines) != 7 or len(content) > LARGEST:
-        raise BrokenFileError(
-            f"{path}: expected the seven lines of an OpenMPD board file, got {len(lines)}; "
-            "use the board_N.pat of this board"
-        )
-    return lines
 
 
 def _numbers(line: str, path: str | os.PathLike[str], count: int) -> NDArray[np.float64]:

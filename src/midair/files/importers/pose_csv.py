@@ -19,12 +19,8 @@ NAMES = ("time", "x", "y", "z", "nx", "ny", "nz", "dx", "dy", "dz", "confidence"
 def load_palm_path(path: str | os.PathLike[str]) -> PalmPath:
     """Read the poses of a palm.
 
-    Normals and directions of fingers are normalised; a length that differs by more than 1 % from 1 is refused.
-
-    Raises
-    ------
-    MissingFileError, BrokenFileError
-        If the file does not exist, or is not a table of poses with increasing times.
+    Normals and directions of fingers are normalised; a length that differs by more than 1 % from 1 is refused. Raises
+    MissingFileError or BrokenFileError if the file does not exist, or is not a table of poses with increasing times.
     """
     table = read_table(read_text(path, "a table of poses"), Path(path))
     if table.names != NAMES:

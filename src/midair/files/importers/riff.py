@@ -10,7 +10,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from midair.errors import BrokenFileError
 
@@ -42,7 +42,7 @@ def chunks(path: Path) -> tuple[RiffChunk, ...]:
         else:
             raise BrokenFileError(f"{path}: expected a WAV, got a file that begins with {start[:12]!r}")
         found: list[RiffChunk] = []
-        for chunk in walk(_Bytes(file=file, size=size)):
+        for chunk in walk(file, size):
             if chunk.length < 0 or chunk.start + chunk.length > size:
                 raise BrokenFileError(
                     f"{path}: expected {chunk.length} bytes in chunk {chunk.letters.decode('latin-1')!r}, got "
@@ -70,33 +70,26 @@ def content(path: Path, chunk: RiffChunk) -> bytes:
         return file.read(chunk.length)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Bytes:
-    """An open file and its length."""
-
-    file: BinaryIO
-    size: int
-
-    def at(self, place: int, count: int) -> bytes:
-        self.file.seek(place)
-        return self.file.read(count)
+def _numbers_at(file: BinaryIO, place: int, layout: str) -> tuple[Any, ...]:
+    file.seek(place)
+    return struct.unpack(layout, file.read(struct.calcsize(layout)))
 
 
-def _walk_riff(data: _Bytes) -> Iterator[RiffChunk]:
+def _walk_riff(file: BinaryIO, size: int) -> Iterator[RiffChunk]:
     place, long = 12, 0
-    while place + 8 <= data.size:
-        letters, length = struct.unpack("<4sI", data.at(place, 8))
-        if letters == b"ds64" and length >= 16 and place + 24 <= data.size:
-            long = struct.unpack("<Q", data.at(place + 16, 8))[0]
+    while place + 8 <= size:
+        letters, length = _numbers_at(file, place, "<4sI")
+        if letters == b"ds64" and length >= 16 and place + 24 <= size:
+            (long,) = _numbers_at(file, place + 16, "<Q")
         if letters == b"data" and length == _LONG and long:
             length = long
         yield RiffChunk(letters=letters, start=place + 8, length=length)
         place += 8 + length + length % 2
 
 
-def _walk_wave64(data: _Bytes) -> Iterator[RiffChunk]:
+def _walk_wave64(file: BinaryIO, size: int) -> Iterator[RiffChunk]:
     place = 40
-    while place + 24 <= data.size:
-        letters, length = struct.unpack("<4s12xQ", data.at(place, 24))
+    while place + 24 <= size:
+        letters, length = _numbers_at(file, place, "<4s12xQ")
         yield RiffChunk(letters=letters, start=place + 24, length=length - 24)
         place += -(-length // 8) * 8

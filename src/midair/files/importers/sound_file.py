@@ -101,10 +101,7 @@ def _lazy_samples(path: Path, file: "soundfile.SoundFile") -> LazyFrames:
 def sound_of(
     samples: Any, subtype: str, rate: float, given: ImportOptions, path: Path, *, form: str = "WAV"
 ) -> ImportedData:
-    """Data of a sound file: samples relative to full scale, shape (frame, channel), and its integer rate in Hz.
-
-    A rate in `given` that rounds to `rate` replaces it; `subtype` is that of libsndfile; `form` names the format.
-    """
+    """Data of a sound file from its samples (frame, channel); a rate in `given` that rounds to `rate` replaces it."""
     exact = given.rate if given.rate is not None and round(given.rate) == rate else rate
     full = f"1 {given.unit}" if given.scale is None else f"{given.scale:g} Pa"
     scale, remark = 1.0, f"Full scale of the {form} ({subtype}) was taken as {full}."

@@ -9,7 +9,6 @@ sensor.
 
 import math
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,20 +21,7 @@ from midair.files.importers.units import known_unit
 from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 
 _META, _NEW, _RAW, _INTERLEAVED, _BIG, _DAQMX = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6, 1 << 7
-_TYPES = {
-    1: "i1",
-    2: "i2",
-    3: "i4",
-    4: "i8",
-    5: "u1",
-    6: "u2",
-    7: "u4",
-    8: "u8",
-    9: "f4",
-    10: "f8",
-    0x19: "f4",
-    0x1A: "f8",
-}
+_TYPES = dict(enumerate(("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8"), 1)) | {0x19: "f4", 0x1A: "f8"}
 _STRING, _BOOLEAN, _TIME = 0x20, 0x21, 0x44
 _UNFINISHED = 0xFFFFFFFFFFFFFFFF
 
@@ -45,7 +31,7 @@ class _Object:
     """A group or channel, as read so far."""
 
     properties: dict[str, Any] = field(default_factory=dict[str, Any])
-    dtype: np.dtype[Any] | None = None
+    dtype: np.dtype[Any] = field(default_factory=lambda: np.dtype("u1"))
     count: int = 0
     pieces: list[NDArray[Any]] = field(default_factory=list[NDArray[Any]])
 
@@ -200,8 +186,8 @@ def _value(cursor: _Cursor, code: int) -> Any:
 
 def _raw(cursor: _Cursor, objects: dict[str, _Object], active: list[str], end: int, *, interleaved: bool) -> None:
     """Read complete chunks up to `end`; an incomplete last chunk is ignored."""
-    held = [objects[name] for name in active if objects[name].dtype is not None and objects[name].count]
-    sizes = [item.count * item.dtype.itemsize for item in held if item.dtype is not None]
+    held = [objects[name] for name in active if objects[name].count]
+    sizes = [item.count * item.dtype.itemsize for item in held]
     if not held or not 0 < sum(sizes) <= end - cursor.place:
         return
     whole = (end - cursor.place) // sum(sizes)
@@ -214,19 +200,9 @@ def _raw(cursor: _Cursor, objects: dict[str, _Object], active: list[str], end: i
         for i, item in enumerate(held):
             item.pieces.append(rows[str(i)])
         return
-    for piece, item in _contiguous(cursor, held, sizes, whole):
-        item.pieces.append(piece)
-
-
-def _contiguous(
-    cursor: _Cursor, held: list[_Object], sizes: list[int], whole: int
-) -> Iterator[tuple[NDArray[Any], _Object]]:
     table = np.frombuffer(cursor.take(whole * sum(sizes)), np.uint8).reshape(whole, sum(sizes))
-    first = 0
-    for item, size in zip(held, sizes, strict=True):
-        if item.dtype is not None:
-            yield np.ascontiguousarray(table[:, first : first + size]).view(item.dtype).reshape(-1), item
-        first += size
+    for item, part in zip(held, np.split(table, np.cumsum(sizes)[:-1], axis=1), strict=True):
+        item.pieces.append(np.ascontiguousarray(part).view(item.dtype).reshape(-1))
 
 
 TDMS = Format(name="TDMS", read=read_tdms, memory=3)

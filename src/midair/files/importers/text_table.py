@@ -4,11 +4,13 @@ import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, NonFiniteError
+from midair.files.text_files import is_number
 from midair.progress import report_progress
 
 
@@ -22,20 +24,20 @@ class TextTable:
     """Shape (row, column), finite."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Row:
+class _Row(NamedTuple):
     line: int
     fields: list[str]
 
 
 def read_table(text: str, path: Path, *, gaps: bool = False) -> TextTable:
-    """Read numbers separated by commas, semicolons or tabs, with or without a row of names.
+    """Read numbers separated by commas, semicolons or tabs, with or without names; empty lines and # are skipped.
 
-    Spaces around fields, empty lines and lines that start with # are skipped. A comma at the end of a row adds no
-    field. With `gaps`, fields that are empty, NaN or infinite become NaN; otherwise they raise NonFiniteError.
+    With `gaps`, fields that are empty, NaN or infinite become NaN; otherwise they raise NonFiniteError.
     """
     rows = list(_rows(text, path))
-    names = () if not rows or _is_data(rows[0], gaps=gaps) else tuple(_stripped(rows.pop(0).fields))
+    # A row is numeric if its first field is a number, or with gaps its first non-empty field.
+    first = [field for field in rows[0].fields if field.strip() or not gaps] if rows else []
+    names = () if not rows or _is_number(first[0]) else tuple(_stripped(rows.pop(0).fields))
     if not rows:
         raise BrokenFileError(f"{path}: expected rows of numbers, got none")
     width = len(names) or len(_stripped(rows[0].fields))
@@ -59,12 +61,6 @@ def _rows(text: str, path: Path) -> Iterator[_Row]:
         raise BrokenFileError(
             f"{path}: expected comma-separated values, got line {reader.line_num}: {wrong}"
         ) from wrong
-
-
-def _is_data(row: _Row, *, gaps: bool) -> bool:
-    """True if a row is numeric: its first field is a number, or with gaps its first non-empty field."""
-    fields = [field for field in row.fields if field.strip()] if gaps else row.fields
-    return _is_number(fields[0])
 
 
 def _stripped(fields: list[str]) -> list[str]:
@@ -130,10 +126,4 @@ def _column(column: int, names: tuple[str, ...]) -> str:
 
 def _is_number(field: str) -> bool:
     # Python reads 1_000 as 1000; other programs write no underscores in numbers.
-    if "_" in field:
-        return False
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return True
+    return "_" not in field and is_number(field)

@@ -12,11 +12,13 @@ from .drive_file import load_solution as load_solution
 from .drive_file import load_target as load_target
 from .drive_file import save_solution as save_solution
 from .drive_file import save_solutions as save_solutions
+from .hdf5 import check_format as check_format
 from .hdf5 import check_kind as check_kind
 from .hdf5 import kind_of as kind_of
 from .hdf5 import open_file as open_file
 from .hdf5 import open_plain as open_plain
 from .hdf5 import plain_text as plain_text
+from .hdf5 import signature as signature
 from .hdf5 import stored_dataset as stored_dataset
 from .played_group import load_played as load_played
 from .provenance_json import from_plain as from_plain

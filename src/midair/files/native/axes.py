@@ -38,30 +38,29 @@ def sensor_from(values: Mapping[str, Any]) -> SensorGrid:
     )
 
 
+_ARRAY = {
+    "array_name": "name",
+    "array_pressure_pa_m": "pressure",
+    "array_frequency_hz": "frequency",
+    "transducer_position": "position",
+    "transducer_normal": "normal",
+    "transducer_unit": "unit",
+}
+"""Names in the file of the attributes of an array."""
+
+
 def array_values(array: TransducerArray) -> dict[str, Any]:
     """Stored values of an array without the response of its transducers."""
     return {
-        "array_name": array.name,
-        "array_pressure_pa_m": array.pressure,
-        "array_frequency_hz": array.frequency,
+        **{name: getattr(array, attribute) for name, attribute in _ARRAY.items()},
         "transducer": np.arange(array.count),
         "axis": np.arange(3),
-        "transducer_position": array.position,
-        "transducer_normal": array.normal,
-        "transducer_unit": array.unit,
     }
 
 
 def array_from(values: Mapping[str, Any]) -> TransducerArray:
     """Array from its stored values, with transducers as the model's."""
-    return TransducerArray(
-        position=values["transducer_position"],
-        normal=values["transducer_normal"],
-        unit=values["transducer_unit"],
-        pressure=values["array_pressure_pa_m"],
-        frequency=values["array_frequency_hz"],
-        name=values["array_name"],
-    )
+    return TransducerArray(**{attribute: values[name] for name, attribute in _ARRAY.items()})
 
 
 def check_time(values: Mapping[str, Any], path: Path) -> None:

@@ -51,7 +51,7 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
 
 
 def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
-    """Read a calibration from its own file or from a recording; None if the recording has none.
+    """Read a calibration; None if `path` is a recording that has none.
 
     Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
     type, or was written by a newer midair.
@@ -62,17 +62,35 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
         An HDF5 file of midair: a calibration or a recording.
     """
     with open_file(path) as file:
-        if kind_of(file) == "midair calibration":
+        if (kind := kind_of(file)) == "midair calibration":
             return read_calibration(file, Path(path))
-        if kind_of(file) == "midair recording":
+        if kind == "midair recording":
             return read_calibration(stored_group(file, "calibration"), Path(path)) if "calibration" in file else None
-        found = kind_of(file) or "an HDF5 file of another program"
+        found = kind or "an HDF5 file of another program"
         raise BrokenFileError(f"{path}: expected a midair calibration or recording, got {found}")
 
 
 def write_calibration(group: "h5py.Group", calibration: Calibration) -> None:
     """Write a calibration into a group."""
-    write_group(group, "calibration", _values(calibration))
+    values = {
+        **signature("calibration", calibration.provenance),
+        **sensor_values(calibration.sensor),
+        "unit": calibration.unit,
+        "date": calibration.date,
+        "frequency": calibration.frequency,
+        "response_real": calibration.response.real,
+        "response_imag": calibration.response.imag,
+        "noise": calibration.noise,
+        "version": calibration.version,
+        **_stored(calibration.measurement, MEASUREMENT),
+        **_stored(calibration.crosstalk, CROSSTALK),
+        **_stored(calibration.linearity, LINEARITY),
+    }
+    if calibration.crosstalk:
+        values |= dict.fromkeys(("channel", "pressed"), np.arange(calibration.sensor.count))
+    if calibration.linearity:
+        values["level"] = np.arange(calibration.linearity.levels)
+    write_group(group, "calibration", values)
 
 
 def read_calibration(group: "h5py.Group", path: Path) -> Calibration:
@@ -104,32 +122,9 @@ def _part(part: type[Part], names: Mapping[str, str], values: Mapping[str, Any],
     return part(**{attribute: values[name] for name, attribute in names.items()})
 
 
-def _values(calibration: Calibration) -> dict[str, Any]:
-    return {
-        **signature("calibration", calibration.provenance),
-        **sensor_values(calibration.sensor),
-        "unit": calibration.unit,
-        "date": calibration.date,
-        "frequency": calibration.frequency,
-        "response_real": calibration.response.real,
-        "response_imag": calibration.response.imag,
-        "noise": calibration.noise,
-        "version": calibration.version,
-        **_stored(calibration.measurement, MEASUREMENT),
-        **_stored(calibration.crosstalk, CROSSTALK),
-        **_axis("channel", "pressed", count=calibration.sensor.count if calibration.crosstalk else 0),
-        **_stored(calibration.linearity, LINEARITY),
-        **_axis("level", count=calibration.linearity.levels if calibration.linearity else 0),
-    }
-
-
 def _stored(part: object, names: Mapping[str, str]) -> dict[str, Any]:
     """Stored values of an optional part of a calibration."""
     return {} if part is None else {name: getattr(part, attribute) for name, attribute in names.items()}
-
-
-def _axis(*names: str, count: int) -> dict[str, Any]:
-    return {name: np.arange(count) for name in names} if count else {}
 
 
 ARRAY_SUFFIX = ".array.h5"

@@ -48,10 +48,8 @@ def has_checksums(dataset: "h5py.Dataset") -> bool:
 
 
 def read_rows(dataset: "h5py.Dataset", first: int, last: int, *, closed: bool) -> tuple[np.ndarray, Ranges]:
-    """Rows of a dataset and the damaged ones among them, which are NaN or 0.
-
-    The CRC-32 are compared only in a file that was `closed`: on a full disk, they can be of rows that were not written.
-    """
+    """Rows of a dataset and the damaged ones among them, which are NaN or 0."""
+    # On a full disk, the CRC-32 of a file that is not closed can be of rows that were not written.
     stored = _stored(dataset) if closed else None
     if stored is None:
         return _read_chunks(dataset, first, last)

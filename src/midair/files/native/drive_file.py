@@ -96,7 +96,9 @@ def save_solutions(
         values |= {**_frame_values(phases, level, first.drive.array), **others.lazy(frames)}
         if target is not None:
             values |= _target_values(target)
-        _write(values, path, room=sum(_size(value) for value in values.values()))
+        # A compressed dataset does not exceed its size in memory.
+        sizes = (value.nbytes if isinstance(value, LazyFrames | np.ndarray) else 100 for value in values.values())
+        _write(values, path, room=int(sum(sizes)))
 
 
 class _FrameValues:
@@ -140,12 +142,8 @@ def _write(values: Mapping[str, Any], path: str | os.PathLike[str], *, room: int
 def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> Solution:
     """Read a drive with its errors, exactly as it was saved; phases and transducer levels lazily if `streamed`.
 
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file does not exist, is damaged or of another type, or was written by a newer midair.
-    InputError
-        A subclass that names the invalid values.
+    Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
+    type, or was written by a newer midair; a subclass of InputError that names invalid values.
     """
     return solution_from(read_drive(Path(path), streamed=streamed), Path(path))
 
@@ -186,7 +184,8 @@ def target_from(values: Mapping[str, Any], path: Path) -> AmplitudeFrames | None
     """Target of a drive from its stored values."""
     if "target" not in values:
         return None
-    missing = [name for name in _TARGET if name not in values]
+    needed = (*_GRID, "grid_centre_x_m", "grid_centre_y_m", "target_provenance")
+    missing = [name for name in needed if name not in values]
     if missing:
         raise BrokenFileError(f"{path}: expected {', '.join(missing)} beside the target; the file is damaged")
     with parse_errors(path, "a drive of midair"):
@@ -194,20 +193,24 @@ def target_from(values: Mapping[str, Any], path: Path) -> AmplitudeFrames | None
         return AmplitudeFrames(
             amplitude=finite(values["target"], "target"),
             rate=values["rate_hz"],
-            grid=_grid_from(values),
+            grid=ControlGrid(
+                **{attribute: values[name] for name, attribute in _GRID.items()},
+                centre=(values["grid_centre_x_m"], values["grid_centre_y_m"]),
+            ),
             provenance=from_json(values["target_provenance"]),
         )
 
 
-_TARGET = (
-    "grid_rows",
-    "grid_columns",
-    "grid_pitch_m",
-    "grid_height_m",
-    "grid_centre_x_m",
-    "grid_centre_y_m",
-    "target_provenance",
-)
+_GRID = {"grid_rows": "rows", "grid_columns": "columns", "grid_pitch_m": "pitch", "grid_height_m": "height"}
+_AIR = {
+    "air_density_kg_m3": "density",
+    "air_speed_m_s": "speed",
+    "air_attenuation_np_m": "attenuation",
+    "air_alpha": "alpha",
+    "air_temperature_c": "temperature",
+    "air_humidity": "humidity",
+}
+"""Names in the file of the attributes of a grid and of the air."""
 
 
 def _check_name(path: str | os.PathLike[str]) -> None:
@@ -230,9 +233,10 @@ def _drive_values(drive: Drive) -> dict[str, Any]:
         **signature("drive", drive.provenance),
         **time_values(drive.frames, drive.rate),
         **array_values(array),
-        **_acoustic_values(drive.acoustics),
         **({} if array.alike else {"response_real": array.response.real, "response_imag": array.response.imag}),
         **_frame_values(drive.phase, drive.level, array),
+        "directivity": drive.acoustics.directivity,
+        **{name: value for name, own in _AIR.items() if (value := getattr(drive.acoustics.medium, own)) is not None},
     }
 
 
@@ -272,31 +276,6 @@ def _from_changes(changes: Frames, steps: float) -> Any:
     return LazyFrames(number, changes.shape) if isinstance(changes, LazyFrames) else number(0, len(changes))
 
 
-def _single(x: Frames) -> Any:
-    """The numbers as float32."""
-    return LazyFrames(x.read, x.shape, stored="f4") if isinstance(x, LazyFrames) else x.astype(np.float32)
-
-
-def _size(value: Any) -> int:
-    """Bytes of a value in memory, which a compressed dataset does not exceed."""
-    stored = value.nbytes if isinstance(value, LazyFrames | np.ndarray) else 100
-    return int(stored)
-
-
-def _acoustic_values(acoustics: Acoustics) -> dict[str, Any]:
-    medium = acoustics.medium
-    values = {
-        "directivity": acoustics.directivity,
-        "air_density_kg_m3": medium.density,
-        "air_speed_m_s": medium.speed,
-        "air_attenuation_np_m": medium.attenuation,
-        "air_alpha": medium.alpha,
-        "air_temperature_c": medium.temperature,
-        "air_humidity": medium.humidity,
-    }
-    return {name: value for name, value in values.items() if value is not None}
-
-
 def _solution_values(solution: Solution) -> dict[str, Any]:
     names = get_args(Status)
     return {
@@ -307,17 +286,16 @@ def _solution_values(solution: Solution) -> dict[str, Any]:
 
 
 def _target_values(target: AmplitudeFrames) -> dict[str, Any]:
-    grid = target.grid
+    grid, wanted = target.grid, target.amplitude
     return {
-        "grid_rows": grid.rows,
-        "grid_columns": grid.columns,
-        "grid_pitch_m": grid.pitch,
-        "grid_height_m": grid.height,
+        **{name: getattr(grid, attribute) for name, attribute in _GRID.items()},
         "grid_centre_x_m": grid.centre[0],
         "grid_centre_y_m": grid.centre[1],
         "target_provenance": to_json(target.provenance),
         "point": np.arange(grid.count),
-        "target": _single(target.amplitude),
+        "target": LazyFrames(wanted.read, wanted.shape, stored="f4")
+        if isinstance(wanted, LazyFrames)
+        else wanted.astype(np.float32),
     }
 
 
@@ -354,41 +332,22 @@ def _levels(level: "np.ndarray | LazyFrames", path: Path) -> NDArray[np.float64]
     return each_frame(level, checked) if isinstance(level, LazyFrames) else level
 
 
-_AIR = ("directivity", "air_density_kg_m3", "air_speed_m_s", "air_attenuation_np_m", "air_alpha")
-
-
 def _acoustics_from(values: Mapping[str, Any], provenance: Provenance, path: Path) -> Acoustics:
     """Air and directivity of a drive; files of early versions lack them and take the paper's air."""
-    missing = [name for name in _AIR if name not in values]
-    if len(missing) == len(_AIR):
+    needed = ("directivity", *list(_AIR)[:4])
+    missing = [name for name in needed if name not in values]
+    if len(missing) == len(needed):
         stated = {step.settings.get("directivity") for step in provenance.steps if step.stage == "solve"}
         known: tuple[Directivity, ...] = get_args(Directivity)
         return next((Acoustics(directivity=kind) for kind in known if kind in stated), Acoustics())
     if missing:
         raise BrokenFileError(f"{path}: expected {', '.join(missing)} with the rest of the air; the file is damaged")
     acoustics = Acoustics(
-        medium=Medium(
-            density=values["air_density_kg_m3"],
-            speed=values["air_speed_m_s"],
-            attenuation=values["air_attenuation_np_m"],
-            alpha=values["air_alpha"],
-            temperature=values.get("air_temperature_c"),
-            humidity=values.get("air_humidity"),
-        ),
+        medium=Medium(**{attribute: values[name] for name, attribute in _AIR.items() if name in values}),
         directivity=values["directivity"],
     )
     acoustics.medium.check_speed(str(path))
     return acoustics
-
-
-def _grid_from(values: Mapping[str, Any]) -> ControlGrid:
-    return ControlGrid(
-        rows=values["grid_rows"],
-        columns=values["grid_columns"],
-        pitch=values["grid_pitch_m"],
-        height=values["grid_height_m"],
-        centre=(values["grid_centre_x_m"], values["grid_centre_y_m"]),
-    )
 
 
 def _status_from(codes: np.ndarray, meanings: str, path: Path) -> tuple[Status, ...]:

@@ -24,12 +24,11 @@ KINDS: tuple[EventKind, ...] = get_args(EventKind)
 def event_values(events: Iterable[Event]) -> dict[str, Any]:
     """Stored values of events."""
     rows = tuple(events)
+    whole = {f"event_{name}": [getattr(row, name) for row in rows] for name in ("frame", "frames", "channel")}
     return {
         "event": np.arange(len(rows)),
         "event_kind": np.array([KINDS.index(row.kind) for row in rows], np.int8),
-        "event_frame": np.array([row.frame for row in rows], np.int64),
-        "event_frames": np.array([row.frames for row in rows], np.int64),
-        "event_channel": np.array([row.channel for row in rows], np.int64),
+        **{name: np.array(values, np.int64) for name, values in whole.items()},
         "event_ppm": np.array([row.ppm for row in rows], np.float64),
     }
 
@@ -62,12 +61,10 @@ def _settings(events: tuple[Event, ...], frames: int) -> dict[str, Setting]:
         if of[kind]:
             runs = [(event.frame, min(event.frames, frames - event.frame)) for event in of[kind]]
             settings |= {f"{kind}_frames": sum(count for _, count in runs), kind: tuple(runs[:LISTED])}
-    if of["clipped"]:
-        settings["clipped_frames"] = sum(event.frames for event in of["clipped"])
-        settings["clipped"] = tuple((event.channel, event.frame, event.frames) for event in of["clipped"][:LISTED])
-    if of["mended"]:
-        settings["mended_frames"] = sum(event.frames for event in of["mended"])
-        settings["mended"] = tuple((event.channel, event.frame, event.frames) for event in of["mended"][:LISTED])
+    for kind in ("clipped", "mended"):
+        if of[kind]:
+            settings[f"{kind}_frames"] = sum(event.frames for event in of[kind])
+            settings[kind] = tuple((event.channel, event.frame, event.frames) for event in of[kind][:LISTED])
     for kind in ("dead", "stuck"):
         if of[kind]:
             settings[kind] = tuple((event.channel, event.frame) for event in of[kind][:LISTED])

@@ -168,8 +168,12 @@ def check_kind(group: "h5py.Group", kind: Kind, path: Path) -> None:
         advice = "; solve it first (midair solve)" if (kind, have) == ("drive", "midair recording") else ""
         found = have or "an HDF5 file of another program"
         raise BrokenFileError(f"{path}: expected a midair {kind}, got {found}{advice}")
-    version = group.attrs.get("format")
-    if not isinstance(version, np.integer) or version < 1:
+    check_format(group.attrs.get("format"), path)
+
+
+def check_format(version: object, path: Path) -> None:
+    """Raise unless a file states a version of the schema that this program reads."""
+    if not isinstance(version, int | np.integer) or version < 1:
         raise BrokenFileError(f"{path}: expected a whole number from 1 on as format, got {version!r}")
     if version > FORMAT:
         raise UnknownFormatError(f"{path}: expected format {FORMAT}, got {version}, of a newer midair; update midair")

@@ -9,7 +9,7 @@ concurrent reader (SWMR) never sees an unfinished one.
 import os
 import secrets
 import shutil
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -82,7 +82,14 @@ def _new_name(path: Path) -> Generator[Path]:
         if path.exists():
             raise FileExistsError
         yield partial
-        _take_name(partial, path)
+        try:
+            # Without replacing another file: creating a hard link fails if the name exists, renaming does not.
+            os.link(partial, path)
+        except FileExistsError:
+            raise
+        except OSError:  # a disk without links: create an empty file of that name, then replace it
+            path.touch(exist_ok=False)
+            os.replace(partial, path)
     except FileExistsError as wrong:
         raise FileError(f"{path}: the file exists already; record under another name") from wrong
     except OSError as wrong:
@@ -90,17 +97,6 @@ def _new_name(path: Path) -> Generator[Path]:
     finally:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
-
-
-def _take_name(partial: Path, path: Path) -> None:
-    """Rename a file without replacing another: creating a hard link fails if the name exists, renaming does not."""
-    try:
-        os.link(partial, path)
-    except FileExistsError:
-        raise
-    except OSError:  # a disk without links: create an empty file of that name, then replace it
-        path.touch(exist_ok=False)
-        os.replace(partial, path)
 
 
 _ORDER = (b"EADB", b"EASB", b"EAIB", b"EAHD", b"OCHK", b"OHDR")
@@ -163,36 +159,26 @@ class AtomicHdf5File:
         """Do nothing; only `commit` writes."""
 
     def commit(self, *, closed: bool = False) -> None:
-        """Write all buffered data, and with `closed` mark the file as closed and flush it to the device (fsync).
-
-        After an OSError the file is unchanged for readers, and the data stay in the buffer.
-        """
-        for place, data in self._sorted(closed=closed):
-            _write_all(self._handle, data, place)
+        """Write all buffered data, with `closed` to the device; after an OSError the file is unchanged for readers."""
+        # HDF5 has discarded data beyond the end. The order is safe for a concurrent reader; the superblock is last.
+        inside = [(place, data) for place, data in self._pending.items() if 0 < place < self._size]
+        for place, data in sorted(inside, key=lambda item: _rank(item[1])):
+            self._write_all(data, place)
+        if closed or 0 in self._pending:
+            os.lseek(self._handle, 0, os.SEEK_SET)
+            block = self._pending.get(0) or os.read(self._handle, LENGTH)
+            self._write_all(flagged_block(block, written=not closed), 0)
         if closed:
             os.ftruncate(self._handle, self._size)
             os.fsync(self._handle)
         self._pending.clear()
 
-    def _sorted(self, *, closed: bool) -> Iterator[tuple[int, bytes]]:
-        """Buffered data in an order that is safe for a concurrent reader; the superblock last."""
-        # HDF5 has discarded data beyond the end.
-        inside = [(place, data) for place, data in self._pending.items() if 0 < place < self._size]
-        yield from sorted(inside, key=lambda item: _rank(item[1]))
-        if closed or 0 in self._pending:
-            yield 0, flagged_block(self._pending.get(0) or self._stored_block(), written=not closed)
-
-    def _stored_block(self) -> bytes:
-        os.lseek(self._handle, 0, os.SEEK_SET)
-        return os.read(self._handle, LENGTH)
+    def _write_all(self, data: bytes, place: int) -> None:
+        os.lseek(self._handle, place, os.SEEK_SET)
+        rest = memoryview(data)
+        while rest:
+            rest = rest[os.write(self._handle, rest) :]
 
 
 def _rank(data: bytes) -> int:
     return _ORDER.index(data[:4]) if data[:4] in _ORDER else -1
-
-
-def _write_all(handle: int, data: bytes, place: int) -> None:
-    os.lseek(handle, place, os.SEEK_SET)
-    rest = memoryview(data)
-    while rest:
-        rest = rest[os.write(handle, rest) :]

@@ -3,13 +3,15 @@
 import json
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from midair.errors import BrokenFileError, InputError
 from midair.files.text_files import json_of
 from midair.model import Provenance, Setting, Step
+
+T = TypeVar("T")
 
 
 def to_json(provenance: Provenance) -> str:
@@ -44,23 +46,20 @@ def to_plain(provenance: Provenance) -> dict[str, Any]:
 
 def from_plain(plain: object) -> Provenance:
     """Provenance from the output of `to_plain`; raises BrokenFileError if a part is missing or has the wrong type."""
-    parts = _mapping(plain, "provenance")
-    notes = _mapping(parts.get("notes"), "notes")
-    steps = parts.get("steps")
-    if not isinstance(steps, list):
-        raise BrokenFileError(f"provenance, steps: expected a list, got {type(steps).__name__}")
+    parts = _checked(plain, dict, "provenance")
+    notes = _checked(parts.get("notes"), dict, "notes")
     return Provenance(
-        source=_text(parts.get("source"), "source"),
-        simulated=_boolean(parts.get("simulated")),
-        notes={name: _text(note, f"note {name}") for name, note in notes.items()},
-        steps=tuple(_step(step) for step in steps),
+        source=_checked(parts.get("source"), str, "source"),
+        simulated=_checked(parts.get("simulated"), bool, "simulated"),
+        notes={name: _checked(note, str, f"note {name}") for name, note in notes.items()},
+        steps=tuple(_step(_checked(step, dict, "step")) for step in _checked(parts.get("steps"), list, "steps")),
     )
 
 
-def _step(plain: object) -> Step:
-    parts = _mapping(plain, "step")
-    settings = _mapping(parts.get("settings"), "settings")
-    return Step(stage=_text(parts.get("stage"), "stage"), settings={k: _decode(v) for k, v in settings.items()})
+def _step(parts: Mapping[str, Any]) -> Step:
+    settings = _checked(parts.get("settings"), dict, "settings")
+    stage = _checked(parts.get("stage"), str, "stage")
+    return Step(stage=stage, settings={name: _decode(value) for name, value in settings.items()})
 
 
 def _encode(name: str, value: object) -> object:
@@ -81,25 +80,16 @@ def _decode(value: object) -> Setting:
     if isinstance(value, list):
         return tuple(_decode(part) for part in value)
     if isinstance(value, dict):
-        return float(_text(_mapping(value, "setting").get("float"), "setting"))
+        return float(_checked(value.get("float"), str, "setting"))
     if value is None or isinstance(value, str | int | float):
         return value
     raise BrokenFileError(f"provenance, setting: expected JSON of midair, got {type(value).__name__}")
 
 
-def _mapping(value: object, name: str) -> Mapping[str, Any]:
-    if not isinstance(value, dict):
-        raise BrokenFileError(f"provenance, {name}: expected a JSON object, got {type(value).__name__}")
-    return value
+_WORDS: Mapping[type, str] = {str: "text", bool: "true or false", dict: "a JSON object", list: "a list"}
 
 
-def _text(value: object, name: str) -> str:
-    if not isinstance(value, str):
-        raise BrokenFileError(f"provenance, {name}: expected text, got {type(value).__name__}")
-    return value
-
-
-def _boolean(value: object) -> bool:
-    if not isinstance(value, bool):
-        raise BrokenFileError(f"provenance, simulated: expected true or false, got {value!r}")
+def _checked(value: object, kind: type[T], name: str) -> T:
+    if not isinstance(value, kind):
+        raise BrokenFileError(f"provenance, {name}: expected {_WORDS[kind]}, got {type(value).__name__}")
     return value

@@ -70,13 +70,23 @@ def write_recording(
     values = recording_values(recording)
     if journal:
         values |= event_values(journal)
-    room = 8 * recording.frames + _bytes(values["samples"]) + (0 if pressure is None else pressure.pressure.nbytes)
+    samples = values["samples"]
+    size = samples.size * np.dtype(samples.stored if isinstance(samples, LazyFrames) else samples.dtype).itemsize
+    room = 8 * recording.frames + size + (0 if pressure is None else pressure.pressure.nbytes)
     with new_file(path, room=room) as file:
         write_group(file, "recording", values)
         if calibration is not None:
             write_calibration(file.create_group("calibration"), calibration)
         if pressure is not None:
-            _write_pressure(file.create_group("pressure"), pressure)
+            band = {} if pressure.band is None else {"band_low_hz": pressure.band[0], "band_high_hz": pressure.band[1]}
+            stored = {
+                **signature("pressure", pressure.provenance),
+                **time_values(pressure.frames, pressure.rate),
+                **sensor_values(pressure.sensor),
+                **band,
+                "pressure": pressure.pressure,
+            }
+            write_group(file.create_group("pressure"), "pressure", stored)
         if played is not None:
             write_played(file.create_group("played"), played)
     return ()
@@ -128,13 +138,7 @@ def take_from(values: Mapping[str, Any], path: Path, gaps: Sequence[Event] = ())
 
 
 class RecordingBuffer:
-    """Keeps a growing recording in memory, with the methods of `RecordingWriter`.
-
-    Parameters
-    ----------
-    rate, sensor, unit, provenance, calibration
-        As in `RecordingWriter`.
-    """
+    """Keeps a growing recording in memory, with the parameters and methods of `RecordingWriter`."""
 
     def __init__(
         self,
@@ -199,12 +203,12 @@ def load_pressure(path: str | os.PathLike[str], *, streamed: bool = False) -> Pr
             return None
         values = read_group(stored_group(file, "pressure"), "pressure", Path(path), streamed=streamed)
         check_time(values, Path(path))
-        band = (values.get("band_low_hz"), values.get("band_high_hz"))
+        low, high = values.get("band_low_hz"), values.get("band_high_hz")
         return PressureFrames(
             pressure=finite(values["pressure"], "pressure"),
             rate=values["rate_hz"],
             sensor=sensor_from(values),
-            band=None if band[0] is None or band[1] is None else (band[0], band[1]),
+            band=None if low is None or high is None else (low, high),
             provenance=from_json(values["provenance"]),
         )
 
@@ -219,22 +223,6 @@ def recording_values(recording: Recording) -> dict[str, Any]:
         "samples": single(recording.samples),
         "finished": 1,
     }
-
-
-def _bytes(samples: "np.ndarray | LazyFrames") -> int:
-    return samples.size * np.dtype(samples.stored if isinstance(samples, LazyFrames) else samples.dtype).itemsize
-
-
-def _write_pressure(group: "h5py.Group", pressure: PressureFrames) -> None:
-    band = {} if pressure.band is None else {"band_low_hz": pressure.band[0], "band_high_hz": pressure.band[1]}
-    values = {
-        **signature("pressure", pressure.provenance),
-        **time_values(pressure.frames, pressure.rate),
-        **sensor_values(pressure.sensor),
-        **band,
-        "pressure": pressure.pressure,
-    }
-    write_group(group, "pressure", values)
 
 
 def _whole_frames(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:

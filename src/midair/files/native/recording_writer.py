@@ -43,16 +43,8 @@ class RecordingWriter:
     ----------
     path : str or PathLike
         A new file.
-    rate : float
-        In Hz.
-    sensor : SensorGrid
-        Layout of the channels.
-    unit : {"V", "count", "Pa"}
-        Unit of the samples.
-    provenance : Provenance
-        Origin of the samples.
-    calibration : Calibration, optional
-        Calibration of the sensor, stored in the same file.
+    rate, sensor, unit, provenance, calibration
+        As in `Recording` and `OpenedTake`.
     interval : float
         Longest time in s, and the equivalent number of frames, that may be buffered in memory.
     reserve : int
@@ -206,8 +198,12 @@ class RecordingWriter:
             if self._failure is not None and not self._raised:
                 raise self._disk_error() from self._failure
 
-    def _start(self) -> dict[str, Any]:
-        return {
+    def _image(self) -> bytes:
+        """The file without frames, in memory, because HDF5 crashes on disk errors."""
+        import h5py
+
+        image = BytesIO()
+        start = {
             **signature("recording", self.provenance),
             **sensor_values(self.sensor),
             "rate_hz": self.rate,
@@ -218,14 +214,8 @@ class RecordingWriter:
             **event_values(()),
             **(stage_values(()) if self.staged else {}),
         }
-
-    def _image(self) -> bytes:
-        """The file without frames, in memory, because HDF5 crashes on disk errors."""
-        import h5py
-
-        image = BytesIO()
         with h5py.File(image, "w", libver=LAYOUT) as file:
-            write_group(file, "recording", self._start(), live=True)
+            write_group(file, "recording", start, live=True)
             stored_dataset(file, "event_kind").attrs["flag_values"] = np.arange(len(KINDS), dtype="i1")
             stored_dataset(file, "event_kind").attrs["flag_meanings"] = fixed_text(" ".join(KINDS))
             if self.calibration is not None:

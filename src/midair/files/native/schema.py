@@ -1,8 +1,8 @@
 """Schema of midair's files: dimensions, type and unit of every stored name, for writers, readers and the docs."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 Kind = Literal["recording", "calibration", "pressure", "drive", "array", "played"]
 """Content of a file or group."""
@@ -42,19 +42,9 @@ def attribute(name: str, dtype: Literal["f8", "i8", "text"], what: str, *, requi
     return Entry(name=name, what=what, dtype=dtype, required=required)
 
 
-def numbers(
-    name: str,
-    dimensions: str,
-    unit: str,
-    what: str,
-    *,
-    required: bool = True,
-    single: bool = False,
-    packed: bool = False,
-) -> Entry:
-    """Entry of a float64 dataset; `dimensions` are separated by spaces."""
-    axes = tuple(dimensions.split())
-    return Entry(name=name, what=what, dimensions=axes, unit=unit, required=required, single=single, packed=packed)
+def numbers(name: str, dimensions: str, unit: str, what: str, **more: Any) -> Entry:
+    """Entry of a float64 dataset; `dimensions` are separated by spaces, `more` are other fields."""
+    return Entry(name=name, what=what, dimensions=tuple(dimensions.split()), unit=unit, **more)
 
 
 def indices(
@@ -66,12 +56,8 @@ def indices(
 
 
 def changes(name: str, what: str) -> Entry:
-    """Entry of a compressed dataset of bytes: the change since the frame before, modulo 256.
-
-    Every `BLOCK` frames, from the first on, it is the byte itself.
-    """
-    axes = ("time", "transducer")
-    return Entry(name=name, what=what, dtype="u1", dimensions=axes, unit="1", required=False, packed=True)
+    """Compressed bytes: the change since the frame before, modulo 256; every `BLOCK` frames the byte itself."""
+    return replace(indices(name, "time transducer", what, required=False, dtype="u1"), packed=True)
 
 
 BLOCK = 64

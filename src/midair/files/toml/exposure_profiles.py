@@ -30,10 +30,7 @@ def load_profiles(path: str | os.PathLike[str] | None = None) -> dict[str, Expos
 
 
 def profile_named(name: str, path: str | os.PathLike[str] | None = None) -> ExposureProfile:
-    """One exposure profile.
-
-    Raises InputError if no profile has that name.
-    """
+    """One exposure profile; raises InputError if none has that name."""
     profiles = load_profiles(path)
     if name not in profiles:
         raise InputError(f"exposure profile: expected one of {', '.join(profiles)}, got {name!r}")

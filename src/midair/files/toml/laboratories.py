@@ -13,13 +13,7 @@ from midair.validation import Declared, check_settings, setting
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Laboratory(Declared):
-    """Uncertainties of a laboratory: standard uncertainties (k = 1), for the palm and the units along each axis.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-    """
+    """Standard uncertainties (k = 1), for the palm and the units along each axis; InputError if out of range."""
 
     palm_aside_mm: float = setting(3.0, "Position of the palm, sideways.", limits=(0, 100))
     palm_height_mm: float = setting(3.0, "Height of the palm.", limits=(0, 100))

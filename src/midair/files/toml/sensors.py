@@ -45,10 +45,7 @@ def load_sensor(path: str | os.PathLike[str]) -> SensorWiring:
 
 
 def save_sensor(sensor: SensorWiring, path: str | os.PathLike[str]) -> None:
-    """Write a sensor file atomically.
-
-    Raises FileError if the file cannot be written.
-    """
+    """Write a sensor file atomically. Raises FileError if the file cannot be written."""
     with atomic_file(Path(path)) as partial:
         Path(partial).write_text(sensor_text(sensor), encoding="utf-8")
 

@@ -40,7 +40,9 @@ def load_stage(path: str | os.PathLike[str]) -> StageSetup:
     content = {"homing": "switches"} | read_toml(path, "a TOML file that describes a motion stage")
     try:
         _check_keys(content, KEYS, "")
-        _check_keys(travel := _table(content["travel"]), AXES, "travel.")
+        if not isinstance(travel := content["travel"], Mapping):
+            raise InputError(f"travel: expected a table [travel] with {', '.join(AXES)}, got {travel!r}")
+        _check_keys(travel, AXES, "travel.")
         mm = {name: _number(content[name], name) * 1e-3 for name in NUMBERS}
         return StageSetup(
             heading=_one_of(content["heading"], "heading", get_args(Heading)),
@@ -61,12 +63,6 @@ def _check_keys(content: Mapping[str, Any], known: tuple[str, ...], where: str) 
     if unknown or missing:
         got = f"got {where}{unknown[0]}" if unknown else f"{where}{missing[0]} is missing"
         raise InputError(f"expected the keys {', '.join(where + key for key in known)}; {got}")
-
-
-def _table(value: object) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise InputError(f"travel: expected a table [travel] with {', '.join(AXES)}, got {value!r}")
-    return value  # pyright: ignore[reportUnknownVariableType]  # TOML keys are strings
 
 
 def _number(value: object, name: str) -> float:

@@ -141,7 +141,10 @@ def laboratory_picture(found: LaboratoryLoss) -> Picture:
 def _stated(name: str, value: float) -> str:
     """A value of `Laboratory` as text, such as "3 mm"."""
     what, _, unit = name.rpartition("_")
-    return f"{value:g} {unit}" if what and unit in ("mm", "deg", "k", "hz") else f"{value:g}"
+    named = {"mm": "mm", "deg": "deg", "k": "K", "hz": "Hz"}
+    if what and unit in named:
+        return f"{value:g} {named[unit]}"
+    return f"{100 * value:g} %"
 
 
 def _part(
