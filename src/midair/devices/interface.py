@@ -6,12 +6,11 @@ silenced first. To add a device, write a subclass in its own file and implement 
 
 import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -82,12 +81,8 @@ class SensorDevice(ABC):
     def read(self, frames: int) -> FrameBlock:
         """Return the next `frames` frames; fewer before a gap and at the end, none if the source has ended.
 
-        Raises
-        ------
-        DeviceStateError
-            If it was not started.
-        DeviceError
-            If it times out or the connection is lost; frames that arrived before are returned first.
+        Raises DeviceStateError if it was not started, DeviceError if it times out or the connection is lost; frames
+        that arrived before are returned first.
         """
 
     @abstractmethod
@@ -106,9 +101,7 @@ class SensorDevice(ABC):
         self.open()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
         self.close()
 
@@ -137,17 +130,13 @@ class PlayReport:
     """Silence while units were too hot, in s; part of neither `duration` nor `gap`."""
 
 
-def _ignore(_: str) -> None:
-    """Ignore a message."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cooling:
     """Permission to wait in silence for units that are too hot, instead of ending with an error."""
 
     limit: float = 600.0
     """Longest pause, in s; playback then ends with TooHotError."""
-    report: Callable[[str], object] = _ignore
+    report: Callable[[str], object] = lambda _: None
     """Called with one line as soon as a pause begins, and when playback continues."""
     agreed: Callable[[], bool] = lambda: True
     """Asked while units are cool; the pause lasts until it returns True."""
@@ -275,20 +264,19 @@ class ArrayDevice(ABC):
             raise InputError(f"delay: expected 0 to 3600 s, got {delay:g} s")
         drive = admission.check_for(self)
 
-        def emitted() -> PlayReport:
-            try:
-                self._plays = True
+        said: dict[str, object] = {}
+        logs = self._logged(admission, source, room, said) if self.gated or watched else contextlib.nullcontext()
+        with logs:
+            with self._playing():
                 report = self.emit(drive, progress, repeats=admission.repeats, delay=delay)
-            except BaseException:
-                self._silence_after_an_error()
-                raise
-            finally:
-                self._plays = False
-            self.silence()
-            return report
+            said |= asdict(report)
+        return report
 
-        if not (self.gated or watched):
-            return emitted()
+    @contextmanager
+    def _logged(
+        self, admission: ExposureClearance, source: str | Path, room: Medium | None, said: Mapping[str, object]
+    ) -> Generator[None]:
+        """Log the order on entry and its end on exit, with the contents of `said`; `midair stop` reaches it inside."""
         with self._order.held(self.name, self.exclusive, self.silence):
             self._order.check(self.name)
             number = log_order(
@@ -296,7 +284,7 @@ class ArrayDevice(ABC):
             )
             self._log = partial(log_pause, number, source, self.name)
             try:
-                report = emitted()
+                yield
                 # A stop during the last block is not noticed inside `emit`.
                 self._order.check(self.name)
             except BaseException as end:
@@ -304,8 +292,20 @@ class ArrayDevice(ABC):
                 raise
             finally:
                 self._log = log_nothing
-            log_end(number, source, self.name, "played", report=asdict(report))
-        return report
+            log_end(number, source, self.name, "played", report=said)
+
+    @contextmanager
+    def _playing(self) -> Generator[None]:
+        """Inside, `sounding` permits sound; it is silent afterwards, also after an error."""
+        try:
+            self._plays = True
+            yield
+        except BaseException:
+            self._silence_after_an_error()
+            raise
+        finally:
+            self._plays = False
+        self.silence()
 
     @contextmanager
     def reserved(self) -> Generator[None]:
@@ -314,14 +314,8 @@ class ArrayDevice(ABC):
         After a stop nothing sounds until the outermost block ends. Entering the device reserves it; reserve it earlier
         if preparation, such as reading and checking a long drive, takes time.
 
-        Raises
-        ------
-        HeldError
-            If another program uses it.
-        StoppedError
-            If `midair stop` was called since the command was given, or is called inside.
-        FileError
-            If the state folder cannot be written.
+        Raises HeldError if another program uses it, StoppedError if `midair stop` was called since the command was
+        given, or is called inside, FileError if the state folder cannot be written.
         """
         if not self.gated:
             yield
@@ -334,14 +328,8 @@ class ArrayDevice(ABC):
         """Inside, a driver may start or continue sound; a stop waits until the block ends and then prevents any further
         sound.
 
-        Raises
-        ------
-        StoppedError
-            If `midair stop` was called.
-        DeviceStateError
-            If a gated array is used outside `play`.
-        MidairError
-            Any error of the check set by `allowing`.
+        Raises StoppedError if `midair stop` was called, DeviceStateError if a gated array is used outside `play`, and
+        any error of the check set by `allowing`.
         """
         if self.gated and not self._plays:
             raise DeviceStateError(
@@ -364,12 +352,10 @@ class ArrayDevice(ABC):
             self._entered = stack.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._entered.__exit__(kind, error, trace)
+    def __exit__(self, *error: Any) -> None:
+        self._entered.__exit__(*error)
 
-    def _on_exit(self, _: type[BaseException] | None, error: BaseException | None, __: TracebackType | None) -> None:
+    def _on_exit(self, _: object, error: BaseException | None, __: object) -> None:
         try:
             if error is None:
                 self.silence()

@@ -43,10 +43,7 @@ class GapFiller:
     def add(self, block: FrameBlock) -> FilledBlock:
         """Return the block, preceded by copies for the frames lost before it.
 
-        Raises
-        ------
-        DeviceError
-            If a frame index repeats, or more than a minute of frames is missing.
+        Raises DeviceError if a frame index repeats, or more than a minute of frames is missing.
         """
         lost = block.first - self._next
         if lost < 0 or lost > LONGEST * self._rate:
@@ -65,26 +62,9 @@ class GapFiller:
 
 
 def fill_gaps(sensor: SensorDevice, frames: int, *, block: int | None = None) -> Iterator[Array]:
-    """Yield the first `frames` frames after a start, block by block; fewer if the source ends.
+    """Yield the first `frames` frames after a start, block by block, shape (frame, row, column); fewer if it ends.
 
-    Parameters
-    ----------
-    sensor : SensorDevice
-        A started sensor.
-    frames : int
-        Maximum number of frames.
-    block : int, optional
-        Frames per read; all remaining ones if None.
-
-    Yields
-    ------
-    ndarray, shape (frame, row, column)
-        Consecutive frames.
-
-    Raises
-    ------
-    DeviceError
-        If the sensor loses frames.
+    `block` is the number of frames per read; all remaining ones if None. Raises DeviceError if the sensor loses frames.
     """
     have = 0
     while have < frames:
@@ -102,10 +82,7 @@ def fill_gaps(sensor: SensorDevice, frames: int, *, block: int | None = None) ->
 def read_frames(sensor: SensorDevice, frames: int) -> Array:
     """Return the first `frames` frames after a start, shape (frame, row, column).
 
-    Raises
-    ------
-    DeviceError
-        If the sensor loses frames or ends early.
+    Raises DeviceError if the sensor loses frames or ends early.
     """
     parts = list(fill_gaps(sensor, frames))
     have = sum(len(part) for part in parts)

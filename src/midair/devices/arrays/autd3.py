@@ -5,9 +5,8 @@ from typing import Any
 
 from midair.devices.arrays.autd3_address import autd3_place
 from midair.devices.arrays.banked_array import BankedArray
-from midair.devices.arrays.banks import Banks
-from midair.devices.arrays.constant_frame_array import ConstantFrameArray, ConstantFrameUnits
-from midair.devices.arrays.immediate import ImmediateArray, ImmediateUnits
+from midair.devices.arrays.constant_frame_array import ConstantFrameArray
+from midair.devices.arrays.immediate import ImmediateArray
 from midair.devices.arrays.silencer import SilencerChoice, named_silencer
 from midair.errors import MissingExtraError
 from midair.model import RATE, Placement
@@ -16,7 +15,7 @@ from midair.model import RATE, Placement
 def autd3_array(
     where: str = "auto", placement: Placement | None = None, *, silencer: SilencerChoice = "auto"
 ) -> BankedArray:
-    """An array of units with firmware series 0.12, over Ethernet.
+    """An array of units with firmware series 0.12, over Ethernet; UnknownDeviceError if an address is invalid.
 
     Parameters
     ----------
@@ -28,19 +27,10 @@ def autd3_array(
         Default: two by two units.
     silencer : {"auto", "off", "quarter", "half", "default"}
         As in `choose_silencer`.
-
-    Raises
-    ------
-    UnknownDeviceError
-        If an address or a port is invalid.
     """
     place = autd3_place(where)
-
-    def connect(placement: Placement) -> Banks:
-        return _module("midair.devices.arrays.autd3_udp", "autd3").Autd3Udp(placement, place)
-
     return BankedArray(
-        connect,
+        lambda placement: _module("autd3_udp", "autd3").Autd3Udp(placement, place),
         placement or Placement.grid(),
         name=place.device,
         silencer=silencer,
@@ -60,19 +50,14 @@ def autd3_constant_frame(
         As in `autd3_array`; not a server, whose own heartbeat would keep the units on.
     failsafe : float
         Time without a message after which the units go silent, in s; the player sends one every 10 ms.
-
-    Raises
-    ------
-    UnknownDeviceError
-        If an address or a port is invalid.
     """
     place = autd3_place(where)
-
-    def connect(placement: Placement) -> ConstantFrameUnits:
-        module = _module("midair.devices.arrays.autd3_udp", "autd3")
-        return module.Autd3Udp(placement, place, failsafe=failsafe, heartbeat=False)
-
-    return ConstantFrameArray(connect, placement or Placement.grid(), name=place.device, exclusive=place.exclusive)
+    return ConstantFrameArray(
+        lambda placement: _module("autd3_udp", "autd3").Autd3Udp(placement, place, failsafe=failsafe, heartbeat=False),
+        placement or Placement.grid(),
+        name=place.device,
+        exclusive=place.exclusive,
+    )
 
 
 def autd3_immediate(
@@ -84,7 +69,7 @@ def autd3_immediate(
     hold: float = 0.006,
     failsafe: float = 0.05,
 ) -> ImmediateArray:
-    """Units as in `autd3_array`, for frames that are computed during playback.
+    """Units as in `autd3_array`, for frames that are computed during playback; InputError if the silencer is unknown.
 
     Parameters
     ----------
@@ -98,22 +83,10 @@ def autd3_immediate(
         Maximum time by which a frame is sent ahead of its instant, in s.
     failsafe : float
         Time without a frame after which the units go silent, in s.
-
-    Raises
-    ------
-    UnknownDeviceError
-        If an address or a port is invalid.
-    InputError
-        If the silencer is unknown.
     """
     place = autd3_place(where)
-
-    def connect(placement: Placement) -> ImmediateUnits:
-        module = _module("midair.devices.arrays.autd3_single_frames", "autd3")
-        return module.Autd3Immediate(placement, place, failsafe=failsafe)
-
     return ImmediateArray(
-        connect,
+        lambda placement: _module("autd3_single_frames", "autd3").Autd3Immediate(placement, place, failsafe=failsafe),
         placement or Placement.grid(),
         name=place.device,
         silencer=named_silencer(silencer, rate),
@@ -125,11 +98,13 @@ def autd3_immediate(
 
 def autd3_firmware(placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
     """The firmware's emulator in virtual time; ``.banks.put_out()`` returns the output of the transducers."""
-
-    def connect(placement: Placement) -> Banks:
-        return _module("midair.devices.arrays.autd3_emulator", "autd3-emulator").Autd3Firmware(placement)
-
-    return BankedArray(connect, placement or Placement.grid(), name="autd3:firmware", silencer=silencer, simulated=True)
+    return BankedArray(
+        lambda placement: _module("autd3_emulator", "autd3-emulator").Autd3Firmware(placement),
+        placement or Placement.grid(),
+        name="autd3:firmware",
+        silencer=silencer,
+        simulated=True,
+    )
 
 
 def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
@@ -143,12 +118,8 @@ def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: Si
     placement, silencer
         As in `autd3_array`.
     """
-
-    def connect(placement: Placement) -> Banks:
-        return _module("midair.devices.arrays.pyautd3_banks", "pyautd3").PyAutd3Banks(placement, link)
-
     return BankedArray(
-        connect,
+        lambda placement: _module("pyautd3_banks", "pyautd3").PyAutd3Banks(placement, link),
         placement or Placement.grid(),
         name=f"pyautd3:{link}",
         silencer=silencer,
@@ -157,9 +128,9 @@ def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: Si
     )
 
 
-def _module(name: str, extra: str) -> Any:
+def _module(driver: str, extra: str) -> Any:
     try:
-        return importlib.import_module(name)
+        return importlib.import_module(f"midair.devices.arrays.{driver}")
     except ModuleNotFoundError as wrong:
         raise MissingExtraError(
             f'{extra}: expected the package {wrong.name}, it is not installed; pip install "midair[{extra}]"'

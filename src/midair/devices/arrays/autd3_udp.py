@@ -83,7 +83,14 @@ class Autd3Udp:
         self._thread = threading.Thread(target=self._loop.run_forever, name="autd3", daemon=True)
         self._thread.start()
         try:
-            client: Client = self._repeatable(lambda: self._connect(placement, self._link(place)), 60)
+            link = self._link(place)
+            # A lost unit stays silent until it is opened again: no automatic recovery.
+            options = ClientConfig(
+                ack_timeout=Duration.from_secs_f64(ANSWER),
+                resynchronize_on_recovery=None,
+                release_failsafe_on_recovery=None,
+            )
+            client = self._repeatable(lambda: Client.open(commands.geometry(placement), link, options), 60)
             self._client: Client | None = client
             self._state = client.state_checker()
             config = CpuConfig(failsafe_timeout=Duration.from_secs_f64(failsafe))
@@ -232,15 +239,6 @@ class Autd3Udp:
             lost_timeout=Duration.from_millis(400),
             reply_timeout=Duration.from_secs_f64(ANSWER),
         )
-
-    async def _connect(self, placement: Placement, link: UdpOption | ServerLink) -> Client:
-        # A lost unit stays silent until it is opened again: no automatic recovery.
-        config = ClientConfig(
-            ack_timeout=Duration.from_secs_f64(ANSWER),
-            resynchronize_on_recovery=None,
-            release_failsafe_on_recovery=None,
-        )
-        return await Client.open(commands.geometry(placement), link, config)
 
     def _send(self, many: Sequence[commands.Command]) -> None:
         for first in range(0, len(many), GROUP):

@@ -15,16 +15,8 @@ from midair.model import Drive, Placement, Progress
 class BankedArray(UnitsArray[Banks]):
     """Streams drives through two banks, and is silent at all other times.
 
-    Parameters
-    ----------
-    connect : callable
-        Opens the device and returns its banks.
-    silencer : {"auto", "off", "quarter", "half", "default"}
-        As in `choose_silencer`.
-    block : float
-        Maximum length of a block, in s.
-    simulated, exclusive
-        As in `ArrayDevice`.
+    `connect` opens the device and returns its banks; `silencer` as in `choose_silencer`; `block` is the maximum length
+    of a block, in s; the other parameters are as in `ArrayDevice`.
     """
 
     streams = True

@@ -58,19 +58,13 @@ def name_units(units: tuple[int, ...]) -> str:
 class Units(Protocol):
     """Open units of an array; instants are device time in ns, the same on all units."""
 
-    @property
-    def emulated(self) -> bool:
-        """True if an emulator answers, as far as it reports it."""
-        ...
-
-    @property
-    def failsafe(self) -> float:
-        """Time without a message after which units may silence themselves, in s; 0 if unknown."""
-        ...
+    emulated: bool
+    """True if an emulator answers, as far as it reports it."""
+    failsafe: float
+    """Time without a message after which units may silence themselves, in s; 0 if unknown."""
 
     def set_silencer(self, silencer: Silencer) -> None:
         """Set the firmware's silencer."""
-        ...
 
     def now(self) -> int:
         """Device time, in ns."""
@@ -82,11 +76,9 @@ class Units(Protocol):
 
     def silence(self) -> None:
         """Set all transducers to intensity 0 at once and cancel pending switches; callable from any thread."""
-        ...
 
     def release(self) -> None:
         """Release the failsafe of the units; the caller must have silenced them before."""
-        ...
 
     def describe(self) -> dict[str, str]:
         """Units, firmware, link, buffers and failsafe of the device."""
@@ -94,26 +86,17 @@ class Units(Protocol):
 
     def close(self) -> None:
         """Close the device."""
-        ...
 
 
 class Banks(Units, Protocol):
     """Units with two banks, 0 and 1; one plays while the other is written."""
 
-    @property
-    def frames_max(self) -> int:
-        """Number of patterns per bank."""
-        ...
-
-    @property
-    def margin(self) -> int:
-        """Minimum time between the arrival of a switch and its instant, in ns."""
-        ...
-
-    @property
-    def patience(self) -> int:
-        """Maximum time for a command to arrive, including a second attempt, in ns."""
-        ...
+    frames_max: int
+    """Number of patterns per bank."""
+    margin: int
+    """Minimum time between the arrival of a switch and its instant, in ns."""
+    patience: int
+    """Maximum time for a command to arrive, including a second attempt, in ns."""
 
     def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
         """Write patterns, followed by a silent one, into the inactive bank.
@@ -121,15 +104,12 @@ class Banks(Units, Protocol):
         `phases` has shape (frame, unit, transducer of the unit), `intensity` the same or (frame,); `divider` is the
         number of ultrasound periods per frame.
         """
-        ...
 
     def switch(self, bank: int, instant: int) -> None:
         """Play a bank once from its first pattern, from an instant on; `TooLateError` if the instant is too near."""
-        ...
 
     def wait_until(self, instant: int) -> None:
         """Return at an instant, or raise DeviceError as soon as the link to a unit is lost."""
-        ...
 
     def emitting(self) -> bool:
         """True if the device reports that patterns play."""
@@ -203,6 +183,12 @@ class UnitsArray(ArrayDevice, Generic[U]):
         self._connect = connect
         self._units: U | None = None
         self._lock = threading.RLock()
+        self._sounds = False
+
+    @property
+    def emitting(self) -> bool:
+        """True if the last frame sent was not silent."""
+        return self._units is not None and self._sounds
 
     @property
     def units(self) -> U:
@@ -236,6 +222,7 @@ class UnitsArray(ArrayDevice, Generic[U]):
         """Close the device."""
         # With the lock a silence from another thread returns only after closing has silenced the device.
         with self._lock:
+            self._sounds = False
             units, self._units = self._units, None
             if units is not None:
                 units.close()

@@ -23,7 +23,6 @@ class ConstantFrameUnits(Units, Protocol):
 
     def stand(self, phases: Bytes, intensity: Bytes) -> None:
         """Play a pattern until another one arrives; shape (unit, transducer of the unit) each."""
-        ...
 
     def state(self) -> UnitsState:
         """Current state of the units; the query also resets the failsafe timer."""
@@ -48,12 +47,6 @@ class ConstantFrameArray(UnitsArray[ConstantFrameUnits]):
     ) -> None:
         super().__init__(connect, placement, name=name, exclusive=exclusive)
         self._word = word
-        self._plays_pattern = False
-
-    @property
-    def emitting(self) -> bool:
-        """True while a pattern plays."""
-        return self._units is not None and self._plays_pattern
 
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
         """Play the frame for the duration of the drive; raises InputError if the frames differ."""
@@ -69,21 +62,16 @@ class ConstantFrameArray(UnitsArray[ConstantFrameUnits]):
         self._wait(units, delay)
         with self.sounding():
             units.stand(phases[0], np.broadcast_to(intensity[0], phases[0].shape))
-            self._plays_pattern = True
+            self._sounds = True
         begun = time.monotonic()
         state = self._hold(units, begun, total, drive.rate, progress)
         return PlayReport(frames=total, duration=total / drive.rate, units=str(state))
 
     def silence(self) -> None:
         """Stop all sound immediately, from any thread."""
-        self._plays_pattern = False
+        self._sounds = False
         if self._units is not None:
             self._units.silence()
-
-    def close(self) -> None:
-        """Close the device."""
-        self._plays_pattern = False
-        super().close()
 
     def _wait(self, units: ConstantFrameUnits, delay: float) -> None:
         end = time.monotonic() + delay

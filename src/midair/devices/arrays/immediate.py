@@ -8,7 +8,6 @@ Therefore the failsafe is short and there is no heartbeat.
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -16,8 +15,7 @@ from midair.devices.arrays.banks import CoolingPause, Units, UnitsArray
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.exposure_check import ExposureClearance
 from midair.devices.frame_bytes import TICK, Bytes, divider, intensity_bytes, phase_bytes
-from midair.devices.interface import PlayReport, log_nothing
-from midair.devices.safety import log_end, log_order, log_pause
+from midair.devices.interface import PlayReport
 from midair.errors import ExposureError, InputError, TooHotError
 from midair.model import Drive, Medium, Placement, Progress
 
@@ -38,11 +36,9 @@ class ImmediateUnits(Units, Protocol):
 
         Raises DeviceError if an earlier frame failed: link lost, units too hot, or failsafe active.
         """
-        ...
 
     def skip(self) -> None:
         """Count a frame that is dropped, since a unit is too hot."""
-        ...
 
     def sent(self, number: int) -> int:
         """Time at which one of the last 64 frames was sent, in ns of `time.monotonic_ns`; 0 if it was not sent."""
@@ -56,16 +52,9 @@ class ImmediateUnits(Units, Protocol):
 class ImmediateArray(UnitsArray[ImmediateUnits]):
     """Plays frames while they are computed, and is silent at all other times.
 
-    Parameters
-    ----------
-    connect : callable
-        Opens the units, without a heartbeat and with a short failsafe.
-    silencer : Silencer
-        Setting of the firmware's silencer; default: off.
-    hold : float
-        Maximum time by which a frame is sent ahead of its instant, in s: units may still hold so much when silenced.
-    simulated, gated, exclusive
-        As in `ArrayDevice`.
+    `connect` opens the units, without a heartbeat and with a short failsafe. `silencer` is off by default. `hold` is
+    the maximum time by which a frame is sent ahead of its instant, in s: units may still hold so much when silenced.
+    The other parameters are as in `ArrayDevice`.
     """
 
     def __init__(
@@ -82,18 +71,12 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
     ) -> None:
         super().__init__(connect, placement, name=name, simulated=simulated, gated=gated, exclusive=exclusive)
         self.silencer, self.hold = silencer or Silencer(phase=0, intensity=0), hold
-        self._sounds = False
         self._pause: CoolingPause | None = None
 
     @property
     def paused(self) -> bool:
         """True while frames are dropped, since a unit is too hot."""
         return self._pause is not None
-
-    @property
-    def emitting(self) -> bool:
-        """True if the last frame was not silent."""
-        return self._units is not None and self._sounds
 
     @contextmanager
     def frames_to_come(
@@ -103,17 +86,10 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
 
         The order is logged before the first frame and its end after the last; `midair stop` silences the array.
 
-        Raises
-        ------
-        MismatchError, DeviceStateError
-            If the clearance is for another array, or the device is not open.
-        ExposureError
-            From a frame that exceeds the cleared level.
-        StoppedError
-            From the first frame after `midair stop`.
-        TooHotError
-            Before the first frame or from a later one, if a unit is too hot; with `cooling`, frames are dropped until
-            all units have cooled, and the error comes after its limit.
+        Raises MismatchError or DeviceStateError if the clearance is for another array or the device is not open;
+        ExposureError from a frame that exceeds the cleared level; StoppedError from the first frame after `midair
+        stop`; TooHotError if a unit is too hot, but with `cooling` frames are dropped until all units have cooled, and
+        the error comes after its limit.
         """
         admission.check_array(self)
         units, strongest = self.units, admission.strongest
@@ -136,36 +112,13 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
                     self._pause = self.pause(hot)
                     units.skip()
 
-        with self._order.held(self.name, self.exclusive, self.silence):
-            self._order.check(self.name)
-            number = log_order(
-                source, self.name, admission, simulated=self.simulated, room=room, participant=self.participant
-            )
-            self._log = partial(log_pause, number, source, self.name)
+        said: dict[str, object] = {}
+        with self._logged(admission, source, room, said):
             before = units.told()
-            try:
-                with self._playing():
-                    yield put
-                self._order.check(self.name)
-            except BaseException as end:
-                log_end(number, source, self.name, *self._log_outcome(end))
-                raise
-            finally:
-                self._log = log_nothing
-            log_end(number, source, self.name, "played", report=_since(before, units.told()))
-
-    @contextmanager
-    def _playing(self) -> Generator[None]:
-        self.resume()
-        try:
-            self._plays = True
-            yield
-        except BaseException:
-            self._silence_after_an_error()
-            raise
-        finally:
-            self._plays = False
-        self.silence()
+            self.resume()
+            with self._playing():
+                yield put
+            said |= _since(before, units.told())
 
     def resume(self) -> None:
         """Silence the units and release their failsafe; the next frame sounds, unless they are too hot."""
@@ -224,11 +177,6 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
             # It is unknown whether silence cancels queued frames in real units; therefore repeat it.
             time.sleep(self.hold)
             units.silence()
-
-    def close(self) -> None:
-        """Close the device."""
-        self._sounds = False
-        super().close()
 
     def describe(self) -> dict[str, str]:
         """Information from the units, and the mode of transmission."""

@@ -17,7 +17,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from midair.devices.arrays.openmpd_frames import (
     PERIOD,
@@ -48,42 +48,12 @@ FOUR_FRAMES = 4 * 255 * PERIOD
 """Maximum duration of four frames with any divider, in s."""
 
 
-class BoardPort(Protocol):
-    """The part of `serial.Serial` that midair uses."""
-
-    @property
-    def out_waiting(self) -> int:
-        """Number of bytes still to be sent."""
-        ...
-
-    def write(self, data: bytes, /) -> int | None:
-        """Send bytes, or raise OSError after the time limit."""
-        ...
-
-    def reset_output_buffer(self) -> None:
-        """Discard the bytes still to be sent."""
-        ...
-
-    def fileno(self) -> int:
-        """File descriptor of the port."""
-        ...
-
-    def close(self) -> None:
-        """Close the port."""
-        ...
-
-
 class OpenMpdArray(ArrayDevice):
     """Plays drives on boards frame by frame, and is silent at all other times.
 
-    Parameters
-    ----------
-    ports : sequence of str
-        Port of one board, or of the lower and then the upper of two.
-    boards : sequence of Board
-        Data of each board in the same order; without them the boards can be silenced, but not play.
-    silencer : {"auto", "off"}
-        No effect: the firmware has no silencer.
+    `ports` is that of one board, or of the lower and then the upper of two; `boards` are the data of each in the same
+    order, without which the boards can be silenced, but not play. `silencer`, "auto" or "off", has no effect: the
+    firmware has none.
     """
 
     streams, steps_a_turn = True, STEPS
@@ -103,7 +73,7 @@ class OpenMpdArray(ArrayDevice):
         self.name, self.exclusive = name, f"openmpd:{','.join(ports)}"
         self.array = array_of_boards(*(boards or [Board.nominal()] * len(ports)))
         self._names, self._boards = tuple(ports), tuple(boards)
-        self._ports: list[BoardPort] = []
+        self._ports: list[Any] = []
         self._guard: PortGuard | None = None
         self._lock = threading.RLock()
         self._silenced = 0
@@ -248,7 +218,7 @@ class OpenMpdArray(ArrayDevice):
             if self._silenced != ordered:
                 raise DeviceError(f"{self.name}: silenced by another thread during playback")
 
-    def _silence_port(self, port: BoardPort) -> LinkLostError | None:
+    def _silence_port(self, port: Any) -> LinkLostError | None:
         """Discard unsent bytes and send silence; return the error, if any."""
         try:
             port.reset_output_buffer()

@@ -97,10 +97,7 @@ def choose_silencer(choice: SilencerChoice, drive: Drive, sampling: Sampling | N
     to 0.1 %; "off" wins a tie. Audible noise from dips of the output when phases jump (Suzuki et al., IEEE Trans.
     Haptics 13(1), 2020) is not minimised: select a silencer by name for less noise at the cost of a larger error.
 
-    Raises
-    ------
-    InputError
-        If the choice is unknown.
+    Raises InputError if the choice is unknown.
     """
     if choice != "auto":
         chosen = named_silencer(choice, drive.rate)

@@ -111,7 +111,7 @@ class GrblStage(StageDevice):
         try:
             with self._guarded_motion():
                 self._send("$H")
-                self._until(lambda: self._outbox.empty, HOMING, stopped)
+                self._until_answered(HOMING, stopped)
         except BaseException:
             # During homing Grbl ignores a hold, but not a reset.
             with suppress(DeviceError):
@@ -132,30 +132,25 @@ class GrblStage(StageDevice):
         self, target: Place, speed: float, *, stamp: Callable[[StageStamp], object], stopped: Callable[[], bool]
     ) -> tuple[float, float] | None:
         """Move in one straight line (G1 in machine coordinates), then dwell; the answer to the dwell marks the end."""
-        with self._guarded_motion():
-            return self._move(target, speed, stamp, stopped)
-
-    def _move(
-        self, target: Place, speed: float, stamp: Callable[[StageStamp], object], stopped: Callable[[], bool]
-    ) -> tuple[float, float] | None:
         x, y, z = (1e3 * part for part in target)
-        try:
-            self._send(f"G21G90G94G53G1X{x:.3f}Y{y:.3f}Z{z:.3f}F{60e3 * speed:.1f}")
-            self._until(lambda: self._outbox.empty, ANSWER_LIMIT, stopped, stamp)
-            begin = time.monotonic()
-            self._send("G4P0.01")
-            arrived = self._until(lambda: self._outbox.empty, None, stopped, stamp)
-            end = time.monotonic()
-            if arrived:
-                stamp(self._stamp(self._query_status()))
-                return begin, end
-        except DeviceError as wrong:
-            raise type(wrong)(f"{wrong}; {self._hold()}") from wrong
-        except BaseException:
+        with self._guarded_motion():
+            try:
+                self._send(f"G21G90G94G53G1X{x:.3f}Y{y:.3f}Z{z:.3f}F{60e3 * speed:.1f}")
+                self._until_answered(ANSWER_LIMIT, stopped, stamp)
+                begin = time.monotonic()
+                self._send("G4P0.01")
+                arrived = self._until_answered(None, stopped, stamp)
+                end = time.monotonic()
+                if arrived:
+                    stamp(self._stamp(self._query_status()))
+                    return begin, end
+            except DeviceError as wrong:
+                raise type(wrong)(f"{wrong}; {self._hold()}") from wrong
+            except BaseException:
+                self._hold()
+                raise
             self._hold()
-            raise
-        self._hold()
-        return None
+            return None
 
     @contextmanager
     def _guarded_motion(self) -> Generator[None]:
@@ -204,7 +199,7 @@ class GrblStage(StageDevice):
         """Read settings and version."""
         for line in ("$$", "$I"):
             self._send(line)
-        self._until(lambda: self._outbox.empty, ANSWER_LIMIT)
+        self._until_answered(ANSWER_LIMIT)
         if not self._version.startswith("1.1"):
             raise DeviceError(f"{self.name}: expected Grbl 1.1, got {self._version or 'no version'}")
 
@@ -213,19 +208,18 @@ class GrblStage(StageDevice):
             raise DeviceError(f"{self.name}: expected the setting ${number} of Grbl 1.1, got none; check the firmware")
         return self._settings[number]
 
-    def _until(
+    def _until_answered(
         self,
-        done: Callable[[], bool],
         limit: float | None,
         stopped: Callable[[], bool] = lambda: False,
         stamp: Callable[[StageStamp], object] | None = None,
     ) -> bool:
-        """Send and read until `done`; False if `stopped` first.
+        """Send and read until every line was answered; False if `stopped` first.
 
         With `stamp`, the position is queried continuously; without, Grbl may be silent for up to `limit` s.
         """
         end = None if limit is None else time.monotonic() + limit
-        while not done():
+        while not self._outbox.empty:
             if stopped():
                 return False
             if end is not None and time.monotonic() > end:
@@ -397,13 +391,7 @@ class GrblStage(StageDevice):
 
 
 def grbl_stage(port: str, options: Mapping[str, str]) -> GrblStage:
-    """Stage at a port; the option baud is the rate in bits per second.
-
-    Raises
-    ------
-    InputError
-        If an option is unknown or is no rate.
-    """
+    """Stage at a port; the option baud is bits per second. Raises InputError if an option is unknown or no rate."""
     baud = options.get("baud", "115200")
     if set(options) - {"baud"} or not baud.isdecimal() or not int(baud):
         unknown = next(iter(set(options) - {"baud"}), f"baud={baud}")

@@ -6,7 +6,6 @@ its own file.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from types import TracebackType
 from typing import Self
 
 from midair.model import Place, StageStamp
@@ -26,15 +25,8 @@ class StageDevice(ABC):
     def ready(self, *, homing: bool) -> StageStamp:
         """Return the position if the machine is at rest, not locked, and knows its position.
 
-        Parameters
-        ----------
-        homing : bool
-            Whether limit switches are required.
-
-        Raises
-        ------
-        DeviceError
-            If it is not ready; the message says what to do.
+        `homing` is whether limit switches are required. Raises DeviceError if it is not ready; the message says what
+        to do.
         """
 
     @abstractmethod
@@ -54,26 +46,11 @@ class StageDevice(ABC):
         If the move ends early, also by an error, the machine is stopped first: it brakes and cancels the rest of the
         move.
 
-        Parameters
-        ----------
-        target : tuple of float
-            x, y, z in machine coordinates, in m.
-        speed : float
-            In m/s.
-        stamp : callable
-            Called with every position that the machine reports during the move.
-        stopped : callable
-            Called continuously; once it returns True the machine is stopped.
+        `target` is x, y, z in machine coordinates, in m, and `speed` is in m/s. `stamp` is called with every position
+        that the machine reports; `stopped` is called continuously, and once it returns True the machine is stopped.
 
-        Returns
-        -------
-        tuple of float or None
-            Start and end time on this computer's monotonic clock; None if it was stopped.
-
-        Raises
-        ------
-        DeviceError
-            If the machine reports an alarm, rejects the move, does not answer, or is lost.
+        Returns start and end time on this computer's monotonic clock, or None if it was stopped. Raises DeviceError if
+        the machine reports an alarm, rejects the move, does not answer, or is lost.
         """
 
     @abstractmethod
@@ -88,7 +65,5 @@ class StageDevice(ABC):
         self.open()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

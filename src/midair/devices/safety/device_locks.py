@@ -25,30 +25,20 @@ def device_lock(device: str) -> Generator[None]:
     both end with the process, and a leftover file does not block. On macOS, programs of other users, or with another
     state folder, get the device; on Windows every program does.
 
-    Parameters
-    ----------
-    device : str
-        Name in parts separated by colons: ``autd3``, which may find any units, excludes ``autd3:eth0``, and vice versa.
-
-    Raises
-    ------
-    HeldError
-        If another program uses it.
-    DeviceError
-        If Linux refuses the socket.
-    FileError
-        If the state folder cannot be written.
+    Colons separate the parts of a name: ``autd3``, which may find any units, excludes ``autd3:eth0``, and vice versa.
+    Raises HeldError if another program uses it, DeviceError if Linux refuses the socket, FileError if the state folder
+    cannot be written.
     """
-    path = _path(make_state_folder(), device)
+    path = make_state_folder() / f"device-{quote(device, safe='')}.json"
     held = LockFile.take(path)
     if held is None:
-        raise HeldError(_refusal(device, path))
+        raise _held_error(device, _holder(path))
     try:
         held.write({"device": device})
         # Lock first, then check the others: of two simultaneous programs at least one detects the other.
         for other in _overlapping(device):
             if held_entry(other) is not None:
-                raise HeldError(_refusal(device, other))
+                raise _held_error(device, _holder(other))
         with _computer_lock(device):
             yield
     finally:
@@ -74,7 +64,7 @@ def _computer_lock(device: str) -> Generator[None]:
             held.listen(128)
         except OSError as wrong:
             if wrong.errno == errno.EADDRINUSE:
-                raise HeldError(_refusal_of_other(device, name)) from wrong
+                raise _held_error(device, _socket_holder(name)) from wrong
             raise DeviceError(
                 f"{device}: expected a lock for all users of this computer, got {wrong.strerror}"
             ) from wrong
@@ -83,11 +73,12 @@ def _computer_lock(device: str) -> Generator[None]:
             lines = Path("/proc/net/unix").read_text(encoding="utf-8", errors="replace").splitlines()
         for other in {line.partition(f" @{_NAMES}")[2] for line in lines}:
             if _overlap(device, unquote(other)):
-                raise HeldError(_refusal_of_other(device, other))
+                raise _held_error(device, _socket_holder(other))
         yield
 
 
-def _refusal_of_other(device: str, name: str) -> str:
+def _socket_holder(name: str) -> str:
+    """The program that has a socket name."""
     import pwd
 
     who = "a program of another user"
@@ -99,11 +90,7 @@ def _refusal_of_other(device: str, name: str) -> str:
         who = f"process {process} of user {pwd.getpwuid(user).pw_name}"
         words = Path(f"/proc/{process}/cmdline").read_text(encoding="utf-8", errors="replace").split("\0")[:-1]
         who += f" ({''.join(each if each.isprintable() else '?' for each in shlex.join(words))[:300]})"
-    return f"{device}: expected a device that no other program uses, {who} has it; wait until it ends, or end it"
-
-
-def _path(folder: Path, device: str) -> Path:
-    return folder / f"device-{quote(device, safe='')}.json"
+    return f"{who} has it"
 
 
 def _overlapping(device: str) -> list[Path]:
@@ -117,9 +104,12 @@ def _overlap(one: str, other: str) -> bool:
     return one.startswith(f"{other}:") or other.startswith(f"{one}:")
 
 
-def _refusal(device: str, path: Path) -> str:
+def _holder(path: Path) -> str:
+    """The program that has a lock file."""
     entry = held_entry(path) or {}
-    who = (
-        f"process {entry.get('process', '?')} ({entry.get('command', '?')}) has had it since {entry.get('since', '?')}"
-    )
-    return f"{device}: expected a device that no other program uses, {who}; wait until it ends, or end it"
+    process, command, since = (entry.get(key, "?") for key in ("process", "command", "since"))
+    return f"process {process} ({command}) has had it since {since}"
+
+
+def _held_error(device: str, who: str) -> HeldError:
+    return HeldError(f"{device}: expected a device that no other program uses, {who}; wait until it ends, or end it")

@@ -113,10 +113,7 @@ def log_pause(order: str, source: str | Path, device: str, event: str, reason: s
 def close_orders() -> None:
     """Log an end for each order of a program that died, for example by SIGKILL.
 
-    Raises
-    ------
-    FileError
-        If the log cannot be read or written.
+    Raises FileError if the log cannot be read or written.
     """
     if not _open_orders():
         return

@@ -20,10 +20,7 @@ def state_folder() -> Path:
 def make_state_folder() -> Path:
     """Create the state folder, private to this user, if it does not exist.
 
-    Raises
-    ------
-    FileError
-        If it cannot be created, belongs to another user, or can be written by other users.
+    Raises FileError if it cannot be created, belongs to another user, or can be written by other users.
     """
     folder = state_folder()
     try:
@@ -31,19 +28,16 @@ def make_state_folder() -> Path:
     except OSError as wrong:
         raise FileError(f"{folder}: {wrong.strerror}; set MIDAIR_STATE to a folder you can write to") from wrong
     if sys.platform != "win32":
-        _check_private(folder, folder.stat())
+        found = folder.stat()
+        # Other users could otherwise replace the log or the locks.
+        if found.st_uid != os.geteuid():
+            raise FileError(
+                f"{folder}: expected a state folder of this user (number {os.geteuid()}), got one of user "
+                f"{found.st_uid}; set MIDAIR_STATE to a folder of your own"
+            )
+        if found.st_mode & 0o022:
+            raise FileError(
+                f"{folder}: expected a state folder that only you can write to, got mode "
+                f"{stat.S_IMODE(found.st_mode):o}; run chmod go-w {folder}, or set MIDAIR_STATE to a folder of your own"
+            )
     return folder
-
-
-def _check_private(folder: Path, found: os.stat_result) -> None:
-    """Raise FileError if other users could replace the log or the locks."""
-    if found.st_uid != os.geteuid():
-        raise FileError(
-            f"{folder}: expected a state folder of this user (number {os.geteuid()}), got one of user {found.st_uid}; "
-            f"set MIDAIR_STATE to a folder of your own"
-        )
-    if found.st_mode & 0o022:
-        raise FileError(
-            f"{folder}: expected a state folder that only you can write to, got mode {stat.S_IMODE(found.st_mode):o}; "
-            f"run chmod go-w {folder}, or set MIDAIR_STATE to a folder of your own"
-        )

@@ -88,10 +88,7 @@ def stop_playing(*, timeout: float = WAIT) -> list[Stopped]:
     Programs that are just starting will refuse to play. All programs are contacted at once, so that one that hangs does
     not delay the others.
 
-    Raises
-    ------
-    FileError
-        If the request could not be recorded for starting programs; the others were contacted before.
+    Raises FileError if the request could not be recorded for starting programs; the others were contacted before.
     """
     problem = _note_stop()
     paths = sorted(state_folder().glob("playing-*.json"))

@@ -64,7 +64,8 @@ class StopGuard:
                 with ExitStack() as stack:
                     if device is not None:
                         stack.enter_context(device_lock(device))
-                    afterwards = _interrupt if main else _nothing
+                    # Only the main thread can be interrupted; others check before they play.
+                    afterwards = _interrupt if main else lambda: None
                     line = open_stop_channel(name, lambda: self._stop(silence), afterwards=afterwards)
                     stack.enter_context(line)
                     self._stack = stack.pop_all()
@@ -95,10 +96,6 @@ def _interrupt() -> None:
     else:
         # A system signal also ends a blocking wait, `interrupt_main` does not.
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
-
-
-def _nothing() -> None:
-    """Do nothing: only the main thread can be interrupted; others check before they play."""
 
 
 def _stopped(name: str) -> str:

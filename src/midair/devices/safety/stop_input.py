@@ -49,12 +49,7 @@ class StopInput:
 def open_stop_input(name: str) -> Generator[StopInput]:
     """Open an input by its name: ``serial:PORT``, ``keyboard`` or ``evdev:PATH``.
 
-    Raises
-    ------
-    InputError
-        If the name is none of these.
-    DeviceError
-        If it cannot be opened.
+    Raises InputError if the name is none of these, DeviceError if it cannot be opened.
     """
     if sys.platform == "win32":
         raise DeviceError("--stop-input: expected Linux or macOS, got Windows; use midair stop")

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from pydantic import PositiveFloat, PositiveInt
 
-from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream
-from midair.errors import DeviceError, DeviceStateError, UnknownDeviceError
+from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream, opened
+from midair.errors import DeviceError, UnknownDeviceError
 from midair.model import RATE
 
 try:
@@ -98,12 +98,13 @@ class AudioSource:
                 f"{found['max_input_channels']}, usually at {found['default_samplerate']:g} Hz), got: {wrong}; "
                 "state ?channels= and ?native="
             ) from wrong
-        self._described = {"device": str(found["name"]), "driver": _host(found)}
+        api: Any = sounddevice.query_hostapis(found["hostapi"])
+        self._described = {"device": str(found["name"]), "driver": str(api["name"])}
         return Stream(channels=channels, rate=self._rate, full_scale=1.0, stored="f4")
 
     def start(self) -> None:
         """Start recording; frame 0 is the first one after this call."""
-        stream = self._opened()
+        stream = opened(self._stream, "audio")
         self._frames, self._pieces, self._last, self._overflows = 0, queue.SimpleQueue(), None, 0
         try:
             stream.start()
@@ -119,7 +120,7 @@ class AudioSource:
         except queue.Empty:
             piece = None
         if piece is None:
-            if self._opened().active:
+            if opened(self._stream, "audio").active:
                 return None
             if self._on_jack:
                 _PORTAUDIO.never_terminate()
@@ -174,11 +175,6 @@ class AudioSource:
         since = piece.taken - self._last.taken - len(self._last.samples) / self._rate
         return max(0 if self._on_jack else 1, round(since * self._rate))
 
-    def _opened(self) -> "sounddevice.RawInputStream":
-        if self._stream is None:
-            raise DeviceStateError("audio: expected open first")
-        return self._stream
-
     def _within_limit(self, call: Callable[[], Any], limit: float = 2.0) -> None:
         """Call with a time limit, since PortAudio waits forever for a JACK server that has ended."""
 
@@ -206,10 +202,9 @@ def _find(wanted: str) -> dict[str, Any]:
         found = _matching(wanted)
     if len(found) == 1:
         return found[0]
-    names = ", ".join(f"{each['index']} {each['name']} ({each['max_input_channels']} channels)" for each in inputs())
     raise UnknownDeviceError(
         f"audio: expected one device with inputs for {wanted or 'the default'!r}, found {len(found)}; name one of: "
-        f"{names or 'none found'}"
+        f"{_names() or 'none found'}"
     )
 
 
@@ -223,9 +218,8 @@ def _matching(wanted: str) -> list[dict[str, Any]]:
     return named or [each for each in inputs() if wanted.lower() in each["name"].lower()]
 
 
-def _host(device: dict[str, Any]) -> str:
-    api: Any = sounddevice.query_hostapis(device["hostapi"])
-    return str(api["name"])
+def _names() -> str:
+    return ", ".join(f"{each['index']} {each['name']} ({each['max_input_channels']} channels)" for each in inputs())
 
 
 class AudioSensor(SensorOptions):
@@ -244,5 +238,4 @@ class AudioSensor(SensorOptions):
     @classmethod
     def available(cls) -> str:
         """Devices with inputs."""
-        found = [f"{each['index']} {each['name']} ({each['max_input_channels']} channels)" for each in inputs()]
-        return f"inputs: {', '.join(found) or 'none'}"
+        return f"inputs: {_names() or 'none'}"

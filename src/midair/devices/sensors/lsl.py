@@ -19,8 +19,8 @@ from pylsl.util import LostError, TimeoutError
 
 from midair.devices.liblsl import quiet_liblsl
 from midair.devices.sensors.frame_numbers import CountedFrames, Run, StampedFrames, SteadyStamps, runs
-from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream
-from midair.errors import DeviceError, DeviceStateError, InputError, RateError
+from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream, opened
+from midair.errors import DeviceError, InputError, RateError
 from midair.model import Unit
 
 UNITS: dict[str, tuple[Unit, float]] = {
@@ -79,12 +79,13 @@ class LslSource:
 
     def start(self) -> None:
         """Subscribe to the stream, or discard the data received so far."""
+        inlet = opened(self._inlet, "lsl")
         try:
-            self._opened().open_stream(timeout=self._search)
-            self._correction = self._opened().time_correction(timeout=self._search)
+            inlet.open_stream(timeout=self._search)
+            self._correction = inlet.time_correction(timeout=self._search)
         except (LostError, TimeoutError) as wrong:
             raise self._lost() from wrong
-        self._opened().flush()
+        inlet.flush()
         self._counted, self._full = None, False
         self._stamped, self._steady = StampedFrames(self._rate), SteadyStamps(self._rate)
         self._waiting.clear()
@@ -93,11 +94,12 @@ class LslSource:
         """Return received frames; host times are the sender's stamps converted to this computer's clock."""
         if self._waiting:
             return self._waiting.popleft()
+        inlet = opened(self._inlet, "lsl")
         try:
             # Without `min_samples` a pull with a time limit would wait for all 4096 samples.
-            samples, stamps = self._opened().pull_chunk(timeout=wait, max_samples=4096, min_samples=1)
+            samples, stamps = inlet.pull_chunk(timeout=wait, max_samples=4096, min_samples=1)
             with suppress(TimeoutError):  # no newer one yet
-                self._correction = self._opened().time_correction(timeout=1e-3)
+                self._correction = inlet.time_correction(timeout=1e-3)
         except LostError as wrong:
             self._enqueue(self._stamped.rest())
             if not self._waiting:
@@ -209,11 +211,6 @@ class LslSource:
                     uncertain=run.jump != 0,
                 )
             )
-
-    def _opened(self) -> pylsl.StreamInlet:
-        if self._inlet is None:
-            raise DeviceStateError("lsl: expected open first")
-        return self._inlet
 
     def _lost(self) -> DeviceError:
         return DeviceError(f"lsl: lost the sender of {self._name!r}; make sure that it runs, then start again")

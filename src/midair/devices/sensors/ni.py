@@ -4,8 +4,8 @@ The driver runs on Windows and some Linux distributions; this module has not bee
 """
 
 import time
-from collections.abc import Callable, Sequence
-from typing import Any, Literal, Protocol, cast, get_args
+from collections.abc import Callable
+from typing import Any, Literal, cast, get_args
 
 import nidaqmx
 import numpy as np
@@ -15,8 +15,8 @@ from nidaqmx.errors import Error as DaqmxError
 from nidaqmx.system import System
 from pydantic import PositiveFloat
 
-from midair.devices.sensors.sources import Chunk, SensorOptions, Stream
-from midair.errors import DeviceError, DeviceStateError, InputError
+from midair.devices.sensors.sources import Chunk, SensorOptions, Stream, opened
+from midair.errors import DeviceError, InputError
 
 Wires = Literal["default", "rse", "nrse", "differential"]
 
@@ -26,46 +26,6 @@ _WIRES = {
     "nrse": TerminalConfiguration.NRSE,
     "differential": TerminalConfiguration.DIFF,
 }
-
-
-class NiTask(Protocol):
-    """The part of `nidaqmx.Task` that midair uses."""
-
-    @property
-    def ai_channels(self) -> Any:
-        """Inputs of the task."""
-        ...
-
-    @property
-    def timing(self) -> Any:
-        """Sample clock of the task."""
-        ...
-
-    @property
-    def in_stream(self) -> Any:
-        """Sample buffer of the driver."""
-        ...
-
-    @property
-    def channel_names(self) -> Sequence[str]:
-        """Names of the inputs."""
-        ...
-
-    def start(self) -> None:
-        """Start sampling."""
-        ...
-
-    def stop(self) -> None:
-        """Stop sampling."""
-        ...
-
-    def close(self) -> None:
-        """Release the device."""
-        ...
-
-    def read(self, number_of_samples_per_channel: int, timeout: float) -> Any:
-        """Return frames as one list of samples per channel, or a single list if there is one channel."""
-        ...
 
 
 class NiSource:
@@ -82,11 +42,11 @@ class NiSource:
         rate: float = 1000.0,
         limit: float = 10.0,
         wires: Wires = "default",
-        make_task: Callable[[], NiTask] | None = None,
+        make_task: Callable[[], Any] = nidaqmx.Task,
     ) -> None:
         self._name, self._rate, self._limit, self._wires = channels, rate, limit, wires
-        self._make = make_task or _real_task
-        self._task: NiTask | None = None
+        self._make = make_task
+        self._task: Any = None
         self._frames = 0
 
     def open(self) -> Stream:
@@ -116,13 +76,13 @@ class NiSource:
         """Start sampling."""
         self._frames = 0
         try:
-            self._opened().start()
+            opened(self._task, "ni").start()
         except DaqmxError as wrong:
             raise self._failed(wrong) from wrong
 
     def pull(self, wait: float) -> Chunk | None:
         """Return all frames in the driver's buffer."""
-        task, end = self._opened(), time.monotonic() + wait
+        task, end = opened(self._task, "ni"), time.monotonic() + wait
         try:
             while not (ready := int(task.in_stream.avail_samp_per_chan)):
                 if time.monotonic() > end:
@@ -162,19 +122,9 @@ class NiSource:
         except DaqmxError:
             return
 
-    def _opened(self) -> NiTask:
-        if self._task is None:
-            raise DeviceStateError("ni: expected open first")
-        return self._task
-
     def _failed(self, wrong: Exception) -> DeviceError:
         said = str(wrong).strip().splitlines() or [type(wrong).__name__]
         return DeviceError(f"ni: {self._name}: {said[0]}; check the name in NI MAX, the cable, and the rate")
-
-
-def _real_task() -> NiTask:
-    task: Any = nidaqmx.Task()
-    return task
 
 
 def devices() -> list[str]:

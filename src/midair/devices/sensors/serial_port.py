@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import serial
 from pydantic import PositiveInt
@@ -16,29 +16,8 @@ from serial.tools.list_ports import comports
 
 from midair.devices.safety import device_lock
 from midair.devices.sensors.serial_frames import Decoder, Frames, Layout
-from midair.devices.sensors.sources import Chunk, SensorOptions, Stream
-from midair.errors import DeviceError, DeviceStateError
-
-
-class Port(Protocol):
-    """The part of `serial.Serial` that midair uses."""
-
-    @property
-    def in_waiting(self) -> int:
-        """Number of bytes received."""
-        ...
-
-    def read(self, size: int = 1) -> bytes:
-        """Read up to `size` bytes: at least one within the time limit, or none."""
-        ...
-
-    def reset_input_buffer(self) -> None:
-        """Discard the received bytes."""
-        ...
-
-    def close(self) -> None:
-        """Close the port."""
-        ...
+from midair.devices.sensors.sources import Chunk, SensorOptions, Stream, opened
+from midair.errors import DeviceError
 
 
 class SerialSource:
@@ -50,12 +29,12 @@ class SerialSource:
     """
 
     def __init__(
-        self, port: str, *, baud: int = 921_600, search: float = 2.0, connect: Callable[[], Port] | None = None
+        self, port: str, *, baud: int = 921_600, search: float = 2.0, connect: Callable[[], Any] | None = None
     ) -> None:
         self._name, self._search = port, search
         self._connect = connect or (lambda: exclusive_port(port, baud))
         self._hold = ExitStack()
-        self._port: Port | None = None
+        self._port: Any = None
         self._decoder = Decoder()
         self._waiting: deque[Frames] = deque()
         self._base: int | None = None
@@ -81,7 +60,7 @@ class SerialSource:
 
     def start(self) -> None:
         """Discard the received bytes; the next whole frame is frame 0."""
-        self._convert_errors(self._opened().reset_input_buffer)
+        self._convert_errors(opened(self._port, "serial").reset_input_buffer)
         # The layout stays, since `open` returned its channels and rate.
         self._decoder = Decoder(layout=self._decoder.layout)
         self._waiting.clear()
@@ -127,7 +106,7 @@ class SerialSource:
         )
 
     def _read(self) -> bytes:
-        port = self._opened()
+        port = opened(self._port, "serial")
         # At least one byte, so that an empty port blocks instead of being polled.
         data: bytes = self._convert_errors(lambda: port.read(max(1, port.in_waiting)))
         self._arrived = time.monotonic()
@@ -152,11 +131,6 @@ class SerialSource:
             return call()
         except (OSError, TypeError) as wrong:
             raise DeviceError(f"serial: lost {self._name}: {wrong}; plug it in and start again") from wrong
-
-    def _opened(self) -> Port:
-        if self._port is None:
-            raise DeviceStateError("serial: expected open first")
-        return self._port
 
 
 def exclusive_port(port: str, baud: int) -> Any:

@@ -3,14 +3,17 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
 
+from midair.errors import DeviceStateError
 from midair.model import SensorGrid, SensorWiring, Unit
 from midair.streaming import Stored
+
+T = TypeVar("T")
 
 Samples = NDArray[Any]
 """Shape (frame, channel), of any number type."""
@@ -85,7 +88,6 @@ class Source(Protocol):
 
     def start(self) -> None:
         """Start sampling and discard earlier data: frame 0 is the first one after this call."""
-        ...
 
     def pull(self, wait: float) -> Chunk | None:
         """Return the frames since the last call, waiting up to `wait` seconds for the first; None if there are none."""
@@ -93,15 +95,20 @@ class Source(Protocol):
 
     def stop(self) -> None:
         """Stop sampling; no effect if not started."""
-        ...
 
     def close(self) -> None:
         """Close the source; no effect if not open."""
-        ...
 
     def describe(self) -> dict[str, str]:
         """Information about the source and counters since start, by name."""
         ...
+
+
+def opened(part: T | None, kind: str) -> T:
+    """A part of a source that exists while it is open; DeviceStateError before."""
+    if part is None:
+        raise DeviceStateError(f"{kind}: expected open first")
+    return part
 
 
 class SensorOptions(BaseModel, ABC):

@@ -86,19 +86,9 @@ class StreamedSensor(SensorDevice):
     A thread reads the source continuously, so that `read` may be late by as much as `memory` holds: 64 MB are 20 s of
     16 channels at 48 kHz in float32, and 17 minutes at 1 kHz.
 
-    Parameters
-    ----------
-    source : Source
-        The source of the channels.
-    name : str
-        The name that it was opened with.
-    wire : callable, optional
-        Returns the wiring for an opened stream; by default cells in the order of the channels, in the unit of the
-        source or counts.
-    timeout : float
-        Time without a frame after which the source counts as lost, in s.
-    memory : float
-        Memory for unread frames, in bytes; frames that do not fit are lost, and counted.
+    `wire` returns the wiring for an opened stream; by default cells in the order of the channels, in the unit of the
+    source or counts. `timeout` is the time without a frame after which the source counts as lost, in s. `memory` for
+    unread frames is in bytes; frames that do not fit are lost, and counted.
     """
 
     def __init__(
@@ -139,15 +129,16 @@ class StreamedSensor(SensorDevice):
 
     def start(self) -> None:
         """Start sampling; a second start begins again at frame 0."""
-        stream = self._opened()
+        if self._stream is None:
+            raise DeviceStateError(f"{self.name}: expected open before start")
         self.stop()
         self._rest, self._next, self._lost = None, 0, 0
         self.source.start()
-        self._reader = Reader(self.source, stream.rate, limit=self._memory)
+        self._reader = Reader(self.source, self._stream.rate, limit=self._memory)
 
     def read(self, frames: int) -> FrameBlock:
         """Return the next `frames` frames, or fewer up to a gap or to the loss of the source."""
-        if self._reader is None:
+        if self._reader is None or self.wiring is None:
             raise DeviceStateError(f"{self.name}: expected start before read")
         if frames < 1:
             raise InputError(f"{self.name}: expected to read 1 frame or more, got {frames}")
@@ -157,7 +148,7 @@ class StreamedSensor(SensorDevice):
         self._lost += lost
         samples = np.concatenate([part.samples for part in parts]).astype(np.float64) * self._scale
         return FrameBlock(
-            samples=self._wired.arrange(samples),
+            samples=self.wiring.arrange(samples),
             first=first.first,
             device_time=first.device_time,
             host_time=first.host_time,
@@ -190,17 +181,6 @@ class StreamedSensor(SensorDevice):
         if self._stream is not None:
             said |= {"channels": str(self._stream.channels), "rate": f"{self._stream.rate:g} Hz"}
         return {**said, "lost frames": str(self._lost)}
-
-    def _opened(self) -> Stream:
-        if self._stream is None:
-            raise DeviceStateError(f"{self.name}: expected open before start")
-        return self._stream
-
-    @property
-    def _wired(self) -> SensorWiring:
-        if self.wiring is None:
-            raise DeviceStateError(f"{self.name}: expected open before read")
-        return self.wiring
 
     def _parts(self, reader: Reader, frames: int) -> list[Chunk]:
         """Consecutive chunks, at least one."""

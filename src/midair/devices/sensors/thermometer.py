@@ -16,13 +16,7 @@ LINE = re.compile(r"\s*([-+]?\d+(?:\.\d+)?)\s*(?:°?\s*C)?\s*")
 
 
 class Thermometer(ABC):
-    """A thermometer that is opened by its first `read`.
-
-    Parameters
-    ----------
-    place : str
-        Stream, port or file: the part of its name after the kind.
-    """
+    """A thermometer that is opened by its first `read`; `place` is the part of its name after the kind."""
 
     kind: str
     stale: float = 10.0
@@ -39,10 +33,7 @@ class Thermometer(ABC):
     def read(self) -> float:
         """Temperature in degrees Celsius.
 
-        Raises
-        ------
-        DeviceError
-            If it cannot be read, the value is too old, or outside -10 to 50 degrees.
+        Raises DeviceError if it cannot be read, the value is too old, or outside -10 to 50 degrees.
         """
         value, age = self.latest()
         if age > self.stale:

@@ -63,10 +63,7 @@ class PacedSensor(_WrappedSensor):
 class RemappedSensor(_WrappedSensor):
     """A sensor with reordered channels, to simulate or to correct swapped wires.
 
-    Parameters
-    ----------
-    wiring : SensorWiring
-        Assignment of the sensor's cells, row by row, to channels; its grid and name apply, its unit and scale do not.
+    `wiring` assigns the sensor's cells, row by row, to channels; its grid and name apply, its unit and scale do not.
     """
 
     def __init__(self, sensor: SensorDevice, wiring: SensorWiring) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices.arrays import Silencer, SilencerChoice, choose_silencer
+from midair.devices.arrays import SilencerChoice, choose_silencer
 from midair.devices.interface import ArrayDevice, PlayReport
 from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError, InputError
@@ -121,14 +121,28 @@ class VirtualArray(ArrayDevice):
         if not self._open:
             raise DeviceStateError("virtual array: expected open before play")
         path = self._path_in(self.acoustics or Acoustics(medium=drive.acoustics.medium))
-        silencer = self._silencer(drive)
-        chain = self.chain if silencer is None else _spread_by(self.chain, silencer)
+        silencer, chain = None, self.chain
+        if self.silencer != "off":
+            silencer = choose_silencer(self.silencer, drive)
+            chain = replace(chain, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
         steps = 1 if self._skin is None else steps_per_frame(drive.rate, self._skin.rate)
         if self._skin is not None and delay:
             self._skin.press(np.zeros((round(delay * drive.rate) * steps, self._skin.points.count)))
         total = drive.frames * repeats
         for before in range(0, total, drive.frames):
-            self._emit_once(drive, chain, path, steps, before, total, progress)
+            if chain.hold == "ideal" and path is not None:
+                pressure = simulate(drive, path.matrix, chain=chain, rate=path.skin.rate, acoustics=path.acoustics)
+                path.skin.press(pressure)
+            done, moment = 0, before * steps
+            for q, now in radiate(drive, chain, steps, start=self._now):
+                with self.sounding():
+                    self._now = now
+                done += len(q) // steps
+                if chain.hold == "step" and path is not None:
+                    path.skin.press(path.pressure(q, moment))
+                moment += len(q)
+                if progress:
+                    progress(before + done, total)
         said = "off" if silencer is None else str(silencer)
         return PlayReport(frames=total, duration=total / drive.rate, silencer=said)
 
@@ -139,12 +153,6 @@ class VirtualArray(ArrayDevice):
     def close(self) -> None:
         """Close the array."""
         self._open = False
-
-    def _silencer(self, drive: Drive) -> Silencer | None:
-        """The silencer for this drive; None if it is off."""
-        if self.silencer == "off":
-            return None
-        return choose_silencer(self.silencer, drive)
 
     def _path_in(self, acoustics: Acoustics) -> "_Path | None":
         """Propagation from the array to the skin, cached until the air changes."""
@@ -168,29 +176,6 @@ class VirtualArray(ArrayDevice):
             precision=self.chain.precision,
         )
 
-    def _emit_once(
-        self,
-        drive: Drive,
-        chain: PlaybackChain,
-        path: "_Path | None",
-        steps: int,
-        before: int,
-        total: int,
-        progress: Progress | None,
-    ) -> None:
-        if chain.hold == "ideal" and path is not None:
-            path.skin.press(simulate(drive, path.matrix, chain=chain, rate=path.skin.rate, acoustics=path.acoustics))
-        done, moment = 0, before * steps
-        for q, now in radiate(drive, chain, steps, start=self._now):
-            with self.sounding():
-                self._now = now
-            done += len(q) // steps
-            if chain.hold == "step" and path is not None:
-                path.skin.press(path.pressure(q, moment))
-            moment += len(q)
-            if progress:
-                progress(before + done, total)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Path:
@@ -205,7 +190,3 @@ class _Path:
     def pressure(self, q: Waves, first: int) -> NDArray[np.float64]:
         """Pressure on the points of the skin from step `first` of a play on."""
         return self.spread.pressure(q) if self.moving is None else self.moving.pressure(q, first)
-
-
-def _spread_by(chain: PlaybackChain, silencer: Silencer) -> PlaybackChain:
-    return replace(chain, phase_ramp=silencer.phase, level_ramp=silencer.intensity)

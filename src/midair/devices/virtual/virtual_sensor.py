@@ -18,16 +18,9 @@ class VirtualSensor(SensorDevice):
     With `streamed`, blocks are lazy frames, stored in temporary files. Otherwise the first `WHOLE` seconds are computed
     at once, and longer times piece by piece as they are read.
 
-    Parameters
-    ----------
-    skin : VirtualSkin
-        The skin at the sensor's position; its model is the sensor's.
-    touch : PressureFrames, optional
-        Pressure of an object on the skin from start on, at the skin's rate.
-    rate : float
-        Frames per second, in Hz; the skin's rate must be a multiple of it.
-    seed : int
-        Seed of the noise.
+    `skin` is the skin at the sensor's position, whose model is the sensor's. `touch` is the pressure of an object on
+    the skin from start on, at the skin's rate, which must be a multiple of `rate`, the frames per second in Hz. `seed`
+    is that of the noise.
     """
 
     unit = "V"

@@ -14,14 +14,8 @@ Array = NDArray[np.float64]
 class VirtualSkin:
     """Pressure on the cells of a sensor since it was last cleared, in time steps of 1 / rate.
 
-    Parameters
-    ----------
-    model : SensorModel
-        The sensor: its cells, and the spatial response of its gel.
-    height : float
-        Height of the sensor above the array, in m.
-    rate : float
-        Time steps per second, in Hz; well above the sensor's frame rate.
+    `model` is the sensor: its cells, and the spatial response of its gel. `height` is that of the sensor above the
+    array, in m. `rate` is the time steps per second, in Hz, well above the sensor's frame rate.
     """
 
     def __init__(self, model: SensorModel, *, height: float = HEIGHT, rate: float = 8000.0) -> None:
@@ -45,12 +39,7 @@ class VirtualSkin:
     def touch(self, stroke: PressureFrames) -> None:
         """Append the pressure of an object on the cells.
 
-        Raises
-        ------
-        RateError
-            If the rate of the stroke differs from the skin's.
-        ShapeError
-            If its cells differ.
+        Raises RateError if the rate of the stroke differs from the skin's, ShapeError if its cells differ.
         """
         if stroke.rate != self.rate:
             raise RateError(

@@ -27,19 +27,8 @@ class TouchFrames(Protocol):
 class LiveTake:
     """Writes the ring to a file in a thread of the parent program, so that no disk can delay the loop.
 
-    Parameters
-    ----------
-    order, opened, notes
-        Settings, state of the opened devices, and notes for the provenance.
-    ring : TouchFrames
-        Ring of the loop, or stored frames of it.
-    every : float
-        Reading interval in s; the ring holds several seconds.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be created.
+    `opened` is the state of the opened devices, `ring` the ring of the loop, or stored frames of it,
+    which is read every `every` s; the ring holds several seconds. Raises FileError if the file cannot be created.
     """
 
     def __init__(

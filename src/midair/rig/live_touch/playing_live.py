@@ -30,7 +30,7 @@ def live(
     """Play a sensor's signal on an array, 13 ms later; a context manager that is silent after leaving.
 
     It runs in a separate process. A script has to start it below ``if __name__ == "__main__":``, since that process
-    imports the script as well.
+    imports the script as well. Raises InputError if a value is out of range, or a sensor is too slow for live touch.
 
     Parameters
     ----------
@@ -57,11 +57,6 @@ def live(
     LiveSession
         Enter it with ``with``: ``wait(seconds)``, ``statistics``, ``stop()``.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range, or a sensor is too slow for live touch.
-
     Examples
     --------
     >>> with midair.live("virtual:towel", duration=2.0) as session:
@@ -87,15 +82,8 @@ def live(
 def live_clearance(order: LiveSettings, *, rate: float = RATE) -> ExposureClearance:
     """Check the exposure of live settings without opening a device; `live` checks again with the device.
 
-    Parameters
-    ----------
-    rate : float
-        Frame rate in Hz.
-
-    Raises
-    ------
-    ExposureError
-        If the worst case at this level exceeds the profile without an override.
+    `rate` is the frame rate in Hz. Raises ExposureError if the worst case at this level exceeds the profile without an
+    override.
     """
     array = array_for(order, rate)
     return check_exposure_level(order.level, array, order.exposure, rate=rate)

@@ -2,8 +2,8 @@
 
 import os
 import signal
-from collections.abc import Callable, Generator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
@@ -12,7 +12,6 @@ from typing import Any
 
 from midair.devices import (
     Cooling,
-    ExposureClearance,
     ImmediateArray,
     StreamedSensor,
     autd3_immediate,
@@ -169,7 +168,28 @@ def _play(
                 if rehearsal.late:
                     rehearsal = touch.rehearse(sensor.rate, order.hold)
             known = "" if kept is None else kept.described(Settings().but(acoustics=order.acoustics, grid=order.grid))
-            told.send(_loop_started(sensor, calibration, array, admission, touch, granted, rehearsal, known))
+            told.send(
+                LoopStarted(
+                    sensor=sensor.grid,
+                    unit=sensor.unit,
+                    rate=sensor.rate,
+                    calibration=calibration,
+                    simulated=sensor.simulated or array.simulated,
+                    transducers=array.array.count,
+                    units=array.placement.units,
+                    exposure=admission.verdict(),
+                    level=admission.level,
+                    strongest=admission.strongest,
+                    granted=granted,
+                    rehearsal=rehearsal,
+                    delay=touch.delay,
+                    parts=() if touch.error is None else tuple(touch.parts),
+                    error=() if touch.error is None else tuple(float(each) for each in touch.error),
+                    silencer=str(array.silencer),
+                    described=array.describe(),
+                    array_calibration=known,
+                )
+            )
             loop = LiveLoop(
                 sensor,
                 touch,
@@ -181,10 +201,9 @@ def _play(
                 check=_lease_check(permit, leave, array.name),
             )
             try:
-                with (
-                    array.frames_to_come(admission, source=f"live {sensor.name}", room=order.exposure.room) as put,
-                    _running(sensor),
-                ):
+                source_name, room = f"live {sensor.name}", order.exposure.room
+                with array.frames_to_come(admission, source=source_name, room=room) as put:
+                    sensor.start()
                     loop.run(put, order.duration)
             finally:
                 counted |= array.units.told()
@@ -201,15 +220,6 @@ def _lease_check(permit: PlayLease, leave: LeaseToken, name: str) -> Callable[[]
             raise StoppedError(f"{name}: stopped, since the program that started it is gone; start again")
 
     return check
-
-
-@contextmanager
-def _running(sensor: StreamedSensor) -> Generator[None]:
-    sensor.start()
-    try:
-        yield
-    finally:
-        sensor.stop()
 
 
 def check_rate(sensor: StreamedSensor) -> None:
@@ -261,36 +271,4 @@ def array_for(order: LiveSettings, rate: float) -> ImmediateArray:
     raise UnknownDeviceError(
         "live: expected virtual, autd3, autd3:INTERFACE or autd3:emulator, which support single frames with their "
         f"instant, got {order.device!r}; use midair play for recordings on other arrays"
-    )
-
-
-def _loop_started(
-    sensor: StreamedSensor,
-    calibration: Calibration | None,
-    array: ImmediateArray,
-    admission: ExposureClearance,
-    touch: Touch,
-    granted: SchedulerGrant,
-    rehearsal: Rehearsal,
-    array_calibration: str,
-) -> LoopStarted:
-    return LoopStarted(
-        sensor=sensor.grid,
-        unit=sensor.unit,
-        rate=sensor.rate,
-        calibration=calibration,
-        simulated=sensor.simulated or array.simulated,
-        transducers=array.array.count,
-        units=array.placement.units,
-        exposure=admission.verdict(),
-        level=admission.level,
-        strongest=admission.strongest,
-        granted=granted,
-        rehearsal=rehearsal,
-        delay=touch.delay,
-        parts=() if touch.error is None else tuple(touch.parts),
-        error=() if touch.error is None else tuple(float(each) for each in touch.error),
-        silencer=str(array.silencer),
-        described=array.describe(),
-        array_calibration=array_calibration,
     )

@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -27,6 +26,10 @@ CHANNELS = 64
 
 RISE = 0.4e-3
 """Rise time of the transducers in s."""
+
+
+COUNTS = ("frames", "played", "lost", "late", "hot", "hurried", "unanswered", "gaps", "failsafe")
+"""Counts of `LiveStatistics`, in the ring under the same names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,15 +72,7 @@ class LiveStatistics(SensorRate):
         """As plain values, with times in ms."""
         names = ("half", "99%", "99.9%", "all")
         return {
-            "frames": self.frames,
-            "played": self.played,
-            "lost": self.lost,
-            "late": self.late,
-            "hot": self.hot,
-            "hurried": self.hurried,
-            "unanswered": self.unanswered,
-            "gaps": self.gaps,
-            "failsafe": self.failsafe,
+            **{name: getattr(self, name) for name in COUNTS},
             "latency": round(1e3 * self.latency, 3),
             "latency_parts_ms": {name: round(1e3 * part, 3) for name, part in self.parts.items()},
             "left_ms": {name: _ms(each) for name, each in zip(names, self.left, strict=True)},
@@ -91,22 +86,9 @@ class LiveStatistics(SensorRate):
 class LiveSession:
     """A run of live touch; a context manager that is silent and has ended after leaving.
 
-    Parameters
-    ----------
-    order : LiveSettings
-        Settings of the run.
-    keep : Path, optional
-        File for a take.
-    notes : dict of str to str, optional
-        Notes of the take.
-    permit : PlayLease, optional
-        Lease that another program renews; a lease of its own, renewed while this process runs, if None.
-    leave : LeaseToken, optional
-        Token of that lease's arming; armed here if None.
-    slots : int
-        Number of frames in the ring, for slow readers.
-    report : callable, optional
-        Called by `wait` with one line when a pause for cooling begins or ends.
+    `permit` is a lease that another program renews, `leave` the token of its arming; by default a lease of its own,
+    renewed while this process runs. `slots` is the number of frames in the ring, for slow readers; `wait` calls
+    `report` with one line when a pause for cooling begins or ends. `keep` and `notes` as in `live`.
 
     Examples
     --------
@@ -166,15 +148,7 @@ class LiveSession:
             "rise and air": RISE + order.height / order.acoustics.medium.speed,
         }
         return LiveStatistics(
-            frames=ring.count("frames"),
-            played=ring.count("played"),
-            lost=ring.count("lost"),
-            late=ring.count("late"),
-            hot=ring.count("hot"),
-            hurried=ring.count("hurried"),
-            unanswered=ring.count("unanswered"),
-            gaps=ring.count("gaps"),
-            failsafe=ring.count("failsafe"),
+            **{name: ring.count(name) for name in COUNTS},
             latency=sum(parts.values()),
             parts=parts,
             left=_quantiles(ring.histogram("left")),
@@ -228,9 +202,7 @@ class LiveSession:
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         self._end()
         if error is None:
             self._raise()

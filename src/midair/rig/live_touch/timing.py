@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-TICK = 25_000
-"""Period of the ultrasound in ns: the units' instants are multiples of it."""
+from midair.devices import TICK
 
 
 class Timetable:
