@@ -35,7 +35,8 @@ from benchmarks.exposure_attacks import (
     sounding,
     within,
 )
-from benchmarks.real_objects import HERE, fast, kept
+from benchmarks.real_objects import fast, kept
+from benchmarks.real_pressure import DATA
 from benchmarks.targets import towel
 from midair.datasets import stroke
 from midair.devices import measure_exposure
@@ -77,7 +78,7 @@ def main() -> None:
     parser.add_argument("--surface", action="store_true", help="attack points on the cube's surface only")
     parser.add_argument("--seed", type=int, default=2026, help="seed of all random numbers (default 2026)")
     parser.add_argument("--frames", type=int, default=5000, help="frames of the timed drive (default 5000)")
-    parser.add_argument("--data", type=Path, default=HERE, help="folder with fabricslide, for denim")
+    parser.add_argument("--data", type=Path, default=DATA, help="folder with fabricslide, for denim")
     parser.add_argument("--things", nargs="*", choices=THINGS, default=THINGS, help="recordings of the part safe")
     parser.add_argument("--levels", type=float, nargs="*", default=[110, 115, 120, 125, 130], help="in dB")
     options = parser.parse_args()

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.targets import binary, patterns, problem_of, towel
 from midair.solvers import Exact, Fast, Problem, error_of, one_blas_thread
-from midair.solvers.exact import ExactState
+from midair.solvers.exact import state_at
 from midair.solvers.mode_system import System
 from midair.solvers.modes import modes
 
@@ -57,7 +57,7 @@ def _polished(problem: Problem, theta: np.ndarray, steps: int) -> np.ndarray:
     ends = []
     for p, first in zip(problem.amplitude, theta, strict=True):
         psi = np.where(p > 0, np.angle(problem.field(first[None])[0]), 0.0)
-        state = ExactState.at(system, p, np.concatenate([first, psi]), 1e-3 * float((p**2).max()))
+        state = state_at(system, p, np.concatenate([first, psi]), 1e-3 * float((p**2).max()))
         while state.status is None and state.iterations < steps:
             state = method.step(system, p, state)
         ends.append(state.x[: problem.transducers])

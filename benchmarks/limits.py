@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.clock import fastest, heading, line
 from benchmarks.yardstick import Plain
 from midair.solvers import Exact, LevenbergMarquardt, Live, Problem
-from midair.solvers.exact import ExactState
+from midair.solvers.exact import state_at
 from midair.solvers.mode_system import System
 from midair.solvers.modes import modes
 
@@ -56,7 +56,7 @@ def _exact(problem: Problem, p: np.ndarray, x: np.ndarray):
 
     settings = Exact()
     system = System.of(modes(problem.G, tolerance=settings.tolerance), problem.level, "single")
-    state = ExactState.at(system, p, x, 1e-5)
+    state = state_at(system, p, x, 1e-5)
     R, rows = system.real, np.ones((int((p > 0).sum()), 2 * len(system.power)), np.float32)
     K, b = np.asfortranarray(system.normal(x)), np.ones(2 * len(system.power), np.float32)
     damped = np.asfortranarray(K + np.eye(len(b), dtype=np.float32))

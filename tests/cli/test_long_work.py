@@ -91,6 +91,7 @@ NO_BAR = {
     "completion": "prints a text",
     "calibrate show": "draws one page",
     "calibrate tone": "looks at one tone",
+    "calibrate tracker": "asks for the palm at each place",
     "study new": "solves with bars, of which `solve` is here; draws the plan at once",
     "study run": "asks a person, or says a line for each simulated one",
     "study export": "writes a table",

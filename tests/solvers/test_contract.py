@@ -84,13 +84,12 @@ def smoothed(problem):
 def in_two_airs(problem):
     """The same again with a slightly longer wavelength: phases changed linearly over the transducers."""
     slope = np.exp(0.3j * np.linspace(-1, 1, problem.transducers))
-    cells, guard = problem.cells, problem.guard
+    guard = problem.guard
     return replace(
         problem,
         G=np.concatenate([problem.G, problem.G * slope]),
         amplitude=np.tile(problem.amplitude, (1, 2)),
         psi=None if problem.psi is None else np.tile(problem.psi, 2),
-        cells=None if cells is None else cells.repeated(2),
         guard=None if guard is None else replace(guard, G=np.concatenate([guard.G, guard.G * slope])),
     )
 
@@ -100,9 +99,9 @@ WITH = {
     "cells": by_cells,
     "windows": by_windows,
     "smooth": smoothed,
-    "robust": in_two_airs,
+    "robust": lambda problem: in_two_airs(smoothed(guarded(problem))),
     "amplitudes": doubled,
-    "all": lambda problem: doubled(in_two_airs(smoothed(by_cells(guarded(problem))))),
+    "all": lambda problem: doubled(smoothed(by_cells(guarded(problem)))),
 }
 """Functions that add a term to a problem."""
 

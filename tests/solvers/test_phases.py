@@ -35,7 +35,7 @@ def test_symmetric_and_flat_where_the_array_is_no_wider():
     array, medium = TransducerArray.autd3(), Medium()
     psi = spreading_phase(ControlGrid(), array, medium).reshape(16, 16)
     np.testing.assert_allclose(psi, psi[::-1, ::-1], atol=1e-9)
-    assert not spreading_phase(ControlGrid(pitch=0.1), array, medium).any()
+    assert not spreading_phase(ControlGrid(rows=8, columns=8, pitch=0.1), array, medium).any()
     assert not spreading_phase(ControlGrid(rows=1, columns=1), array, medium).any()
 
 

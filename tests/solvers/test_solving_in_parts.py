@@ -22,7 +22,7 @@ PARTS = {
     "fast, bounded": {"method": "fast", "amplitudes": "bounded"},
     "fast, cells": {"method": "fast", "fit": "cells"},
     "glide": {"method": Glide(block=64)},
-    "free": {"method": Free(block=64, iterations=20, between=4), "quiet_ears": 1.0},
+    "free": {"method": Free(block=16, iterations=20, between=4), "quiet_ears": 1.0},
 }
 
 

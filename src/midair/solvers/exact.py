@@ -55,7 +55,7 @@ class Exact:
         plain = LevenbergMarquardt()
 
         def one(p: Array, x: Array, iterations: int) -> FrameAnswer:
-            state = _at(system, p, x, self.tau * max(diagonal, float((p**2).max())))
+            state = state_at(system, p, x, self.tau * max(diagonal, float((p**2).max())))
             while state.status is None and state.iterations < max(iterations - last, 1):
                 state = self.step(system, p, state)
             # Continue with the current lambda, not with an initial one.
@@ -89,7 +89,7 @@ class Exact:
             return state.refused()
         if np.linalg.norm(h) <= self.step_tolerance * (np.linalg.norm(state.x) + self.step_tolerance):
             return replace(state, status="converged")
-        trial = _at(system, p, state.x + h, state.damping)
+        trial = state_at(system, p, state.x + h, state.damping)
         promised = 0.5 * float(h @ (state.damping * h - system.gradient(p, state.x, state.residual)))
         return state.judged(trial, promised, self.cost_tolerance)
 
@@ -107,7 +107,7 @@ class Exact:
         return x
 
 
-def _at(system: System, p: Array, x: Array, damping: float) -> Damped:
+def state_at(system: System, p: Array, x: Array, damping: float) -> Damped:
     """The state at x before its first step."""
     residual = system.residual(p, x)
     return Damped(x=x, residual=residual, cost=0.5 * float(np.vdot(residual, residual).real), damping=damping)
