@@ -22,7 +22,8 @@ from midair.datasets import Object, stroke
 from midair.devices import check_exposure
 from midair.dsp import resample
 from midair.errors import InputError, MissingExtraError
-from midair.evaluate import THIRD_OCTAVES, third_octaves
+from midair.evaluate import THIRD_OCTAVES
+from midair.evaluate.timbre import third_octave_power
 from midair.figures import png_bytes
 from midair.figures.style import Style, new_figure
 from midair.files import contents, open_take
@@ -229,6 +230,17 @@ def through(original: PressureFrames, settings: Settings, plan: MaterialsPlan) -
         again = rerecord(check_exposure(made.solution.drive, array, default_exposure()), array, sensor)
         heard = calibrated_pressure(again, sensor.calibration, settings, from_rest=True)
     return heard.cut(lead, original.frames / original.rate)
+
+
+def third_octaves(pressure: PressureFrames) -> Array:
+    """Level of each third octave relative to the total power of all cells, in dB, shape (13,), at least -60 dB.
+
+    The levels do not depend on the overall level, so a texture and a weaker copy of it have the same levels.
+    """
+    power = third_octave_power(pressure.pressure, pressure.rate).reshape(len(THIRD_OCTAVES), -1).sum(axis=1)
+    if not power.sum() > 0:
+        raise InputError("texture: expected vibration between 22 and 447 Hz, got silence")
+    return 10 * np.log10(np.maximum(power / power.sum(), 1e-6))
 
 
 def left_out_names(known: Array, asked: Array, truth: NDArray[np.int64]) -> NDArray[np.int64]:

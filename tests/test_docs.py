@@ -20,10 +20,10 @@ from midair.study import (
     SilentPresenter,
     StudyFolder,
     draw_plan,
-    paper_design_text,
     read_design,
     read_events,
     replay,
+    template_text,
 )
 from midair.study.design import Block, Exclusions, Question, Stimulus
 
@@ -193,7 +193,7 @@ def test_every_part_of_a_plan_that_the_page_on_studies_names_is_one():
 
 def test_the_runner_of_the_page_on_studies_runs(folder):
     script = next(one for one in blocks("docs/study.md", "python") if "with Session(" in one)
-    design = read_design(paper_design_text().replace("repetitions = 4", "repetitions = 1"), participants=3)
+    design = read_design(template_text("paper").replace("repetitions = 4", "repetitions = 1"), participants=3)
     plan, told = draw_plan(design), []
     names = {"plan": plan, "folder": StudyFolder(folder), "presenter": SilentPresenter(), "show": told.append}
     exec(script, names | {"ask": lambda text: "AB12" if "pseudonym" in text else "1"})

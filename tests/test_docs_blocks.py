@@ -14,9 +14,9 @@ import pytest
 import soundfile
 
 from midair.cli import run
-from midair.files import load_palm, load_placement, load_tracker, open_take, save, save_calibration
+from midair.files import load_palm, load_placement, load_tracker, open_take, save, save_calibration, save_palm_path
 from midair.files.toml.sensors import load_sensor
-from midair.model import Crosstalk, Recording
+from midair.model import Crosstalk, PalmPath, Recording
 from midair.recordings import cut
 from midair.settings import Settings
 
@@ -46,6 +46,7 @@ NEEDS = {
     "midair import counts.int16": "a package of its own: tests/test_plugin.py",
     "midair doctor --device autd3 --wizard": "an array: tests/rig/doctor/test_wizard.py",
     "midair identify lsl:Skin": "a sensor over LSL",
+    "midair play take.drive.h5 --device autd3": "an array and a tracker: tests/rig/playing/test_following.py",
     "midair calibrate beam lsl:Skin": "a sensor over LSL and an array",
     "midair calibrate array lsl:Skin": "a sensor over LSL and an array",
     "midair calibrate tracker leap:": "a tracker and an array: tests/rig/bench/test_tracker_bench.py",
@@ -203,6 +204,9 @@ def strokes():
 def with_a_drive():
     take()
     assert run(["solve", "take.h5", "--mode", "quick", "--duration", "30ms"]) == 0
+    still = {"centre": [[0, 0, 0.2]], "normal": [[0, 0, -1]], "fingers": [[0, 1, 0]], "confidence": [1.0]}
+    path = PalmPath(time=np.arange(100) / 100, **{name: np.repeat(each, 100, axis=0) for name, each in still.items()})
+    save_palm_path(path, "hand.csv")
 
 
 def with_settings():

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from benchmarks.materials import third_octaves
 
 from midair.errors import BandError, InputError
-from midair.evaluate import THIRD_OCTAVES, third_octaves
+from midair.evaluate import THIRD_OCTAVES
 from midair.evaluate.timbre import texture
 from midair.model import PressureFrames
 

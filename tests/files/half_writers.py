@@ -33,7 +33,7 @@ from midair.model import (
 )
 from midair.rig import Subject, store_subject
 from midair.settings import MODES
-from midair.study import StudyFolder, paper_design_text, read_design
+from midair.study import StudyFolder, read_design, template_text
 from midair.study.tables import write_csv
 
 GRID = SensorGrid()
@@ -45,7 +45,7 @@ PRESSURE = calibrate(TAKE, FLAT)
 EFFECT = Recording(
     samples=TAKE.samples[:, :1, :1], rate=1000, sensor=SensorGrid(rows=1, columns=1), unit="Pa", provenance=LIFE
 )
-DESIGN = read_design(paper_design_text(), name="touch", participants=2, seed=1)
+DESIGN = read_design(template_text("paper"), name="touch", participants=2, seed=1)
 TABLE = DataFrame({"participant": [f"sub-{n:02d}" for n in range(400)], "answer": ["towel"] * 400})
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 DRIVE = Drive(
@@ -70,7 +70,7 @@ def repaired(path):
 
 
 def study_new(path):
-    StudyFolder.create(path, paper_design_text(), DESIGN)
+    StudyFolder.create(path, template_text("paper"), DESIGN)
 
 
 def with_answers(folder):

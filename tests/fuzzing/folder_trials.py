@@ -20,11 +20,11 @@ from midair.study import (
     answers_table,
     data_of_answers,
     data_of_columns,
-    paper_design_text,
     read_bids,
     read_csv,
     read_design,
     run,
+    template_text,
     thresholds_of,
     write_bids,
     write_csv,
@@ -60,12 +60,12 @@ questions = ["rate"]
 
 
 def make_folders(folder: Path) -> None:
-    study = _study(folder / "study", paper_design_text().replace("repetitions = 4", "repetitions = 1"), "small")
+    study = _study(folder / "study", template_text("paper").replace("repetitions = 4", "repetitions = 1"), "small")
     plan = study.plan()
     answers = answers_table(plan, study.sessions())
     write_bids(answers, plan.design, folder / "bids")
     write_csv(answers, folder / "answers.csv")
-    (folder / "design.toml").write_text(paper_design_text(), encoding="utf-8")
+    (folder / "design.toml").write_text(template_text("paper"), encoding="utf-8")
     try:
         _study(folder / "adaptive", ADAPTIVE, "adaptive")
     except Exception as wrong:

@@ -8,13 +8,13 @@ import pytest
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.study.design import draw_plan
 from midair.study.design.answers import answers_table
-from midair.study.folder import StudyFolder, paper_design_text, read_design
+from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.session import Session, SilentPresenter, read_events
 from midair.study.tables import read_csv, write_csv
 
 
 def test_plan_round_trip(tmp_path):
-    text = paper_design_text()
+    text = template_text("paper")
     design = read_design(text, name="mine", participants=3, seed=5)
     assert (design.name, design.participants, design.seed) == ("mine", 3, 5)
     folder = StudyFolder.create(tmp_path / "s", text, design)
@@ -38,14 +38,14 @@ def test_plan_round_trip(tmp_path):
     ],
 )
 def test_invalid_designs_are_refused(old, new, why):
-    text = paper_design_text()
+    text = template_text("paper")
     assert old in text
     with pytest.raises(InputError, match=why):
         read_design(text.replace(old, new, 1))
 
 
 def test_a_plan_that_was_changed_is_refused(tmp_path):
-    text = paper_design_text()
+    text = template_text("paper")
     folder = StudyFolder.create(tmp_path / "s", text, read_design(text))
     file = tmp_path / "s" / "plan.json"
     whole = json.loads(file.read_text())

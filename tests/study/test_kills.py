@@ -12,7 +12,7 @@ import pytest
 from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
 from midair.study.drives import check_digests
-from midair.study.folder import StudyFolder, paper_design_text
+from midair.study.folder import StudyFolder, template_text
 from midair.study.session import read_events
 from midair.study.tables import read_csv
 
@@ -43,7 +43,7 @@ def plan(tmp_path_factory):
     solution = Solution(drive=drive, error=np.zeros(5), iterations=np.ones(5), status=("iterations",) * 5)
     for source in {f"{thing}-{way}.drive.h5" for thing in ("brush", "sponge", "towel") for way in ("plain", "grooved")}:
         save_solution(solution, folder / source)
-    text = paper_design_text().replace("repetitions = 4", "repetitions = 2")
+    text = template_text("paper").replace("repetitions = 4", "repetitions = 2")
     (folder / "plan.toml").write_text(text.replace("participants = 10", "participants = 2"), encoding="utf-8")
     return folder / "plan.toml"
 

@@ -9,7 +9,7 @@ from tests.study.simulated import simulate
 
 from midair.errors import FileError, InputError
 from midair.study.design import answers_table
-from midair.study.folder import StudyFolder, paper_design_text, read_design
+from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.psych_ds import write_psych_ds
 
 # Rule `Datafile` of the specification's schema.
@@ -18,7 +18,7 @@ DATA_FILE = r"([a-z]+-[a-zA-Z0-9]+)(_[a-z]+-[a-zA-Z0-9]+)*_data\.(csv|tsv)"
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    text = paper_design_text().replace("repetitions = 4", "repetitions = 1")
+    text = template_text("paper").replace("repetitions = 4", "repetitions = 1")
     text = text.replace("seed = 2020", 'seed = 2020\nauthors = ["A. Person"]\nlicense = "CC0"', 1)
     folder = StudyFolder.create(
         tmp_path_factory.mktemp("study") / "s", text, read_design(text, name="small", participants=2)

@@ -6,7 +6,7 @@ import pytest
 from midair.cli import run as midair
 from midair.study.design.analysis_plan import Analysis, Exclusions
 from midair.study.design.plan import draw_plan
-from midair.study.folder import paper_design_text, read_design, template_text
+from midair.study.folder import read_design, template_text
 from midair.study.registration import analysis_in_words, exclusions_in_words, plan_page
 from midair.study.statistics import power_paired_t
 
@@ -17,7 +17,7 @@ def words(page):
 
 @pytest.fixture(scope="module")
 def plan():
-    return draw_plan(read_design(paper_design_text()), drives={"towel-plain.drive.h5": "ab" * 32})
+    return draw_plan(read_design(template_text("paper")), drives={"towel-plain.drive.h5": "ab" * 32})
 
 
 def test_the_page_contains_the_plan(plan):
@@ -34,7 +34,7 @@ def test_the_page_contains_the_plan(plan):
 
 
 def test_the_same_plan_gives_the_same_page_and_another_another(plan):
-    other = draw_plan(read_design(paper_design_text(), seed=1))
+    other = draw_plan(read_design(template_text("paper"), seed=1))
     assert plan_page(plan, runs=20) == plan_page(plan, runs=20)
     assert other.digest not in plan_page(plan, runs=20)
     assert other.digest != plan.digest

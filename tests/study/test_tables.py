@@ -9,13 +9,13 @@ from tests.study.simulated import simulate
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.study.design.answers import answers_table
-from midair.study.folder import StudyFolder, paper_design_text, read_design
+from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    text = paper_design_text().replace("repetitions = 4", "repetitions = 1")
+    text = template_text("paper").replace("repetitions = 4", "repetitions = 1")
     folder = StudyFolder.create(
         tmp_path_factory.mktemp("study") / "s", text, read_design(text, name="small", participants=2)
     )
@@ -56,7 +56,7 @@ def datasets(study, tmp_path_factory):
     folder = tmp_path_factory.mktemp("datasets")
     plan, answers = study
     write_bids(answers, plan.design, folder / "one")
-    text = paper_design_text().replace('group = "grooved"', 'group = "grooved"\nsession = 2').replace("= 4", "= 1")
+    text = template_text("paper").replace('group = "grooved"', 'group = "grooved"\nsession = 2').replace("= 4", "= 1")
     stated = 'authors = ["A. Person", "B. Person"]\nlicense = "CC0"\ninstitution = "A University"\nseed = 2020'
     design = read_design(text.replace("seed = 2020", stated, 1), participants=1)
     several = StudyFolder.create(folder / "s", text, design)

@@ -10,7 +10,7 @@ from midair.cli.commands.study import study_app
 from midair.errors import BrokenFileError, InputError, MismatchError
 from midair.study import StudyFolder, analyse, data_of_study, load_study, noted_seals, verify_study
 from midair.study.design import digest_of
-from midair.study.folder import paper_design_text
+from midair.study.folder import template_text
 
 
 def study(*words):
@@ -21,7 +21,7 @@ def study(*words):
 def whole(tmp_path_factory):
     """A study with three finished simulated participants and drives of arbitrary bytes."""
     path = tmp_path_factory.mktemp("verified")
-    short = paper_design_text().replace("repetitions = 4", "repetitions = 1")
+    short = template_text("paper").replace("repetitions = 4", "repetitions = 1")
     for name, seed in (("s", 1), ("other", 2)):
         (path / "short.toml").write_text(short)
         study(

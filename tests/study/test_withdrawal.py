@@ -8,7 +8,7 @@ from tests.study.simulated import simulate
 
 from midair.cli import run as midair
 from midair.errors import DeviceStateError, FileError, InputError
-from midair.study.folder import StudyFolder, paper_design_text, read_design
+from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.session import Session, SilentPresenter
 from midair.study.tables import read_bids, read_csv
 from midair.study.withdrawal import MADE, log_derived_file, withdraw, withdrawn
@@ -18,7 +18,7 @@ from midair.study.withdrawal import MADE, log_derived_file, withdraw, withdrawn
 def made(tmp_path_factory):
     """A study with three simulated people and a report, with a dataset and a table in other folders."""
     root = tmp_path_factory.mktemp("withdrawal")
-    text = paper_design_text().replace("repetitions = 4", "repetitions = 1")
+    text = template_text("paper").replace("repetitions = 4", "repetitions = 1")
     folder = StudyFolder.create(root / "s", text, read_design(text, name="s", participants=3))
     simulate(folder)
     for line in (f"analyse {root}/s --draws 20", f"export {root}/s {root}/bids"):

@@ -48,4 +48,3 @@ from .spectrum import dominant_frequency as dominant_frequency
 from .spectrum import spectral_error as spectral_error
 from .temperature_error import error_at_temperature as error_at_temperature
 from .timbre import THIRD_OCTAVES as THIRD_OCTAVES
-from .timbre import third_octaves as third_octaves

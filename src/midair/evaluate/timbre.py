@@ -8,26 +8,10 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.dsp import band_energy
-from midair.errors import InputError
-from midair.model import BAND, PressureFrames
+from midair.model import BAND
 
 THIRD_OCTAVES = tuple(float(1000 * 10 ** (number / 10)) for number in range(-16, -3))
 """Centre frequencies of the third octaves completely within 20 to 470 Hz, 25 to 398 Hz (base ten, IEC 61260-1)."""
-
-_FLOOR = 1e-6  # relative to the total power; anything below is rounding noise
-
-
-def third_octaves(pressure: PressureFrames) -> Array:
-    """Level of each third octave relative to the total power of all cells, in dB, shape (13,), at least -60 dB.
-
-    The levels do not depend on the overall level, so a texture and a weaker copy of it have the same levels. Raises
-    InputError if there is no power in any band, BandError if the rate is too low for the last one; 1 kHz is enough.
-    """
-    power = _third_octave_power(pressure.pressure, pressure.rate).reshape(len(THIRD_OCTAVES), -1).sum(axis=1)
-    if not power.sum() > 0:
-        raise InputError("texture: expected vibration between 22 and 447 Hz, got silence")
-    return 10 * np.log10(np.maximum(power / power.sum(), _FLOOR))
-
 
 SPLIT = 100.0
 """Frequency in Hz between the low and the high band of the balance, near the middle of the band in octaves."""
@@ -60,7 +44,7 @@ def texture(pressure: Array, rate: float) -> dict[str, Array]:
 
     centred = np.log10(THIRD_OCTAVES) - np.mean(np.log10(THIRD_OCTAVES))
     with np.errstate(divide="ignore", invalid="ignore"):
-        octaves = 10 * np.log10([_with_all(each) for each in _third_octave_power(x, rate)])
+        octaves = 10 * np.log10([_with_all(each) for each in third_octave_power(x, rate)])
         slope = 1 - centred @ octaves / 10 / (centred @ centred)
     low, high = BAND[0], min(BAND[1], rate / 2)
     envelope = _envelope(x, rate, (low, high))
@@ -78,7 +62,7 @@ def _with_all(power: Array) -> Array:
     return np.append(power, power.sum())
 
 
-def _third_octave_power(x: Array, rate: float) -> Array:
+def third_octave_power(x: Array, rate: float) -> Array:
     """Power in each of `THIRD_OCTAVES`, shape (octave, ...)."""
     half = 10**0.05
     return np.stack([band_energy(x, rate, (middle / half, middle * half)) for middle in THIRD_OCTAVES])

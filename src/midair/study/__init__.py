@@ -40,7 +40,6 @@ from .findings import data_of_answers as data_of_answers
 from .findings import data_of_columns as data_of_columns
 from .folder import StudyFolder as StudyFolder
 from .folder import Template as Template
-from .folder import paper_design_text as paper_design_text
 from .folder import read_design as read_design
 from .folder import template_text as template_text
 from .headphones import Headphones as Headphones

@@ -116,11 +116,6 @@ def template_text(template: Template) -> str:
     return files("midair.study").joinpath("templates", f"{template}.toml").read_text(encoding="utf-8")
 
 
-def paper_design_text() -> str:
-    """TOML of the paper's experiment (section 5.3)."""
-    return template_text("paper")
-
-
 def read_design(
     text: str, *, name: str = "", participants: int = 0, seed: int | None = None, trials: str = ""
 ) -> Design:

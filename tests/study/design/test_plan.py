@@ -11,12 +11,12 @@ from midair.errors import InputError, MismatchError
 from midair.study.design.answers import answers_table
 from midair.study.design.plan import balanced_latin_square, block_order, constrained_shuffle, draw_plan, longest_run_of
 from midair.study.design.session_state import replay
-from midair.study.folder import paper_design_text, read_design
+from midair.study.folder import read_design, template_text
 
 
 @pytest.fixture(scope="module")
 def plan():
-    return draw_plan(read_design(paper_design_text()))
+    return draw_plan(read_design(template_text("paper")))
 
 
 def test_the_papers_numbers(plan):
@@ -45,7 +45,7 @@ def test_surfaces_are_counterbalanced_and_real_objects_come_first(plan):
 
 
 def test_sessions_are_counterbalanced_too():
-    text = paper_design_text().replace('group = "grooved"', 'group = "grooved"\nsession = 2')
+    text = template_text("paper").replace('group = "grooved"', 'group = "grooved"\nsession = 2')
     days = draw_plan(read_design(text, participants=4))
     first = Counter()
     for number in range(1, 5):
@@ -60,7 +60,7 @@ def test_sessions_are_counterbalanced_too():
 
 
 def test_a_group_with_blocks_in_two_sessions_keeps_them():
-    text = paper_design_text().replace('name = "grooved_scored"', 'name = "grooved_scored"\nsession = 2', 1)
+    text = template_text("paper").replace('name = "grooved_scored"', 'name = "grooved_scored"\nsession = 2', 1)
     days = draw_plan(read_design(text.replace('name = "plain_scored"', 'name = "plain_scored"\nsession = 2', 1)))
     for number in (1, 2):
         blocks = [(block.name, block.session) for block in block_order(days.design, number)][1:]

@@ -4,9 +4,9 @@ from midair.errors import BrokenFileError
 from midair.study.design.answers import answers_table
 from midair.study.design.plan import draw_plan
 from midair.study.design.session_state import replay
-from midair.study.folder import paper_design_text, read_design
+from midair.study.folder import read_design, template_text
 
-PLAN = draw_plan(read_design(paper_design_text(), participants=1))
+PLAN = draw_plan(read_design(template_text("paper"), participants=1))
 TRIAL = PLAN.of(1)[0]
 OPEN = {"event": "open", "plan": PLAN.digest, "participant": 1, "simulated": True}
 ANSWER = {

@@ -14,7 +14,7 @@ from midair.model import Medium
 from midair.study.design.answers import answers_table
 from midair.study.design.plan import draw_plan
 from midair.study.design.session_state import replay
-from midair.study.folder import StudyFolder, paper_design_text, read_design
+from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.session.event_log import EventLog, read_events
 from midair.study.session.participant import SimulatedParticipant, SimulatedScreen
 from midair.study.session.presenters import ExperimenterPresenter, SilentPresenter
@@ -23,7 +23,7 @@ from midair.study.session.trials import AGAIN, Reply, Session, run
 
 @pytest.fixture(scope="module")
 def plan():
-    return draw_plan(read_design(paper_design_text(), participants=2))
+    return draw_plan(read_design(template_text("paper"), participants=2))
 
 
 class Recorder:
@@ -289,7 +289,7 @@ def test_the_experimenter_sees_the_object_to_present(plan, tmp_path):
 
 def test_another_plan_or_another_program_is_refused(plan, tmp_path):
     interrupted(plan, tmp_path / "log.jsonl", after=3)
-    other = draw_plan(read_design(paper_design_text(), seed=9))
+    other = draw_plan(read_design(template_text("paper"), seed=9))
     with pytest.raises(MismatchError, match="changed"), session(other, tmp_path / "log.jsonl"):
         pass
     pytest.importorskip("fcntl")
@@ -374,7 +374,7 @@ def witnessed(path, what):
 
 @pytest.mark.parametrize("kills", [pytest.param(2, marks=pytest.mark.long), pytest.param(200, marks=pytest.mark.slow)])
 def test_no_kill_loses_an_answer_or_asks_twice(tmp_path, kills):
-    text = paper_design_text().replace("repetitions = 4", "repetitions = 40")
+    text = template_text("paper").replace("repetitions = 4", "repetitions = 40")
     # Some sessions end before their kill, about one in ten: enough people to outlast the kills.
     design = read_design(text, participants=max(15, kills // 4), name="kill")
     study = StudyFolder.create(tmp_path / "study", text, design)

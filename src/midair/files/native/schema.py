@@ -219,15 +219,7 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         attribute("target_provenance", "text", "of the target, JSON", required=False),
         attribute("target_provenance_digest", "text", "SHA-256 of it", required=False),
         indices("point", "point", "of the control grid, row by row, from 0", required=False),
-        numbers(
-            "target",
-            "time point",
-            "Pa",
-            "peak sound pressure that was wanted",
-            required=False,
-            single=True,
-            packed=True,
-        ),
+        numbers("target", "time point", "Pa", "peak target sound", required=False, single=True, packed=True),
     ),
     "array": (
         *_SIGNED,

@@ -131,11 +131,8 @@ def laboratory_picture(found: LaboratoryLoss) -> Picture:
 
 def _stated(name: str, value: float) -> str:
     """A value of `Laboratory` as text, such as "3 mm"."""
-    what, _, unit = name.rpartition("_")
-    named = {"mm": "mm", "deg": "deg", "k": "K", "hz": "Hz"}
-    if what and unit in named:
-        return f"{value:g} {named[unit]}"
-    return f"{100 * value:g} %"
+    unit = {"mm": "mm", "deg": "deg", "k": "K", "hz": "Hz"}.get(name.rpartition("_")[2])
+    return f"{value:g} {unit}" if unit else f"{100 * value:g} %"
 
 
 def _part(

@@ -15,7 +15,7 @@ from midair.model import Drive, Solution, TransducerArray
 from midair.physics import focus_phase
 from midair.rig import dose_report
 from midair.study import template_text
-from midair.study.folder import StudyFolder, paper_design_text
+from midair.study.folder import StudyFolder
 from midair.study.session.event_log import chain_hash, read_events
 from midair.study.session.presenters import SilentPresenter
 from midair.study.session.trials import Session, run
@@ -62,7 +62,7 @@ def test_json_is_for_programs(done, capsys):
 @pytest.mark.long
 def test_people_in_groups_from_the_form_of_a_plan_to_report_and_from_an_old_table(tmp_path, capsys):
     text = (
-        paper_design_text()
+        template_text("paper")
         .replace("repetitions = 4", "repetitions = 1")
         .replace("participants = 10", "participants = 6")
     )
