@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.evaluate import in_band
 from midair.model import (
     BAND,
@@ -29,8 +30,6 @@ from midair.settings import Settings
 from midair.solvers import solve
 from midair.streaming import blocks, read_frames
 from midair.targets import frames_without_lead, interpolation_matrix
-
-Array = NDArray[np.float64]
 
 LINEAR = 0.9
 """Ratio of produced to requested pressure at the end of the linear range."""

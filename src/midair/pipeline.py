@@ -6,9 +6,9 @@ from fractions import Fraction
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from midair import ram
+from midair.array_types import Array
 from midair.calibration import calibrate
 from midair.correct import EnvelopePrediction
 from midair.devices import measure_exposure
@@ -43,8 +43,6 @@ from midair.solvers import (
 )
 from midair.streaming import blocks, pad_with_silence, read_frames
 from midair.targets import decouple, default_lead, precompensate, precompensate_sound, prepare
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -89,7 +89,7 @@ def test_a_re_recording_of_another_drive_is_recognised(solved, tmp_path):
 
 def test_solvers_of_a_mode_are_those_that_take_its_terms():
     found = methods_of_modes()
-    assert found["best"] == ["fast", "glide"]
+    assert found["best"] == ["fast", "glide", "free"]
     assert {"lm", "live", "glide"} <= set(found["paper"])
 
 

@@ -10,8 +10,8 @@ from dataclasses import InitVar, dataclass, field, replace
 from typing import Any, Literal, Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.devices.frame_bytes import PHASE_STEPS, actual_level, amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.evaluate import SkinModel
@@ -26,8 +26,6 @@ from midair.physics import (
     greatest_exposure,
 )
 from midair.streaming import LazyFrames, cached_blocks, each_frame
-
-Array = NDArray[np.float64]
 
 Outcome = Literal["kept", "attenuated", "overridden", "exceeded"]
 """Within the limits; attenuated to meet them; above them under the responsibility of a named person; above them on a

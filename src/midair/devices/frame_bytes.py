@@ -8,11 +8,11 @@ amplitude of sin(pi w / 512): I = round(255 level), accurate to .005 of full dri
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import RateError
 from midair.model import Drive
 from midair.streaming import each_frame
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 TICK = 25_000

@@ -4,12 +4,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.devices.interface import FrameBlock, SensorDevice
 from midair.errors import DeviceError
-
-Array = NDArray[np.float64]
 
 LONGEST = 60.0
 """Longest gap that is filled, in s; a longer one means that the sensor restarted."""

@@ -104,9 +104,14 @@ def _rows(places: Array, array: TransducerArray, acoustics: Acoustics) -> Comple
 
 
 def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = None) -> Complex:
-    """The steady-state field of each frame of a drive, p = G q, paper eq. (1); complex, peak, in Pa, (frame, point).
+    """Compute the steady-state field of each frame of a drive, p = G q, paper eq. (1): peak, in Pa, (frame, point).
 
-    Positions, shape (point, 3), are in m; `acoustics` are those that the drive was solved for if None.
+    Parameters
+    ----------
+    points : ControlGrid or ndarray
+        Positions, shape (point, 3), in m.
+    acoustics : Acoustics, optional
+        Those that the drive was solved for if None.
     """
     return drive.q @ transfer_matrix(points, drive.array, acoustics=acoustics or drive.acoustics).T
 

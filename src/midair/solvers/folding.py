@@ -16,11 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array, Complex
 from midair.solvers.backend import Backend, Rows
 from midair.solvers.modes import modes
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 KINDS = np.array([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]]) / 2
 """Sign of each kind on each image, shape (kind, image); orthonormal, symmetric, and its own inverse."""

@@ -48,9 +48,7 @@ class Free:
     even: tuple[float, int] = (0.3, 200)
     """The same weight, and the iterations, for the even field with whose phases all frames start."""
     power: float = 0.03
-    """Share of a transducer's power in the effort, where quiet places have 1 in the mean over the transducers: the
-    square of the relative error of a transducer against which they stay quiet; .03 is that of .17 rad of phase.
-    """
+    """Weight of a transducer's power in the effort: the squared relative error (.17 rad) that quiet places bear."""
     loudness: float = 10.0
     """Weight of the penalty on amplitudes above full drive, for frames that have any."""
     bounded: int = 30
@@ -58,7 +56,7 @@ class Free:
     tolerance: float = 3e-2
     """Modes below this fraction of the largest singular value are left out, except from the reported error."""
     outside: float = 0.3
-    """Weight of a guard point relative to a control point in the choice of modes."""
+    """Weight of a guard point in the choice of modes."""
     floor: float = 0.1
     """Modes below this fraction of the largest singular value are damped in the initial field."""
     memory: int = 4

@@ -8,14 +8,12 @@ all planes.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model import Acoustics, ControlGrid, Medium, TransducerArray
 from midair.physics import transfer_matrix, wavenumber
 from midair.solvers.problem import Problem
-
-Array = NDArray[np.float64]
 
 
 def place_grid(grid: ControlGrid, *, centre: tuple[float, float, float], normal: tuple[float, float, float]) -> Array:

@@ -12,11 +12,11 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model import Progress, Status
 from midair.physics import relative_error
 from midair.solvers.terms import CellTarget, GuardField, PhaseTerm
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 Start = Literal["previous", "zero"]

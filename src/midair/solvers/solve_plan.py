@@ -6,6 +6,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, Drive, Progress, Setting, Solution, TransducerArray
 from midair.physics import quantise_phase, transfer_matrix
@@ -21,8 +22,6 @@ from midair.solvers.phases import spreading_phase
 from midair.solvers.problem import Problem, WarmStart, error_of
 from midair.solvers.solver_settings import MethodSettings, settings_type
 from midair.solvers.terms import PressureMeans, Robust, Term, psi_at_temperatures
-
-Array = NDArray[np.float64]
 
 TOGETHER = 256
 """Approximate number of sounding frames in a part."""

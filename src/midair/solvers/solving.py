@@ -6,8 +6,8 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, Progress, Solution, TransducerArray
 from midair.solvers.problem import WarmStart
@@ -15,8 +15,6 @@ from midair.solvers.solve_plan import SolvePlan
 from midair.solvers.solver_settings import MethodSettings
 from midair.streaming import blocks, read_frames
 from midair.validation import check_type
-
-Array = NDArray[np.float64]
 
 
 def solve(

@@ -13,6 +13,7 @@ from dataclasses import fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.measure.array_field import ArrayField, SensorPlace, pole_of
 from midair.calibration.measure.group_fit import GroupFit
 from midair.calibration.measure.shared_parameters import (
@@ -29,7 +30,6 @@ from midair.calibration.measure.unit_poses import cell_places, differences, fit_
 from midair.model import ArrayCalibration, Progress, Provenance
 from midair.physics import TransducerDynamics, transfer_matrix
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 

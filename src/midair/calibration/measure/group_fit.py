@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.measure.array_field import ArrayField
 from midair.calibration.measure.shared_parameters import (
     ArrayState,
@@ -14,7 +15,6 @@ from midair.calibration.measure.shared_parameters import (
     sound_at_points,
 )
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 

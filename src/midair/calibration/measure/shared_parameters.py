@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.measure.array_field import ArrayField, SensorPlace
 from midair.errors import InputError
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 DEAD = 0.1

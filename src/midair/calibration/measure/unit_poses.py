@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration.measure.array_field import ArrayField, SensorPlace
 from midair.calibration.measure.group_fit import GroupFit
 from midair.calibration.measure.shared_parameters import (
@@ -28,7 +29,6 @@ from midair.calibration.measure.shared_parameters import (
 from midair.model import POSE_AIMS, TransducerArray
 from midair.physics import transfer_matrix, wavenumber
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _PRIOR = 20.0

@@ -5,15 +5,14 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.devices.frame_bytes import TICK
 from midair.errors import InputError
 from midair.model import Drive
 from midair.physics import PlaybackChain, TransducerDynamics, Transducers, simulate, transfer_matrix
 from midair.streaming import blocks
 
-Array = NDArray[np.float64]
 SilencerChoice = Literal["auto", "off", "quarter", "half", "default"]
 
 

@@ -8,11 +8,10 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.devices.sensors.sources import Chunk, Source, Stream
 from midair.errors import DeviceStateError, RateError
 from midair.validation import positive
-
-Array = NDArray[np.float64]
 
 CENTRE = 64
 """Output frames from the filter's first coefficient to its centre."""

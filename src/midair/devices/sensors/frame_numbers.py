@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.devices.sensors.sources import Samples
 
-Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 

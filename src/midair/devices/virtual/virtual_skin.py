@@ -1,14 +1,12 @@
 """The simulated skin, where a virtual object or a virtual array presses on a virtual sensor."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import RateError, ShapeError
 from midair.model import HEIGHT, ControlGrid, PressureFrames
 from midair.physics import SensorModel, cell_weights
 from midair.streaming import LazyFrames, TempFrames, concatenate_lazy
-
-Array = NDArray[np.float64]
 
 
 class VirtualSkin:

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration import (
     ArrayCheck,
     ArrayField,
@@ -24,9 +24,6 @@ from midair.rig.bench.beam_bench import record_silence, samples_per_frame
 from midair.rig.correction import Stage, no_progress
 from midair.rig.playing import default_exposure, rerecord
 from midair.validation import length
-
-Array = NDArray[np.float64]
-
 
 _SILENCE = 1.0
 """Duration of the recording before the codes, in s."""

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration import (
     BeamPlan,
     BeamReading,
@@ -21,7 +22,6 @@ from midair.model import Acoustics, Calibration, Drive, Progress, Provenance, Re
 from midair.physics import TransducerDynamics, envelope, focus_phase
 from midair.rig.playing import default_exposure, rerecord
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 FINE = 8

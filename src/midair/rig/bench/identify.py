@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model import SensorGrid
-
-Array = NDArray[np.float64]
 
 HEARD = 5.0
 """A response counts from this multiple of the channel's noise."""

@@ -6,15 +6,13 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration import Reference, ReferencedTake, noise_signal, sweep_signal
 from midair.errors import FileError
 from midair.files import save
 from midair.model import RATE, Progress, Provenance, Recording, SensorGrid
 from midair.physics import SensorModel, sense
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

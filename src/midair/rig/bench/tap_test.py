@@ -4,13 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.devices import GapFiller, SensorDevice
 from midair.errors import DeviceError, InputError
 from midair.rig.bench.identify import Identity, identify, tone_answers
 
-Array = NDArray[np.float64]
 Prompt = Callable[[int], None]
 """Function that prompts for a tap on a cell."""
 Skip = Callable[[], bool]

@@ -4,8 +4,8 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration import known_noise
 from midair.devices import SilencerChoice, choose_silencer, measure_exposure
 from midair.dsp import band_energy
@@ -36,8 +36,6 @@ from midair.rig.correction.passes import Stage, no_progress
 from midair.rig.names import VirtualRig
 from midair.settings import Settings
 from midair.targets import add_lead, mapping_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

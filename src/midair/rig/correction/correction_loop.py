@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.correct import BeamGain, amplitude_gain, beam_drive, beam_gain, commanded_pressure, sine_amplitude
 from midair.devices import check_exposure
 from midair.dsp import filter_response
@@ -29,8 +30,6 @@ from midair.rig.playing import rerecord
 from midair.settings import MODES, Mode, Settings
 from midair.targets import add_lead, remove_lead
 from midair.validation import check_type
-
-Array = NDArray[np.float64]
 
 LONGEST = 1.0
 """Duration of the part of a recording that gives the expected gain, in s."""

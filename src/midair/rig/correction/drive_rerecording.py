@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from midair.array_types import Array
 from midair.calibration import known_noise
 from midair.devices import check_exposure, choose_silencer
 from midair.errors import InputError
@@ -29,8 +27,6 @@ from midair.rig.names import VirtualRig
 from midair.rig.playing import default_exposure, rerecord
 from midair.settings import Settings
 from midair.targets import add_lead, decouple, interpolation_matrix, remove_lead
-
-Array = NDArray[np.float64]
 
 
 def palm_of_drive(

@@ -8,8 +8,8 @@ time and have no slope: there the target is changed and solved again (`correct.i
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.correct import IterativeCorrection, MinimumNorm, measured_response
 from midair.evaluate import advance
 from midair.model import PressureFrames
@@ -19,8 +19,6 @@ from midair.rig.correction.passes import Pass, Stage, no_progress, play_made, pl
 from midair.rig.opening import OpenRig
 from midair.settings import Settings
 from midair.targets import precompensate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,8 +1,8 @@
 """Check an array with a sensor above its centre: which unit each command reaches, and which transducers are dead."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration import find_lag
 from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exposure
 from midair.errors import InputError
@@ -10,8 +10,6 @@ from midair.model import Acoustics, Drive, Provenance
 from midair.physics import focus_phase, radiation_pressure, transfer_matrix
 from midair.rig.bench import tone_answers
 from midair.rig.playing import rerecord
-
-Array = NDArray[np.float64]
 
 RATE = 1000.0
 """Frame rate of the drives in Hz; the sensor's rate must be a multiple."""

@@ -13,6 +13,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.devices import (
     ArrayDevice,
     ExposureChoices,
@@ -31,7 +32,6 @@ from midair.rig.doctor.array_checkup import report_findings
 from midair.rig.doctor.check import Check, broken, missing, ok
 from midair.rig.playing import play_cleared
 
-Array = NDArray[np.float64]
 Ask = Callable[[str], str | None]
 """Asks a person, and returns the answer without spaces and in lower case; None if no person is there."""
 

@@ -14,12 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, MissingExtraError, MissingFileError
 from midair.model import SensorGrid
-
-Array = NDArray[np.float64]
 
 HELLO, WELCOME, FRAME, END = b"H", b"W", b"F", b"E"
 """Message types: greeting of the sensor side, answer of the playing side with its random number, frame, end."""

@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.calibration import CausalInverse, causal_error
 from midair.dsp import band_edges, check_band
 from midair.model import BAND, Calibration, ControlGrid, PressureFrames, SensorGrid, TransducerArray
@@ -19,7 +20,6 @@ from midair.rig.live_touch.live_settings import LiveSettings
 from midair.solvers import FrameTracker, Live, multi_plane_problem, symmetric_modes
 from midair.targets import MappingStream, decouple, interpolation_matrix
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 

@@ -64,9 +64,15 @@ def open_tracker(
 ) -> Tracker:
     """Open a tracker of the palm; close it, or leave its ``with`` block.
 
-    The placement states how the tracker lies relative to the array; by default their coordinates are the same. `clock`
-    is that of all times, for simulations. UnknownDeviceError, InputError, MissingExtraError or DeviceError if the name
-    is unknown, an option is invalid, a package is missing, or the tracker does not answer.
+    UnknownDeviceError, InputError, MissingExtraError or DeviceError if the name is unknown, an option is invalid, a
+    package is missing, or the tracker does not answer.
+
+    Parameters
+    ----------
+    placement : TrackerPlacement or path, optional
+        How the tracker lies relative to the array; by default their coordinates are the same.
+    clock : callable
+        Clock of all times, for simulations.
     """
     kind, place, stated = split_name(name)
     if kind not in TRACKERS:

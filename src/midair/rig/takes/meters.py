@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model import Event
 from midair.recordings import at_limit
 
-Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.devices import FrameBlock, GapFiller, SensorDevice
 from midair.errors import DeviceError, FileError, InputError, MidairError
 from midair.files import RecordingBuffer, RecordingWriter
@@ -25,7 +26,6 @@ from midair.rig.takes.record_settings import RecordSettings
 from midair.rig.takes.take_state import Companion, EndReason, Take, TakeOrder, View, Watcher
 from midair.rig.takes.trigger import PreRoll, Trigger
 
-Array = NDArray[np.float64]
 DRIFT_TOLD = 200.0
 """Drift in ppm above which an event is reported; quartz clocks differ by about 100 ppm at most."""
 

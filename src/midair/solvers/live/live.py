@@ -16,16 +16,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import MissingExtraError
 from midair.model import Progress, Status
 from midair.solvers.live.mirror_symmetry import SymmetricModes, full_phase
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
 from midair.solvers.problem import Answer, Problem, WarmStart
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

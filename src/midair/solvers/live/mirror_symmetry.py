@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model import Acoustics, ControlGrid, TransducerArray
 from midair.physics import focus_amplitude, transfer_matrix
 from midair.solvers.folding import KINDS, lattice_seats
 from midair.solvers.modes import Modes
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _MORE = 1.3

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.solvers.terms.guard import GuardField
 from midair.solvers.terms.term import Term
@@ -19,7 +20,6 @@ from midair.solvers.terms.term import Term
 if TYPE_CHECKING:
     from midair.solvers.problem import Answer, Problem
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 Amplitudes = Literal["equal", "bounded"]

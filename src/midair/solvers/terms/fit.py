@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import ControlGrid, PressureFrames, SensorGrid, Setting
 from midair.physics import SensorModel, cell_weights, radiation_pressure
@@ -25,8 +25,6 @@ from midair.validation import frozen_array, positive
 if TYPE_CHECKING:
     from midair.solvers.problem import Problem
     from midair.solvers.solve_plan import NormalisedSetup
-
-Array = NDArray[np.float64]
 
 
 class PressureMeans(Term):

@@ -55,7 +55,7 @@ class QuietEars(QuietTerm):
         return 0 if self.temperatures is None else 150 * len(self.ears) * _AIRS
 
     def rows(self, grid: ControlGrid, array: TransducerArray, acoustics: Acoustics) -> NDArray[np.complex128]:  # noqa: ARG002
-        """Rows whose squared fields add up to the mean of |p|^2 over the cubes, shape (row, transducer), in Pa."""
+        """Rows whose squared fields add up to the mean square of p over the cubes, shape (row, transducer), in Pa."""
         if self.temperatures is not None:
             return _rows_in_airs(self, array, acoustics)
         # Half as dense as for the exposure bound, since a mean is smoother than a maximum.

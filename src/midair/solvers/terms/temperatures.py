@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.model import Acoustics, Setting
 from midair.solvers.terms.term import Term
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
