@@ -16,7 +16,6 @@ import argparse
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +30,7 @@ from benchmarks.yardstick import plain
 from midair.datasets import sample, stroke
 from midair.dsp import resample
 from midair.evaluate import TOUCHED, StageOutput, budget
-from midair.model import Acoustics, Calibration, PressureFrames, Provenance, SensorGrid, TransducerArray
+from midair.model import Calibration, PressureFrames, Provenance, SensorGrid
 from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
 from midair.physics import Transducers, cell_weights, focus_amplitude, simulate, transfer_matrix
 from midair.pipeline import (
@@ -42,30 +41,16 @@ from midair.pipeline import (
     resample_pressure,
     target_amplitude,
 )
-from midair.rig import BudgetPlan, VirtualRig, array_of_kind, error_budget
-from midair.settings import MODES, Mode, Settings, best_mode, finest_mode, paper_mode, quick_mode
-from midair.solvers import (
-    Fast,
-    Glide,
-    Guard,
-    Live,
-    Problem,
-    Windows,
-    error_of,
-    multi_plane_problem,
-    one_blas_thread,
-    place_grid,
-    solve,
-    spreading_phase,
-)
+from midair.rig import BudgetPlan, VirtualRig, error_budget
+from midair.settings import MODES, Mode, Settings, best_mode, paper_mode
+from midair.solvers import Fast, Glide, Guard, Live, Problem, Windows, error_of, one_blas_thread, spreading_phase
 from midair.solvers.backend import backend
 from midair.solvers.field_operators import FieldOperators
-from midair.solvers.folding import Dense
-from midair.solvers.terms import CellTarget, GuardField, Smooth
+from midair.solvers.terms import GuardField, Smooth
 from midair.targets import add_lead
 
 RATE = 8000.0
-PARTS = ("paper", "best", "fold", "fold-error", "skin", "jobs", "live", "kinds")
+PARTS = ("paper", "best", "skin", "jobs", "live", "kinds")
 KINDS = {
     "A": "towel",
     "B": "sponge",
@@ -98,8 +83,6 @@ def main() -> None:
             {
                 "paper": lambda: paper(options.plain_frames, 1.2 * options.length),
                 "best": lambda: best(0.5 * options.length),
-                "fold": lambda: fold(options.length),
-                "fold-error": lambda: fold_error(round(1000 * options.length)),
                 "skin": skin,
                 "jobs": lambda: jobs(options.length),
                 "live": lambda: live(1.2 * options.length),
@@ -210,119 +193,6 @@ def best(seconds: float) -> None:
         product = _product(asked, method)
         shown = f"{product:10.4f} ms; glide takes {cost / frames / product:.1f} times as long"
         print(f"{'one evaluation in bare products':36}{'':20}{shown}")
-
-
-def fold(seconds: float, runs: int = 3) -> None:
-    """The best mode with and without the array's mirror symmetry, and other arrays and places; the least of some runs.
-
-    Modes are made before the clock starts, as in all parts of a recording but the first.
-    """
-    settings = best_mode()
-    pressure = resample_pressure(stroke("towel"), settings.target.rate).cut(0.2, 0.5 * seconds)
-    asked = problem(pressure, settings, 0.15)
-    rng, grid, air = np.random.default_rng(1), settings.target.grid, settings.acoustics
-    response = np.exp(rng.normal(0, 0.1, (ARRAY.count, 2)) @ [1, 1j])
-    measured = replace(asked, G=asked.G * response, response=response)
-    measured = replace(measured, guard=replace(asked.guard, G=asked.guard.G * response))
-    tilted = place_grid(grid, centre=(0.0, 0.0, grid.height), normal=(0.1, 0.0, 1.0))
-    board = array_of_kind("openmpd")
-    middle = (ARRAY.position.min(axis=0) + ARRAY.position.max(axis=0)) / 2
-    aside = grid.position + np.array([*middle[:2], 0.0])
-    places = {
-        "as it is": asked,
-        "measured array": measured,
-        "points in the lattice's middle": _elsewhere(asked, ARRAY, aside, air),
-        "points 10 mm aside": _elsewhere(asked, ARRAY, grid.position + np.array([0.01, 0, 0]), air),
-        "palm tilted by 6 degrees": _elsewhere(asked, ARRAY, tilted, air),
-        "openmpd, points at 80 mm": _elsewhere(asked, board, grid.position - np.array([0, 0, grid.height - 0.08]), air),
-    }
-    print(f"\nbest mode, {len(asked.amplitude)} frames of a towel, modes known; least CPU of {runs} runs; {load()}")
-    heading("E mean", "E worst", "ms", "MFLOP", "GFLOP/s", "kB")
-    for label, each in places.items():
-        # Other places have no guard: the row tells what the products gain.
-        print(label)
-        methods = {"whole": replace(settings.solver.method, fold=False), "folded": settings.solver.method}
-        for name, method in methods.items():
-            method.solve(replace(each, amplitude=each.amplitude[:2], cells=_some(each, 2)))
-            tried = [timed(lambda method=method, each=each: method.solve(each)) for _ in range(runs)]
-            cost = min(one[1] for one in tried) / len(each.amplitude)
-            error, (flop, rate, size) = error_of(each, tried[0][0].phase), _traffic(each, method)
-            line(f"  {name}", error.mean(), error.max(), cost, flop, rate, size, digits="443200")
-
-
-def fold_error(frames: int, seeds: int = 3) -> None:
-    """E with and without the array's mirror symmetry, in the modes and with terms and arrays that differ."""
-    rng = np.random.default_rng(1)
-    measured = replace(ARRAY, response=np.exp(rng.normal(0, 0.1, (ARRAY.count, 2)) @ [1, 1j]))
-    best, still, paper, board = best_mode(), ("towel", "brush", "wander"), paper_mode(), array_of_kind("openmpd")
-    below = best.but(guard=None, grid=replace(best.target.grid, height=0.08))
-    cases = {
-        "best": (best, ARRAY, (*still, "sponge", "rain", "cloth")),
-        "quick": (quick_mode(), ARRAY, still),
-        "finest": (finest_mode(), ARRAY, still),
-        "best, quiet palm": (best.but(quiet_palm=0.1), ARRAY, still),
-        "best, bounded amplitudes": (best.but(amplitudes="bounded"), ARRAY, still),
-        "best, measured array": (best, measured, still),
-        "best, no guard, openmpd, 80 mm": (below, board, (*still, "sponge", "cloth")),
-        "paper, glide": (paper.but(method=Glide()), ARRAY, still),
-        "paper, glide, quiet palm": (paper.but(method=Glide(), quiet_palm=0.1), ARRAY, still),
-        "paper, fast": (paper.but(method=Fast()), ARRAY, still),
-    }
-    print(f"\nE, {frames} frames of each sequence and {seeds} seeds, peak .15 of a focus; {load()}")
-    heading("whole", "worst", "folded", "worst", "%")
-    for label, (settings, array, names) in cases.items():
-        errors: dict[bool, list[np.ndarray]] = {False: [], True: []}
-        for name, seed in product(names, range(seeds)):
-            target = target_amplitude(_take(name, seed, frames / settings.target.rate, settings), settings)
-            focus = focus_amplitude(settings.target.grid, array, acoustics=settings.acoustics)
-            target = replace(target, amplitude=target.amplitude * (0.15 * focus / target.amplitude.max()))
-            for fold, found in errors.items():
-                method = replace(settings.solver.method, fold=fold)
-                made = solve(target, array, replace(settings.solver, method=method), acoustics=settings.acoustics)
-                # Where almost nothing is asked for, E is above 1 and drowns the others in a mean.
-                found.append(made.error[target.amplitude.max(axis=1) > 0.02 * target.amplitude.max()])
-        whole, folded = (np.concatenate(errors[fold]) for fold in (False, True))
-        cells = whole.mean(), whole.max(), folded.mean(), folded.max(), 100 * (folded.mean() / whole.mean() - 1)
-        line(label, *cells, digits="54541")
-
-
-def _take(name: str, seed: int, seconds: float, settings: Settings) -> PressureFrames:
-    rate = settings.target.rate
-    if name in ("towel", "brush", "sponge"):
-        return resample_pressure(stroke(name, seed=seed), rate).cut(0.2, seconds)
-    draw = {"wander": wander, "rain": rain, "cloth": cloth}[name]
-    return resample_pressure(pressure_of(draw(max(seconds, 0.2), 31 + seed)), rate).cut(0.0, seconds)
-
-
-def _some(asked: Problem, frames: int) -> CellTarget | None:
-    return None if asked.cells is None else replace(asked.cells, wanted=asked.cells.wanted[:frames])
-
-
-def _elsewhere(asked: Problem, array: TransducerArray, points: np.ndarray, air: Acoustics) -> Problem:
-    """The same targets at other points, without a guard."""
-    made = multi_plane_problem([points], asked.amplitude, array, acoustics=air)
-    return replace(made, amplitude=asked.amplitude, cells=asked.cells)
-
-
-def _traffic(asked: Problem, method: Glide) -> tuple[float, float, float]:
-    """MFLOP of the products of one evaluation of a frame, their GFLOP/s, and the kB that a frame reads and writes."""
-    machine = FieldOperators.of(
-        asked, backend("numpy"), tolerance=method.tolerance, memory=4, outside=method.outside, fold=method.fold
-    )
-    drives = machine.kinds.matrix if isinstance(machine.kinds, Dense) else machine.kinds.kinds
-    numbers = drives.size + machine.kinds_field.matrix.size
-    rows = method.rows or machine.backend.rows
-    q = np.ones((rows, machine.kinds.columns), np.complex64)
-    y = np.ones((rows, machine.field.columns), np.complex64)
-
-    def once() -> None:
-        machine.kinds_field.ahead(machine.kinds.back(q))
-        machine.kinds.ahead(machine.kinds_field.back(y))
-
-    taken = fastest(once) / rows
-    # A complex product is four real ones and four additions; matrices go by twice, rows once per product.
-    row_bytes = 8 * (2 * machine.kinds.columns + 2 * machine.field.columns + 4 * machine.kinds_field.matrix.shape[0])
-    return 16e-6 * numbers, 16e-6 * numbers / taken, (16 * numbers / rows + row_bytes) / 1e3
 
 
 def skin() -> None:
@@ -475,12 +345,12 @@ def _product(asked: Problem, method: Glide) -> float:
         asked, backend("numpy"), tolerance=method.tolerance, memory=method.memory, outside=method.outside
     )
     rows = method.rows or machine.backend.rows
-    q = np.ones((rows, machine.kinds.columns), np.complex64)
-    y = np.ones((rows, machine.field.columns), np.complex64)
+    q = np.ones((rows, machine.drive.shape[1]), np.complex64)
+    y = np.ones((rows, machine.field.shape[1]), np.complex64)
 
     def once() -> None:
-        machine.kinds_field.ahead(machine.kinds.back(q))
-        machine.kinds.ahead(machine.kinds_field.back(y))
+        (q @ machine.drive_back) @ machine.field
+        (y @ machine.field_back) @ machine.drive
 
     return fastest(once) / rows
 

@@ -4,7 +4,6 @@ from .bench import PLACES as PLACES
 from .bench import PRACTICE_RECORDINGS as PRACTICE_RECORDINGS
 from .bench import ArraySession as ArraySession
 from .bench import Identity as Identity
-from .bench import ModeStore as ModeStore
 from .bench import ReferenceChoice as ReferenceChoice
 from .bench import TapTest as TapTest
 from .bench import assignment_problems as assignment_problems
@@ -14,7 +13,6 @@ from .bench import calibrate_tracker as calibrate_tracker
 from .bench import calibration_rows as calibration_rows
 from .bench import check_array_calibration as check_array_calibration
 from .bench import check_page_name as check_page_name
-from .bench import clear_modes as clear_modes
 from .bench import describe_uncertainty as describe_uncertainty
 from .bench import identify_by_taps as identify_by_taps
 from .bench import identify_by_tones as identify_by_tones

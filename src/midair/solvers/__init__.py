@@ -23,7 +23,6 @@ from .methods import takes as takes
 from .phases import spreading_phase as spreading_phase
 from .planes import multi_plane_problem as multi_plane_problem
 from .planes import place_grid as place_grid
-from .prepared import keep_modes_in as keep_modes_in
 from .problem import Answer as Answer
 from .problem import Problem as Problem
 from .problem import Solver as Solver

@@ -11,7 +11,7 @@ alternatives.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -54,8 +54,6 @@ class Fast:
     """Smallest norm of a target, in units of the focus, that single precision can represent; others are raised to
     it.
     """
-    fold: bool = field(default=True, compare=False)
-    """Use the mirror symmetry of the array, see `folding`; products with its drives then take a quarter of the work."""
     precision: Literal["single", "double"] = "single"
     """Precision of the iterations. Rounding in single precision is a thousandth of the smallest error seen."""
     backend: str = "numpy"
@@ -72,9 +70,7 @@ class Fast:
         made = np.zeros(len(phase), np.int64)
         if len(audible):
             with array_backend.at_work():
-                operators = FieldOperators.of(
-                    problem, array_backend, tolerance=self.tolerance, memory=self.memory, fold=self.fold
-                )
+                operators = FieldOperators.of(problem, array_backend, tolerance=self.tolerance, memory=self.memory)
                 self._fill(phase, operators, audible, after, progress)
             made[audible] = self._iterations(problem)
             if progress is not None:
@@ -95,12 +91,11 @@ class Fast:
         array_backend = operators.backend
         # There is no frame before the first: a drive of 0 has no effect on the phases.
         before = array_backend.xp.zeros_like(operators.initial_drive)
-        if after is not None and operators.problem.costs:
+        if after is not None:
             before = array_backend.phasor(array_backend.put(after.theta[None]))
         for some in _batches(audible, self.batch or array_backend.rows):
             theta = self._phases(operators, operators.batch(some, faintest=self.faintest), before)
-            phase[some] = array_backend.get(theta)[:, operators.seat]
-            before = array_backend.phasor(theta[-1:, :])
+            phase[some], before = array_backend.get(theta), array_backend.phasor(theta[-1:, :])
             if progress is not None:
                 progress(int(some[-1]) + 1, len(phase))
 

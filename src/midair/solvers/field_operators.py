@@ -3,9 +3,7 @@
 All arrays are those of the backend; a row is a frame.
 """
 
-from contextlib import suppress
-from dataclasses import dataclass, fields, replace
-from importlib import import_module
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,11 +11,9 @@ from numpy.typing import NDArray
 
 from midair.solvers.backend import Backend, Numbers, Rows, squares
 from midair.solvers.device import RingLBFGS
-from midair.solvers.folding import Array, Complex, Dense, Folded, FoldedDrives
 from midair.solvers.lbfgs import LBFGS, Function, RowsState
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
-from midair.solvers.prepared import Arrays, prepared
 from midair.solvers.problem import Problem
 from midair.solvers.terms import cell_misfit, excess, misfit
 
@@ -51,69 +47,46 @@ class FieldOperators:
 
     backend: Backend
     problem: Problem
-    field: Dense  # (U diag(s) A)^T, from V^H q to the field, (mode, listener)
-    drive: Dense | Folded  # V transposed, (mode, unknown)
-    kinds_field: Dense  # As `field`, but by more drives of four kinds where the array is symmetric
-    kinds: Dense | Folded  # As `drive`, by these drives
-    loud: Rows  # V of all transducers, transposed, shape (mode, transducer)
+    field: Rows  # (U diag(s) A)^T, from V^H q to the field, shape (mode, listener)
+    drive: Rows  # V transposed, shape (mode, transducer)
+    field_back: Rows  # Adjoint of `field`
+    drive_back: Rows  # Adjoint of `drive`
     root: Numbers  # Square roots of A s, shape (mode,)
     strongest: float  # Largest singular value times A
     psi: Numbers  # exp j psi, initial phases of the field, shape (point,)
-    initial_drive: Rows  # The drive that all frames start from, shape (1, unknown)
-    seat: NDArray[np.intp]  # Index of each transducer among the unknowns: transducers, or places of a lattice
+    initial_drive: Rows  # The drive that all frames start from, shape (1, transducer)
     weights: Rows  # Weights of the cells, shape (point, cell), or None
     ceiling: Rows  # Ceiling of the guard, shape (1, guard point), or None
     memory: int  # Number of pairs that L-BFGS keeps
 
     @classmethod
     def of(
-        cls,
-        problem: Problem,
-        backend: Backend,
-        *,
-        tolerance: float,
-        memory: int,
-        outside: float = 1.0,
-        fold: bool = True,
+        cls, problem: Problem, backend: Backend, *, tolerance: float, memory: int, outside: float = 1.0
     ) -> "FieldOperators":
         """Compute the matrices, in double precision, from the modes above `tolerance` of the strongest.
 
         `outside` is the weight of guard points relative to control points in the choice of modes: a field that shall
-        only be quiet needs less precision. Without `fold`, mirror symmetry is not used.
+        only be quiet needs less precision.
         """
-        weighted, weight = problem.G, np.ones((len(problem.G), 1))
+        listeners, weighted = problem.G, problem.G
         if problem.guard is not None:
+            listeners = np.concatenate([problem.G, problem.guard.G])
             weighted = np.concatenate([problem.G, outside * problem.guard.G])
-            weight = np.concatenate([weight, np.full((len(problem.guard.G), 1), outside)])
-        psi = np.exp(1j * problem.first_psi)
-        # Costs couple the phases of successive frames, in the order of the transducers.
-        position = problem.position if fold and not problem.costs else None
-        inputs = (weighted, position, problem.response, tolerance)
-        made = prepared(inputs, lambda: _modes_and_drives(*inputs))
-        U, s, V = made["U"], made["s"], made["V"]
-        first_drive = (psi @ U[: problem.points].conj() / np.where(s > 0, s, 1)) @ V.T
-        loud, field = backend.put(V.T), Dense.of(backend, backend.put((problem.level / weight * U * s).T))
-        drive = kinds = Dense.of(backend, loud)
-        kinds_field, seat = field, np.arange(problem.transducers)
-        if "W" in made:
-            seat, kinds = made["seat"], Folded.of(backend, made["W"], made["factor"])
-            kinds_field = Dense.of(backend, backend.put((problem.level / weight * made["fields"]).T))
-            drive = replace(kinds, mixing=Dense.of(backend, backend.put(made["fields"].T @ U.conj() / s)))
-        initial = np.ones(kinds.columns, complex)
-        initial[seat] = rippled(np.asarray(first_drive, complex))
+        kept = modes(weighted, tolerance=tolerance)
+        s, psi = problem.level * kept.s, np.exp(1j * problem.first_psi)
+        first_drive = (psi @ kept.U[: problem.points].conj() / np.where(s > 0, s, 1)) @ kept.V.T
+        field, drive = backend.put(problem.level * (listeners @ kept.V).T), backend.put(kept.V.T)
         return cls(
             backend=backend,
             problem=problem,
             field=field,
             drive=drive,
-            kinds_field=kinds_field,
-            kinds=kinds,
-            loud=loud,
-            root=backend.put(np.sqrt(problem.level * s)),
-            strongest=float(problem.level * s[0]),
+            field_back=backend.adjoint(field),
+            drive_back=backend.adjoint(drive),
+            root=backend.put(np.sqrt(s)),
+            strongest=float(s[0]),
             psi=backend.put(psi),
-            initial_drive=backend.put(initial[None, :]),
-            seat=seat,
+            initial_drive=backend.put(rippled(first_drive)[None, :]),
             weights=None if problem.cells is None else backend.put(problem.cells.weights.T),
             ceiling=None if problem.guard is None else backend.put(problem.guard.ceilings[None, :]),
             memory=memory,
@@ -146,23 +119,23 @@ class FieldOperators:
         `effort` is the weight of the squared length of V^H q, in units of a target in the strongest mode.
         """
         # Convergence is best in z = sqrt(s) a, for strong and weak modes; a and s a are both slower.
-        heard_at = self.backend.xp.take(self.loud, self.backend.put(sampled), axis=1)
+        heard_at = self.backend.xp.take(self.drive, self.backend.put(sampled), axis=1)
+        out, loud = self.field / self.root[:, None], heard_at / self.root[:, None]
         return FieldMove(
             operators=self,
-            out=Dense.of(self.backend, self.field.matrix / self.root[:, None]),
-            loud=Dense.of(self.backend, heard_at / self.root[:, None]),
-            loudness=loudness / len(sampled),
+            out=out,
+            loud=loud,
+            out_back=self.backend.adjoint(out),
+            loud_back=self.backend.adjoint(loud),
+            loudness=loudness / loud.shape[1],
             pseudo=self.root / (self.root**4 + (floor * self.strongest) ** 2),
             effort=effort * (self.strongest / self.root) ** 2 if effort else None,
         )
 
     @property
     def descent(self) -> LBFGS:
-        """The implementation: `LBFGS` for NumPy, compiled if folded and Numba is there, and `RingLBFGS` for others."""
-        method: type[LBFGS] = LBFGS if self.backend.xp is np else RingLBFGS
-        if method is LBFGS and self.backend.single and isinstance(self.kinds, Folded):
-            with suppress(ImportError):
-                method = import_module("midair.solvers.fused_lbfgs").FusedLBFGS
+        """The implementation for the backend: `LBFGS` for NumPy, `RingLBFGS` for others."""
+        method = LBFGS if self.backend.xp is np else RingLBFGS
         return method(memory=self.memory, xp=self.backend.xp)
 
     def phase_fit(self, a: Rows, iterations: int, *, relaxation: float) -> Rows:
@@ -172,7 +145,7 @@ class FieldOperators:
         """
         xp, q = self.backend.xp, self.initial_drive
         for _ in range(iterations):
-            q = self.backend.unit(q + relaxation * self.drive.ahead(a - self.drive.back(q)))
+            q = self.backend.unit(q + relaxation * ((a - q @ self.drive_back) @ self.drive))
         q = xp.broadcast_to(q, (a.shape[0], q.shape[1]))
         return xp.atan2(xp.imag(q), xp.real(q))
 
@@ -182,7 +155,7 @@ class FieldOperators:
         True where the minimum-norm drive needs at most this fraction of the array's power.
         """
         xp = self.backend.xp
-        power = xp.real(xp.vecdot(a, a)) / self.problem.transducers
+        power = xp.real(xp.vecdot(a, a)) / self.drive.shape[1]
         return np.asarray(self.backend.get(power) <= max_power_share)
 
     def admm(self, batch: Batch, a: Rows, q: Rows, iterations: int, *, stiffness: float, relaxation: float) -> Rows:
@@ -193,18 +166,18 @@ class FieldOperators:
         initial field, q (row, transducer) a drive of magnitude 1 close to it; `stiffness` is the penalty relative to
         the strongest mode, `relaxation` 1 to 2 applies to the step towards q. Returns q.
         """
-        backend, s, control = self.backend, self.root**2, self.field.first(batch.p.shape[1])
+        backend, s, points = self.backend, self.root**2, batch.p.shape[1]
         weight = (stiffness * self.strongest * batch.gain) ** 2
         inverse = 1 / ((s * batch.gain) ** 2 + weight)
-        b, u = self.drive.back(q), 0 * a
+        b, u = q @ self.drive_back, 0 * a
         for _ in range(iterations):
-            y = control.ahead(batch.gain * a)
-            wanted = control.back(batch.gain * (batch.p * backend.unit(y)))
+            y = ((batch.gain * a) @ self.field)[:, :points]
+            wanted = (batch.gain * (batch.p * backend.unit(y))) @ self.field_back[:points, :]
             a = (wanted + weight * (b - u)) * inverse
             # Less than the full step of the dual, which at few iterations overshoots.
             u = u + 0.8 * (a - b)
-            q = backend.unit(q + relaxation * self.drive.ahead(a + u - b))
-            b = self.drive.back(q)
+            q = backend.unit(q + relaxation * ((a + u - b) @ self.drive))
+            b = q @ self.drive_back
         return q
 
     def refine(self, theta: Rows, batch: Batch, iterations: int, *, more: int) -> Rows:
@@ -260,8 +233,8 @@ class FieldOperators:
 
         def function(theta: Rows) -> tuple[Numbers, Rows]:
             q = self.backend.phasor(theta)
-            cost, slope = self.cost_and_slope(batch, self.kinds_field.ahead(gain * self.kinds.back(q)))
-            back = self.kinds.ahead(gain * self.kinds_field.back(slope))
+            cost, slope = self.cost_and_slope(batch, (gain * (q @ self.drive_back)) @ self.field)
+            back = (gain * (slope @ self.field_back)) @ self.drive
             if xp is not np:
                 return cost, xp.real(q) * xp.imag(back) - xp.imag(q) * xp.real(back)
             back *= xp.conj(q)
@@ -284,14 +257,6 @@ class FieldOperators:
         return cost + extra, xp.concat([slope, outside], axis=1)
 
 
-def _modes_and_drives(G: Complex, position: Array | None, response: Complex | None, tolerance: float) -> Arrays:
-    """U, s and V of `Modes`, and the arrays of `FoldedDrives` if the array folds."""
-    kept = modes(G, tolerance=tolerance)
-    folded = position is not None and FoldedDrives.of(G, position, response, tolerance=tolerance, rank=kept.rank)
-    parts = [kept, folded] if folded else [kept]
-    return {each.name: getattr(part, each.name) for part in parts for each in fields(part)}
-
-
 def in_order(backend: Backend, parts: list[tuple[NDArray[np.int64], Rows]]) -> Rows:
     """Concatenate rows that were computed separately, in the order of their indices."""
     if len(parts) == 1:
@@ -308,15 +273,19 @@ class FieldMove:
     """
 
     operators: FieldOperators
-    out: Dense  # From z to the listeners
-    loud: Dense  # From z to the sampled transducers: drives of r modes are smooth, so a sample is enough
+    out: Rows  # From z to the listeners, shape (mode, listener)
+    out_back: Rows  # Adjoint of `out`
+    # From z to the sampled transducers, shape (mode, sampled): drives of r modes are smooth, so a sample is
+    # enough
+    loud: Rows
+    loud_back: Rows  # Adjoint of `loud`
     loudness: float  # Weight of amplitudes above full drive, per sampled transducer
     pseudo: Numbers  # Damped inverse from the field at the points to z, shape (mode,)
     effort: Numbers = None  # Weight of |z|^2 / 2, shape (mode,), or None
 
     def first(self, y: Rows) -> Rows:
         """The z whose field at the control points comes close to y, (row, point): root s U^H y / (s^2 + floor^2)."""
-        return self.operators.field.first(y.shape[1]).back(y) * self.pseudo
+        return (y @ self.operators.field_back[: y.shape[1], :]) * self.pseudo
 
     def run(self, batch: Batch, z: Rows, scale: Numbers, iterations: int) -> RowsState:
         """L-BFGS from z on; `scale` (row,) is the inverse curvature, 1 / s of the strongest mode if unknown."""
@@ -333,12 +302,12 @@ class FieldMove:
 
         def function(x: Rows) -> tuple[Numbers, Rows]:
             z = backend.as_complex(x)
-            cost, slope = self.operators.cost_and_slope(batch, self.out.ahead(z))
-            gradient = self.out.back(slope)
+            cost, slope = self.operators.cost_and_slope(batch, z @ self.out)
+            gradient = slope @ self.out_back
             if weight:
-                q = inverse * self.loud.ahead(z)
+                q = inverse * (z @ self.loud)
                 above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
-                gradient = gradient + heavy * self.loud.back(above * q)
+                gradient = gradient + heavy * ((above * q) @ self.loud_back)
                 cost = cost + 0.25 * weight * squares(xp, above)
             if self.effort is not None:
                 pull = self.effort * z

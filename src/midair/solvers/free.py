@@ -111,7 +111,7 @@ class _Moves:
 
     def drive(self, batch: Batch, state: RowsState) -> NDArray[np.complex64]:
         """Drives of a state, (row, transducer), relative to the level of the problem."""
-        return self.operators.backend.host(self.free.coordinates(batch, state) @ self.operators.loud)
+        return self.operators.backend.host(self.free.coordinates(batch, state) @ self.operators.drive)
 
 
 def _moves(settings: Free, problem: Problem, array_backend: Backend) -> _Moves:
@@ -127,7 +127,7 @@ def _moves(settings: Free, problem: Problem, array_backend: Backend) -> _Moves:
         changed, array_backend, tolerance=settings.tolerance, memory=settings.memory, outside=settings.outside
     )
     operators = replace(operators, psi=_phases_of_even_field(settings, operators))
-    own = replace(operators, loud=operators.loud @ array_backend.put(root.T))
+    own = replace(operators, drive=operators.drive @ array_backend.put(root.T))
     sampled = evenly_spread(problem.position, every=4, count=problem.transducers)
     free, bounded = (
         own.field_move(loudness=weight, floor=settings.floor, sampled=sampled, effort=settings.effort)
@@ -148,7 +148,7 @@ def _phases_of_even_field(settings: Free, operators: FieldOperators) -> Rows:
     batch, backend = alone.batch(np.zeros(1, np.int64), faintest=settings.faintest), alone.backend
     one = backend.xp.ones_like(batch.gain[:, 0]) / alone.strongest
     state = move.run(batch, move.first(batch.p * alone.psi), one, iterations)
-    return backend.unit(move.out.ahead(backend.as_complex(state.x))[0, : even.points])
+    return backend.unit((backend.as_complex(state.x) @ move.out)[0, : even.points])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -185,8 +185,8 @@ class _Block:
     def __init__(self, settings: Free, moves: _Moves, frames: Indices) -> None:
         self._settings, self._moves, self._frames = settings, moves, frames
         operators = moves.operators
-        self._q = np.zeros((len(frames), operators.loud.shape[1]), np.complex64)
-        self._z = np.zeros((len(frames), operators.loud.shape[0]), np.complex64)
+        self._q = np.zeros((len(frames), operators.drive.shape[1]), np.complex64)
+        self._z = np.zeros((len(frames), operators.drive.shape[0]), np.complex64)
         self._scale = np.zeros(len(frames))
         self._made = np.zeros(len(frames), np.int64)
 

@@ -82,7 +82,6 @@ def multi_plane_problem(
         amplitude=np.asarray(amplitude, float) / focus,
         psi=np.concatenate([converging_phase(plane, array, acoustics.medium) for plane in planes]),
         position=array.position,
-        response=None if array.alike else array.response,
     )
 
 

@@ -46,9 +46,7 @@ class Problem:
     costs: tuple[PhaseTerm, ...] = ()
     """Costs of the phases of successive frames; see `terms.smooth`."""
     position: Array | None = None
-    """Positions of the transducers in m, shape (transducer, 3), for methods that use their symmetry."""
-    response: Complex | None = None
-    """Measured strength and phase of the transducers, which G contains, shape (transducer,); all alike if None."""
+    """Positions of the transducers in m, shape (transducer, 3), for methods that sample them evenly."""
 
     def with_quiet(self, rows: Complex, weight: float) -> "Problem":
         """Add rows (row, transducer) whose field shall be minimal, with their weight."""

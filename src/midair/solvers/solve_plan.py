@@ -87,7 +87,6 @@ class NormalisedSetup:
             level=level,
             psi=psi_at_temperatures(self.G, spreading_phase(self.target.grid, self.array, self.airs[0].medium)),
             position=self.array.position,
-            response=None if self.array.alike else self.array.response,
         )
         for term in terms:
             problem = term.added(problem, self)

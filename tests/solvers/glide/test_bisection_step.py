@@ -66,8 +66,7 @@ def test_a_frame_that_asks_for_too_much_gets_the_long_polish_and_keeps_its_place
     strengths[1] *= 12  # the middle one of three asks for more than all transducers have
     bisection = Glide()._bisection(problem_of(strengths), backend("numpy", precision="double"))
     batch = bisection.operators.batch(np.arange(3), faintest=1e-12)
-    operators = bisection.operators
-    a, q = np.zeros((3, operators.root.shape[0]), complex), np.ones((3, operators.drive.columns), complex)
+    a, q = np.zeros((3, bisection.operators.drive.shape[0]), complex), np.ones((3, 996), complex)
     a[1, 0] = 40.0
     state = bisection._refine_with_admm(batch, a, q, np.full(3, 1e-3), 0)
     soft = bisection._refine_with_admm(batch.some(np, np.array([0, 2])), a[[0, 2]], q[[0, 2]], np.full(2, 1e-3), 0)
@@ -78,6 +77,6 @@ def test_a_frame_that_asks_for_too_much_gets_the_long_polish_and_keeps_its_place
 def test_the_field_that_is_kept_is_the_one_that_the_phases_make(bisection, around, batch):
     operators = bisection.operators
     solved = bisection.refine_mean(batch, around, bisection.begin(batch, around), 10)
-    heard = bisection.field.out.ahead(solved.z)[0, : operators.problem.points]
-    made = operators.field.ahead(operators.drive.back(np.exp(1j * solved.theta)))[0, : operators.problem.points]
+    heard = (solved.z @ bisection.field.out)[0, : operators.problem.points]
+    made = (np.exp(1j * solved.theta) @ operators.drive_back @ operators.field)[0, : operators.problem.points]
     np.testing.assert_allclose(heard, made * batch.gain[0, 0], rtol=1e-9)

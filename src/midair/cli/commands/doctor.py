@@ -13,7 +13,7 @@ from midair.cli.options import Json, Length, Placement
 from midair.errors import InputError
 from midair.files import Laboratory, load_placement, save_laboratory
 from midair.model import HEIGHT
-from midair.rig import VirtualRig, array_named, clear_modes, run_checks, run_wizard, sensor_named, store_checkup
+from midair.rig import VirtualRig, array_named, run_checks, run_wizard, sensor_named, store_checkup
 
 
 def doctor_command(
@@ -23,7 +23,6 @@ def doctor_command(
     sensor: str | None = None,
     height: Length = HEIGHT,
     yes: bool = False,
-    clear_cache: bool = False,
     placement: Placement = None,
     air: AirOptions | None = None,
     exposure: ExposureOptions | None = None,
@@ -49,8 +48,6 @@ def doctor_command(
         Height of the sensor of --wizard above the array.
     yes
         Ask nothing; what a person would confirm is reported as not checked.
-    clear_cache
-        Remove the modes of arrays that midair solve stored to start sooner (256 MB at most), and check nothing.
     air
         Air of the room for --wizard; asked if not stated.
     exposure
@@ -65,9 +62,6 @@ def doctor_command(
     $ midair doctor --device autd3:emulator --wizard --yes
     $ midair doctor --lab lab.toml
     """
-    if clear_cache:
-        print_rows([("removed", f"{clear_modes() / 1e6:.1f} MB of stored modes")])
-        return 0
     if lab is not None:
         if lab.exists():
             raise InputError(f"--lab: expected a new file, got {lab}, which exists; delete it first or name another")

@@ -55,7 +55,6 @@ from midair.pipeline import (
 )
 from midair.rig import (
     ArrayKind,
-    ModeStore,
     PlaySettings,
     array_of_kind,
     check_air,
@@ -72,7 +71,7 @@ from midair.rig import (
     rerecord,
 )
 from midair.settings import Settings
-from midair.solvers import keep_modes_in, solve
+from midair.solvers import solve
 from midair.targets import add_lead, frames_without_lead
 
 
@@ -112,7 +111,6 @@ def solve_command(
     $ midair solve take.h5
     $ midair solve take.h5 part.drive.h5 --duration 0.1s --mode quick
     """
-    keep_modes_in(ModeStore())
     options = options or SolveOptions()
     settings = options.settings()
     options.refuse_idle_palm()

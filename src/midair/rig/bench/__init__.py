@@ -12,8 +12,6 @@ from .calibration_page import write_calibration_page as write_calibration_page
 from .identify import Identity as Identity
 from .identify import assignment_problems as assignment_problems
 from .identify import tone_answers as tone_answers
-from .mode_store import ModeStore as ModeStore
-from .mode_store import clear_modes as clear_modes
 from .reference_files import ReferenceChoice as ReferenceChoice
 from .reference_files import read_silence as read_silence
 from .reference_files import read_takes as read_takes

@@ -86,7 +86,7 @@ class BisectionStep:
         for _ in range(iterations):
             method.step(function, state)
         q = self.operators.backend.phasor(state.x)
-        z = batch.gain * self.operators.drive.back(q) * self.operators.root
+        z = batch.gain * (q @ self.operators.drive_back) * self.operators.root
         return self._solved(batch, state, z, around.field_scale)
 
     def from_field(self, batch: Batch, around: Neighbours, effort: Effort, *, rough: bool) -> FrameSolution:
@@ -95,7 +95,7 @@ class BisectionStep:
         `rough` adds ADMM between phase fit and refinement.
         """
         operators, backend = self.operators, self.operators.backend
-        y = self.field.out.first(batch.p.shape[1]).ahead(around.z)
+        y = (around.z @ self.field.out)[:, : batch.p.shape[1]]
         # The phases of the mean field; where it is nearly silent, the initial phases.
         even = self.settings.towards * backend.xp.max(around.p, axis=1, keepdims=True)
         u = backend.unit(backend.unit(y) * around.p + even * operators.psi)
@@ -131,7 +131,7 @@ class BisectionStep:
         xp = backend.xp
         speed = xp.zeros_like(xp.real(q))
         for _ in range(iterations):
-            change = operators.drive.ahead(a - operators.drive.back(q))
+            change = (a - q @ operators.drive_back) @ operators.drive
             uphill = xp.real(q) * xp.imag(change) - xp.imag(q) * xp.real(change)
             speed = self.settings.momentum * speed + self.settings.step * uphill
             # Rotate by the angle whose tangent is the speed, which needs no sine.

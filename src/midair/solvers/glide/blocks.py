@@ -93,10 +93,7 @@ def pieces(solver: "Glide", sounds: NDArray[np.bool_], *, together: int) -> Iter
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SolvedFrames:
-    """Solutions of frames as NumPy arrays, one row per frame, with the fields of `FrameSolution`.
-
-    Phases are the unknowns of `FieldOperators`, which with an array with symmetry include empty places.
-    """
+    """Solutions of frames as NumPy arrays, one row per frame, with the fields of `FrameSolution`."""
 
     theta: NDArray[np.floating[Any]]
     z: NDArray[np.complexfloating[Any, Any]]
@@ -107,7 +104,7 @@ class SolvedFrames:
     @classmethod
     def empty(cls, frames: int, bisection: BisectionStep) -> "SolvedFrames":
         """Allocate this number of rows."""
-        modes, transducers = bisection.operators.root.shape[0], bisection.operators.drive.columns
+        modes, transducers = bisection.operators.drive.shape
         real, kind = (np.float32, np.complex64) if bisection.operators.backend.single else (np.float64, np.complex128)
         return cls(
             theta=np.zeros((frames, transducers), real),

@@ -96,8 +96,6 @@ class Glide:
     """Number of blocks solved at once; the phases are bit-identical for any number."""
     faintest: float = 1e-12
     """As in `Fast`."""
-    fold: bool = field(default=True, compare=False)
-    """As in `Fast`."""
     precision: Literal["single", "double"] = "single"
     """Precision of the iterations."""
     backend: str = "numpy"
@@ -130,7 +128,7 @@ class Glide:
                 last = None if after is None else after.known
                 for frames, found in self._solved_blocks(bisection, audible, last):
                     last = found.last()
-                    phase[frames], made[frames] = found.theta[:, bisection.operators.seat], found.iterations
+                    phase[frames], made[frames] = found.theta, found.iterations
                     if progress is not None:
                         progress(int(frames[-1]) + 1, len(phase))
             if progress is not None:
@@ -169,7 +167,7 @@ class Glide:
         with array_backend.at_work():
             bisection = self._bisection(marks, array_backend)
             last = _without_warnings(solve_marks, bisection, np.arange(len(marks.amplitude))).last()
-        return WarmStart(theta=last.theta[0, bisection.operators.seat], known=last)
+        return WarmStart(theta=last.theta[0], known=last)
 
     def block_on(self) -> int:
         """Frames per block: 1024 on a CPU; on a GPU enough that the marks of one block fill a batch."""
@@ -177,7 +175,7 @@ class Glide:
 
     def _bisection(self, problem: Problem, array_backend: Backend) -> BisectionStep:
         operators = FieldOperators.of(
-            problem, array_backend, tolerance=self.tolerance, memory=self.memory, outside=self.outside, fold=self.fold
+            problem, array_backend, tolerance=self.tolerance, memory=self.memory, outside=self.outside
         )
         sampled = evenly_spread(problem.position, every=self.every, count=problem.transducers)
         return BisectionStep(

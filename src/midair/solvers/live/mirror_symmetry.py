@@ -14,16 +14,18 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.model import Acoustics, ControlGrid, TransducerArray
 from midair.physics import focus_amplitude, transfer_matrix
-from midair.solvers.folding import KINDS, lattice_seats
 from midair.solvers.modes import Modes
 
 Complex = NDArray[np.complex128]
 
-_MORE = 1.3
-"""Largest number of modes relative to the whole array at which symmetry saves work."""
+SIDES = np.array([[1, 1], [-1, 1], [1, -1], [-1, -1]])
+"""Signs of x and y of each image."""
 
-_SIDES = np.array([[1, 1, 1], [-1, 1, 1], [1, -1, 1], [-1, -1, 1]])
-"""Signs of x, y and z of each image."""
+KINDS = np.array([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]]) / 2
+"""Sign of each kind on each image, shape (kind, image); orthonormal, and its own inverse."""
+
+_EMPTY, _MORE = 1.1, 1.3
+"""Largest numbers of places per transducer, and of modes relative to the whole array, at which symmetry saves work."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,18 +83,21 @@ def _lattice(array: TransducerArray) -> tuple[TransducerArray, NDArray[np.intp]]
     """
     if not array.alike or np.ptp(array.normal, axis=0).any() or np.abs(array.normal[0, :2]).any():
         return None
-    found = lattice_seats(array.position)
-    if found is None:
-        return None
-    seat, places = found
     middle = (array.position.min(axis=0) + array.position.max(axis=0)) / 2
-    quarter = np.zeros((places, 3))
-    quarter[seat % places] = np.abs(array.position - middle)
-    position = middle + (_SIDES[:, None] * quarter).reshape(-1, 3)
+    offset = array.position - middle
+    # Rounded to a micrometre, far above rounding errors and far below the distance of transducers.
+    steps = np.rint(np.abs(offset) * 1e6).astype(np.int64)
+    _, first, at = np.unique(steps, axis=0, return_index=True, return_inverse=True)
+    quarter = np.abs(offset[first])
+    if (steps[:, :2] == 0).any() or 4 * len(quarter) > _EMPTY * array.count:
+        return None
+    side = (offset[:, 0] < 0) + 2 * (offset[:, 1] < 0)
+    sides = np.concatenate([SIDES, np.ones((4, 1))], axis=1)
+    position = middle + (sides[:, None] * quarter).reshape(-1, 3)
     whole = TransducerArray(
         position=position,
         normal=np.repeat(array.normal[:1], len(position), axis=0),
         pressure=array.pressure,
         frequency=array.frequency,
     )
-    return whole, seat
+    return whole, side * len(quarter) + at.reshape(-1)

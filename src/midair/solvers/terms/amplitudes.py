@@ -69,9 +69,7 @@ def doubled(problem: "Problem", *, apart: float = np.pi / 4) -> "Problem":
     if guard is not None:
         guard = GuardField(G=_twice(guard.G, apart), ceiling=guard.ceiling, weight=guard.weight)
     position = None if problem.position is None else np.tile(problem.position, (2, 1))
-    response = np.ones(problem.transducers, complex) if problem.response is None else problem.response
-    twice = _twice(response[None], apart)[0]
-    return replace(problem, G=_twice(problem.G, apart), guard=guard, position=position, response=twice)
+    return replace(problem, G=_twice(problem.G, apart), guard=guard, position=position)
 
 
 def halves(phase: Array, *, apart: float = np.pi / 4) -> tuple[Array, Array]:
