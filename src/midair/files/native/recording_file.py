@@ -259,7 +259,7 @@ def write_netcdf(recording: Recording, path: Path, calibration: Calibration | No
         "Conventions": CONVENTIONS,
         "title": f"Recording of {recording.sensor.name}",
         "source": life.source + (" (SIMULATED)" if life.simulated else ""),
-        "history": "; ".join(step.stage for step in life.steps) or "recorded",
+        "history": "; ".join(step.stage for step in life.steps).replace("\0", "?") or "recorded",
         "comment": f"Written by midair {__version__}; its provenance is JSON in the attribute provenance.",
     }
     with new_file(path, room=recording.samples.nbytes) as file:
