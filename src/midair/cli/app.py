@@ -33,8 +33,8 @@ _LONGEST_LINE = 2000
 _EPILOGUE = """Examples:
   midair demo
   midair record virtual:towel take.h5
+  midair play take.h5
   midair solve take.h5
-  midair play take.drive.h5
 
 Every command takes -q (hide progress bars and meters) and -v (print the run time, and a traceback on errors).
 Quantities need a unit: 200mm, 20Hz, 0.5s, 30Pa. Help on a command: midair COMMAND --help."""

@@ -142,6 +142,14 @@ class _SettingsOptions:
             made = made.but(jobs=_cores())
         return made
 
+    def settings_in(self, temperature: float | None, humidity: float | None) -> Settings:
+        """The settings that these options select, in stated air."""
+        made = self.settings()
+        for choice in CHOICES:
+            value = {"temperature": temperature, "humidity": humidity}.get(choice.name)
+            made = made if value is None else choice.put(made, value)
+        return made
+
     def refuse_idle_palm(self) -> None:
         """Raise InputError for --palm without a quiet palm, where the command would ignore it."""
         if getattr(self, "palm", None) is not None and not QuietPalm.number(self.settings().solver.quiet_palm):
@@ -282,9 +290,15 @@ if TYPE_CHECKING:
     class SolveOptions(_SettingsOptions):
         """How pressure becomes sound."""
 
+    class RecordingOptions(_SettingsOptions):
+        """How a recording becomes sound."""
+
 else:
     BandOptions = _options("BandOptions", "Which part of a recording counts.", ("band", "rate", "inverse"))
     SolveOptions = _options("SolveOptions", "How pressure becomes sound.", modes=True)
+    # The air is that of the room, which `play` declares for drives too.
+    _solved = [choice.name for choice in CHOICES if choice.name not in ("temperature", "humidity")]
+    RecordingOptions = _options("RecordingOptions", "How a recording becomes sound.", _solved, modes=True)
 
 
 _SHARED = ("band", "height", "pitch", "points", "temperature", "humidity", "directivity")

@@ -13,6 +13,7 @@ from .arrays import choose_silencer as choose_silencer
 from .arrays import pyautd3_array as pyautd3_array
 from .exposure_check import ExposureChoices as ExposureChoices
 from .exposure_check import ExposureClearance as ExposureClearance
+from .exposure_check import ExposureStream as ExposureStream
 from .exposure_check import check_exposure as check_exposure
 from .exposure_check import check_exposure_level as check_exposure_level
 from .exposure_check import check_exposure_parts as check_exposure_parts

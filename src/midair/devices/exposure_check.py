@@ -5,6 +5,8 @@ an `ExposureClearance`, the only type that `ArrayDevice.play` accepts, and only 
 """
 
 import hashlib
+import threading
+import time
 from collections.abc import Iterable
 from dataclasses import InitVar, dataclass, field, replace
 from typing import Any, Literal, Protocol, cast
@@ -12,12 +14,21 @@ from typing import Any, Literal, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices.frame_bytes import PHASE_STEPS, actual_level, amplitude_of
+from midair.devices.frame_bytes import PHASE_STEPS, actual_level, amplitude_of, phase_bytes
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.evaluate import SkinModel
 from midair.model import Drive, Medium, TransducerArray
-from midair.physics import Exposure, ExposureProfile, airs_of_room, exposure, greatest_exposure
-from midair.streaming import LazyFrames, cached_blocks, each_frame
+from midair.physics import (
+    Exposure,
+    ExposureProfile,
+    HeatHistory,
+    StreamedExposure,
+    airs_of_room,
+    bin_frames,
+    exposure,
+    greatest_exposure,
+)
+from midair.streaming import LazyFrames, TempFrames, cached_blocks, each_frame
 
 Array = NDArray[np.float64]
 
@@ -87,6 +98,8 @@ class ExposureClearance:
     """Maximum level of frames that come later, 0 to 1."""
     factor: float = 1.0
     """Attenuation factor for frames that come later."""
+    stream: "ExposureStream | None" = None
+    """The stream that checks the frames of the drive while they play; None if all were checked."""
     _known: frozenset[bytes] = field(default=frozenset(), repr=False)
     _key: InitVar[object] = None
 
@@ -173,8 +186,15 @@ class ExposureClearance:
 
     def verdict(self) -> str:
         """Outcome and reason in one line; for an attenuated drive also whether it can be felt."""
+        if self.stream is not None:
+            return self.stream.verdict()
         felt = felt_pressure_text(self.exposure) if self.outcome == "attenuated" else ""
         return f"{self.outcome}: {self.exposure.verdict()}" + (f"; {felt}" if felt else "")
+
+    @property
+    def decided(self) -> Outcome:
+        """Outcome of all frames that were checked, also while the drive played."""
+        return self.outcome if self.stream is None else self.stream.decided
 
     def __repr__(self) -> str:
         what = f"frames to come up to level {self.level:.3g}" if self.drive is None else f"{self.drive.frames} frames"
@@ -202,6 +222,7 @@ def measure_exposure(
     repeats: int = 1,
     steps: int = PHASE_STEPS,
     room: Medium | None = None,
+    heat: HeatHistory | None = None,
 ) -> Exposure:
     """Exposure on a given array; the source strength and air that the drive's file states are ignored.
 
@@ -216,6 +237,8 @@ def measure_exposure(
         Number of phase steps per turn of the device.
     room : Medium, optional
         As in `ExposureChoices`.
+    heat : HeatHistory, optional
+        Heat of the parts before, which this part is added to.
 
     Raises
     ------
@@ -232,7 +255,7 @@ def measure_exposure(
         )
     own = replace(drive, array=array, level=each_frame(drive.level, actual_level))
     airs = airs_of_room(room, profile.places, array)
-    return exposure(own, profile, repeats=repeats, acoustics=airs, steps=steps)
+    return exposure(own, profile, repeats=repeats, acoustics=airs, steps=steps, heat=heat)
 
 
 def check_exposure(drive: Drive, device: ArrayInfo, choices: ExposureChoices, *, repeats: int = 1) -> ExposureClearance:
@@ -346,6 +369,209 @@ def check_exposure_level(
         level *= factor
         found = greatest_exposure(device.array, level, choices.profile, rate=rate, airs=airs)
     return _clearance(device, choices, found, outcome, level=level)
+
+
+class ExposureStream:
+    """Checks the parts of a drive, in order, while earlier ones play; an array can read only frames that passed.
+
+    `add` and `end` are called by the thread that computes the parts; frames wait on the disk, phases in the steps of
+    the device. The first part that exceeds the profile ends the stream with ExposureError: frames before it remain
+    readable. With `attenuate` or repeats, which need all frames, nothing can be read before the end.
+
+    Parameters
+    ----------
+    device, choices, repeats
+        As in `check_exposure`.
+    frames : int
+        Number of frames of all parts.
+    """
+
+    MARGIN, SPARE = 1.15, 0.15
+    """Factor on the measured time of a part, and time in s by which frames must come before they sound."""
+
+    def __init__(self, device: ArrayInfo, choices: ExposureChoices, *, frames: int, repeats: int = 1) -> None:
+        _check_repeats(repeats)
+        self.frames, self.admitted, self.over = frames, 0, False
+        self.exposure: StreamedExposure | None = None
+        self._device, self._choices, self._repeats = device, choices, repeats
+        self._waits_for_all = choices.attenuate or repeats > 1
+        self._heat, self._changed, self._checking = HeatHistory(), threading.Condition(), threading.Lock()
+        self._clearance: ExposureClearance | None = None
+        self._error: BaseException | None = None
+        self._rest: Drive | None = None
+        self._spools: tuple[TempFrames, TempFrames] | None = None
+        self._last, self._pace, self._rate = 0, 0.0, 1.0
+
+    def prepare(self) -> None:
+        """Compute once what the check of every part needs, for example while the first part is solved."""
+        array = self._device.array
+        silent = Drive(phase=np.zeros((1, array.count)), level=np.zeros(1), rate=1.0, array=array)
+        with self._checking:
+            _measured(silent, self._device, self._choices, 1)
+
+    def add(self, part: Drive, *, took: float) -> None:
+        """Check the next frames, which took this time in s to compute, and let the array read them.
+
+        Raises
+        ------
+        ExposureError
+            If they exceed the profile without an override; MismatchError as `check_exposure`.
+        """
+        if self._rest is not None:
+            whole = (np.concatenate([getattr(self._rest, name), getattr(part, name)]) for name in ("phase", "level"))
+            part = replace(part, **dict(zip(("phase", "level"), whole, strict=True)))
+        # Whole bins of the heat history.
+        ready = (
+            part.frames
+            if part.frames + self._seen == self.frames
+            else part.frames - part.frames % bin_frames(part.rate)
+        )
+        self._rest = _frames_of(part, ready, part.frames) if ready < part.frames else None
+        if ready:
+            self._admit(_frames_of(part, 0, ready), took)
+
+    def end(self, error: BaseException | None = None) -> None:
+        """End the stream; an error is raised to the reader of any frame that has not come."""
+        if error is None and self._waits_for_all and self._spools is not None:
+            try:
+                whole = check_exposure(self._drive(wait=False), self._device, self._choices, repeats=self._repeats)
+            except InputError as wrong:
+                error = wrong
+            else:
+                self._clearance = whole
+        with self._changed:
+            if not self.over:
+                self.over, self._error = True, error
+            self._changed.notify_all()
+
+    def check(self) -> None:
+        """Raise the error with which the stream ended, if any."""
+        if self._error is not None:
+            raise self._error
+
+    def clearance(self) -> ExposureClearance:
+        """Wait for the first part, or for all where needed, and return the clearance of all frames to come.
+
+        Raises the error with which the stream ended before.
+        """
+        with self._changed:
+            while self._clearance is None and not self.over:
+                # A wait without a limit could not be interrupted on Windows.
+                self._changed.wait(0.1)
+            if self._clearance is None:
+                raise self._error or InputError("stream: expected one part or more, got none")
+            return self._clearance
+
+    def begun(self) -> Drive:
+        """The frames that were admitted so far."""
+        return _frames_of(self._drive(wait=False), 0, self.admitted)
+
+    def delay(self, played: int = 0) -> float:
+        """Time in s until playback can continue at a frame without a gap, at the speed of the last part."""
+        with self._changed:
+            left, period = self.frames - self.admitted, 1 / self._rate
+            pace, last = self.MARGIN * self._pace, min(left, self._last)
+            ahead = (self.admitted - played) * period - self.SPARE
+            if self.over or left <= 0:
+                return 0.0
+            # The next part must come while the frames before it play, and the last part too.
+            return max(0.0, last * pace - ahead, left * pace - ahead - (left - last) * period)
+
+    @property
+    def speed(self) -> float:
+        """Computed and checked time of sound per time, of the last part; above 1 the machine keeps up."""
+        return 1 / (self._pace * self._rate)
+
+    def verdict(self) -> str:
+        """Outcome of the frames that were checked so far, in one line."""
+        if self.exposure is None:
+            return "checked part by part, ahead of the sound"
+        said = "" if self.over else f"first {self.exposure.duration:.2g} s "
+        rest = "" if self.over else "; the rest is checked ahead of its sound"
+        return f"{said}{self.decided}: {self.exposure.verdict()}{rest}"
+
+    @property
+    def decided(self) -> Outcome:
+        """Outcome for the frames that were checked so far."""
+        return "kept" if self.exposure is None else _decide(self.exposure, self._device, self._choices)[0]
+
+    @property
+    def _seen(self) -> int:
+        return self._spools[0].frames if self._spools else 0
+
+    def _admit(self, part: Drive, took: float) -> None:
+        device, choices = self._device, self._choices
+        with self._checking:
+            began = time.monotonic()
+            if not self._waits_for_all:
+                found = measure_exposure(
+                    part,
+                    device.array,
+                    choices.profile,
+                    steps=device.steps_a_turn,
+                    room=choices.room,
+                    heat=self._heat,
+                )
+                self.exposure = StreamedExposure.joined(self.exposure, found)
+                _decide(self.exposure, device, choices)
+        in_bytes = device.steps_a_turn == PHASE_STEPS
+        if self._spools is None:
+            self._template, self._rate = part, part.rate
+            phases = TempFrames(part.array.count, dtype="u1" if in_bytes else "f8")
+            self._spools = phases, TempFrames(*part.level.shape[1:])
+        stored: Any = phase_bytes(part, 1)[:, 0] if in_bytes else part.phase
+        with self._changed:
+            self._spools[0].append(stored)
+            self._spools[1].append(part.level)
+            self.admitted += part.frames
+            self._last, self._pace = part.frames, (took + time.monotonic() - began) / part.frames
+            if self._clearance is None and not self._waits_for_all:
+                self._clearance = self._cleared()
+            self._changed.notify_all()
+
+    def _cleared(self) -> ExposureClearance:
+        """Clearance of the frames to come; its exposure is the most that can pass."""
+        device, choices = self._device, self._choices
+        airs = airs_of_room(choices.room, choices.profile.places, device.array)
+        most = greatest_exposure(device.array, 1.0, choices.profile, rate=self._rate, airs=airs)
+        outcome: Outcome = "kept" if choices.override is None else "overridden"
+        if choices.override is None and device.gated:
+            limits = [place.limit if place.enforced else np.inf for place in choices.profile.places]
+            most = replace(
+                most, level=np.minimum(most.level, limits), warming=min(most.warming, choices.profile.warming)
+            )
+        return _clearance(device, choices, most, outcome, drive=self._drive(wait=True), level=1.0, stream=self)
+
+    def _drive(self, *, wait: bool) -> Drive:
+        """All frames as lazy frames, of which reading waits until they have come."""
+        phases, levels = self._spools or (TempFrames(1), TempFrames())
+        in_bytes = self._device.steps_a_turn == PHASE_STEPS
+
+        def read(spool: TempFrames, first: int, last: int) -> Array:
+            with self._changed:
+                while wait and self.admitted < last and not self.over:
+                    self._changed.wait(0.1)
+                if self.admitted < last:
+                    raise self._error or DeviceStateError(
+                        f"frames: expected {last}, the stream ended at {self.admitted}"
+                    )
+                return spool.read(first, last)
+
+        def phase(first: int, last: int) -> Array:
+            steps = read(phases, first, last)
+            return steps * (2 * np.pi / PHASE_STEPS) if in_bytes else steps
+
+        total, count = (self.frames if wait else self.admitted), self._template.array.count
+        return replace(
+            self._template,
+            array=self._device.array,
+            phase=cast("Array", LazyFrames(phase, (total, count))),
+            level=cast("Array", LazyFrames(lambda first, last: read(levels, first, last), (total, *levels.shape))),
+        )
+
+
+def _frames_of(drive: Drive, first: int, last: int) -> Drive:
+    return replace(drive, phase=drive.phase[first:last], level=drive.level[first:last])
 
 
 def _measured(drive: Drive, device: ArrayInfo, choices: ExposureChoices, repeats: int) -> Exposure:

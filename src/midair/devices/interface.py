@@ -17,7 +17,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices.exposure_check import ExposureClearance
+from midair.devices.exposure_check import ExposureClearance, ExposureStream
 from midair.devices.frame_bytes import PHASE_STEPS
 from midair.devices.safety import Ending, StopGuard, log_end, log_order, log_pause
 from midair.errors import DeviceError, DeviceStateError, InputError
@@ -184,6 +184,8 @@ class ArrayDevice(ABC):
     """How to wait for units that are too hot; None ends playback with TooHotError."""
     participant: str = ""
     """Person or code that the log states for every order; empty if unknown."""
+    coming: ExposureStream | None = None
+    """The stream that checks the frames of the drive that plays; None if all were checked before."""
     _order: StopGuard
     _entered: contextlib.ExitStack
     _plays: bool
@@ -277,7 +279,7 @@ class ArrayDevice(ABC):
 
         def emitted() -> PlayReport:
             try:
-                self._plays = True
+                self._plays, self.coming = True, admission.stream
                 report = self.emit(drive, progress, repeats=admission.repeats, delay=delay)
             except BaseException:
                 self._silence_after_an_error()
@@ -300,11 +302,11 @@ class ArrayDevice(ABC):
                 # A stop during the last block is not noticed inside `emit`.
                 self._order.check(self.name)
             except BaseException as end:
-                log_end(number, source, self.name, *self._log_outcome(end))
+                log_end(number, source, self.name, *self._log_outcome(end), admission=admission)
                 raise
             finally:
                 self._log = log_nothing
-            log_end(number, source, self.name, "played", report=asdict(report))
+            log_end(number, source, self.name, "played", admission=admission, report=asdict(report))
         return report
 
     @contextmanager

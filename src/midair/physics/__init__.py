@@ -1,6 +1,7 @@
 """Physical models as pure functions: radiation pressure, propagation, transducers, sensors, exposure, skin."""
 
 from .exposure_level import Exposure as Exposure
+from .exposure_level import StreamedExposure as StreamedExposure
 from .exposure_level import exposure as exposure
 from .exposure_level import greatest_exposure as greatest_exposure
 from .exposure_level import sound_level as sound_level
@@ -9,6 +10,8 @@ from .exposure_places import Place as Place
 from .exposure_places import cone_points as cone_points
 from .exposure_search import airs_of_room as airs_of_room
 from .exposure_search import searched_points as searched_points
+from .heating import HeatHistory as HeatHistory
+from .heating import bin_frames as bin_frames
 from .heating import palm_warming as palm_warming
 from .heating import skin_warming as skin_warming
 from .heating import unit_duty as unit_duty

@@ -17,7 +17,7 @@ from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics.exposure_places import ExposureProfile, Place
 from midair.physics.exposure_search import Searches, Workspace, ceiling, drive_parts, point_search, searches_of
-from midair.physics.heating import BIN, PUBLISHED_TIME, palm_warming, unit_duty, unit_levels
+from midair.physics.heating import PUBLISHED_TIME, HeatHistory, bin_frames, palm_warming, unit_duty, unit_levels
 from midair.physics.propagation import transfer_matrix
 from midair.physics.radiation import radiation_pressure
 from midair.progress import report_progress
@@ -115,13 +115,17 @@ class Exposure:
         if not margins:
             raise InputError(f"profile {self.profile.name}: expected at least one enforced limit, got none")
         number = max(margins)[1]
-        return self.profile.places[number], int(self.level[:, number].argmax())
+        return self.profile.places[number], self._frame(number)
 
     @property
     def loudest_air(self) -> Medium:
         """The air in which the worst frame is loudest at the worst place."""
-        place, frame = self.worst
-        return self.airs[int(self.air[frame, self.profile.places.index(place)])].medium
+        number = self.profile.places.index(self.worst[0])
+        return self.airs[int(self.air[int(self.level[:, number].argmax()), number])].medium
+
+    def _frame(self, number: int) -> int:
+        """Loudest frame at a place."""
+        return int(self.level[:, number].argmax())
 
     @property
     def measured_in(self) -> str:
@@ -169,6 +173,62 @@ class Exposure:
         return f"<Exposure {len(self.level)} frames, {self.repeats} times, {self.verdict()}>"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StreamedExposure(Exposure):
+    """Exposure to frames that came in parts; `level` and `air` have one row, the highest level at each place."""
+
+    frames: int
+    """Number of frames."""
+    energy: Array
+    """Sum of 10^(level / 10) over the frames, shape (place,)."""
+    loudest: tuple[int, ...]
+    """Loudest frame at each place."""
+
+    @classmethod
+    def joined(cls, before: "StreamedExposure | None", part: Exposure) -> "StreamedExposure":
+        """Add a part, whose duty and warming are those of all frames so far."""
+        rows = part.level.argmax(axis=0)
+        places = np.arange(len(rows))
+        level, air, frames = part.level[rows, places], part.air[rows, places], len(part.level)
+        energy, loudest = np.asarray((10 ** (part.level / 10)).sum(axis=0), np.float64), rows
+        nonlinearity, pressure = part.nonlinearity, part.pressure
+        if before is not None:
+            louder = level > before.level[0]
+            loudest = np.where(louder, rows + before.frames, before.loudest)
+            air, level = np.where(louder, air, before.air[0]), np.maximum(level, before.level[0])
+            energy, frames = energy + before.energy, frames + before.frames
+            nonlinearity, pressure = max(nonlinearity, before.nonlinearity), max(pressure, before.pressure)
+        return cls(
+            profile=part.profile,
+            level=level[None],
+            airs=part.airs,
+            air=air[None],
+            rate=part.rate,
+            repeats=1,
+            nonlinearity=nonlinearity,
+            pressure=pressure,
+            duty=part.duty,
+            warming=part.warming,
+            frames=frames,
+            energy=energy,
+            loudest=tuple(loudest.tolist()),
+        )
+
+    @property
+    def duration(self) -> float:
+        """Duration of all frames, in s."""
+        return self.frames / self.rate
+
+    @property
+    def mean(self) -> Array:
+        """Energy-averaged level, shape (place,), in dB."""
+        return np.asarray(10 * np.log10(self.energy / self.frames), np.float64)
+
+    def _frame(self, number: int) -> int:
+        """Loudest frame at a place."""
+        return self.loudest[number]
+
+
 def exposure(
     drive: Drive,
     profile: ExposureProfile,
@@ -176,11 +236,13 @@ def exposure(
     repeats: int = 1,
     acoustics: Acoustics | tuple[Acoustics, ...] | None = None,
     steps: int | None = None,
+    heat: HeatHistory | None = None,
 ) -> Exposure:
     """Compute the sound levels of a drive, played `repeats` times, at the places of a profile, for every frame.
 
     The acoustics are by default those of the drive; for several airs the highest level of each frame counts. `steps` is
-    the number of phase steps per turn to which units round; no rounding if None.
+    the number of phase steps per turn to which units round; no rounding if None. With `heat`, duty and warming include
+    the parts before.
     """
     airs = acoustics if isinstance(acoustics, tuple) else (acoustics or drive.acoustics,)
     # Only these two arrays grow with the length of the drive.
@@ -198,7 +260,13 @@ def exposure(
         )
     # The palm's limit is not enforced: the first, the middle and the last air suffice. The coldest distorts most.
     few = airs[:: max(1, len(airs) // 2)]
-    every = max(1, round(BIN * drive.rate))
+    every, points, middle = bin_frames(drive.rate), _palm_points(profile), airs[len(airs) // 2]
+    if heat is None:
+        levels, lasts = unit_levels(drive, every=every), drive.frames / drive.rate
+        duty = unit_duty(levels, drive.rate / every, duration=lasts, repeats=repeats)
+        warming = palm_warming(drive, points, acoustics=middle, repeats=repeats)
+    else:
+        duty, warming = heat.add(drive, points, acoustics=middle)
     return Exposure(
         profile=profile,
         level=level,
@@ -208,10 +276,8 @@ def exposure(
         repeats=repeats,
         nonlinearity=_nonlinearity(drive, profile, airs[0], level),
         pressure=max(_pressure(drive, profile, air) for air in few),
-        duty=unit_duty(
-            unit_levels(drive, every=every), drive.rate / every, duration=drive.frames / drive.rate, repeats=repeats
-        ),
-        warming=palm_warming(drive, _palm_points(profile), acoustics=airs[len(airs) // 2], repeats=repeats),
+        duty=duty,
+        warming=warming,
     )
 
 

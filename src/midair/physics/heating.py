@@ -67,25 +67,67 @@ def skin_warming(intensity: Array, step: float) -> Array:
     Heat that flows into a thick body from its surface warms that surface with the square root of time (Carslaw and
     Jaeger, Conduction of Heat in Solids, 2.9); earlier heat adds up. The scale is that of the published figure.
     """
-    time = np.arange(min(len(intensity), round(MINUTE / step)) + 1) * step
-    response = np.diff(np.sqrt(time / PUBLISHED_TIME)) * PUBLISHED_RISE / STRONG_FOCUS
+    response = _warming_response(len(intensity), step)
     return np.asarray(np.convolve(intensity, response)[: len(intensity)], np.float64)
+
+
+def _warming_response(bins: int, step: float) -> Array:
+    """Warming in K after 1 W/m2 in one bin, at the end of each bin of up to a minute."""
+    time = np.arange(min(bins, round(MINUTE / step)) + 1) * step
+    return np.asarray(np.diff(np.sqrt(time / PUBLISHED_TIME)) * PUBLISHED_RISE / STRONG_FOCUS, np.float64)
 
 
 def palm_warming(drive: Drive, points: Array, *, acoustics: Acoustics, repeats: int = 1) -> float:
     """Estimate the highest warming of the palm in K at `points`, shape (point, 3) in m, during all repeats."""
-    matrix = transfer_matrix(points, drive.array, acoustics=acoustics).T.astype(np.complex64)
-    impedance = acoustics.medium.density * acoustics.medium.speed
-    size = max(1, round(BIN * drive.rate))
-    means = [
-        np.mean(np.abs(_frames(drive, each) @ matrix) ** 2, axis=0) / (2 * impedance)
-        for each in _sampled(drive.frames, size)
-    ]
-    intensity = np.asarray(means)
-    step = size / drive.rate
+    intensity = _palm_intensity(drive, points, acoustics)
+    step = bin_frames(drive.rate) / drive.rate
     times = min(repeats, int(np.ceil(MINUTE / (step * len(intensity)))) + 1)
     # One point after the other, which needs less memory.
     return max(float(skin_warming(np.tile(each, times), step).max(initial=0.0)) for each in intensity.T)
+
+
+def bin_frames(rate: float) -> int:
+    """Frames of a bin at a rate in Hz."""
+    return max(1, round(BIN * rate))
+
+
+def _palm_intensity(drive: Drive, points: Array, acoustics: Acoustics) -> Array:
+    """Mean intensity in each bin at each point, shape (bin, point), in W/m2."""
+    matrix = transfer_matrix(points, drive.array, acoustics=acoustics).T.astype(np.complex64)
+    impedance = acoustics.medium.density * acoustics.medium.speed
+    return np.asarray(
+        [
+            np.mean(np.abs(_frames(drive, each) @ matrix) ** 2, axis=0) / (2 * impedance)
+            for each in _sampled(drive.frames, bin_frames(drive.rate))
+        ],
+        np.float64,
+    )
+
+
+class HeatHistory:
+    """Heat of a drive that comes in parts, each of whole bins except the last."""
+
+    def __init__(self) -> None:
+        self._levels: list[Array] = []
+        self._intensity: Array | None = None
+        self._warmest, self._frames = 0.0, 0
+
+    def add(self, part: Drive, points: Array, *, acoustics: Acoustics) -> tuple[Array, float]:
+        """Add the next part; return `unit_duty` and `palm_warming` of all parts so far."""
+        every = bin_frames(part.rate)
+        self._levels.append(unit_levels(part, every=every))
+        self._frames += part.frames
+        new = _palm_intensity(part, points, acoustics)
+        earlier = new[:0] if self._intensity is None else self._intensity
+        step, known = every / part.rate, np.concatenate([earlier, new])
+        response = _warming_response(len(known), step)
+        for end in range(len(earlier) + 1, len(known) + 1):
+            last = known[max(0, end - len(response)) : end]
+            self._warmest = max(self._warmest, float((response[: len(last)][::-1] @ last).max()))
+        # Earlier bins have no effect any more.
+        self._intensity = known[-round(MINUTE / step) :]
+        levels = np.concatenate(self._levels)
+        return unit_duty(levels, 1 / step, duration=self._frames / part.rate), self._warmest
 
 
 def _sampled(frames: int, size: int) -> list[NDArray[np.intp]]:

@@ -90,6 +90,7 @@ from .playing import correct_air_of_file as correct_air_of_file
 from .playing import default_exposure as default_exposure
 from .playing import play_cleared as play_cleared
 from .playing import rerecord as rerecord
+from .playing import solving as solving
 from .playing import stop_playing as stop_playing
 from .playing import watch_air as watch_air
 from .recorder import Played as Played

@@ -93,8 +93,13 @@ def _shown(rows: Sequence[Row]) -> list[Row]:
     return [{name: row[name] for name in names} for row in rows]
 
 
+_MEASURED = ("palm_pa", "palm_w_m2", "palm_warming_k", "places")
+
+
 def _order_row(order: Mapping[str, Any], end: Mapping[str, Any] | None, places: Sequence[str], active: set[int]) -> Row:
     outcome, reason = _ending(order, end, active)
+    # A drive that was checked while it played: its end states what was measured, its order the most that could pass.
+    order = {**order, **{name: value for name, value in (end or {}).items() if name in _MEASURED}}
     duration, kind = _duration(order, end)
     row: Row = {
         "row": "order",

@@ -4,14 +4,17 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from midair.devices import PacedSensor, PlayReport, SensorDevice, check_exposure
+from midair.devices import ExposureClearance, PacedSensor, PlayReport, SensorDevice, check_exposure
 from midair.errors import DeviceError, InputError
 from midair.files import OpenedTake, open_take
-from midair.model import Drive, Event, Progress, SensorWiring, Solution
+from midair.model import Drive, Event, Progress, Recording, SensorWiring, Solution
+from midair.pipeline import calibrated_pressure, required_lead
 from midair.rig.names import VirtualRig, sensor_named
 from midair.rig.opening import OpenRig, open_rig
-from midair.rig.playing import PlaySettings, play_cleared, rerecord
+from midair.rig.playing import PlaySettings, play_cleared, rerecord, solving
 from midair.rig.takes import Drift, RecordSettings, TakeOrder, View, record_take
+from midair.settings import Settings, best_mode
+from midair.targets import add_lead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -124,9 +127,11 @@ def record(
 
 
 def play(
-    what: Solution | Drive,
+    what: Solution | Drive | Recording | OpenedTake,
     rig: OpenRig | str | None = None,
     *,
+    solve: Settings | None = None,
+    keep: str | Path | None = None,
     source: str | Path = "python",
     progress: Progress | None = None,
     settings: PlaySettings | None = None,
@@ -134,13 +139,19 @@ def play(
 ) -> Played:
     """Play a drive after an exposure check, and re-record it if the rig has a sensor.
 
+    A recording is solved and checked while it plays: if this computer is too slow for that, the first frame waits.
+
     Parameters
     ----------
-    what : Solution or Drive
-        Solved for the rig's array.
+    what : Solution, Drive, Recording or OpenedTake
+        A drive for the rig's array; or a recording, in Pa unless it is a take with its calibration.
     rig : OpenRig or str, optional
         An entered rig, or the name of an array that is opened for this call, by default the device of `settings`; a
         virtual one gets the cells, the height and the band of the drive.
+    solve : Settings, optional
+        How to solve a recording; the best mode if None.
+    keep : str or Path, optional
+        File for the drive of a recording, ``NAME.drive.h5``, which is written while it plays.
     source : str or Path
         Name of the drive in the play log; a file is hashed there.
     progress : callable, optional
@@ -162,17 +173,57 @@ def play(
     DeviceStateError
         If the rig was not entered.
     """
-    drive = what.drive if isinstance(what, Solution) else what
     changes = {name: value for name, value in changes.items() if value is not None}
+    if isinstance(what, Recording | OpenedTake):
+        take = what if isinstance(what, OpenedTake) else OpenedTake(recording=what)
+        about: dict[str, Any] = {"source": source, "progress": progress, "settings": settings}
+        return _play_recording(take, rig, solve or best_mode(), None if keep is None else Path(keep), about, changes)
+    if solve is not None or keep is not None:
+        raise InputError("play: expected a recording with solve or keep, got a drive, which is solved; leave them out")
+    drive = what.drive if isinstance(what, Solution) else what
     if not isinstance(rig, OpenRig):
         with open_rig(rig, drive=drive, settings=settings, **changes) as opened:
             return play(drive, opened, source=source, progress=progress)
+    chosen = _of_playback(rig, settings, changes)
+    admission = check_exposure(drive, rig.array, chosen.exposure, repeats=chosen.repeats)
+    return _play_cleared(admission, rig, chosen, source=source, progress=progress)
+
+
+def _play_recording(
+    take: OpenedTake,
+    rig: OpenRig | str | None,
+    solve: Settings,
+    keep: Path | None,
+    about: dict[str, Any],
+    changes: dict[str, Any],
+) -> Played:
+    settings: PlaySettings | None = about.pop("settings")
+    there = rig if isinstance(rig, OpenRig) else open_rig(rig, settings=settings, **changes)
+    chosen = _of_playback(there, settings, changes) if there is rig else there.settings
+    pressure = add_lead(calibrated_pressure(take.recording, take.calibration, solve), required_lead(solve))
+    with solving(
+        pressure, there.transducers, solve, there.array, chosen.exposure, repeats=chosen.repeats, keep=keep
+    ) as stream:
+        admission = stream.clearance()
+        if there is rig:
+            return _play_cleared(admission, there, chosen, **about)
+        # A virtual rig gets cells, height and band of the drive.
+        with there if there.array.gated else open_rig(drive=admission.drive, settings=chosen) as opened:
+            return _play_cleared(admission, opened, chosen, **about)
+
+
+def _of_playback(rig: OpenRig, settings: PlaySettings | None, changes: dict[str, Any]) -> PlaySettings:
+    """Settings of a playback on an open rig; InputError if a change concerns its devices."""
     of_devices = [one.name for one in fields(PlaySettings) if one.name in changes and "playback" not in one.metadata]
     if of_devices:
         raise InputError(f"play on an open rig: expected settings of a playback, got {of_devices[0]}; see open_rig")
-    chosen = (settings or rig.settings).but(**changes)
+    return (settings or rig.settings).but(**changes)
+
+
+def _play_cleared(
+    admission: ExposureClearance, rig: OpenRig, chosen: PlaySettings, *, source: str | Path, progress: Progress | None
+) -> Played:
     rig.array.cooling, rig.array.participant = chosen.cooling, chosen.participant
-    admission = check_exposure(drive, rig.array, chosen.exposure, repeats=chosen.repeats)
     played = admission.check_for(rig.array)
     if rig.sensor is None:
         report = play_cleared(
@@ -183,10 +234,10 @@ def play(
             progress=progress,
             room=chosen.exposure.room,
         )
-        return Played(drive=played, outcome=admission.outcome, report=report)
+        return Played(drive=played, outcome=admission.decided, report=report)
     if chosen.delay and rig.sensor.simulated:
         raise InputError(f"delay: expected 0 on the virtual array, which plays at once, got {chosen.delay:g} s")
     room = chosen.exposure.room
     heard = rerecord(admission, rig.array, rig.sensor, source=source, delay=chosen.delay, progress=progress, room=room)
     take = OpenedTake(recording=heard, calibration=rig.sensor.calibration)
-    return Played(drive=played, outcome=admission.outcome, take=take)
+    return Played(drive=played, outcome=admission.decided, take=take)

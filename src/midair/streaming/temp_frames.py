@@ -4,7 +4,7 @@ import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from types import TracebackType
-from typing import IO, Self
+from typing import IO, Literal, Self
 
 import numpy as np
 
@@ -30,10 +30,10 @@ def _unnamed_file() -> IO[bytes]:
         return tempfile.TemporaryFile(prefix="midair-")
 
 
-def _write(file: IO[bytes], at: int, block: Array) -> None:
+def _write(file: IO[bytes], at: int, block: Array, dtype: str = "f8") -> None:
     with _disk_errors():
         file.seek(at)
-        file.write(np.ascontiguousarray(block, np.float64).data)
+        file.write(np.ascontiguousarray(block, dtype).data)
         file.flush()
 
 
@@ -44,12 +44,13 @@ def _close(file: IO[bytes]) -> None:
 
 
 class TempFrames:
-    """Frames of one shape on disk, which can be appended and read."""
+    """Frames of one shape on disk, float64 or bytes ("u1"), which can be appended and read."""
 
-    def __init__(self, *shape: int) -> None:
+    def __init__(self, *shape: int, dtype: Literal["f8", "u1"] = "f8") -> None:
         self.shape = shape
         self.frames = 0
-        self._bytes = 8 * int(np.prod(shape, dtype=np.int64))
+        self._dtype = dtype
+        self._bytes = np.dtype(dtype).itemsize * int(np.prod(shape, dtype=np.int64))
         self._file = _unnamed_file()
 
     def __enter__(self) -> Self:
@@ -70,13 +71,13 @@ class TempFrames:
 
     def append(self, block: Array) -> None:
         """Append frames, shape (frame, ...); raises FileError if the disk is full."""
-        _write(self._file, self.frames * self._bytes, block)
+        _write(self._file, self.frames * self._bytes, block, self._dtype)
         self.frames += len(block)
 
     def read(self, first: int, last: int) -> Array:
         """Frames from `first` up to `last`, shape (last - first, ...)."""
         self._file.seek(first * self._bytes)
-        whole = np.frombuffer(self._file.read((last - first) * self._bytes), np.float64)
+        whole = np.frombuffer(self._file.read((last - first) * self._bytes), self._dtype)
         return whole.reshape(-1, *self.shape)
 
     def reel(self, frames: int | None = None) -> LazyFrames:

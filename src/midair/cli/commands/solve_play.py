@@ -1,9 +1,13 @@
 """The commands `solve` and `play`."""
 
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cyclopts import Parameter
 
 from midair.cli.comparisons import calibrated_part, unreproduced_rows, with_array_calibration, with_unreproduced
 from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars
@@ -21,6 +25,7 @@ from midair.cli.options import (
     Json,
     Lead,
     PartLength,
+    RecordingOptions,
     SolveOptions,
     StartAt,
     StopInput,
@@ -33,6 +38,7 @@ from midair.devices import ArrayDevice, ExposureClearance, PlayReport, check_exp
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
 from midair.files import (
+    DRIVE_SUFFIX,
     check_memory_for,
     load_placement,
     load_solution,
@@ -41,7 +47,8 @@ from midair.files import (
     save_solutions,
 )
 from midair.headroom import level_of
-from midair.model import Acoustics, Drive, Medium
+from midair.model import Acoustics, Drive, Medium, PressureFrames, Progress, TransducerArray
+from midair.physics import Exposure
 from midair.pipeline import Reproduction, reproduce_stream, required_lead
 from midair.rig import (
     ArrayKind,
@@ -54,9 +61,29 @@ from midair.rig import (
     open_rig,
     play_cleared,
     rerecord,
+    solving,
 )
 from midair.settings import Settings
 from midair.targets import add_lead, frames_without_lead
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingPart:
+    """Part of a recording."""
+
+    start_at: StartAt = 0.0
+    duration: PartLength = None
+    lead: Lead = None
+
+    def pressure(
+        self, source: Path, settings: Settings, array: TransducerArray, calibration: Path | None, device: str
+    ) -> tuple[TransducerArray, Settings, PressureFrames]:
+        """Transducers and settings for a measured array, and the pressure of the part with its lead."""
+        piece = calibrated_part(source, settings, self.start_at, self.duration, streamed=True)
+        piece = with_unreproduced(source, piece, settings.calibration.band)
+        pressure = add_lead(piece, required_lead(settings) if self.lead is None else self.lead)
+        return with_array_calibration(calibration, array, settings, pressure, device=device)
 
 
 def solve_command(
@@ -65,9 +92,7 @@ def solve_command(
     /,
     *,
     options: SolveOptions | None = None,
-    start_at: StartAt = 0.0,
-    duration: PartLength = None,
-    lead: Lead = None,
+    part: RecordingPart | None = None,
     array: ArrayKind = "autd3",
     placement: Path | None = None,
     device: str = "virtual",
@@ -103,12 +128,8 @@ def solve_command(
     transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force, ".drive.h5")
-    piece = calibrated_part(source, settings, start_at, duration, streamed=True)
-    piece = with_unreproduced(source, piece, settings.calibration.band)
-    pressure = add_lead(piece, required_lead(settings) if lead is None else lead)
-    transducers, settings, pressure = with_array_calibration(
-        array_calibration, transducers, settings, pressure, device=device
-    )
+    part = part or RecordingPart()
+    transducers, settings, pressure = part.pressure(source, settings, transducers, array_calibration, device)
     banner(pressure.provenance.simulated)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     frames = round(pressure.frames / pressure.rate * settings.target.rate)
@@ -167,11 +188,56 @@ class PlayOptions:
     """Array and playback."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Recording:
+    """A recording that is solved while it plays."""
+
+    source: Path
+    settings: Settings
+    part: RecordingPart
+    calibration: Path | None
+    play: PlaySettings
+    keep: Path | None
+
+    @contextmanager
+    def solving(self, device: ArrayDevice, progress: Progress) -> Generator[ExposureClearance]:
+        """While inside, solve the recording for a device; yields the clearance of the frames to come."""
+        play, choices = self.play, self.play.exposure
+        transducers, settings, pressure = self.part.pressure(
+            self.source, self.settings, device.array, self.calibration, play.device
+        )
+        every = "--attenuate" if choices.attenuate else "--repeats" if play.repeats > 1 else ""
+        if every:
+            print_note(f"{every}: the first frame plays when all frames are solved and checked")
+        with solving(
+            pressure,
+            transducers,
+            settings,
+            device,
+            choices,
+            repeats=play.repeats,
+            keep=self.keep,
+            progress=progress,
+        ) as stream:
+            admission = stream.clearance()
+            seconds = stream.delay()
+            # A virtual array plays as fast as it can.
+            if seconds and device.gated:
+                print_note(
+                    f"this computer solves {stream.speed:.2g} s of this recording in a second: it solves ahead, and "
+                    f"the first frame plays in about {seconds:.0f} s"
+                )
+            yield admission
+
+
 def play_command(
     source: Path,
     /,
     *,
     options: PlayOptions | None = None,
+    solve: RecordingOptions | None = None,
+    part: RecordingPart | None = None,
+    drive: Path | None = None,
     output: Path | None = None,
     force: Force = False,
     correct_air: bool = False,
@@ -180,38 +246,65 @@ def play_command(
     heat: HeatOptions | None = None,
     stop_input: StopInput = None,
 ) -> None:
-    """Play a drive on an array; on the virtual array, re-record the pressure.
+    """Play a recording or a drive on an array; on the virtual array, re-record the pressure.
 
+    A recording is solved and checked while it plays; if this computer is too slow, it first solves ahead.
     Refuses drives above the exposure profile on arrays and emulators, unless --override-exposure is given.
     Ctrl-C stops, and so does midair stop in another terminal.
 
     Parameters
     ----------
     source
-        Drive to play, NAME.drive.h5.
+        Recording with a calibration, NAME.h5, or drive, NAME.drive.h5.
+    drive
+        Drive of a recording to write while it plays, NAME.drive.h5, as midair solve does.
     output
         Re-recording of the virtual device. [default: NAME.rerecorded.h5]
     correct_air
         Correct the phases for the air of the room, exactly at the centre of the control points; needs --temperature.
     air
-        Air of the room. A virtual device plays in the drive's own air if it is not stated. The exposure check takes the
+        Air of the room, for which a recording is solved. A virtual device plays in the drive's own air if it is not
+        stated. The exposure check takes the
         maximum over 2 degrees around it; if not stated, over 14 to 30 degrees.
 
     Examples
     --------
-    $ midair play take.drive.h5
+    $ midair play take.h5
     $ midair play take.drive.h5 --device autd3
     """
-    air = air or AirOptions()
+    air, options = air or AirOptions(), options or PlayOptions()
     room = air.medium()
+    solve, part = solve or RecordingOptions(), part or RecordingPart()
+    solved = source.name.lower().endswith(DRIVE_SUFFIX)
+    if solved:
+        _refuse_for_drive(solve, part, drive)
+    calibration: Any = getattr(options, "array_calibration", None)
+    if not solved and getattr(options, "device", "") != "virtual":
+        changed: Any = options
+        options = replace(changed, array_calibration=None)
     settings = settings_from(
         PlaySettings,
-        options or PlayOptions(),
+        options,
         exposure=(exposure or ExposureOptions()).choices(room),
         acoustics=None if room is None else Acoustics(medium=room),
         cooling=(heat or HeatOptions()).cooling(),
     )
     device = settings.device
+    recording = None
+    if not solved:
+        if correct_air:
+            raise InputError("--correct-air: expected a drive, got a recording, which is solved for --temperature")
+        solve.refuse_idle_palm()
+        if drive is not None:
+            may_write(drive, force, DRIVE_SUFFIX)
+        recording = _Recording(
+            source=source,
+            settings=solve.settings_in(air.temperature, air.humidity),
+            part=part,
+            calibration=calibration,
+            play=settings,
+            keep=drive,
+        )
     if device == "virtual":
         if stop_input is not None:
             raise InputError("--stop-input: expected an array, got --device virtual, which is silent; leave it out")
@@ -219,35 +312,58 @@ def play_command(
             raise InputError("--delay: expected an array, got --device virtual, which plays at once; leave it out")
         target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
         may_write(target, force)
-        return _play_on_virtual(source, target, settings, air, correct=correct_air)
+        return _play_on_virtual(recording or source, target, settings, air, correct=correct_air)
     if settings.array_calibration is not None:
         raise InputError(
             f"--array-calibration: expected --device virtual, got {device}; "
             "for a real array use midair solve --array-calibration"
         )
-    if output is not None or force or settings.seed or settings.spread != "default":
+    if output is not None or (force and drive is None) or settings.seed or settings.spread != "default":
         raise InputError(
             f"--output, --force, --seed, --spread: expected --device virtual, got {device}; "
             "midair loop re-records a real array"
         )
     with stop_on_input(stop_input):
-        return _play_on_array(source, settings, air, correct=correct_air)
+        return _play_on_array(recording or source, settings, air, correct=correct_air)
 
 
-def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> None:
-    """Play the drive of a file on the virtual array, save its re-recording, and print the result."""
+def _refuse_for_drive(solve: RecordingOptions, part: RecordingPart, drive: Path | None) -> None:
+    """Raise InputError for an option that only a recording takes."""
+    given = [word for word in solve.typed() if word.startswith("--")]
+    given += [f"--{one.name.replace('_', '-')}" for one in fields(part) if getattr(part, one.name) != one.default]
+    if given or drive is not None:
+        raise InputError(f"{given[0] if given else '--drive'}: expected a recording, got a drive, which is solved")
+
+
+def _play_on_virtual(
+    what: "_Recording | Path", target: Path, settings: PlaySettings, air: AirOptions, *, correct: bool
+) -> None:
+    """Play a recording or the drive of a file on the virtual array, save its re-recording, and print the result."""
     room = settings.exposure.room
-    drive = load_solution(source, streamed=True).drive
-    level = level_rows(level_of_file(source, limits=False))
-    rig = open_rig(drive=drive, settings=settings)
     banner(True)
-    drive = _corrected(drive, source, room) if correct else drive
-    _print_room_air(drive, source, room, simulated=True)
-    known = Settings.of(drive.provenance) or Settings()
-    kind = f"play and re-record {workload_of(known, drive.array.count)}"
-    watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN)
-    with watched, progress_bars(kind, drive.frames) as stage, rig:
-        admission = _admitted(drive, rig.array, settings)
+    level: list[tuple[str, str]] = []
+    with ExitStack() as stack:
+        if isinstance(what, _Recording):
+            source = what.source
+            stage = stack.enter_context(progress_bars())
+            device = open_rig(settings=settings).array
+            admission = stack.enter_context(what.solving(device, stage("solve")))
+            drive: Any = admission.drive
+            rig = open_rig(drive=drive, settings=settings)
+            print_air(drive.acoustics.medium, stated=room is not None)
+        else:
+            source = what
+            drive = load_solution(source, streamed=True).drive
+            level = level_rows(level_of_file(source, limits=False))
+            rig = open_rig(drive=drive, settings=settings)
+            drive = _corrected(drive, source, room) if correct else drive
+            _print_room_air(drive, source, room, simulated=True)
+            known = Settings.of(drive.provenance) or Settings()
+            kind = f"play and re-record {workload_of(known, drive.array.count)}"
+            stage = stack.enter_context(progress_bars(kind, drive.frames))
+            admission = _admitted(drive, rig.array, settings)
+        stack.enter_context(air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN))
+        stack.enter_context(rig)
         sensor: Any = rig.sensor
         sensor.streamed = True
         recording = rerecord(admission, rig.array, sensor, source=source, progress=stage("play and re-record"))
@@ -259,10 +375,15 @@ def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: Ai
             ("silencer", str(recording.provenance.steps[-1].settings["silencer"])),
             *level,
             *unreproduced_rows(drive.provenance),
-            ("exposure", f"on a real array: {admission.exposure.verdict()}"),
-            ("measured in", admission.exposure.measured_in),
+            ("exposure", f"on a real array: {_found(admission).verdict()}"),
+            ("measured in", _found(admission).measured_in),
         ]
     )
+
+
+def _found(admission: ExposureClearance) -> Exposure:
+    """The exposure that was measured, of a stream to its end or so far."""
+    return admission.exposure if admission.stream is None else admission.stream.exposure or admission.exposure
 
 
 def _admitted(drive: Drive, device: ArrayDevice, settings: PlaySettings) -> ExposureClearance:
@@ -290,39 +411,56 @@ def _print_room_air(drive: Drive, source: Path, room: Medium | None, *, simulate
     print_note(found.said, warn=found.warns)
 
 
-def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> None:
-    """Play the drive of a file on a real array or an emulator, and print the result."""
+def _play_on_array(what: "_Recording | Path", settings: PlaySettings, air: AirOptions, *, correct: bool) -> None:
+    """Play a recording or the drive of a file on a real array or an emulator, and print the result."""
     room, device = settings.exposure.room, settings.device
     rig = open_rig(settings=settings)
     array = rig.array
     # Reserved before a long drive is read and checked: `midair stop` works, and no other program gets the units.
-    with array.reserved():
-        drive = load_solution(source, streamed=True).drive
-        if not array.streams:
-            # Phases, and the driver's copy of them.
-            check_memory_for(
-                2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
-            )
-            drive = load_solution(source).drive
-        kept = kept_array_calibration(device)
-        if kept is not None and drive.provenance.last("array calibration").get("id") != kept.known.identifier:
-            advice = f"{device} has one of {kept.known.date or 'unknown date'}; use midair solve --device {device}"
-            print_note(f"array calibration: this drive was solved without that of this array: {advice}", warn=True)
-        drive = _corrected(drive, source, room) if correct else drive
-        admission = _admitted(drive, array, settings)
-        _print_room_air(drive, source, room)
-        rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
-        rows += [("heat", admission.exposure.heat), ("checkup", checkup_line(array.name, device))]
-        level = level_rows(level_of_file(source, limits=False))
+    with array.reserved(), ExitStack() as stack:
+        level: list[tuple[str, str]] = []
+        stage = stack.enter_context(progress_bars())
+        if isinstance(what, _Recording):
+            source = what.source
+            admission = stack.enter_context(what.solving(array, stage("solve")))
+            drive: Any = admission.drive
+            print_air(drive.acoustics.medium, stated=room is not None)
+        else:
+            source = what
+            drive = _drive_for(source, array, settings)
+            drive = _corrected(drive, source, room) if correct else drive
+            admission = _admitted(drive, array, settings)
+            _print_room_air(drive, source, room)
+            level = level_rows(level_of_file(source, limits=False))
+        rows = [("exposure", admission.verdict()), ("measured in", _found(admission).measured_in)]
+        rows += [("heat", _found(admission).heat), ("checkup", checkup_line(array.name, device))]
         print_rows([*level, *unreproduced_rows(drive.provenance), *rows])
         watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN, device=device)
-        with progress_bars() as stage, rig, watched:
+        with rig, watched:
             # Known only after opening the device.
             banner(array.simulated)
             report = play_cleared(
                 admission, array, source=source, delay=settings.delay, progress=stage("play"), room=room
             )
+    if admission.stream is not None:
+        print_rows([("exposure", admission.verdict()), ("heat", _found(admission).heat)])
     print_rows(_played_rows(report, drive, device))
+
+
+def _drive_for(source: Path, array: ArrayDevice, settings: PlaySettings) -> Drive:
+    """The drive of a file for an array that may need it in memory."""
+    device, drive = settings.device, load_solution(source, streamed=True).drive
+    if not array.streams:
+        # Phases, and the driver's copy of them.
+        check_memory_for(
+            2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
+        )
+        drive = load_solution(source).drive
+    kept = kept_array_calibration(device)
+    if kept is not None and drive.provenance.last("array calibration").get("id") != kept.known.identifier:
+        advice = f"{device} has one of {kept.known.date or 'unknown date'}; use midair solve --device {device}"
+        print_note(f"array calibration: this drive was solved without that of this array: {advice}", warn=True)
+    return drive
 
 
 def _played_rows(report: PlayReport, drive: Drive, device: str) -> list[tuple[str, str]]:

@@ -62,7 +62,7 @@ class BankedArray(UnitsArray[Banks]):
         banks, ticks = self.units, divider(drive.rate)
         phases = phase_bytes(drive, self.placement.units)
         intensity = intensity_bytes(drive, self.placement.units)
-        silencer = choose_silencer(self.silencer, drive)
+        silencer = choose_silencer(self.silencer, drive if self.coming is None else self.coming.begun())
         paused: list[float] = []
 
         def check() -> None:
@@ -88,9 +88,15 @@ class BankedArray(UnitsArray[Banks]):
         banks.set_silencer(silencer)
 
         stream = DriveStream(
-            phases=phases, intensity=intensity, divider=ticks, repeats=repeats, delay=delay, block=self.block
+            phases=phases,
+            intensity=intensity,
+            divider=ticks,
+            repeats=repeats,
+            delay=delay,
+            block=self.block,
+            coming=self.coming,
         )
-        report = play_stream(stream, banks, progress=progress, switch=switch, cool=cool)
+        report = play_stream(stream, banks, progress=progress, switch=switch, cool=cool, check=check)
         return replace(report, silencer=str(silencer), paused=sum(paused))
 
     def _make_ready(self, banks: Banks) -> None:

@@ -11,15 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.devices.arrays.banks import Banks, TooLateError, UnitsState, name_units
+from midair.devices.exposure_check import ExposureStream
 from midair.devices.frame_bytes import TICK, Bytes
 from midair.devices.interface import PlayReport
-from midair.errors import DeviceError, SilentFramesError, StoppedError, TooHotError
+from midair.errors import DeviceError, ExposureError, MidairError, SilentFramesError, StoppedError, TooHotError
 from midair.model import Progress
 from midair.streaming import read_frames
 
 MS = 1_000_000
 QUERY_INTERVAL = 50 * MS
 """Maximum time between two temperature queries, in ns."""
+FADE = 10 * MS
+"""Fade before and after a pause for frames that have not come, in ns."""
+LOADING = 60 * MS
+"""Time before the end of a block at which the next one is loaded, with the frames that have come until then, in ns."""
 
 Switch = Callable[[int, int], None]
 """Called with (bank, instant)."""
@@ -39,6 +44,8 @@ class DriveStream:
     """Time from the order to the first frame, in s."""
     block: float = 0.25
     """Maximum length of a block, in s; after a stall at most two blocks still sound."""
+    coming: ExposureStream | None = None
+    """The stream of the frames, if they come while others play; it plays once."""
 
     @property
     def total(self) -> int:
@@ -53,6 +60,15 @@ class DriveStream:
     def frames_in_block(self, frames_max: int) -> int:
         """Frames per block; one place of the bank is reserved for the silent pattern."""
         return max(1, min(frames_max - 1, int(self.block * 1e9 / self.period)))
+
+    @property
+    def there(self) -> int:
+        """Number of frames that can be read now; all of them after an error, which reading raises."""
+        return self.total if self.coming is None or self.coming.over else self.coming.admitted
+
+    def pauses_at(self, frame: int) -> bool:
+        """True if this frame is the next one to come."""
+        return self.coming is not None and self.coming.admitted == frame < self.total
 
     def part(self, first: int, count: int) -> tuple[Bytes, Bytes]:
         """Phases and intensities of `count` frames from `first` on, counted across repeats."""
@@ -160,12 +176,14 @@ def play_stream(
     progress: Progress | None = None,
     switch: Switch | None = None,
     cool: Callable[[TooHotError], None] | None = None,
+    check: Callable[[], None] = lambda: None,
 ) -> PlayReport:
     """Play a stream to its end on open banks of which 0 is active and silent.
 
     `progress` is called with (frames begun, total frames) at the start of each block, and at the end. `switch` replaces
     `Banks.switch` and raises if sound is no longer permitted. `cool` is called if a unit is too hot: it silences the
     banks and returns when the stream may continue at the frame where it paused; without it TooHotError ends the stream.
+    `check` is called while frames that have not come are waited for, and raises if playback must end.
     In the report, ``late`` counts the frames of late blocks and ``gap`` is the silence before them, in s. Raises
     SilentFramesError if a failsafe acted (queried once per block, and at the end); DeviceError if the link is lost, or
     the device refuses a switch three times.
@@ -173,14 +191,14 @@ def play_stream(
     capture = FrameCapture(banks, stream.period, stream.total)
     while True:
         try:
-            _play(stream, banks, capture, progress, switch or banks.switch)
+            _play(stream, banks, capture, progress, switch or banks.switch, check)
             break
         except TooHotError as hot:
             if cool is None:
                 raise
             cool(hot)
             capture.resume()
-        except (SilentFramesError, StoppedError):
+        except (SilentFramesError, StoppedError, ExposureError):
             raise
         except DeviceError as wrong:
             raise capture.with_frames(wrong) from wrong
@@ -194,10 +212,25 @@ def play_stream(
     )
 
 
-def _play(stream: DriveStream, banks: Banks, capture: FrameCapture, progress: Progress | None, switch: Switch) -> None:
-    size, bank, planned = stream.frames_in_block(banks.frames_max), 1, None
+def _play(
+    stream: DriveStream,
+    banks: Banks,
+    capture: FrameCapture,
+    progress: Progress | None,
+    switch: Switch,
+    check: Callable[[], None],
+) -> None:
+    size, bank, planned, falls = stream.frames_in_block(banks.frames_max), 1, None, False
     while (done := capture.ordered) < stream.total:
-        phases, intensity = stream.part(done, size)
+        _wait_for_frames(stream, banks, capture, size, planned, check)
+        try:
+            phases, intensity = stream.part(done, max(1, min(size, stream.there - done)))
+        except MidairError:
+            # The frames before it, which end in a fade, still sound.
+            _wait(banks, capture, planned or 0)
+            raise
+        rises, falls = falls, stream.pauses_at(done + len(phases))
+        intensity = _faded(intensity, FADE // stream.period, rising=rises, falling=falls)
         banks.load(bank, phases, intensity, stream.divider)
         if planned is None:
             # The delay counts from the order, before the first block was written.
@@ -214,6 +247,44 @@ def _play(stream: DriveStream, banks: Banks, capture: FrameCapture, progress: Pr
     capture.query()
     if progress:
         progress(stream.total, stream.total)
+
+
+def _wait_for_frames(
+    stream: DriveStream, banks: Banks, capture: FrameCapture, size: int, end: int | None, check: Callable[[], None]
+) -> None:
+    """Wait for the next frames of a stream while others play; `end` is the instant of the last of these.
+
+    At the start, and after a pause, it waits until the rest can play without another pause.
+    """
+    done, coming = capture.ordered, stream.coming
+    if coming is None:
+        return
+    if end is not None:
+        latest = end - LOADING - banks.margin - banks.patience
+        while stream.there < min(done + size, stream.total) and banks.now() < latest:
+            check()
+            _wait(banks, capture, min(latest, banks.now() + 10 * MS))
+        if stream.there > done:
+            return
+        _wait(banks, capture, end)
+    while coming.delay(done):
+        check()
+        capture.check_heat()
+        banks.wait_until(banks.now() + QUERY_INTERVAL // 2)
+
+
+def _faded(intensity: Bytes, frames: int, *, rising: bool, falling: bool) -> Bytes:
+    """Intensities with a fade of this number of frames at their beginning and end.
+
+    Levels of single transducers stay: scaled and rounded they would be another pattern, which was not checked.
+    """
+    if intensity.ndim > 1 or not (rising or falling):
+        return intensity
+    ramp, frames = np.ones(len(intensity)), min(len(intensity), max(1, frames))
+    slope = np.arange(frames) / frames
+    ramp[:frames] *= slope if rising else 1
+    ramp[len(ramp) - frames :] *= slope[::-1] if falling else 1
+    return (intensity * ramp).astype(np.uint8)
 
 
 def _wait(banks: Banks, capture: FrameCapture, instant: int) -> None:

@@ -19,7 +19,7 @@ from midair.devices.safety.state_folders import make_state_folder, state_folder
 from midair.devices.safety.stop_channel import playing_now
 from midair.errors import FileError
 from midair.model import Drive, Medium
-from midair.physics import ExposureProfile
+from midair.physics import Exposure, ExposureProfile
 from midair.streaming import blocks
 from midair.version import __version__
 
@@ -46,7 +46,8 @@ def log_order(
     """
     close_orders()
     found, drive, order = admission.exposure, admission.drive, token()
-    medium = found.airs[-1].medium
+    if admission.stream is not None:
+        drive = None
     _append(
         {
             "event": "play",
@@ -61,7 +62,7 @@ def log_order(
             "drive": str(source),
             "file_sha256": _hash_of_file(source) if isinstance(source, Path) else None,
             "sha256": None if drive is None else hash_of_drive(drive),
-            "frames": None if drive is None else drive.frames,
+            "frames": None if admission.drive is None else admission.drive.frames,
             "level": admission.level if drive is None else max(float(part.max()) for part in blocks(drive.level)),
             "rate_hz": found.rate,
             "repeats": admission.repeats,
@@ -70,23 +71,30 @@ def log_order(
             "profile_sha256": hash_of_profile(found.profile),
             "exposure": admission.outcome,
             "override_by": admission.by,
-            "excess_db": _number(found.excess),
-            "palm_pa": found.pressure,
-            # Radiation pressure of a plane wave is alpha times its intensity over the speed of sound.
-            "palm_w_m2": found.pressure * medium.speed / medium.alpha,
-            "palm_warming_k": found.warming,
-            "places": {
-                place.name: {
-                    "peak_db": _number(peak),
-                    "mean_db": _number(mean),
-                    "limit_db": place.limit,
-                    "enforced": place.enforced,
-                }
-                for place, peak, mean in zip(found.profile.places, found.peak, found.mean, strict=True)
-            },
+            **_levels(found),
         }
     )
     return order
+
+
+def _levels(found: Exposure) -> dict[str, object]:
+    medium = found.airs[-1].medium
+    return {
+        "excess_db": _number(found.excess),
+        "palm_pa": found.pressure,
+        # Radiation pressure of a plane wave is alpha times its intensity over the speed of sound.
+        "palm_w_m2": found.pressure * medium.speed / medium.alpha,
+        "palm_warming_k": found.warming,
+        "places": {
+            place.name: {
+                "peak_db": _number(peak),
+                "mean_db": _number(mean),
+                "limit_db": place.limit,
+                "enforced": place.enforced,
+            }
+            for place, peak, mean in zip(found.profile.places, found.peak, found.mean, strict=True)
+        },
+    }
 
 
 def log_end(
@@ -96,13 +104,19 @@ def log_end(
     outcome: Ending,
     reason: str = "",
     *,
+    admission: ExposureClearance | None = None,
     report: Mapping[str, object] | None = None,
 ) -> None:
-    """Log how playback ended; `report` holds the fields of the `PlayReport`."""
+    """Log how playback ended; `report` holds the fields of the `PlayReport`.
+
+    The end of a drive that was checked while it played also states its exposure.
+    """
     units = {"duration": "duration_s", "start": "start_ns", "gap": "gap_s", "paused": "paused_s"}
     said = {units.get(name, name): value for name, value in (report or {}).items()}
     entry = {"event": "end", "order": order, "drive": str(source), "device": device, "outcome": outcome}
-    _append(entry | {"reason": reason or outcome} | said)
+    stream = None if admission is None else admission.stream
+    found = {} if stream is None or stream.exposure is None else _levels(stream.exposure)
+    _append(entry | {"reason": reason or outcome} | said | found)
 
 
 def log_pause(order: str, source: str | Path, device: str, event: str, reason: str) -> None:

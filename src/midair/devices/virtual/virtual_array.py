@@ -137,7 +137,7 @@ class VirtualArray(ArrayDevice):
         """The silencer for this drive; None if it is off."""
         if self.silencer == "off":
             return None
-        return choose_silencer(self.silencer, drive)
+        return choose_silencer(self.silencer, drive if self.coming is None else self.coming.begun())
 
     def _path_in(self, acoustics: Acoustics) -> "_Path | None":
         """Propagation from the array to the skin, cached until the air changes."""

@@ -7,6 +7,7 @@ from .air_check import check_air as check_air
 from .air_check import correct_air_of_file as correct_air_of_file
 from .air_watch import DRIFT as DRIFT
 from .air_watch import watch_air as watch_air
+from .play_recording import solving as solving
 from .play_settings import PlaySettings as PlaySettings
 from .play_settings import default_exposure as default_exposure
 from .rerecording import play_cleared as play_cleared
