@@ -9,11 +9,11 @@ import pytest
 
 from midair.devices import (
     ExposureChoices,
+    ExposureStream,
     VirtualArray,
     amplitude_of,
     check_exposure,
     check_exposure_level,
-    check_exposure_parts,
     felt_pressure_text,
     intensity_bytes,
     measure_exposure,
@@ -41,6 +41,12 @@ class Loud(VirtualArray):
 def focus(level=1.0, frames=3, array=ARRAY):
     phase = np.tile(focus_phase(array, np.array([0, 0, 0.2])), (frames, 1))
     return Drive(phase=phase, level=np.full(frames, level), rate=1000.0, array=array, provenance=Provenance(source="t"))
+
+
+def streamed(drive, device):
+    stream = ExposureStream(device, CHOICES, frames=drive.frames)
+    stream.add(drive, took=0.0)
+    return stream
 
 
 def test_a_loud_drive_is_refused_with_level_and_place():
@@ -116,7 +122,7 @@ def test_phases_are_measured_as_the_firmware_rounds_them(steps):
     for found in (
         measure_exposure(told, ARRAY, PROFILE, steps=steps).level,
         check_exposure(told, Rounds(ARRAY), CHOICES).exposure.level,
-        check_exposure_parts([told], Rounds(ARRAY), CHOICES).exposure.level,
+        streamed(told, Rounds(ARRAY)).exposure.level,
     ):
         assert found == pytest.approx(sounds, abs=1e-3)
     assert abs(exposure(told, PROFILE, acoustics=airs).level - sounds).max() > 0.05
@@ -148,10 +154,7 @@ def test_the_source_strength_in_a_file_is_ignored():
 def test_the_air_of_a_file_changes_no_level(medium):
     """A drive whose file states an air that absorbs the sound, or scatters the focus, is refused as well."""
     claims = replace(focus(), acoustics=Acoustics(medium=medium))
-    for check in (
-        lambda: check_exposure(claims, Loud(ARRAY), CHOICES),
-        lambda: check_exposure_parts([claims], Loud(ARRAY), CHOICES),
-    ):
+    for check in (lambda: check_exposure(claims, Loud(ARRAY), CHOICES), lambda: streamed(claims, Loud(ARRAY))):
         with pytest.raises(ExposureError):
             check()
     np.testing.assert_array_equal(
@@ -205,9 +208,7 @@ def test_the_loudest_air_is_named():
     found = measure_exposure(hiding(colder, warm, ear + np.array([0.04, -0.04, 0.04])), ARRAY, PROFILE)
     assert found.loudest_air.degrees == pytest.approx(29.5, abs=2.5)
     assert f"in air of {found.loudest_air.degrees:.0f} °C" in found.verdict()
-    stated = check_exposure_parts(
-        [focus(), focus()], Loud(ARRAY), replace(WEAKER, room=Medium.at(temperature=22.0))
-    ).exposure
+    stated = check_exposure(focus(), Loud(ARRAY), replace(WEAKER, room=Medium.at(temperature=22.0))).exposure
     assert [round(each.medium.degrees) for each in stated.airs][:: len(stated.airs) - 1] == [20, 24]
     assert stated.measured_in.startswith("20 to 24 °C")
     assert stated.air.shape == stated.level.shape
@@ -237,36 +238,6 @@ def test_another_drive_cannot_replace_the_cleared_one():
         replace(honest, drive=focus())
 
 
-def test_only_the_checked_parts_are_cleared():
-    parts = [focus(level=level) for level in (0.01, 0.005)]
-    device = Loud(ARRAY)
-    admission = check_exposure_parts(iter(parts), device, CHOICES)
-    whole = Drive(
-        phase=np.concatenate([part.phase for part in parts]),
-        level=np.concatenate([part.level for part in parts]),
-        rate=1000.0,
-        array=ARRAY,
-    )
-    np.testing.assert_allclose(admission.exposure.level, measure_exposure(whole, ARRAY, PROFILE).level, atol=1e-3)
-    with device:
-        assert sum(device.play(admission.frames(part)).frames for part in parts) == 6
-        with pytest.raises(ExposureError, match="got another one"):
-            admission.frames(focus(level=0.02))
-        with pytest.raises(MismatchError, match="expected some at 1000 Hz, got some at 2000 Hz"):
-            admission.frames(replace(parts[0], rate=2000.0))
-        with pytest.raises(DeviceStateError, match="frames to come"):
-            device.play(admission)
-
-
-def test_parts_are_weakened_alike():
-    parts = [focus(level=level) for level in (1.0, 0.5)]
-    admission = check_exposure_parts(parts, Loud(ARRAY), WEAKER)
-    one, two = (admission.frames(part).drive.level.max() for part in parts)
-    assert admission.outcome == "attenuated"
-    assert two == pytest.approx(one / 2, abs=2 / 255)
-    assert exposure(admission.frames(parts[0]).drive, PROFILE).excess <= 0
-
-
 def test_own_levels_keep_the_profile_after_attenuation_and_rounding():
     """Two groups of transducers cancel at an ear, and do not after their levels are rounded down by one step."""
     ear = replace(PROFILE.places[0], reach=0.0)
@@ -279,23 +250,6 @@ def test_own_levels_keep_the_profile_after_attenuation_and_rounding():
     weaker = replace(WEAKER, profile=profile)
     found = check_exposure(drive, Loud(ARRAY), weaker)
     assert found.exposure.excess <= 0
-    parts = check_exposure_parts([drive], Loud(ARRAY), weaker)
-    with pytest.raises(ExposureError, match="after attenuation"):
-        parts.frames(drive)
-
-
-@pytest.mark.parametrize(
-    ("parts", "error", "says"),
-    [
-        ([], InputError, "one or more"),
-        ([focus(), replace(focus(), rate=2000.0)], MismatchError, "all at 1000 Hz"),
-        ([focus(array=TransducerArray.autd3(columns=1, rows=1))], MismatchError, "solve the target again"),
-        ([focus()], ExposureError, "limit 110 dB"),
-    ],
-)
-def test_parts_that_do_not_do_are_refused(parts, error, says):
-    with pytest.raises(error, match=says):
-        check_exposure_parts(parts, Loud(ARRAY), CHOICES)
 
 
 def test_a_level_is_cleared_by_the_worst_case_of_phases():
@@ -308,10 +262,8 @@ def test_a_level_is_cleared_by_the_worst_case_of_phases():
     ear = np.array(PROFILE.places[0].position)
     at_the_ear = Drive(phase=focus_phase(ARRAY, ear)[None], level=np.full(1, admission.level), rate=1e3, array=ARRAY)
     assert exposure(at_the_ear, PROFILE).excess <= 1e-6
-    with device:
-        assert device.play(admission.frames(at_the_ear)).frames == 1
-    with pytest.raises(ExposureError, match="expected a level of at most"):
-        admission.frames(replace(at_the_ear, level=np.full(1, 2 * admission.level)))
+    with device, pytest.raises(DeviceStateError, match="frames to come"):
+        device.play(admission)
 
 
 @pytest.mark.parametrize("level", [0.0, -0.1, 1.1, float("nan")])
@@ -331,15 +283,6 @@ def test_the_pressure_left_after_attenuation_is_reported():
     assert "felt" not in kept.verdict()
     with pytest.raises(ExposureError, match=r"--attenuate \(-3\d\.\d dB, and nothing will be felt\)"):
         check_exposure(focus(), Loud(ARRAY), CHOICES)
-
-
-def test_measuring_in_parts_and_at_once_agree_on_felt_pressure():
-    whole = focus(frames=600)
-    parts = [
-        replace(whole, phase=whole.phase[part], level=whole.level[part]) for part in (slice(0, 300), slice(300, 600))
-    ]
-    admission = check_exposure_parts(parts, Loud(ARRAY), WEAKER)
-    assert admission.exposure.pressure == pytest.approx(measure_exposure(whole, ARRAY, PROFILE).pressure)
 
 
 def test_what_is_read_again_is_what_was_measured():

@@ -7,8 +7,7 @@ an `ExposureClearance`, the only type that `ArrayDevice.play` accepts, and only 
 import hashlib
 import threading
 import time
-from collections.abc import Iterable
-from dataclasses import InitVar, dataclass, field, replace
+from dataclasses import InitVar, dataclass, replace
 from typing import Any, Literal, Protocol, cast
 
 import numpy as np
@@ -81,7 +80,7 @@ class ExposureClearance:
     """Permission to play a drive on one array a number of times; created only by the functions of this module."""
 
     drive: Drive | None
-    """The drive to play, after any attenuation; None if the frames come later (see `frames`)."""
+    """The drive to play, after any attenuation; None if the frames come later."""
     array: TransducerArray
     """The device's array, for which the exposure was computed."""
     exposure: Exposure
@@ -96,11 +95,8 @@ class ExposureClearance:
     """True if it was issued for a gated device, which can emit sound."""
     level: float = 0.0
     """Maximum level of frames that come later, 0 to 1."""
-    factor: float = 1.0
-    """Attenuation factor for frames that come later."""
     stream: "ExposureStream | None" = None
     """The stream that checks the frames of the drive while they play; None if all were checked."""
-    _known: frozenset[bytes] = field(default=frozenset(), repr=False)
     _key: InitVar[object] = None
 
     def __post_init__(self, _key: object) -> None:
@@ -147,42 +143,6 @@ class ExposureClearance:
         steps = np.arange(256, dtype=np.uint8)
         # The tolerance keeps a level that equals a step from being rounded down.
         return int(np.flatnonzero(np.maximum(steps / 255, amplitude_of(steps)) <= self.level * (1 + 1e-9))[-1])
-
-    def frames(self, drive: Drive) -> "ExposureClearance":
-        """Clear frames that were read or computed after the check.
-
-        Parameters
-        ----------
-        drive : Drive
-            One of the parts that `check_exposure_parts` measured, or frames within the level of `check_exposure_level`.
-
-        Raises
-        ------
-        MismatchError
-            If array or rate differ.
-        ExposureError
-            If the frames were not measured, or exceed the cleared level or, after attenuation, the profile.
-        """
-        if not self.array.same_as(drive.array):
-            raise MismatchError(f"frames: expected some for {self.array.name}, got some for {drive.array.name}")
-        if drive.rate != self.exposure.rate:
-            raise MismatchError(f"frames: expected some at {self.exposure.rate:g} Hz, got some at {drive.rate:g} Hz")
-        if self._known and _fingerprint(drive) not in self._known:
-            raise ExposureError("frames: expected a part that was checked, got another one; check it again")
-        # The firmware rounds to 255 steps; the check of the level includes this rounding.
-        if not self._known and drive.level.max(initial=0.0) > self.level + 1e-9:
-            raise ExposureError(
-                f"frames: expected a level of at most {self.level:g} of full drive, got {drive.level.max():g}"
-            )
-        own = replace(drive, array=self.array)
-        weaker = own if self.factor == 1 else _weakened(own, self.factor, self.exposure.profile.name)
-        # Rounding the level of each transducer changes the pattern, and can make it louder at a place.
-        if weaker is not own and weaker.level.ndim > 1:
-            steps = replace(weaker, level=each_frame(weaker.level, actual_level))
-            found = exposure(steps, self.exposure.profile, acoustics=self.exposure.airs, steps=PHASE_STEPS)
-            if found.excess > 0:
-                raise ExposureError(f"frames: {found.verdict()} after attenuation; reduce the level of the drive")
-        return replace(self, drive=weaker, _key=_KEY)
 
     def verdict(self) -> str:
         """Outcome and reason in one line; for an attenuated drive also whether it can be felt."""
@@ -290,50 +250,6 @@ def check_exposure(drive: Drive, device: ArrayInfo, choices: ExposureChoices, *,
         # Rounding the level of each transducer changes the pattern, and can make it louder at a place.
         factor *= 10 ** (-(max(found.excess, 0) + 0.1) / 20)
     return _clearance(device, choices, found, outcome, drive=own, repeats=repeats)
-
-
-def check_exposure_parts(
-    parts: Iterable[Drive], device: ArrayInfo, choices: ExposureChoices, *, repeats: int = 1
-) -> ExposureClearance:
-    """Check a drive that is read in parts, so that it need not fit into memory.
-
-    `ExposureClearance.frames` then accepts these parts, read once more, and no others.
-
-    Parameters
-    ----------
-    parts : iterable of Drive
-        Consecutive parts of one rate.
-    device, choices, repeats
-        As in `check_exposure`.
-
-    Raises
-    ------
-    MismatchError
-        If a part is for another array, or has another rate.
-    ExposureError
-        If a part exceeds the profile and there is no override.
-    InputError
-        If there are no parts.
-    """
-    _check_repeats(repeats)
-    known: set[bytes] = set()
-    measured: list[Exposure] = []
-    for part in parts:
-        if measured and part.rate != measured[0].rate:
-            raise MismatchError(f"parts: expected all at {measured[0].rate:g} Hz, got one at {part.rate:g} Hz")
-        known.add(_fingerprint(part))
-        measured.append(_measured(part, device, choices, repeats))
-    if not measured:
-        raise InputError("parts: expected one or more, got none")
-    found = replace(
-        measured[0],
-        level=np.concatenate([each.level for each in measured]),
-        air=np.concatenate([each.air for each in measured]),
-        nonlinearity=max(each.nonlinearity for each in measured),
-        pressure=max(each.pressure for each in measured),
-    )
-    outcome, factor = _decide(found, device, choices)
-    return _clearance(device, choices, found, outcome, repeats=repeats, factor=factor, _known=frozenset(known))
 
 
 def check_exposure_level(
@@ -644,11 +560,6 @@ def _weakened(drive: Drive, factor: float, profile: str) -> Drive:
 
     provenance = drive.provenance.then("attenuate", {"factor": factor, "profile": profile})
     return replace(drive, level=each_frame(drive.level, weakened), provenance=provenance)
-
-
-def _fingerprint(drive: Drive) -> bytes:
-    """Hash of all phases and levels."""
-    return hashlib.sha256(drive.phase.tobytes() + drive.level.tobytes()).digest()
 
 
 def with_checked_reading(drive: Drive) -> Drive:
