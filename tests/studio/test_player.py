@@ -7,10 +7,20 @@ import pytest
 from tests.simulators.udp_proxy import UdpProxy
 
 from midair.errors import DeviceError, MidairError
-from midair.files import DEFAULT_PROFILE, save_solution
-from midair.model import AmplitudeFrames, ControlGrid, Drive, Medium, Solution, TransducerArray
+from midair.files import DEFAULT_PROFILE, save, save_solution
+from midair.model import (
+    AmplitudeFrames,
+    ControlGrid,
+    Drive,
+    Medium,
+    Recording,
+    SensorGrid,
+    Solution,
+    TransducerArray,
+)
 from midair.rig import PlayLease, dose_report
 from midair.studio.player import NoiseOutput, _Player
+from midair.studio.work import SolveForm
 from midair.studio.worker_process import StudioPipe
 from midair.study.design import MaskingNoise
 
@@ -137,3 +147,53 @@ def test_hot_units_pause_the_play_until_they_are_cool_and_the_page_has_chosen(tm
     else:
         assert "stopped on request" in str(ended[0])
         assert dose_report().orders[-1]["reason"].startswith("StoppedError: ")
+
+
+@pytest.mark.long
+def test_a_take_plays_while_it_is_solved_and_a_changed_setting_is_in_the_next_pass(tmp_path, monkeypatch):
+    """Four emulated units; what was sent to the units is not seen here, but which clearance plays in each pass."""
+    pytest.importorskip("autd3")
+    grid = SensorGrid()
+    samples = np.random.default_rng(0).normal(scale=2, size=(150, *grid.shape))
+    save(Recording(samples=samples, rate=1000.0, sensor=grid, unit="Pa"), tmp_path / "take.h5")
+    here, there = Pipe()
+    permit, played, answers = PlayLease(), [], {}
+    player = _Player(StudioPipe(there), permit, "autd3:emulator", 0)
+    sound = _Player._let_sound
+
+    def let_sound(self, order, admission, path, room):
+        played.append(admission)
+        if len(played) == 1:
+            here.send({"id": 7, "do": "change", "solve": form(gain=2.0)})
+            here.send({"id": 8, "do": "change", "solve": form(level=1.0)})
+        report = sound(self, order, admission, path, room)
+        # However slow this computer is, the next pass begins after both answers.
+        while len(answers) < 2 and here.poll(60):
+            if "id" in (said := here.recv()):
+                answers[said["id"]] = said
+        return report
+
+    def form(level=0.005, gain=1.0):
+        asked = SolveForm(take="take.h5", mode="paper", method="fast", level=level, gain=gain)
+        return asked.request(tmp_path / "take.h5", {})
+
+    monkeypatch.setattr(_Player, "_let_sound", let_sound)
+    ended = threading.Event()
+    renewing = threading.Thread(target=lambda: [permit.renew(lasts=10.0) for _ in iter(lambda: ended.wait(1.0), True)])
+    with player.held:
+        found = player.act({"do": "stream", "solve": form(), **CHECKED})
+        assert found["outcome"] == "kept"
+        order = {"do": "play", "admission": found["number"], "leave": permit.arm(lasts=10.0), "output": ""}
+        renewing.start()
+        report = player.act(order | {"masked": False, "passes": 3})
+    ended.set()
+    renewing.join()
+    assert report["frames"] == played[0].drive.frames
+    assert answers[7]["value"]["outcome"] == "kept"
+    assert "is exceeded" in answers[8]["error"]
+    gains = [each.drive.provenance.last("settings")["target.gain"] for each in played]
+    assert gains == [1.0, 2.0, 2.0], "the first settings, then the changed ones, never the refused ones"
+    for each in played:
+        # Every pass begins and ends in silence, so that neither the end of one nor the start of the next clicks.
+        assert each.drive.level[0] == each.drive.level[each.drive.frames - 1] == 0
+    assert not [each for each in threading.enumerate() if each.name == "midair solve"]

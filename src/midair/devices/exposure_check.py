@@ -360,6 +360,12 @@ class ExposureStream:
                 self.over, self._error = True, error
             self._changed.notify_all()
 
+    def check_loop(self, passes: int) -> None:
+        """Raise ExposureError if a loop of all frames heats more than the profile allows."""
+        if self.exposure is not None:
+            duty, warming = self._heat.repeated(passes)
+            _decide(replace(self.exposure, duty=duty, warming=warming), self._device, self._choices)
+
     def check(self) -> None:
         """Raise the error with which the stream ended, if any."""
         if self._error is not None:

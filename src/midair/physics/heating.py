@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.array_types import Array
+from midair.array_types import Array, Single
 from midair.model import Acoustics, Drive
 from midair.physics.propagation import transfer_matrix
 from midair.streaming import blocks
@@ -80,7 +80,11 @@ def _warming_response(bins: int, step: float) -> Array:
 def palm_warming(drive: Drive, points: Array, *, acoustics: Acoustics, repeats: int = 1) -> float:
     """Estimate the highest warming of the palm in K at `points`, shape (point, 3) in m, during all repeats."""
     intensity = _palm_intensity(drive, points, acoustics)
-    step = bin_frames(drive.rate) / drive.rate
+    return _warmest(intensity, bin_frames(drive.rate) / drive.rate, repeats)
+
+
+def _warmest(intensity: Array | Single, step: float, repeats: int) -> float:
+    """Highest warming at any point, (bin, point) `step` s apart, during all repeats."""
     times = min(repeats, int(np.ceil(MINUTE / (step * len(intensity)))) + 1)
     # One point after the other, which needs less memory.
     return max(float(skin_warming(np.tile(each, times), step).max(initial=0.0)) for each in intensity.T)
@@ -109,25 +113,33 @@ class HeatHistory:
 
     def __init__(self) -> None:
         self._levels: list[Array] = []
-        self._intensity: Array | None = None
-        self._warmest, self._frames = 0.0, 0
+        self._intensity: Single | None = None
+        self._warmest, self._frames, self._rate = 0.0, 0, 1.0
 
     def add(self, part: Drive, points: Array, *, acoustics: Acoustics) -> tuple[Array, float]:
         """Add the next part; return `unit_duty` and `palm_warming` of all parts so far."""
         every = bin_frames(part.rate)
         self._levels.append(unit_levels(part, every=every))
         self._frames += part.frames
-        new = _palm_intensity(part, points, acoustics)
+        new = _palm_intensity(part, points, acoustics).astype(np.float32)
         earlier = new[:0] if self._intensity is None else self._intensity
         step, known = every / part.rate, np.concatenate([earlier, new])
         response = _warming_response(len(known), step)
         for end in range(len(earlier) + 1, len(known) + 1):
             last = known[max(0, end - len(response)) : end]
             self._warmest = max(self._warmest, float((response[: len(last)][::-1] @ last).max()))
-        # Earlier bins have no effect any more.
-        self._intensity = known[-round(MINUTE / step) :]
-        levels = np.concatenate(self._levels)
-        return unit_duty(levels, 1 / step, duration=self._frames / part.rate), self._warmest
+        self._intensity = known
+        self._rate = part.rate
+        return self._duty(1), self._warmest
+
+    def repeated(self, repeats: int) -> tuple[Array, float]:
+        """The same of all parts in a loop."""
+        known = np.zeros((1, 1)) if self._intensity is None else self._intensity
+        return self._duty(repeats), _warmest(known, bin_frames(self._rate) / self._rate, repeats)
+
+    def _duty(self, repeats: int) -> Array:
+        levels, rate = np.concatenate(self._levels), self._rate
+        return unit_duty(levels, rate / bin_frames(rate), duration=self._frames / rate, repeats=repeats)
 
 
 def _sampled(frames: int, size: int) -> list[NDArray[np.intp]]:

@@ -5,6 +5,7 @@ port for STOP. When the studio process ends, it silences the array and ends too.
 """
 
 import socket
+import threading
 import time
 from collections.abc import Generator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
@@ -16,8 +17,18 @@ from midair.devices import Cooling, ExposureChoices, check_exposure, measure_exp
 from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError
 from midair.files import load_solution, profile_named, save
 from midair.model import Acoustics, Medium
-from midair.rig import VirtualRig, array_named, correct_air_of_file, open_rig, play_cleared, rerecord, under_lease
+from midair.rig import (
+    VirtualRig,
+    array_named,
+    correct_air_of_file,
+    open_rig,
+    play_cleared,
+    rerecord,
+    solving,
+    under_lease,
+)
 from midair.studio.stop_port import StopPort
+from midair.studio.work import led_pressure, settings_of
 from midair.studio.worker_process import StudioPipe, end_with_studio
 from midair.study import Headphones
 
@@ -90,6 +101,9 @@ class _Player:
     trials: dict[Any, dict[str, Any]] = field(default_factory=dict[Any, dict[str, Any]])
     noise: NoiseOutput = field(default_factory=NoiseOutput)
     number: int = 0
+    solves: ExitStack = field(default_factory=ExitStack)
+    changed: tuple[Any, Path, Medium | None] | None = None
+    checks: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     def act(self, order: Mapping[str, Any]) -> Any:
         """Handle one request."""
@@ -98,7 +112,12 @@ class _Player:
                 case "open":
                     return self._open()
                 case "admit":
+                    self.solves.close()
                     return self._admit(order)
+                case "stream":
+                    self.solves.close()
+                    self.checks = order
+                    return self._stream(order)
                 case "play":
                     return self._play(order)
                 case "mask":
@@ -108,6 +127,7 @@ class _Player:
                     return self._quiet(order)
                 case _:
                     # "let go": another process uses the array for a while.
+                    self.solves.close()
                     self.held.close()
                     self.array = None
                     return True
@@ -159,10 +179,8 @@ class _Player:
         if self.device != "virtual" and self.array is None:
             self._open()
         array: Any = self.array if self.device != "virtual" else self._virtual(drive, room).array
-        profile = profile_named(order["profile"])
-        choices = ExposureChoices(
-            profile=profile, attenuate=order["attenuate"], override=order["override"] or None, room=room
-        )
+        choices = _choices(order)
+        profile = choices.profile
         solved = {"solved_c": round(drive.acoustics.medium.degrees, 2)}
         try:
             admission = check_exposure(drive, array, choices, repeats=order["repeats"])
@@ -170,22 +188,57 @@ class _Player:
             # The page shows the excess and the possible remedies, so the exposure is measured again.
             found = measure_exposure(drive, array.array, profile, room=room)
             return {"number": 0, "refused": str(wrong), **solved, **exposed(found)}
+        found = self._admitted(admission, path, room, keep=bool(order.get("keep"))) | solved
+        self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
+        return found
+
+    def _admitted(self, admission: Any, path: Path, room: Medium | None, *, keep: bool = False) -> dict[str, Any]:
+        """Keep a clearance for the next order to play, and describe it."""
         self.number += 1
-        kept = {found["number"] for found in self.trials.values()} if order.get("keep") else set[int]()
+        kept = {found["number"] for found in self.trials.values()} if keep else set[int]()
         self.admitted = {number: one for number, one in self.admitted.items() if number in kept}
         self.admitted[self.number] = (admission, path, room)
-        found = {
+        drive, stream = admission.drive, admission.stream
+        return {
             "number": self.number,
-            "outcome": admission.outcome,
+            "outcome": admission.decided,
             "verdict": admission.verdict(),
             "by": admission.by,
             "duration_s": admission.repeats * drive.frames / drive.rate,
+            "wait_s": 0.0 if stream is None else stream.delay(),
             "refused": "",
-            **solved,
-            **exposed(admission.exposure),
+            **exposed(admission.exposure if stream is None else stream.exposure),
         }
-        self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
-        return found
+
+    def _stream(self, order: Mapping[str, Any]) -> dict[str, Any]:
+        """Solve a take for this array until `solves` is closed, and keep the clearance of its frames to come."""
+        request, room = order["solve"], order.get("room")
+        settings = settings_of(request)
+        if self.device != "virtual" and self.array is None:
+            self._open()
+        array: Any = VirtualRig(seed=self.seed).array_device() if self.device == "virtual" else self.array
+        pressure = led_pressure(request, settings, streamed=True)
+        stream = self.solves.enter_context(solving(pressure, array.array, settings, array, _choices(order)))
+        solved = {"solved_c": round(settings.acoustics.medium.degrees, 2)}
+        try:
+            admission = stream.clearance()
+        except ExposureError as wrong:
+            if stream.exposure is None:
+                raise
+            return {"number": 0, "refused": str(wrong), **solved, **exposed(stream.exposure)}
+        return self._admitted(admission, Path(request.take), room) | solved
+
+    def _change(self, order: Mapping[str, Any]) -> None:
+        """Solve with other settings while a loop plays; the pass that begins after its frames suffice plays them."""
+        with self.pipe.answering(dict(order)):
+            found = self._stream({**self.checks, **order})
+            if found["refused"]:
+                raise ExposureError(found["refused"])
+            admitted = self.admitted.pop(found["number"])
+            while admitted[0].stream is not None and admitted[0].stream.delay():
+                time.sleep(0.02)
+            self.changed = admitted
+            self.pipe.answer(dict(order), found)
 
     def _virtual(self, drive: Any, room: Medium | None) -> Any:
         """Create a virtual rig with the array, cells, height and band of a drive, in its air or that of the room."""
@@ -197,8 +250,17 @@ class _Player:
         found = self.admitted.get(order["admission"]) if kept else self.admitted.pop(order["admission"], None)
         if found is None:
             raise DeviceStateError("play: expected a drive that was just checked, got none; check its exposure again")
-        with self.noise.over(order["masked"]):
-            return self._let_sound(order, *found)
+        passes, self.changed, report = int(order.get("passes", 1)), None, dict[str, Any]()
+        try:
+            with self.noise.over(order["masked"]):
+                for number in range(passes):
+                    found, self.changed = self.changed or found, None
+                    if number and found[0].stream is not None:
+                        found[0].stream.check_loop(passes - number)
+                    report = self._let_sound(order, *found)
+        finally:
+            self.solves.close()
+        return report
 
     def _quiet(self, order: Mapping[str, Any]) -> bool:
         """Present silence for as long as the other stimuli, with the same noise."""
@@ -239,6 +301,8 @@ class _Player:
         began, sent = time.monotonic(), [0.0]
 
         def progress(done: int, total: int) -> None:
+            while self.pipe.poll() and (order := self.pipe.receive()) is not None:
+                threading.Thread(target=self._change, args=(order,), daemon=True).start()
             # The lease is checked as often as for the banks of a real array.
             while paced and time.monotonic() < began + done / paced:
                 self.permit.check(leave, "virtual")
@@ -248,6 +312,15 @@ class _Player:
                 self.pipe.send("sounds", done=done, total=total, emitting=bool(getattr(self.array, "emitting", True)))
 
         return progress
+
+
+def _choices(order: Mapping[str, Any]) -> ExposureChoices:
+    return ExposureChoices(
+        profile=profile_named(order["profile"]),
+        attenuate=order["attenuate"],
+        override=order["override"] or None,
+        room=order.get("room"),
+    )
 
 
 def exposed(found: Any) -> dict[str, Any]:

@@ -1,18 +1,20 @@
 """Functions that run in the worker process: solve, compare, report, make samples and studies."""
 
 import secrets
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from midair.errors import InputError
 from midair.evaluate import RATIOS, compare, metrics_or_none, ratio_text
 from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
 from midair.headroom import level_of
-from midair.model import Palm, PressureFrames, Provenance
+from midair.model import HEIGHTS, Palm, PressureFrames, Provenance
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
 from midair.rig import (
     BudgetPlan,
@@ -30,8 +32,40 @@ from midair.rig import (
 from midair.settings import CHOICES, MODES, Mode, Settings
 from midair.solvers import METHODS, check_terms, takes
 from midair.studio.jobs import Progressed
+from midair.studio.studio_state import Arguments
 from midair.study import StudyFolder, Template, prepare_drives, read_design, template_text
 from midair.targets import add_lead
+
+
+class SolveForm(Arguments):
+    """Settings of a drive; None means the default of the mode."""
+
+    take: str = Field(max_length=1000)
+    mode: Mode = "best"
+    mapping: Literal["half-wave", "constant-offset", "slow-bias"] | None = None
+    method: Literal["live", "fast", "exact", "lm", "glide"] | None = None
+    level: Annotated[float, Field(gt=0, le=1)] | Literal["auto"] | None = None
+    gain: float | None = Field(default=None, gt=0, le=100)
+    height_mm: float | None = Field(default=None, ge=1e3 * HEIGHTS[0], le=1e3 * HEIGHTS[1])
+    guard_mm: float | None = Field(default=None, ge=0, le=100)
+    visible_s: float | None = Field(default=None, ge=0)
+    replaces: str = Field(default="", max_length=100)
+
+    def choices(self) -> tuple[tuple[str, Any], ...]:
+        """Return the settings that differ from the mode, in their own units."""
+        given = {
+            "mapping": self.mapping,
+            "method": self.method,
+            "level": self.level,
+            "gain": self.gain,
+            "height": None if self.height_mm is None else self.height_mm * 1e-3,
+            "guard": None if self.guard_mm is None else self.guard_mm * 1e-3,
+        }
+        return tuple((name, value) for name, value in given.items() if value is not None)
+
+    def request(self, path: Path, stated: Mapping[str, Any]) -> "SolveRequest":
+        """Return the request for a take, without a drive to write; a stated air of the room is one of the settings."""
+        return SolveRequest(take=str(path), drive="", mode=self.mode, choices=(*self.choices(), *stated.items()))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,14 +109,20 @@ def settings_of(order: SolveRequest) -> Settings:
     return settings
 
 
-def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
-    """Solve a take, write its drive, and return its error and level."""
-    settings, take = settings_of(order), open_take(order.take)
-    progress("reading the take", 0, 1)
+def led_pressure(order: SolveRequest, settings: Settings, *, streamed: bool = False) -> PressureFrames:
+    """Return the calibrated pressure of the requested part, with its lead."""
+    take = open_take(order.take, streamed=streamed)
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     if order.duration is not None:
         pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
-    led, array = add_lead(pressure, required_lead(settings)), array_of_kind("autd3")
+    return add_lead(pressure, required_lead(settings))
+
+
+def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
+    """Solve a take, write its drive, and return its error and level."""
+    settings, array = settings_of(order), array_of_kind("autd3")
+    progress("reading the take", 0, 1)
+    led = led_pressure(order, settings)
     target, parts = reproduce_stream(led, array, settings, progress=partial(progress, "solving"))
     drive = Path(order.drive)
     fresh = drive.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")

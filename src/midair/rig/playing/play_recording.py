@@ -73,9 +73,10 @@ def solving(
     try:
         stream.prepare()
         yield stream
-        # Played to the end, but the file may not have its name yet.
-        thread.join()
-        stream.check()
+        if keep is not None:
+            # Played to the end, but the file may not have its name yet.
+            thread.join()
+            stream.check()
     finally:
         left.set()
         thread.join()

@@ -26,6 +26,7 @@ from midair.studio.player import run_player
 from midair.studio.room_air import RoomAir
 from midair.studio.studio_state import Arguments, Page, StudioState, declared
 from midair.studio.takes_list import TakesList
+from midair.studio.work import SolveForm
 from midair.studio.worker_process import WorkerProcess
 
 ATTEMPTS = 3
@@ -44,6 +45,8 @@ class CheckExposure(Arguments):
     override: str = Field(default="", max_length=200)
     repeats: int = declared(PlaySettings, "repeats", most=1000)
     correct_air: bool = False
+    solve: SolveForm | None = None
+    """Settings with which the take is solved while it plays; None to play its drive."""
 
 
 class PlayNow(Arguments):
@@ -83,7 +86,7 @@ class PlayPanel:
             daemon=False,
         )
         self._closed = False
-        self._controls = 0
+        self._controls, self._passes = 0, 1
         self._opening: asyncio.Future[None] | None = None
         self._checked: dict[int, tuple[str, float, Medium | None]] = {}
         self._stops = self.permit.stops
@@ -104,6 +107,7 @@ class PlayPanel:
         }
         store.offer("play", "check", self.check, CheckExposure)
         store.offer("play", "play", self.play, PlayNow)
+        store.offer("play", "change", self.change, SolveForm)
         store.offer("play", "stop", self.stop, watchers=True)
         store.offer("play", "wait", self.wait)
         store.offer("control", "take", self.take_control, watchers=True)
@@ -147,9 +151,9 @@ class PlayPanel:
             self.start()
 
     async def check(self, _: Page, order: CheckExposure) -> Any:
-        """Check the exposure of a drive and return it."""
+        """Check the exposure of a drive, or of the first part of a take that is solved while it plays."""
         drive = self._takes.beside(order.take, ".drive.h5")
-        if not drive.exists():
+        if order.solve is None and not drive.exists():
             raise InputError(f"{order.take}: expected a take that was solved; solve it first")
         if order.correct_air and self._air.medium is None:
             raise InputError("phases: expected the air of the room to correct them for, got none; state it first")
@@ -157,16 +161,19 @@ class PlayPanel:
         await self._reopen()
         # The air of the check; another one may be stated while it is made.
         room = self._air.medium
-        found = await self._player.ask(
-            "admit",
-            path=str(drive),
-            profile=order.profile or DEFAULT_PROFILE,
-            attenuate=order.attenuate,
-            override=order.override.strip(),
-            repeats=order.repeats,
-            room=room,
-            correct=order.correct_air,
-        )
+        choices: dict[str, Any] = {
+            "profile": order.profile or DEFAULT_PROFILE,
+            "attenuate": order.attenuate,
+            "override": order.override.strip(),
+            "room": room,
+        }
+        if order.solve is None:
+            more = {"path": str(drive), "repeats": order.repeats, "correct": order.correct_air}
+            found = await self._player.ask("admit", **choices, **more)
+        else:
+            request = order.solve.request(self._takes.path(order.take), self._air.stated)
+            found = await self._player.ask("stream", **choices, solve=request)
+        self._passes = 1 if order.solve is None else order.repeats
         again = self._takes.beside(order.take, ".rerecorded.h5")
         found["replaces"] = again.name if self.device == "virtual" and again.exists() else ""
         self._checked = {found["number"]: (order.take, found["solved_c"], room)} if found["number"] else {}
@@ -184,7 +191,15 @@ class PlayPanel:
         output = self._takes.beside(take, ".rerecorded.h5")
         partial = output.with_name(f".{output.name.removesuffix('.h5')}.partial.h5")
         report = await self._sound(
-            page, take, "play", solved=solved, admission=order.admission, output=str(partial), masked=False, waits=True
+            page,
+            take,
+            "play",
+            solved=solved,
+            admission=order.admission,
+            output=str(partial),
+            masked=False,
+            waits=True,
+            passes=self._passes,
         )
         if report.get("output") and partial.exists():
             partial.replace(output)
@@ -192,6 +207,12 @@ class PlayPanel:
         for callback in self.played:
             callback(take)
         return report
+
+    async def change(self, _: Page, order: SolveForm) -> Any:
+        """Solve with other settings while a take plays in a loop; answers when its next pass will have them."""
+        if self._state["state"] != "plays" or self._state["take"] != order.take:
+            raise DeviceStateError("play: expected a take that plays in a loop, it has ended; check its exposure again")
+        return await self._player.ask("change", solve=order.request(self._takes.path(order.take), self._air.stated))
 
     async def admit_trial(
         self, path: Path, share: float, *, override: str = "", room: Medium | None = None

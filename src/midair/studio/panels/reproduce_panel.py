@@ -2,51 +2,22 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 from pydantic import Field
 
 from midair.errors import InputError
-from midair.model import HEIGHTS
-from midair.settings import Mode
 from midair.studio.jobs import StudioJob
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
 from midair.studio.take_data import describe_settings, facts, made_with
-from midair.studio.work import SolveRequest, make_sample, report_loop, settings_of, solve_take, stamp_of
+from midair.studio.work import SolveForm, SolveRequest, make_sample, report_loop, settings_of, solve_take, stamp_of
 
 
 class TakeNamed(Arguments):
     """Name of a take."""
 
     take: str = Field(max_length=1000)
-
-
-class SolveForm(Arguments):
-    """Settings of a drive; None means the default of the mode."""
-
-    take: str = Field(max_length=1000)
-    mode: Mode = "best"
-    mapping: Literal["half-wave", "constant-offset", "slow-bias"] | None = None
-    method: Literal["live", "fast", "exact", "lm", "glide"] | None = None
-    level: Annotated[float, Field(gt=0, le=1)] | Literal["auto"] | None = None
-    gain: float | None = Field(default=None, gt=0, le=100)
-    height_mm: float | None = Field(default=None, ge=1e3 * HEIGHTS[0], le=1e3 * HEIGHTS[1])
-    guard_mm: float | None = Field(default=None, ge=0, le=100)
-    visible_s: float | None = Field(default=None, ge=0)
-    replaces: str = Field(default="", max_length=100)
-
-    def choices(self) -> tuple[tuple[str, Any], ...]:
-        """Return the settings that differ from the mode, in their own units."""
-        given = {
-            "mapping": self.mapping,
-            "method": self.method,
-            "level": self.level,
-            "gain": self.gain,
-            "height": None if self.height_mm is None else self.height_mm * 1e-3,
-            "guard": None if self.guard_mm is None else self.guard_mm * 1e-3,
-        }
-        return tuple((name, value) for name, value in given.items() if value is not None)
 
 
 class JobNumber(Arguments):
@@ -106,18 +77,8 @@ class ReproducePanel(Panel):
 
     def _request(self, order: SolveForm) -> SolveRequest:
         drive, again = (self._takes.beside(order.take, ending) for ending in (".drive.h5", ".rerecorded.h5"))
-        return SolveRequest(
-            take=str(self._takes.path(order.take)),
-            drive=str(drive),
-            mode=order.mode,
-            choices=self._choices(order),
-            replaces=stamp_of(drive),
-            outdated=((str(again), stamp_of(again)),),
-        )
-
-    def _choices(self, order: SolveForm) -> tuple[tuple[str, Any], ...]:
-        """Return the settings that differ from the mode; a stated air of the room is one of them."""
-        return (*order.choices(), *self._context.air.stated.items())
+        made = order.request(self._takes.path(order.take), self._context.air.stated)
+        return replace(made, drive=str(drive), replaces=stamp_of(drive), outdated=((str(again), stamp_of(again)),))
 
     def _solve(self, order: SolveForm, whole: SolveRequest) -> StudioJob:
         title, sight = f"solve {order.take}", f"solve the visible second of {order.take}"
@@ -143,8 +104,7 @@ class ReproducePanel(Panel):
     def report(self, _: Page, order: SolveForm) -> dict[str, int]:
         """Run the whole loop on the virtual rig and write its report, as a job."""
         target = self._takes.beside(order.take, ".report.html")
-        take = str(self._takes.path(order.take))
-        solve = SolveRequest(take=take, drive="", mode=order.mode, choices=self._choices(order))
+        solve = order.request(self._takes.path(order.take), self._context.air.stated)
         settings_of(solve)
         title = f"report of {order.take}"
         job = self._jobs.add(title, report_loop, (solve, str(target)), room="compare", ended=self._solved)

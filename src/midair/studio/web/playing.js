@@ -1,13 +1,13 @@
 /* The dialog before playing: exposure, remedies if it is too high, and a button that must be held. */
 
-import { field, make, openModal, tried } from "/web/dom.js";
+import { choice, field, make, openModal, tried } from "/web/dom.js";
 import { drift, heatWarning, warningBox } from "/web/warnings.js";
 
 const HOLD = 600; // ms
 
-/** `again` solves the take again; `correct`: with phases corrected for the air of the room. */
-export function askToPlay(studio, take, again, correct = false) {
-  const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", repeats: 1, correct_air: correct };
+/** `again` solves the take again; `correct`: with phases corrected for the air of the room; `solve`: settings with which the take is solved while it plays. */
+export function askToPlay(studio, take, again, correct = false, solve = null) {
+  const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", repeats: 1, correct_air: correct, ...(solve ? { solve } : {}) };
   const verdict = make("p", { role: "status" }, "checking …"), table = make("table"), refused = make("div.column");
   const hold = make("button.main.hold", { type: "button", disabled: true, id: "hold" }, "Hold to play");
   const done = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "played" });
@@ -15,8 +15,17 @@ export function askToPlay(studio, take, again, correct = false) {
   const measured = make("p.quiet"), hot = heatWarning(link, "hot-play");
   const drifted = warningBox("drift", make("button", { type: "button", id: "correct-air", onclick: () => { given.correct_air = true; check(); } }, "Correct phases"),
     make("button", { type: "button", id: "solve-again", onclick: () => { dialog.close(); again(); } }, "Solve again"));
+  // Changed while it plays, they are heard from the next pass on.
+  const next = make("span.quiet", { role: "status" }), set = (name) => async ({ target }) => {
+    given.solve = { ...given.solve, [name]: name === "gain" ? Number(target.value) : target.value };
+    if (done.hidden) { check(); return; }
+    next.textContent = "solving for the next pass …";
+    next.textContent = (await tried(link.order("play", "change", given.solve))) ? "the next pass has these settings" : "the settings stay as they were";
+  };
+  const settings = solve ? [field("Mode", choice(["best", "finest", "quick", "paper"].map((mode) => [mode, mode]), solve.mode, set("mode"))),
+    field("Gain", make("input", { type: "number", id: "loop-gain", min: 0.05, max: 100, step: 0.05, value: String(solve.gain ?? 1), onchange: set("gain") })), next] : [];
   let admission = 0, timer = 0, solved = NaN;
-  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^sample:/, "").replace(/\.h5$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, field("Times", repeats), refused,
+  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^sample:/, "").replace(/\.h5$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, ...settings, field("Times", repeats), refused,
     make("div.buttons", {}, hold, make("button", { type: "button", onclick: () => dialog.close() }, "Close")), done,
     make("p.quiet", {}, "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it."));
 
@@ -30,6 +39,7 @@ export function askToPlay(studio, take, again, correct = false) {
     warn();
     measured.textContent = `Heat: ${found.heat}. Measured in ${found.measured_in}.${given.correct_air ? " The phases are corrected for the air of the room." : ""}`;
     verdict.textContent = found.outcome === "exceeded" ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. It may be played here: the array is simulated and emits no sound.` : found.refused || found.verdict;
+    if (found.wait_s > 0.05) verdict.append(` This computer solves slower than it plays: the first frame waits about ${found.wait_s.toFixed(1)} s.`);
     if (found.replaces) verdict.append(` ${found.replaces} exists and will be replaced.`);
     verdict.className = found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good";
     table.replaceChildren(make("thead", {}, make("tr", {}, ...["place", "loudest frame", "limit"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),

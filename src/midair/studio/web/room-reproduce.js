@@ -84,17 +84,17 @@ export default class Reproduce {
     const controls = this.link.controls, player = this.link.state.player, row = this._row(this.take?.name);
     const comes = this.take?.stamp === "first";
     this.solve.disabled = !controls || !this.take || comes;
-    const facts = this.take?.facts, settings = facts?.drive?.settings, other = settings && JSON.stringify(chosen({ ...USUAL, ...settings })) !== JSON.stringify(chosen(this.made));
+    const facts = this.take?.facts, settings = facts?.drive?.settings, other = this.other = settings && JSON.stringify(chosen({ ...USUAL, ...settings })) !== JSON.stringify(chosen(this.made));
     this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "its settings are not stored in the file"}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes a new drive with the settings above." : ""}`;
-    this.play.disabled = !controls || !row?.solved || facts.part || !playable(player);
-    this.play.title = !row?.solved ? "solve it first" : facts.part ? "the drive is being solved" : !playable(player) ? "the array is not ready" : "";
+    this.play.disabled = !controls || !row || comes || !playable(player);
+    this.play.title = !playable(player) ? "the array is not ready" : "";
     const [correct, again] = this.drifted.querySelectorAll("button");
-    correct.disabled = this.play.disabled;
+    correct.disabled = this.play.disabled || !row?.solved;
     again.disabled = this.solve.disabled;
     this.drifted.tell(drift(this.link, facts?.drive?.air_c));
     this.add.disabled = !controls;
     const solving = (this.link.state.jobs ?? []).find((job) => job.room === "reproduce" && ["runs", "waits"].includes(job.state) && this.take && job.title.endsWith(this.take.name));
-    if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : comes ? "available in a moment" : "not solved yet: press Solve";
+    if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : comes ? "available in a moment" : "not solved yet: press Solve, or play it at once";
   }
   _row(name) { return this.link.state.takes?.find((row) => row.name === name); }
   _takes(takes) {
@@ -248,7 +248,11 @@ export default class Reproduce {
     this.take = null;
   }
   _solve() { return solveTake(this.link, { take: this.take.name, ...chosen(this.made), ...(this.take.seconds > 1.5 && this.take.facts.drive ? { visible_s: Math.max(0, Math.min(this.take.seconds - 1, this.transport.time - 0.5)) } : {}) }); }
-  _play(correct = false) { askToPlay(this.studio, this.take.name, () => this._solve(), correct); }
+  /** Play the drive; without one, or with other settings in the form, the take is solved while it plays. */
+  _play(correct = false) {
+    const { name, facts } = this.take, live = !correct && (!this._row(name)?.solved || facts.part || this.other);
+    askToPlay(this.studio, name, () => this._solve(), correct, live ? { take: name, ...chosen(this.made) } : null);
+  }
   async _upload(file) {
     if (!file) return;
     const answer = await fetch("/upload", { method: "POST", body: file, headers: { "x-name": encodeURIComponent(file.name), "x-page": String(this.link.page) } });
