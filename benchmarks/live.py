@@ -39,7 +39,7 @@ from midair.physics import (
 )
 from midair.rig.live_touch.touch_ring import FRAME_LATE, STEP
 
-PARTS = ("run", "runs", "latency", "bands", "spectra", "hurried", "deaths", "network")
+PARTS = ("run", "runs", "latency", "bands", "spectra", "fidelity", "hurried", "deaths", "network")
 THINGS = ("towel", "sponge", "brush")
 DELAYS = (0.002, 0.004, 0.006, 0.008, 0.01)
 BANDS = ((20.0, 40.0), (40.0, 100.0), (100.0, 470.0))
@@ -66,6 +66,8 @@ def main() -> None:
         bands()
     if "spectra" in options.part:
         spectra()
+    if "fidelity" in options.part:
+        fidelity()
     if "hurried" in options.part:
         hurried()
     if {"latency", "deaths", "network"} & set(options.part):
@@ -335,6 +337,56 @@ def spectra() -> None:
         for name, got in (("live", live), ("best offline", offline)):
             gains = [10 * np.log10(_in_band(got[200:], band) / _in_band(own[200:], band)) for band in BANDS]
             print(f"  {thing:8}{name:14}" + " / ".join(f"{each:+5.1f}" for each in gains))
+
+
+def fidelity() -> None:
+    """Print the signal-to-distortion ratio in the band on a cell for each delay, of the best gain and time shift."""
+    from midair.rig.live_touch import LiveSettings
+
+    array, grid = TransducerArray.autd3(), ControlGrid()
+    modes = {"13 ms": {}, "200 ms, 1 kHz": {"rate": 1000.0}, "200 ms, 2 kHz": {}, "200 ms, 4 kHz": {"rate": 4000.0}}
+    print("\nsignal-to-distortion ratio on a cell, 20-470 Hz, dB, simulated; CPU ms for 1 ms of touch")
+    for name, more in modes.items():
+        settings = LiveSettings(**({} if name == "13 ms" else {"latency": 0.2} | more))
+        ratios, took = zip(*(_fidelity(thing, settings, array, grid) for thing in THINGS), strict=True)
+        told = ", ".join(f"{thing} {each:.1f}" for thing, each in zip(THINGS, ratios, strict=True))
+        print(f"  {name:14}{told}; {1e3 * np.mean(took):.2f} ms", flush=True)
+
+
+def _fidelity(thing: str, settings, array: TransducerArray, grid: ControlGrid) -> tuple[float, float]:
+    """Signal-to-distortion ratio of a virtual object in dB, and CPU time per frame of the sensor in s."""
+    from midair.rig.live_touch import Touch
+    from midair.solvers import one_blas_thread
+
+    recording, calibration, wanted = _felt(thing, 1.2)
+    touch = Touch(settings, calibration, recording.sensor, 1000.0, array, 1.0)
+    each, phase, level = touch.frames_each, [], []
+    with one_blas_thread():
+        began = time.process_time()
+        for sample in recording.samples.reshape(recording.frames, -1):
+            touch.feel(sample)
+            for part in range(each):
+                level.append(float(touch.form(part=part)))
+                phase.append(2 * np.pi * touch.phases / 256)
+        took = (time.process_time() - began) / recording.frames
+    cell = cell_weights(SensorModel.usual(recording.sensor), grid, between="waves")[5:6]
+    drive = Drive(
+        phase=np.array(phase), level=np.array(level), rate=1000.0 * each, array=array, acoustics=settings.acoustics
+    )
+    low, high = BANDS[0][0], BANDS[-1][1]
+
+    def inside(x: np.ndarray) -> np.ndarray:
+        spectrum, frequency = np.fft.rfft(x), np.fft.rfftfreq(len(x), 1e-3)
+        return np.fft.irfft(spectrum * ((frequency >= low) & (frequency <= high)), len(x))
+
+    own, got = inside(wanted.reshape(len(wanted), -1)[:, 5]), inside(_pressed(drive, grid, cell))
+    best = 0.0
+    # In steps of 50 us around the stated delay.
+    for late in 1e-3 * np.arange(1e3 * touch.delay - 1, 1e3 * touch.delay + 3, 0.05):
+        turn = np.exp(2j * np.pi * np.fft.rfftfreq(len(got), 1e-3) * late)
+        there = np.fft.irfft(np.fft.rfft(got) * turn, len(got))[300:-300]
+        best = max(best, float(np.corrcoef(there, own[300:-300])[0, 1]))
+    return 10 * np.log10(best**2 / (1 - best**2)), took
 
 
 def hurried() -> None:

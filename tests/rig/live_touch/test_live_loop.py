@@ -66,7 +66,7 @@ def steady(count, first=0, begin=0.02):
     return [(number, begin + number / 1000, 0.0) for number in range(first, first + count)]
 
 
-def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, units=None, **pace):
+def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, units=None, settings=None, **pace):
     """(slots of the ring, ring, frames that the units got) of a run."""
     units = units or VirtualUnits(kept=10_000)
     array = virtual_immediate(ONE, units=units)
@@ -76,7 +76,7 @@ def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, units=N
     with sensor, array:
         choices = ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
         admission = check_exposure_level(0.5, array, choices, rate=1000.0)
-        touch = Touch(LiveSettings(), None, sensor.grid, 1000.0, array.array, 0.5, grid=SMALL)
+        touch = Touch(settings or LiveSettings(), None, sensor.grid, 1000.0, array.array, 0.5, grid=SMALL)
         loop = LiveLoop(
             sensor,
             touch,
@@ -219,3 +219,14 @@ def test_late_and_lost_frames_are_counted_by_second_and_the_rate_is_measured():
     assert (second, late, lost) == (0, ring.count("late"), 5)
     assert ring.count("timed") == 99
     assert ring.count("timed") / ring.count("span_us") == pytest.approx(900e-6, rel=1e-3)
+
+
+def test_frames_between_two_of_the_sensor_wait_for_their_time_and_are_evenly_spaced():
+    chosen = LiveSettings(latency=0.2, mapping="constant-offset", offset=1.0)
+    units = VirtualUnits(kept=10_000)
+    _, ring, frames, _ = ran(Script(steady(80)), duration=0.08, settings=chosen, ahead=0.003, units=units)
+    instants = np.array([instant for _, intensity, instant in frames if intensity])
+    assert (np.diff(instants) % 500_000 == 0).mean() > 0.9
+    assert np.all(np.diff(instants) > 0)
+    # The fade follows; a busy computer sends some too late.
+    assert 0 <= len(instants) + units.told()["late"] - 2 * ring.count("played") < 10

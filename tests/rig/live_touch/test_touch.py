@@ -114,3 +114,36 @@ def test_a_rehearsal_counts_late_frames_and_leaves_the_stream_as_it_was():
             one.feel(frame.ravel())
             assert one.form()
         assert alike.phases.tobytes() == rehearsed.phases.tobytes()
+
+
+def test_a_latency_is_the_sum_of_its_parts_and_buys_a_better_filter():
+    live = touch(latency=0.2)
+    assert live.delay + live.hold + 0.4e-3 + 0.2 / live.settings.acoustics.medium.speed == pytest.approx(0.2)
+    assert live.hold == pytest.approx(0.02)
+    assert live.frames_each == 2
+    assert (live.error < 0.25 * live.usual).all()
+    np.testing.assert_allclose(live.usual, touch().error)
+    kept = touch(latency=0.2, delay=0.004)
+    assert kept._inverse.delay == 0.004
+    assert kept.delay + kept.hold == pytest.approx(live.delay + live.hold)
+    with pytest.raises(InputError, match="expected at least"):
+        touch(latency=0.2, band=(10.0, 470.0))
+    with pytest.raises(InputError, match="expected --latency with it"):
+        touch(rate=4000.0)
+    with pytest.raises(InputError, match="1 to 4 times the sensor's 1000 Hz"):
+        touch(latency=0.2, rate=2500.0)
+
+
+def test_frames_between_those_of_the_sensor_follow_a_tone():
+    """A tone of 100 Hz at 1 kHz, interpolated to 4 kHz: 8 frames late, and as it would have been sampled."""
+    live = touch(None, latency=0.2, rate=4000.0, mapping="constant-offset", offset=10.0, acoustics=Acoustics())
+    assert live.settings.mapping == "constant-offset"
+    found = []
+    for number in range(40):
+        live.feel(np.full(16, 5 * np.sin(2 * np.pi * 0.1 * number)))
+        for part in range(4):
+            assert live.form(part=part) or number < 8
+            found.append((number - 8 + part / 4, live._pushes[5]))
+    time, pressure = np.array(found[80:]).T
+    same = decouple(PressureFrames(pressure=np.ones((1, 4, 4)), rate=1000.0), grid=SMALL).pressure[0, 1, 1]
+    np.testing.assert_allclose(pressure, 10 + 5 * same * np.sin(2 * np.pi * 0.1 * time), atol=0.02)

@@ -212,6 +212,8 @@ def _session_rows(session: LiveSession) -> list[tuple[str, str]]:
     opened, order = session.opened, session.order
     grid = opened.sensor
     errors = ", ".join(f"{100 * error:.0f} % in {band}" for band, error in _by_band(session).items())
+    if order.latency is not None:
+        errors += f"; without --latency {', '.join(f'{100 * error:.0f} %' for error in opened.usual)}"
     return [
         ("sensor", f"{order.sensor}, {grid.rows} x {grid.columns} cells at {opened.rate:g} Hz"),
         ("array", f"{order.device}, {opened.transducers} transducers, silencer {opened.silencer}"),

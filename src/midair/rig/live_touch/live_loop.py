@@ -5,10 +5,12 @@ previous frame stays, and the late frame is counted. Missing frames end in silen
 """
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from midair.devices import ImmediateArray, Put, StreamedSensor
 from midair.errors import SilentFramesError
@@ -25,6 +27,8 @@ class Pace:
 
     hold: float
     """Delay from sampling a frame to emitting it."""
+    ahead: float | None = None
+    """Longest time by which a frame is sent before its instant; None to send it at once."""
     enough: float = 0.0015
     """Time that a frame needs for computing and sending; a frame with less time left is skipped."""
     quiet: float = 0.02
@@ -76,6 +80,8 @@ class LiveLoop:
         # Times at which the units' failsafe acted.
         self._trips: list[float] = []
         self._intensity = self._last_instant = 0
+        # Frames that wait for their time: instant, phases, intensity, slot.
+        self._due: deque[tuple[int, NDArray[np.uint8], int, int]] = deque()
         # Offset from the computer's clock to the units' in ns; updated regularly, since clocks drift.
         self._ahead, self._asked = 0, -np.inf
 
@@ -89,6 +95,7 @@ class LiveLoop:
             self._check()
             if self._sensor.ready(1e-3):
                 self._take(put)
+            self._send_due(put)
             self._wait(put, began)
         self._fade(put)
         time.sleep(self._pace.hold)
@@ -148,9 +155,13 @@ class LiveLoop:
             self._ring.miss("late", self._next / self._sensor.rate)
             flags |= FRAME_LATE
         else:
-            if not self._send(put, instant, slot):
+            if not self._send_or_wait(put, instant, slot):
                 flags &= ~FRAME_EMITTED
             self._latest = began
+            for part in range(1, self._touch.frames_each if self._intensity else 1):
+                self._send_due(put)
+                if self._touch.form(part=part, hurried=hurried):
+                    self._send_or_wait(put, instant + part * self._period // self._touch.frames_each, -1)
         self._write(taken, instant, flags)
         self._ring.time("work", time.monotonic() - began)
         self._collect_sending_times()
@@ -161,10 +172,41 @@ class LiveLoop:
             return 1.0
         return min(1.0, max(0.0, (taken - self._rising) / self._pace.rise))
 
-    def _send(self, put: Put, instant: int, slot: int) -> bool:
-        """Send the current phases and store the frame's slot of the ring; return False if the units are silent."""
+    def _send_or_wait(self, put: Put, instant: int, slot: int) -> bool:
+        """Send the current phases, or keep them until it is time."""
+        if self._pace.ahead is None:
+            return self._send(put, instant, slot)
+        self._due.append((instant, self._phases.copy(), self._intensity, slot))
+        self._send_due(put)
+        return True
+
+    def _send_due(self, put: Put, *, every: bool = False) -> None:
+        """Send the frames whose time has come; with `every`, wait for the others."""
+        while self._due:
+            instant, phases, intensity, slot = self._due[0]
+            early = (instant - time.monotonic_ns() - self._ahead) / _NS - (self._pace.ahead or 0.0)
+            if early > 0:
+                if not every:
+                    return
+                time.sleep(early)
+            self._due.popleft()
+            self._send(put, instant, slot, phases, intensity)
+
+    def _send(
+        self,
+        put: Put,
+        instant: int,
+        slot: int,
+        phases: NDArray[np.uint8] | None = None,
+        intensity: int | None = None,
+    ) -> bool:
+        """Send phases, by default the current ones, and store the frame's slot; False if the units are silent."""
         try:
-            put(self._phases, self._intensity, instant)
+            put(
+                self._phases if phases is None else phases,
+                self._intensity if intensity is None else intensity,
+                instant,
+            )
         except SilentFramesError as silenced:
             self._resume(silenced)
             return False
@@ -181,6 +223,7 @@ class LiveLoop:
         if len(self._trips) > self._pace.trips:
             raise silenced
         self._array.resume()
+        self._due.clear()
         self._intensity, self._rising = 0, None
 
     def _write(self, taken: float, instant: int, flags: int) -> None:
@@ -226,6 +269,7 @@ class LiveLoop:
 
     def _fade(self, put: Put) -> None:
         """Fade to silence; the level rises again afterwards."""
+        self._send_due(put, every=True)
         loud, steps = self._intensity, max(1, round(self._pace.fade * _NS / self._period))
         soon = self._array.units.now() + round(self._pace.hold * _NS / 2)
         # After all frames that the units still hold.

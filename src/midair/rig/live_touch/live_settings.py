@@ -13,6 +13,17 @@ from midair.model import BAND, HEIGHT, HEIGHTS, Acoustics, Calibration, ControlG
 from midair.rig.playing import default_exposure
 from midair.validation import Declared, check_settings, documented, setting
 
+USUAL = 0.006
+"""Default delay of the inverse filter, in s."""
+LONGEST = 0.1
+"""Longest delay of the inverse filter, in s; the zero-phase inverse from 20 Hz on needs no more."""
+WINDOW = 0.02
+"""Time from sampling to emitting a frame with a latency, in s; computing may vary by it."""
+RISE = 0.4e-3
+"""Rise time of the transducers in s."""
+MOST, FASTEST = 4, 4000.0
+"""Most frames of the array for one of the sensor, and its highest frame rate in Hz."""
+
 LiveMapping = Literal["half-wave", "constant-offset", "slow-bias"]
 """Mappings that live touch supports."""
 
@@ -60,11 +71,24 @@ class LiveSettings(Declared):
         stored="hold_s",
     )
     delay: float = setting(
-        0.006,
+        USUAL,
         "Delay of the inverse sensor filter, 2 to 10 ms; shorter is less accurate.",
         unit="s",
         limits=(0.002, 0.01),
         stored="filter_delay_s",
+    )
+    latency: float | None = setting(
+        None,
+        "Total delay from skin to skin, from 130 ms on: slow bias, a more accurate filter, and --rate.",
+        unit="s",
+        limits=(0.13, 1.0),
+        stored="latency_s",
+    )
+    rate: float | None = setting(
+        None,
+        "Frames per second of the array with --latency, such as 4kHz. [default: 2kHz]",
+        unit="Hz",
+        stored="rate_hz",
     )
     mapping: LiveMapping = setting(
         "half-wave",
@@ -113,6 +137,12 @@ class LiveSettings(Declared):
 
     def __post_init__(self) -> None:
         check_settings(self)
+        if self.latency is None and self.rate is not None:
+            raise InputError(f"rate: expected --latency with it, got {self.rate:g} Hz alone: frames play as they come")
+        if self.latency is not None and self.listen is not None:
+            raise InputError("--latency: expected a sensor on this computer, got --listen; leave one of them out")
+        if self.latency is not None and self.offset is None:
+            object.__setattr__(self, "mapping", "slow-bias")
         if (self.mapping == "constant-offset") != (self.offset is not None):
             raise InputError(
                 "offset: expected a value in Pa for constant-offset and none for other mappings, got "
@@ -140,6 +170,33 @@ class LiveSettings(Declared):
     def grid(self) -> ControlGrid:
         """Control points on the palm."""
         return ControlGrid(height=self.height)
+
+    def frames_each(self, rate: float) -> int:
+        """Frames of the array for each of a sensor at `rate` in Hz; InputError if it is no whole number up to 4."""
+        wanted = 1.0 if self.latency is None else (self.rate or 2000.0) / rate
+        each = max(1, round(wanted))
+        if each > MOST or abs(each - wanted) > 1e-6 * each or each * rate > FASTEST:
+            raise InputError(
+                f"--rate: expected 1 to {MOST} times the sensor's {rate:g} Hz and at most {FASTEST:g} Hz, got "
+                f"{wanted * rate:g} Hz"
+            )
+        return each
+
+    def timing(self, mapped: float, interpolated: float) -> tuple[float, float]:
+        """Delay of the inverse filter, and the time from sampling to emitting a frame, in s.
+
+        `mapped` and `interpolated` are the delays of the mapping and of the interpolation. With a latency the filter
+        gets what is left of it, up to `LONGEST`, unless a delay is given; the rest is time for computing.
+        """
+        if self.latency is None:
+            return self.delay, self.hold
+        fixed = mapped + interpolated + RISE + self.height / self.acoustics.medium.speed
+        left = self.latency - fixed - WINDOW
+        delay = self.delay if self.delay != USUAL else min(left, LONGEST)
+        if delay < 0.002 or self.latency - fixed - delay < 0.002:
+            least = 1e3 * (fixed + WINDOW + 0.002)
+            raise InputError(f"--latency: expected at least {least:.0f} ms here, got {1e3 * self.latency:g} ms")
+        return delay, self.latency - fixed - delay
 
     def stored(self) -> dict[str, Any]:
         """Return the settings that the provenance of a take states."""

@@ -69,11 +69,15 @@ class LoopStarted:
     rehearsal: Rehearsal
     """Frames that were computed in real time before the start."""
     delay: float
-    """Delay of filter and mapping in s."""
+    """Delay of filter, mapping and interpolation in s."""
+    hold: float
+    """Delay from sampling a frame to emitting it, in s."""
     parts: tuple[tuple[float, float], ...]
     """Parts of the band in Hz."""
     error: tuple[float, ...]
     """Error of the causal inverse in each part; empty without one."""
+    usual: tuple[float, ...]
+    """The same without a latency."""
     silencer: str
     """How the units spread phase steps."""
     described: dict[str, str]
@@ -150,26 +154,27 @@ def _play(
     with sensor:
         check_rate(sensor)
         calibration = calibration_for(order, sensor)
-        with array_for(order, sensor.rate) as array:
+        rate = sensor.rate * order.frames_each(sensor.rate)
+        with array_for(order, rate) as array:
             if order.cooling_limit is not None:
                 array.cooling = Cooling(limit=order.cooling_limit, report=lambda text: told.send(LoopPaused(text=text)))
             array.participant = order.participant
-            admission = check_exposure_level(order.level, array, order.exposure, rate=sensor.rate)
+            admission = check_exposure_level(order.level, array, order.exposure, rate=rate)
             touch = Touch(order, calibration, sensor.grid, sensor.rate, array.array, admission.level)
             if source is not None:
                 touch.delay += source.delay
-            rehearsal = touch.rehearse(sensor.rate, order.hold)
+            rehearsal = touch.rehearse(rate, touch.hold)
             # The kernel stops real-time threads that filled a core for a second, as this start does, for 50 ms.
             for _ in range(2):
                 if rehearsal.late:
-                    rehearsal = touch.rehearse(sensor.rate, order.hold)
+                    rehearsal = touch.rehearse(rate, touch.hold)
             told.send(_loop_started(sensor, calibration, array, admission, touch, granted, rehearsal))
             loop = LiveLoop(
                 sensor,
                 touch,
                 array,
                 ring,
-                pace=Pace(hold=order.hold),
+                pace=Pace(hold=touch.hold, ahead=None if order.latency is None else array.hold),
                 strongest=admission.strongest,
                 level=lambda: permit.level,
                 check=_lease_check(permit, leave, array.name),
@@ -248,10 +253,12 @@ def calibration_for(order: LiveSettings, sensor: StreamedSensor) -> Calibration 
 def array_for(order: LiveSettings, rate: float) -> ImmediateArray:
     """Make the array, not yet open; UnknownDeviceError if it does not support single frames."""
     kind, _, where = order.device.partition(":")
+    # A unit queues seven frames.
+    hold = order.hold if order.latency is None else min(order.hold, 6 / rate)
     if order.device == "virtual":
-        return virtual_immediate(order.placement, hold=order.hold)
+        return virtual_immediate(order.placement, hold=hold)
     if kind == "autd3":
-        return autd3_immediate(where or "auto", order.placement, silencer=order.silencer, rate=rate, hold=order.hold)
+        return autd3_immediate(where or "auto", order.placement, silencer=order.silencer, rate=rate, hold=hold)
     raise UnknownDeviceError(
         "live: expected virtual, autd3, autd3:INTERFACE or autd3:emulator, which support single frames with their "
         f"instant, got {order.device!r}; use midair play for recordings on other arrays"
@@ -281,8 +288,10 @@ def _loop_started(
         granted=granted,
         rehearsal=rehearsal,
         delay=touch.delay,
+        hold=touch.hold,
         parts=() if touch.error is None else tuple(touch.parts),
         error=() if touch.error is None else tuple(float(each) for each in touch.error),
+        usual=() if touch.usual is None else tuple(float(each) for each in touch.usual),
         silencer=str(array.silencer),
         described=array.describe(),
     )

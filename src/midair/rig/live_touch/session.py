@@ -13,9 +13,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import DeviceError, DeviceStateError
+from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.model import Placement
-from midair.rig.live_touch.live_settings import LiveSettings
+from midair.rig.live_touch.live_settings import RISE, LiveSettings
 from midair.rig.live_touch.live_take import LiveTake
 from midair.rig.live_touch.process import LoopEnded, LoopPaused, LoopStarted, play_live
 from midair.rig.live_touch.timing import SensorRate, measured_rate
@@ -24,9 +24,6 @@ from midair.rig.play_lease import LeaseToken, PlayLease
 
 CHANNELS = 64
 """Maximum number of channels of a live sensor."""
-
-RISE = 0.4e-3
-"""Rise time of the transducers in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,6 +123,10 @@ class LiveSession:
         slots: int = 8192,
         report: Callable[[str], object] | None = None,
     ) -> None:
+        if keep is not None and order.latency is not None:
+            raise InputError(
+                "--keep: expected no --latency, whose frames are more than the sensor's; leave out one of them"
+            )
         self._report = report
         self.order, self._keep, self._notes = order, keep, notes or {}
         units = (order.placement or Placement.grid()).array().count
@@ -162,7 +163,7 @@ class LiveSession:
         parts = {
             "filter": opened.delay - sum(among.values()),
             **among,
-            "hold": order.hold,
+            "hold": opened.hold,
             "rise and air": RISE + order.height / order.acoustics.medium.speed,
         }
         return LiveStatistics(

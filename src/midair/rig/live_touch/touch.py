@@ -11,11 +11,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.calibration import CausalInverse, causal_error
+from midair.calibration import CausalInverse, causal_error, causal_fir
 from midair.dsp import band_edges, check_band
 from midair.model import BAND, Calibration, ControlGrid, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import focus_amplitude, sound_amplitude
-from midair.rig.live_touch.live_settings import LiveSettings
+from midair.rig.live_touch.live_settings import USUAL, LiveSettings
 from midair.solvers import FrameTracker, Live, multi_plane_problem, symmetric_modes
 from midair.targets import MappingStream, decouple, interpolation_matrix
 
@@ -46,6 +46,10 @@ class Rehearsal:
         return f"{self.late} of {self.frames} frames late, longest {1e3 * self.longest:.3g} ms: {said}"
 
 
+REACH = 8
+"""Frames of the sensor on either side that the interpolation between two of them uses."""
+
+
 class Touch:
     """One stream of touch: `feel` a frame, then `form` its phases.
 
@@ -71,20 +75,25 @@ class Touch:
         self.settings, grid = settings, grid or settings.grid
         self._inverse: CausalInverse | None = None
         self.error: Array | None = None
+        self.usual: Array | None = None
+        self.frames_each = settings.frames_each(rate)
+        self._mapping = MappingStream(settings.mapping, rate, offset=settings.offset, band=settings.band)
+        self._between_frames = _interpolation(self.frames_each)
+        self._recent = np.zeros((self._between_frames.shape[1], sensor.count))
+        interpolated = 0.0 if self.frames_each == 1 else REACH / rate
+        delay, self.hold = settings.timing(self._mapping.delay / rate, interpolated)
         if calibration is not None:
             band = check_band(settings.band, rate)
-            self._inverse = CausalInverse(calibration, rate, band=band, delay=settings.delay)
+            self._inverse = CausalInverse(calibration, rate, band=band, delay=delay)
             self.parts = tuple((low, high) for low, high in _parts_in_band(self.parts, band))
-            self.error = causal_error(
-                self._inverse.fir,
-                calibration,
-                rate,
-                band,
-                delay=settings.delay,
-                parts=self.parts,
-                edges=band_edges(band, rate),
-            )
-        self._mapping = MappingStream(settings.mapping, rate, offset=settings.offset, band=settings.band)
+
+            def error(fir: Array, delay: float) -> Array:
+                edges = band_edges(band, rate)
+                return causal_error(fir, calibration, rate, band, delay=delay, parts=self.parts, edges=edges)
+
+            self.error = self.usual = error(self._inverse.fir, delay)
+            if settings.latency is not None:
+                self.usual = error(causal_fir(calibration, rate, band, delay=USUAL), USUAL)
         medium = settings.acoustics.medium
         focus = focus_amplitude(grid, array, acoustics=settings.acoustics)
         # Sound amplitude of 1 Pa relative to the focus: amplitude is proportional to the square root of pressure.
@@ -99,7 +108,7 @@ class Touch:
         self.pressure, self._pushes = np.zeros(sensor.count), np.zeros(sensor.count)
         self._wanted, self._steps = np.zeros(grid.count), np.zeros(array.count)
         self._whole, self.phases = np.zeros(array.count, np.int16), np.zeros(array.count, np.uint8)
-        self.delay = (settings.delay if self._inverse is not None else 0.0) + self._mapping.delay / rate
+        self.delay = (delay if self._inverse is not None else 0.0) + self._mapping.delay / rate + interpolated
         self._slow = self._mapping.delay > 0
 
     def feel(self, frame: Array) -> None:
@@ -109,8 +118,22 @@ class Touch:
         else:
             self._inverse.step(frame, self.pressure)
 
-    def form(self, *, hurried: bool = False) -> bool:
-        """Compute the phases of the last frame, in half the time if `hurried`; return False for a silent frame."""
+    def form(self, *, hurried: bool = False, part: int = 0) -> bool:
+        """Compute the phases of the last frame, in half the time if `hurried`; return False for a silent frame.
+
+        The parts of a frame, up to `frames_each`, follow one another; part 0 must come first.
+        """
+        if part == 0:
+            self._lift()
+        np.dot(self._between_frames[part], self._recent, out=self._pushes)
+        np.maximum(self._pushes, 0.0, out=self._pushes)
+        if self._pushes.max() <= self.settings.faintest:
+            return False
+        self._solve(hurried=hurried)
+        return True
+
+    def _lift(self) -> None:
+        """Map the pressure of the last frame, and keep it for the interpolation."""
         np.dot(self._apart, self.pressure, out=self._pushes)
         self._pushes *= self.settings.gain
         if self._slow:
@@ -118,11 +141,8 @@ class Touch:
             self._pushes[:] = ready[0] if len(ready) else 0.0
         elif self.settings.offset is not None:
             self._pushes += self.settings.offset
-        np.maximum(self._pushes, 0.0, out=self._pushes)
-        if self._pushes.max() <= self.settings.faintest:
-            return False
-        self._solve(hurried=hurried)
-        return True
+        self._recent[:-1] = self._recent[1:]
+        self._recent[-1] = self._pushes
 
     def rehearse(self, rate: float, hold: float, *, frames: int = 400) -> Rehearsal:
         """Compute phases of random pressure in real time, as the loop will; the state of the stream stays."""
@@ -156,6 +176,16 @@ class Touch:
     def wanted(self) -> Array:
         """Target of `form` at the control points, shape (point,), relative to a focus of the whole array."""
         return self._wanted
+
+
+def _interpolation(each: int) -> Array:
+    """Weights of the last frames for each part of a frame, (part, frame), by a sinc with a Kaiser window."""
+    if each == 1:
+        return np.ones((1, 1))
+    # The newest frame is `REACH` frames after the one that part 0 reproduces.
+    apart = np.arange(2 * REACH + 1) - REACH - np.arange(each)[:, None] / each
+    weights = np.sinc(apart) * np.i0(6 * np.sqrt(np.maximum(0, 1 - (apart / (REACH + 1)) ** 2)))
+    return np.ascontiguousarray(weights / weights.sum(axis=1, keepdims=True))
 
 
 def _parts_in_band(parts: tuple[tuple[float, float], ...], band: tuple[float, float]) -> list[tuple[float, float]]:
