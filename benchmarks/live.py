@@ -344,10 +344,10 @@ def fidelity() -> None:
     from midair.rig.live_touch import LiveSettings
 
     array, grid = TransducerArray.autd3(), ControlGrid()
-    modes = {"13 ms": {}, "200 ms, 1 kHz": {"rate": 1000.0}, "200 ms, 2 kHz": {}, "200 ms, 4 kHz": {"rate": 4000.0}}
+    modes = {"13 ms": {}} | {f"200 ms, {rate} kHz": {"latency": 0.2, "rate": 1e3 * rate} for rate in (1, 2, 4)}
     print("\nsignal-to-distortion ratio on a cell, 20-470 Hz, dB, simulated; CPU ms for 1 ms of touch")
     for name, more in modes.items():
-        settings = LiveSettings(**({} if name == "13 ms" else {"latency": 0.2} | more))
+        settings = LiveSettings(**more)
         ratios, took = zip(*(_fidelity(thing, settings, array, grid) for thing in THINGS), strict=True)
         told = ", ".join(f"{thing} {each:.1f}" for thing, each in zip(THINGS, ratios, strict=True))
         print(f"  {name:14}{told}; {1e3 * np.mean(took):.2f} ms", flush=True)

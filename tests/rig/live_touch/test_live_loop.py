@@ -222,7 +222,7 @@ def test_late_and_lost_frames_are_counted_by_second_and_the_rate_is_measured():
 
 
 def test_frames_between_two_of_the_sensor_wait_for_their_time_and_are_evenly_spaced():
-    chosen = LiveSettings(latency=0.2, mapping="constant-offset", offset=1.0)
+    chosen = LiveSettings(latency=0.2, rate=2000.0, mapping="constant-offset", offset=1.0)
     units = VirtualUnits(kept=10_000)
     _, ring, frames, _ = ran(Script(steady(80)), duration=0.08, settings=chosen, ahead=0.003, units=units)
     instants = np.array([instant for _, intensity, instant in frames if intensity])

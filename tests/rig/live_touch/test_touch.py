@@ -117,13 +117,14 @@ def test_a_rehearsal_counts_late_frames_and_leaves_the_stream_as_it_was():
 
 
 def test_a_latency_is_the_sum_of_its_parts_and_buys_a_better_filter():
-    live = touch(latency=0.2)
+    live = touch(latency=0.2, rate=2000.0)
     assert live.delay + live.hold + 0.4e-3 + 0.2 / live.settings.acoustics.medium.speed == pytest.approx(0.2)
     assert live.hold == pytest.approx(0.02)
     assert live.frames_each == 2
     assert (live.error < 0.25 * live.usual).all()
     np.testing.assert_allclose(live.usual, touch().error)
-    kept = touch(latency=0.2, delay=0.004)
+    assert touch(latency=0.2).frames_each == 1
+    kept = touch(latency=0.2, rate=2000.0, delay=0.004)
     assert kept._inverse.delay == 0.004
     assert kept.delay + kept.hold == pytest.approx(live.delay + live.hold)
     with pytest.raises(InputError, match="expected at least"):

@@ -79,14 +79,14 @@ class LiveSettings(Declared):
     )
     latency: float | None = setting(
         None,
-        "Total delay from skin to skin, from 130 ms on: slow bias, a more accurate filter, and --rate.",
+        "Total delay from skin to skin, from 130 ms on, for a slow bias and a more accurate filter. [default: 13 ms]",
         unit="s",
         limits=(0.13, 1.0),
         stored="latency_s",
     )
     rate: float | None = setting(
         None,
-        "Frames per second of the array with --latency, such as 4kHz. [default: 2kHz]",
+        "Frames per second of the array with --latency, such as 2kHz or 4kHz. [default: the sensor's]",
         unit="Hz",
         stored="rate_hz",
     )
@@ -173,7 +173,7 @@ class LiveSettings(Declared):
 
     def frames_each(self, rate: float) -> int:
         """Frames of the array for each of a sensor at `rate` in Hz; InputError if it is no whole number up to 4."""
-        wanted = 1.0 if self.latency is None else (self.rate or 2000.0) / rate
+        wanted = 1.0 if self.latency is None else (self.rate or rate) / rate
         each = max(1, round(wanted))
         if each > MOST or abs(each - wanted) > 1e-6 * each or each * rate > FASTEST:
             raise InputError(
