@@ -24,10 +24,8 @@ from benchmarks.yardstick import plain
 from midair.datasets import sample, stroke
 from midair.dsp import resample
 from midair.model import Calibration, PressureFrames, Provenance, SensorGrid
-from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
 from midair.physics import focus_amplitude, transfer_matrix
 from midair.pipeline import calibrated_pressure, required_lead, resample_pressure, target_amplitude
-from midair.rig import BudgetPlan, error_budget
 from midair.settings import Settings, best_mode, paper_mode
 from midair.solvers import Fast, Glide, Guard, Live, Problem, Windows, error_of, one_blas_thread, spreading_phase
 from midair.solvers.backend import backend
@@ -166,6 +164,10 @@ def best(seconds: float) -> None:
 
 def skin() -> None:
     """Signal to distortion on the skin from the error budget, for the signals of the fidelity table."""
+    # `benchmarks.gpu` imports this file on machines without the packages that these need.
+    from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
+    from midair.rig import BudgetPlan, error_budget
+
     plan = FidelityPlan()
     before = best_mode().but(
         method="fast", fit="points", smooth=0.2, guard=Guard(margin=25e-3, pitch=6e-3, ceiling=0.6)
