@@ -15,7 +15,7 @@ COVER_ALL := $(if $(COVERAGE),--cov --cov-append --cov-report=term:skip-covered)
 LONG := -m "long and not slow"
 
 .PHONY: demo test coverage test-kernels test-long test-slow test-browser test-again test-long-again test-browser-again
-.PHONY: check bench bench-gpu docs figures links format clean
+.PHONY: check bench bench-gpu docs figures links format release clean
 
 $(VENV)/run: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -106,9 +106,20 @@ bench-gpu: .gpu/array_api_compat
 figures: $(VENV)/dev
 	$(BIN)/python -m tests.regression $(if $(WRITE),--write $(WRITE)) $(if $(AGAINST),--against $(AGAINST))
 
+# Build and check a release in a clone: make release, or make release VERSION=0.2.0 to commit and tag a new version.
+.release/ready: packaging/tools.txt constraints.txt
+	$(PYTHON) -m venv .release
+	.release/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
+	  --requirement packaging/tools.txt hatchling jsonschema ruamel.yaml
+	.release/bin/python -m pip install --quiet --disable-pip-version-check --no-deps cffconvert==2.0.0
+	touch $@
+
+release: .release/ready
+	.release/bin/python packaging/release.py --tools .release/bin $(if $(VERSION),--version $(VERSION))
+
 format: $(VENV)/dev
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
 clean:
-	rm -rf $(VENV) .gpu demo docs/_build docs/gallery docs/reference .coverage* .hypothesis .pytest_cache .ruff_cache
+	rm -rf $(VENV) .gpu .release dist demo docs/_build docs/gallery docs/reference .coverage* .hypothesis .pytest_cache .ruff_cache
