@@ -466,3 +466,20 @@ def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(
     page.until("studio.link.state.player.emitting")
     page.page.locator("#exposure .stop").click()
     page.until("studio.link.state.player.said.includes('stopped on request')")
+
+
+def test_a_take_that_is_not_solved_plays_at_once_in_the_settings_of_the_form(studio_at, look):
+    page = look(studio_at())
+    page.until("(studio.link.state.takes ?? []).some((take) => take.name === 'sample:brush')", timeout=120)
+    page.go("#reproduce/sample:brush")
+    page.until("studio.room?.take?.name === 'sample:brush'", timeout=60)
+    for label, value in (("Mode", "paper"), ("Solver", "live")):
+        page.page.get_by_label(label, exact=True).select_option(value)
+    page.page.get_by_role("button", name="Play on array").click()
+    page.until("!document.querySelector('#hold').disabled", timeout=120)
+    assert "On a real array" in page.page.locator("#exposure p").first.inner_text()
+    assert page.page.locator("#loop-gain").is_visible()
+    page.hold_to_play()
+    page.until("studio.link.state.player.said === 'played to its end'", timeout=120)
+    assert not page.page.evaluate("studio.link.state.takes.find((take) => take.name === 'sample:brush').solved")
+    assert page.wrong == []
