@@ -187,7 +187,7 @@ def click() -> None:
                             permit.stop()
                             return
 
-                thread = threading.Thread(target=watch)
+                thread = threading.Thread(target=watch, daemon=True)
                 thread.start()
                 with suppress(midair.errors.MidairError):
                     player.act(order)
