@@ -99,20 +99,18 @@ WITH = {
     "cells": by_cells,
     "windows": by_windows,
     "smooth": smoothed,
-    "robust": lambda problem: in_two_airs(smoothed(guarded(problem))),
+    "robust": in_two_airs,
     "amplitudes": doubled,
     "all": lambda problem: doubled(smoothed(by_cells(guarded(problem)))),
+    "all, robust": lambda problem: doubled(in_two_airs(smoothed(guarded(problem)))),
 }
 """Functions that add a term to a problem."""
 
-TERMS = WITH.keys() - {"all", "windows"}
+POINTS = {"guard", "smooth", "amplitudes"}
+NEEDED = {"windows": {"cells"}, "all": POINTS | {"cells"}, "all, robust": POINTS | {"robust"}}
+"""Terms that a method needs for those that are not terms themselves."""
 
-TAKEN = [
-    (method, term)
-    for method in METHODS
-    for term in WITH
-    if {"windows": {"cells"}, "all": TERMS}.get(term, {term}) <= takes(method)
-]
+TAKEN = [(method, term) for method in METHODS for term in WITH if NEEDED.get(term, {term}) <= takes(method)]
 
 
 @pytest.fixture(scope="module", params=list(METHODS), ids=str)

@@ -37,7 +37,7 @@ class Free:
 
     iterations: int = 60
     """Iterations of a frame that is solved from scratch."""
-    between: int = 10
+    between: int = 12
     """Iterations of a frame that starts at the mean of two solved frames around it."""
     every: int = 16
     """Distance in frames between frames that are solved from scratch."""
