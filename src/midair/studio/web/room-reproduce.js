@@ -11,7 +11,7 @@ import { drift, warningBox } from "/web/warnings.js";
 
 const MAPPINGS = [["", "of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"]];
 const METHODS = [["", "of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
-const MODES = [["best", "best"], ["finest", "finest, slow"], ["quick", "quick"], ["paper", "paper"], ["quiet", "quiet at the ears"]];
+const MODES = [["best", "best"], ["finest", "finest, slow"], ["quick", "quick"], ["paper", "paper"], ["quiet", "quiet ears"]];
 const HEIGHTS = [["", "of the mode"], ["150", "150 mm"], ["180", "180 mm"], ["200", "200 mm"], ["230", "230 mm"]];
 const EARS = [["", "of the mode"], ["110", "110 dB"], ["115", "115 dB"], ["120", "120 dB"], ["125", "125 dB"], ["130", "130 dB"]];
 const LEVELS = [["", "of the mode"], ["auto", "auto"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]];
