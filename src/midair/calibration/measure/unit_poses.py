@@ -73,8 +73,9 @@ def fit_units(fit: GroupFit, nominal: TransducerArray, pose: Array, *, synchrono
     for group, slope in enumerate(fit.slopes):
         noise, rest = fit.noise[group], fit.residual(group)
         moved = np.column_stack([columns_of_units(fit, group, aims, mean), _shared_columns(fit, group, soft)])
-        cross, pull = slope.jacobian.T @ moved / noise, fit.unknowns(group) / fit.belief(group) ** 2
-        solved = slope.covariance @ np.column_stack([cross, slope.jacobian.T @ rest / noise - pull])
+        cross = slope.jacobian.T @ moved / noise
+        # Without the pull of the prior on the responses: what the phases have in common counts above, by its scatter.
+        solved = slope.covariance @ np.column_stack([cross, slope.jacobian.T @ rest / noise])
         # A remainder above the noise is no information on the units.
         share = min(1.0, noise / float(np.square(rest).mean()))
         information += share * (moved.T @ moved / noise - cross.T @ solved[:, :-1])
