@@ -1,8 +1,7 @@
-"""Summaries of every data class: short, with units, without array values; and its picture."""
+"""Summaries of every data class: short, with units, without array values."""
 
 import re
 from dataclasses import is_dataclass, replace
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -39,7 +38,6 @@ from midair.model import (
 )
 from midair.model.reprs import clipped, clipped_list, counted, frames_and_duration, short, span
 
-SVG = "{http://www.w3.org/2000/svg}"
 LONG = "<b>" + "a very long name " * 40 + "\n</b>"
 RNG = np.random.default_rng(4)
 
@@ -255,7 +253,6 @@ EXTREME = {
 """Objects with the longest, emptiest or most constant data."""
 
 NOUNS = ORDINARY | EXTREME
-PICTURED = {name: noun for name, noun in NOUNS.items() if hasattr(noun, "_repr_html_")}
 
 
 def test_the_table_has_every_data_class():
@@ -288,7 +285,7 @@ def test_simulated_data_are_marked(name):
 
 def test_data_that_are_not_simulated_are_not_marked():
     one = replace(ORDINARY["Recording"], provenance=Provenance(source="lsl:Skin"))
-    assert "SIMULATED" not in repr(one) + one._repr_html_()
+    assert "SIMULATED" not in repr(one)
 
 
 def test_a_solution_counts_its_silent_frames_and_leaves_them_out_of_e():
@@ -297,42 +294,6 @@ def test_a_solution_counts_its_silent_frames_and_leaves_them_out_of_e():
     assert "3 frames, E mean 15 %, worst 20 %, 1 silent, of <Drive" in repr(some)
     assert some.plays.tolist() == [False, True, True]
     assert "1 frame, 1 silent, of <Drive" in repr(EXTREME["solution that is silent"])
-    assert "no frame sounds" in EXTREME["solution that is silent"]._repr_html_()
-
-
-def test_a_picture_exists_for_data_with_frames():
-    wanted = {"Recording", "PressureFrames", "AmplitudeFrames", "Drive", "Solution", "Calibration", "TransducerArray"}
-    assert {type(noun).__name__ for noun in PICTURED.values()} == wanted
-
-
-@pytest.mark.parametrize("name", PICTURED)
-def test_a_picture_is_small_and_whole(name):
-    text = PICTURED[name]._repr_html_()
-    assert len(text) < 20_000
-    picture = ElementTree.fromstring(text).find(SVG + "svg")
-    assert picture.get("width") == "360"
-    numbers = re.findall(r"nan|inf", "".join(path.get("d") for path in picture.iter(SVG + "path")))
-    assert numbers == []
-
-
-@pytest.mark.parametrize("name", PICTURED)
-def test_a_picture_has_a_caption_with_units_and_the_repr(name):
-    noun = PICTURED[name]
-    caption = ElementTree.fromstring(noun._repr_html_()).find("figcaption")
-    assert caption.find("span").text == repr(noun)
-    assert re.search(r" in (V|Pa|count|%|rad|mm|V/Pa)\b|in %|in mm|No frame sounds", caption.text)
-    assert caption.text.endswith(", SIMULATED") == ("SIMULATED" in repr(noun))
-
-
-def test_names_are_escaped():
-    text = EXTREME["recording of one frame, one cell"]._repr_html_()
-    assert "&lt;b&gt;a very" in text
-    assert "<b>" not in text
-
-
-def test_the_phase_of_a_drive_is_of_the_first_frame_that_sounds():
-    drive = Drive(phase=np.zeros((4, 3)), level=np.array([0.0, 0, 0.5, 1]), rate=100.0, array=FEW)
-    assert "first frame that sounds, at 0.02 s" in drive._repr_html_()
 
 
 def test_long_names_keep_both_ends():
