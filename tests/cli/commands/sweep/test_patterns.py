@@ -45,7 +45,7 @@ def test_from_patterns_to_a_report(capsys, one_line):
 @pytest.mark.parametrize(
     ("words", "medium"),
     [
-        ("", Medium(attenuation=0.0)),
+        pytest.param("", Medium(attenuation=0.0), marks=pytest.mark.long),
         pytest.param("--attenuation 0.1", Medium(attenuation=0.1), marks=pytest.mark.slow),
         pytest.param(
             "--temperature 25C --humidity 30%", Medium.at(temperature=25.0, humidity=0.3), marks=pytest.mark.slow
