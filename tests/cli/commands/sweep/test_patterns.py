@@ -82,11 +82,6 @@ def test_wrong_usage_is_one_line_and_leaves_nothing(one_line, wrong, status, wor
     assert not Path("s.zarr").exists()
 
 
-def test_a_report_of_nothing_is_one_line(one_line):
-    assert run(["sweep", "report", "none.zarr"]) == 1
-    assert "midair sweep patterns" in one_line()
-
-
 @pytest.mark.slow
 def test_ctrl_c_is_one_line_and_results_are_kept():
     """A terminal sends it to every process of the command."""
@@ -153,8 +148,3 @@ def test_a_wrong_variation_is_one_line_and_leaves_nothing(take, capsys, one_line
     assert run(["sweep", "recordings", "r.zarr", take, *wrong]) == 1
     assert word in one_line()
     assert not Path("r.zarr").exists()
-
-
-def test_a_sweep_of_no_recordings_is_one_line(one_line):
-    assert run(["sweep", "recordings", "r.zarr"]) == 1
-    assert "expected recordings" in one_line()
