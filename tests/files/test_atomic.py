@@ -122,6 +122,7 @@ for begin in (writable_path, lambda path: atomic_file(path).__enter__()):
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("unshare") is None, reason="needs a system that lends a disk to a test")
 def test_a_disk_that_takes_nothing_is_named(tmp_path):
     words = ["unshare", "-rm", "sh", "-c", READ_ONLY, "sh", str(tmp_path), sys.executable]

@@ -182,6 +182,7 @@ def test_a_failed_presentation_is_logged_and_repeated_before_the_question(plan, 
     assert replay(events, plan, 1).next_trial == len(names)
 
 
+@pytest.mark.long
 def test_repeated_failures_end_a_session_that_can_be_resumed(plan, tmp_path):
     with pytest.raises(SilentFramesError, match=r"trial 3: the array failed 3 times.*frames 5 to 9"):  # noqa: SIM117
         with session(plan, tmp_path / "log.jsonl", Faulty(silent=(2, 3, 4))) as one:
@@ -226,6 +227,7 @@ def test_policies_discard_answers_but_keep_them_in_the_log(plan, tmp_path, polic
     assert [event["policy"] for event in events if event["event"] == "resume"] == [policy]
 
 
+@pytest.mark.long
 def test_an_interrupted_session_gives_the_same_answers(plan, tmp_path):
     interrupted(plan, tmp_path / "a.jsonl", after=21)
     for name in ("a", "b"):
