@@ -159,7 +159,7 @@ class _Player:
         if self.device != "virtual" and self.array is None:
             self._open()
         array: Any = self.array if self.device != "virtual" else self._virtual(drive, room).array
-        profile = profile_named(order["profile"])
+        profile = profile_named(order["profile"]).behind(order.get("protection", 0.0))
         choices = ExposureChoices(
             profile=profile, attenuate=order["attenuate"], override=order["override"] or None, room=room
         )
