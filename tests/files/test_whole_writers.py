@@ -22,8 +22,7 @@ ON_THEIR_OWN = {
 
 
 @pytest.fixture(
-    scope="module",
-    params=[pytest.param("quick", marks=pytest.mark.long), pytest.param("", marks=pytest.mark.slow)],
+    scope="module", params=[pytest.param("quick", marks=pytest.mark.long), pytest.param("", marks=pytest.mark.slow)]
 )
 def stopped(request, tmp_path_factory):
     """Files left by each writer, by the way it was stopped."""
