@@ -50,10 +50,10 @@ def focus(frames=600, rate=1000.0) -> Drive:
     return Drive(phase=phase, level=np.full(frames, 0.5), rate=rate, array=ARRAY, acoustics=AIR)
 
 
-def followed(path: PalmPath, folder, *, latency=0.0, drive=None, **options) -> tuple[Drive, list[str]]:
+def followed(path: PalmPath, folder, *, latency=0.0, freeze=0.0, drive=None, **options) -> tuple[Drive, list[str]]:
     file, lines = folder / "hand.csv", []
     save_palm_path(path, file)
-    name = tracker_name(f"replay:{file}", latency)
+    name = tracker_name(f"replay:{file}?freeze={freeze}", latency)
     return follow_simulated(drive or focus(), name, GRID, report=lines.append, **options), lines
 
 
@@ -95,11 +95,12 @@ FAR = CENTRE + np.clip(np.arange(60) - 20, 0, 20)[:, None] * [4e-3, 0, 0]
         (palm(CENTRE, confidence=np.where(np.arange(60) < 25, 1.0, 0.2)), (0.28, 0.58), "confidence 0.20"),
         (palm(CENTRE[:25]), (0.38, 0.58), "no pose for 100 ms"),
         (palm(CENTRE, tilt=0.4), (0.0, 0.58), "left the box"),
+        (palm(CENTRE + np.minimum(np.arange(60), 20)[:, None] * [1e-3, 0, 0]), (0.33, 0.58), "not changed for 100 ms"),
     ],
-    ids=["leaves the box", "low confidence", "tracker dies", "tilted"],
+    ids=["leaves the box", "low confidence", "tracker dies", "tilted", "freezes"],
 )
 def test_it_is_silent_when_the_palm_is_not_sure(path, silent, reason, tmp_path) -> None:
-    steered, lines = followed(path, tmp_path)
+    steered, lines = followed(path, tmp_path, freeze=0.1 if "changed" in reason else 0.0)
     begin, end = (round(1000 * each) for each in silent)
     assert steered.level[begin:end].max() == 0
     assert steered.level[max(begin - 120, 0) : max(begin - 60, 0)].max(initial=0.5) == 0.5

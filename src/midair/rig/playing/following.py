@@ -41,7 +41,7 @@ class FollowRules:
     """Lowest confidence of the tracker."""
     patience: float = 0.1
     """Longest time since the newest pose, in s."""
-    fade: float = 0.01
+    fade: float = 0.007
     """Time in s over which sound fades, and rises again."""
     block: float = 4e-3
     """Time in s for which frames are steered at once; phases are linear within it."""
@@ -73,7 +73,7 @@ class Follower:
         self._predictor = predictor or PosePredictor()
         self._aims = aims_of(drive, grid)
         self.newest, self._confidence = -np.inf, 0.0
-        self._gain, self._audible = 0.0, False
+        self._gain, self._audible, self._inside = 0.0, False, False
         self._pose: PalmPath | None = None
         self._phase = np.zeros(drive.array.count)
         self._columns = np.ascontiguousarray(drive.array.position.T)
@@ -116,6 +116,8 @@ class Follower:
         new = self._tracker.poses(self.newest)
         if new is not None:
             self._predictor.add(new)
+            # The prediction is smooth, and follows a hand that leaves only after some time.
+            self._inside = bool(self.rules.box.inside(new, self.solved)[-1])
             self.newest, self._confidence = float(new.time[-1]), float(new.confidence[-1])
         for line in self._tracker.events():
             self._report(line)
@@ -123,7 +125,7 @@ class Follower:
 
     def _follows(self, pose: PalmPath, at: float) -> bool:
         sure = self._confidence >= self.rules.confidence and at - self.newest <= self.rules.patience
-        return sure and bool(self.rules.box.inside(pose, self.solved)[0])
+        return sure and self._inside and not self._tracker.frozen and bool(self.rules.box.inside(pose, self.solved)[0])
 
     def _gains(self, count: int) -> Array:
         """Gain of each frame, 0 to 1."""
@@ -135,6 +137,8 @@ class Follower:
     def _reason(self, now: float) -> str:
         if now - self.newest > self.rules.patience:
             return f"no pose for {1e3 * self.rules.patience:.0f} ms, silent"
+        if self._tracker.frozen:
+            return f"the pose has not changed for {1e3 * self._tracker.options.freeze:.0f} ms, silent"
         if self._confidence < self.rules.confidence:
             return f"confidence {self._confidence:.2f} of the pose, silent below {self.rules.confidence:g}"
         return "the palm left the box of admitted poses, silent"
@@ -284,7 +288,11 @@ def play_followed(
         first = -(-(units.now() + round(settings.delay * 1e9) + 50_000_000) // period) * period
         offset = units.now() - time.monotonic_ns()
         tracker.begin((first - offset) * 1e-9)
-        begin = 0
+        # Without a frame every 50 ms the units' failsafe acts.
+        quiet, begin = np.zeros((array.placement.units, array.array.count // array.placement.units), np.uint8), 0
+        while first - units.now() > 4 * ahead:
+            put(quiet, 0, units.now() + ahead)
+            time.sleep(0.01)
         while begin < total:
             at = begin % drive.frames
             numbers = begin + np.arange(min(block, drive.frames - at))
