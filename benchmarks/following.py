@@ -10,9 +10,8 @@ steered to it, at 1 kHz.
 from __future__ import annotations
 
 import argparse
-import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -21,6 +20,7 @@ from autd3.commands import Pattern
 from autd3_pattern import PhaseBuffer
 from numpy.typing import NDArray
 from tests.devices.trackers.test_tracker_contract import Leap, Osc
+from tests.simulators.moving_hand import SOLVED, Fault, Hand, palm
 from tests.simulators.udp_proxy import UdpProxy
 
 from benchmarks.clock import load
@@ -30,16 +30,14 @@ from midair.devices.arrays import Silencer
 from midair.devices.arrays.autd3_emulator import Autd3Firmware
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Acoustics, ControlGrid, Drive, PalmPath, Placement
-from midair.physics import focus_phase, middle_of
+from midair.physics import focus_phase
 from midair.rig import PlaySettings, open_tracker
 from midair.rig.playing import clear_followed, play_followed
 
 Values = NDArray[np.float64]
-Fault = Callable[[Values, float, float], "tuple[Values, float, float] | None"]
 GRID = ControlGrid(rows=4, columns=4, pitch=5e-3)
-SOLVED = middle_of(GRID)
-BEGIN, LAST = 0.5, 0.4
-"""Time of the fault after the first frame, and its duration, in s."""
+BEGIN = 0.5
+"""Time of the fault after the first frame, in s."""
 
 
 def away(metres: float) -> Fault:
@@ -59,53 +57,11 @@ FAULTS: Mapping[str, Fault] = {
 }
 
 
-def palm(at: float) -> Values:
-    """A palm that sways by 10 mm once a second."""
-    centre = SOLVED + np.array([0.01 * np.sin(2 * np.pi * at), 0.005 * np.cos(2 * np.pi * at), 0])
-    return np.array([*centre, 0, 0, -1, 0, 1, 0])
-
-
 def focus(frames: int) -> Drive:
     """A still focus at 1 kHz."""
     array = Placement.grid().array()
     phase = np.broadcast_to(focus_phase(array, SOLVED, acoustics=Acoustics()), (frames, array.count))
     return Drive(phase=phase, level=np.full(frames, 0.5), rate=1000.0, array=array, acoustics=Acoustics())
-
-
-class Hand:
-    """Sends the palm 100 times a second, with a fault from a time on."""
-
-    def __init__(self, sender: Leap | Osc, fault: Fault, *, dies: bool = False) -> None:
-        self._sender, self._fault, self._dies = sender, fault, dies
-        self._ends, self.wrong_at = threading.Event(), np.inf
-        self.wrong, self.right = np.inf, np.inf
-        self._thread = threading.Thread(target=self._run, daemon=True)
-
-    def __enter__(self) -> Hand:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._ends.set()
-        self._thread.join()
-
-    def _run(self) -> None:
-        last = np.inf
-        while not self._ends.wait(0.01):
-            stamp = time.monotonic()
-            since = stamp - self.wrong_at
-            if since >= 0 and self._dies:
-                self.wrong = last
-                self._sender.die()
-                return
-            told = self._fault(palm(stamp), stamp, since) if 0 <= since < LAST else (palm(stamp), stamp, 1.0)
-            if since >= 0:
-                self.wrong = min(self.wrong, last if told is None else stamp)
-            if since >= LAST:
-                self.right = min(self.right, stamp)
-            if told is not None:
-                self._sender.send(*told)
-                last = stamp
 
 
 class Watched(Tracker):
@@ -187,8 +143,6 @@ def silence() -> None:
         dies = name == "the service ends"
         sender = Leap() if dies else Osc()
         with closing(sender):
-            if not dies:
-                sender.ready()
             made = run(fault, sender, 1.2, dies=dies)
         at, strength = put_out(made)
         full = strength[at < made.wrong].max()
@@ -207,7 +161,6 @@ def first(at: Values, where: NDArray[np.bool_]) -> float:
 def wire(seconds: float) -> None:
     sender = Osc()
     with closing(sender):
-        sender.ready()
         made = run(FAULTS["nothing is wrong"], sender, seconds)
     sent = {instant: at for at, instant, _, _ in made.frames}
     found, before = [], -np.inf

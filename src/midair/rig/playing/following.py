@@ -22,7 +22,7 @@ from midair.devices import (
     intensity_bytes,
     phase_bytes,
 )
-from midair.errors import InputError, UnknownDeviceError
+from midair.errors import InputError, SilentFramesError, UnknownDeviceError
 from midair.model import ControlGrid, Drive, PalmPath, Progress
 from midair.physics import PoseBox, aims_of, middle_of, steering_phase, wavenumber
 from midair.rig.names import open_tracker
@@ -127,6 +127,10 @@ class Follower:
         sure = self._confidence >= self.rules.confidence and at - self.newest <= self.rules.patience
         return sure and self._inside and not self._tracker.frozen and bool(self.rules.box.inside(pose, self.solved)[0])
 
+    def fall_silent(self) -> None:
+        """Rise from silence with the next frames, since the array is silent."""
+        self._gain = 0.0
+
     def _gains(self, count: int) -> Array:
         """Gain of each frame, 0 to 1."""
         step = (1 if self._audible else -1) / (self._drive.rate * self.rules.fade)
@@ -142,6 +146,10 @@ class Follower:
         if self._confidence < self.rules.confidence:
             return f"confidence {self._confidence:.2f} of the pose, silent below {self.rules.confidence:g}"
         return "the palm left the box of admitted poses, silent"
+
+
+TRIPS = 5
+"""Number of times that the units' failsafe may act in a play; after one more it ends."""
 
 
 def grid_of(drive: Drive) -> ControlGrid:
@@ -241,14 +249,22 @@ def immediate_array(settings: PlaySettings, rate: float) -> ImmediateArray:
 
 
 def clear_followed(
-    drive: Drive, array: ImmediateArray, settings: PlaySettings, grid: ControlGrid, *, samples: int = 256, seed: int = 0
+    drive: Drive,
+    array: ImmediateArray,
+    settings: PlaySettings,
+    grid: ControlGrid,
+    *,
+    samples: int = 2048,
+    seed: int = 0,
 ) -> ExposureClearance:
     """Check the exposure of a drive for the box of poses: as it was solved, and frames steered to random poses."""
     box, solved, rng = FollowRules().box, middle_of(grid), np.random.default_rng(seed)
     frames = np.sort(rng.integers(0, drive.frames, samples))
     down = np.array([0.0, 0.0, -1.0]) + np.tan(box.tilt) * rng.uniform(-0.7, 0.7, (samples, 3)) * [1, 1, 0]
     down = down / np.linalg.norm(down, axis=1, keepdims=True)
-    ahead = np.array([0.0, 1.0, 0.0]) - down[:, 1:2] * down
+    turn = rng.uniform(0, 2 * np.pi, samples)
+    level = np.stack([np.sin(turn), np.cos(turn), 0 * turn], axis=1)
+    ahead = level - (level * down).sum(axis=1, keepdims=True) * down
     poses = PalmPath(
         time=np.arange(samples, dtype=float),
         centre=solved + rng.uniform(-0.5, 0.5, (samples, 3)) * box.size,
@@ -290,6 +306,7 @@ def play_followed(
         tracker.begin((first - offset) * 1e-9)
         # Without a frame every 50 ms the units' failsafe acts.
         quiet, begin = np.zeros((array.placement.units, array.array.count // array.placement.units), np.uint8), 0
+        trips = 0
         while first - units.now() > 4 * ahead:
             put(quiet, 0, units.now() + ahead)
             time.sleep(0.01)
@@ -309,7 +326,15 @@ def play_followed(
             for number, phase, intensity in zip(numbers, phases, intensities, strict=True):
                 instant = first + int(number) * period
                 _wait(units, instant - ahead)
-                put(phase, int(intensity), instant)
+                try:
+                    put(phase, int(intensity), instant)
+                except SilentFramesError:
+                    # The program was held up for 50 ms.
+                    if (trips := trips + 1) > TRIPS:
+                        raise
+                    report("follow: the failsafe silenced the units")
+                    array.resume()
+                    follower.fall_silent()
             begin += len(numbers)
             if progress is not None:
                 progress(begin, total)
