@@ -1,5 +1,6 @@
 """Frames steered to a palm that a tracker reports: what sounds, when it is silent, and what the units get."""
 
+import gc
 import json
 import re
 from contextlib import closing, nullcontext
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.live_outside import plain, watch_in_time
 from tests.devices.trackers.test_tracker_contract import Leap, Lsl, Osc
 from tests.palms import palm_path
 from tests.simulators.moving_hand import Hand
@@ -259,10 +261,19 @@ def test_the_bytes_of_the_frames_are_those_of_the_steered_drive_while_the_palm_m
     assert done.reaction[0] < 0.2
 
 
+@pytest.fixture
+def in_time():
+    """Real-time priority, if it is granted: a frame that is late is not on the wire."""
+    watch_in_time()
+    yield
+    plain()
+    gc.enable()
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("sender", [Leap, Osc, Lsl])
 def test_each_tracker_steers_four_emulated_units_and_the_wire_has_the_steered_bytes(
-    sender, solved, steered, tap, tmp_path, capsys
+    in_time, sender, solved, steered, tap, tmp_path, capsys
 ) -> None:
     array = TransducerArray.autd3()
     phase = np.broadcast_to(focus_phase(array, SOLVED, acoustics=AIR), (600, array.count))
