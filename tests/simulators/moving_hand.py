@@ -15,7 +15,7 @@ Fault = Callable[[Values, float, float], "tuple[Values, float, float] | None"]
 """From values, time stamp and time since the fault to values, stamp and confidence; None for no pose."""
 SOLVED = np.array([0.0, 0.0, 0.2])
 LAST = 0.4
-"""Duration of a fault in s."""
+"""Default duration of a fault in s."""
 
 
 def palm(at: float) -> Values:
@@ -27,8 +27,8 @@ def palm(at: float) -> Values:
 class Hand:
     """Sends the palm 100 times a second, with a fault from a time on."""
 
-    def __init__(self, sender: Any, fault: Fault, *, dies: bool = False) -> None:
-        self._sender, self._fault, self._dies = sender, fault, dies
+    def __init__(self, sender: Any, fault: Fault, *, lasts: float = LAST, dies: bool = False) -> None:
+        self._sender, self._fault, self._lasts, self._dies = sender, fault, lasts, dies
         self._ends, self.wrong_at = threading.Event(), np.inf
         self.wrong, self.right = np.inf, np.inf
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -50,10 +50,10 @@ class Hand:
                 self.wrong = last
                 self._sender.die()
                 return
-            told = self._fault(palm(stamp), stamp, since) if 0 <= since < LAST else (palm(stamp), stamp, 1.0)
+            told = self._fault(palm(stamp), stamp, since) if 0 <= since < self._lasts else (palm(stamp), stamp, 1.0)
             if since >= 0:
                 self.wrong = min(self.wrong, last if told is None else stamp)
-            if since >= LAST:
+            if since >= self._lasts:
                 self.right = min(self.right, stamp)
             if told is not None:
                 self._sender.send(*told)

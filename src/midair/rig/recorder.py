@@ -213,7 +213,7 @@ def _play_following(drive: Drive, settings: PlaySettings, *, source: str | Path,
     """Play a drive on a real array or an emulator while it follows a palm."""
     array, grid, followed = immediate_array(settings, drive.rate), grid_of(drive), list[str]()
     array.cooling, array.participant = settings.cooling, settings.participant
-    with array, open_followed(settings) as tracker:
+    with array, open_followed(settings.follow, settings.tracker_latency) as tracker:
         cleared = clear_followed(drive, array, settings, grid)
         done = play_followed(
             drive, array, tracker, settings, cleared, grid, source=source, report=followed.append, progress=progress

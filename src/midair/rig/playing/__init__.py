@@ -18,6 +18,7 @@ from .following import open_followed as open_followed
 from .following import play_followed as play_followed
 from .following import tracker_name as tracker_name
 from .play_settings import PlaySettings as PlaySettings
+from .play_settings import check_follow as check_follow
 from .play_settings import default_exposure as default_exposure
 from .rerecording import play_cleared as play_cleared
 from .rerecording import rerecord as rerecord

@@ -214,11 +214,11 @@ def follow_simulated(
     )
 
 
-def open_followed(settings: PlaySettings) -> Tracker:
-    """Open the tracker of the settings. Raises InputError if there is none."""
-    if settings.follow is None:
+def open_followed(follow: str | None, latency: float | None) -> Tracker:
+    """Open the tracker of settings. Raises InputError if there is none."""
+    if follow is None:
         raise InputError("--follow: expected the name of a tracker, got none")
-    return open_tracker(tracker_name(settings.follow, settings.tracker_latency))
+    return open_tracker(tracker_name(follow, latency))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
