@@ -12,6 +12,7 @@ from .arrays import autd3_firmware as autd3_firmware
 from .arrays import autd3_immediate as autd3_immediate
 from .arrays import choose_silencer as choose_silencer
 from .arrays import pyautd3_array as pyautd3_array
+from .exposure_check import ArrayInfo as ArrayInfo
 from .exposure_check import ExposureChoices as ExposureChoices
 from .exposure_check import ExposureClearance as ExposureClearance
 from .exposure_check import check_exposure as check_exposure

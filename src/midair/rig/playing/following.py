@@ -10,6 +10,7 @@ import numpy as np
 from midair.array_types import Array
 from midair.devices import (
     TICK,
+    ArrayInfo,
     ExposureClearance,
     ImmediateArray,
     ImmediateUnits,
@@ -250,7 +251,7 @@ def immediate_array(settings: PlaySettings, rate: float) -> ImmediateArray:
 
 def clear_followed(
     drive: Drive,
-    array: ImmediateArray,
+    array: ArrayInfo,
     settings: PlaySettings,
     grid: ControlGrid,
     *,

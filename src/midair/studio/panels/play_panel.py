@@ -44,6 +44,8 @@ class CheckExposure(Arguments):
     override: str = Field(default="", max_length=200)
     repeats: int = declared(PlaySettings, "repeats", most=1000)
     correct_air: bool = False
+    follow: str = Field(default="", max_length=300)
+    latency_ms: float | None = Field(default=None, ge=0, le=1000)
 
 
 class PlayNow(Arguments):
@@ -104,6 +106,7 @@ class PlayPanel:
         }
         store.offer("play", "check", self.check, CheckExposure)
         store.offer("play", "play", self.play, PlayNow)
+        store.offer("play", "unfollow", self.unfollow)
         store.offer("play", "stop", self.stop, watchers=True)
         store.offer("play", "wait", self.wait)
         store.offer("control", "take", self.take_control, watchers=True)
@@ -166,12 +169,24 @@ class PlayPanel:
             repeats=order.repeats,
             room=room,
             correct=order.correct_air,
+            follow=self._tracker(order.follow),
+            latency=None if order.latency_ms is None else 1e-3 * order.latency_ms,
         )
         again = self._takes.beside(order.take, ".rerecorded.h5")
         found["replaces"] = again.name if self.device == "virtual" and again.exists() else ""
         self._checked = {found["number"]: (order.take, found["solved_c"], room)} if found["number"] else {}
         self._store.put(exposure={"take": order.take, **found})
         return found
+
+    def _tracker(self, name: str) -> str:
+        """Name of a tracker; the file of a replay lies in the studio's folder."""
+        kind, _, rest = name.partition(":")
+        place, mark, options = rest.partition("?")
+        return f"replay:{self._takes.folder.find(place)}{mark}{options}" if kind == "replay" else name
+
+    async def unfollow(self, _: Page, __: Arguments) -> Any:
+        """Close the tracker that the last check opened."""
+        return await self._player.ask("unfollow")
 
     async def play(self, page: Page, order: PlayNow) -> Any:
         """Arm and play; answers when it is over."""
@@ -368,11 +383,14 @@ class PlayPanel:
                 self._opening = asyncio.ensure_future(self._open())
             case "sounds":
                 self._show(done=said["done"], total=said["total"], emitting=said["emitting"])
+            case "palm":
+                self._store.put(palm=said["palm"])
             case "heat":
                 self.paused(said["text"])
             case "stopped":
                 self._show(emitting=False, said="silenced")
             case _:
+                self._store.put(palm=None)
                 self._show(state="starts", emitting=False, said="the player ended unexpectedly and is starting again")
 
     async def _reopen(self) -> None:
