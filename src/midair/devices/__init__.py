@@ -59,8 +59,6 @@ from .sensors import Source as Source
 from .sensors import Stream as Stream
 from .sensors import StreamedSensor as StreamedSensor
 from .sensors import Thermometer as Thermometer
-from .trackers import CONSTANT_ACCELERATION as CONSTANT_ACCELERATION
-from .trackers import CONSTANT_VELOCITY as CONSTANT_VELOCITY
 from .trackers import DAMPED_VELOCITY as DAMPED_VELOCITY
 from .trackers import LeapFrames as LeapFrames
 from .trackers import MotionModel as MotionModel

@@ -101,7 +101,6 @@ from .playing import follow_as_set as follow_as_set
 from .playing import follow_simulated as follow_simulated
 from .playing import grid_of as grid_of
 from .playing import immediate_array as immediate_array
-from .playing import open_followed as open_followed
 from .playing import play_cleared as play_cleared
 from .playing import play_followed as play_followed
 from .playing import rerecord as rerecord

@@ -12,15 +12,14 @@ from midair.devices import PosePredictor, Tracker
 from midair.physics import PoseBox, pose_of
 from midair.rig import FollowRules
 
-EVERY = 1 / 15
-"""Time between two messages, in s."""
-
 
 class PalmWatch:
     """Sends the palm of an open tracker 15 times a second by `send`, which gets None at the end; closes the tracker."""
 
     def __init__(self, tracker: Tracker, solved: Array, send: Callable[[dict[str, Any] | None], object]) -> None:
-        self.tracker, self.said = tracker, ""
+        self.tracker = tracker
+        self.said: list[str] = []
+        """Lines of a play that follows the palm."""
         self._solved, self._send, self._box = solved, send, PoseBox()
         self._predictor, self._newest = PosePredictor(), -np.inf
         self._ends = threading.Event()
@@ -34,17 +33,13 @@ class PalmWatch:
         self.tracker.close()
         self._send(None)
 
-    def note(self, text: str) -> None:
-        """Keep the last line of a play that follows the palm."""
-        self.said = text.removeprefix("follow: ")
-
     def begin(self) -> None:
         """Set time 0 of replayed poses to now."""
         self._predictor, self._newest = PosePredictor(), -np.inf
         self.tracker.begin(time.monotonic())
 
     def _run(self) -> None:
-        while not self._ends.wait(EVERY):
+        while not self._ends.wait(1 / 15):
             self._send(self.palm())
 
     def palm(self) -> dict[str, Any]:
@@ -57,7 +52,7 @@ class PalmWatch:
             "confidence": round(status.confidence, 2),
             "latency_ms": round(1e3 * status.latency, 1),
             "refused": dict(status.refused),
-            "said": self.said,
+            "said": self.said[-1].removeprefix("follow: ") if self.said else "",
             "solved": _mm(self._solved),
             "box": [1e3 * edge for edge in self._box.size],
             "place": None,

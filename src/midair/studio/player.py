@@ -182,26 +182,26 @@ class _Player:
         if self.device != "virtual" and self.array is None:
             self._open()
         array: Any = self.array if self.device != "virtual" else self._virtual(drive, room).array
-        simulated = self._open_tracker(order, drive) if order.get("follow") else True
+        # The virtual array re-records what is felt while the poses of a file are followed, faster than in real time.
+        simulated, repeats = True, order["repeats"]
+        if follow := order.get("follow"):
+            tracker, grid = tracker_name(follow, order.get("latency")), grid_of(drive)
+            opened, simulated = open_tracker(tracker), self.device == "virtual" and follow.startswith("replay:")
+            self.palm = PalmWatch(opened, middle_of(grid), lambda palm: self.pipe.send("palm", palm=palm))
+            if simulated:
+                drive = follow_simulated(drive, tracker, grid, repeats=repeats, report=lambda _: None)
+                repeats = 1
         profile = profile_named(order["profile"])
         choices = ExposureChoices(
             profile=profile, attenuate=order["attenuate"], override=order["override"] or None, room=room
         )
         solved = {"solved_c": round(drive.acoustics.medium.degrees, 2)}
         try:
-            if simulated and order.get("follow"):
-                # The virtual array re-records what is felt while the poses of the file are followed.
-                name, grid = self._tracker(order), grid_of(drive)
-                drive = follow_simulated(drive, name, grid, repeats=order["repeats"], report=lambda _: None)
-                order = {**order, "repeats": 1}
             if simulated:
-                admission = check_exposure(drive, array, choices, repeats=order["repeats"])
+                admission = check_exposure(drive, array, choices, repeats=repeats)
             else:
-                how = PlaySettings(
-                    device=self.device, follow=order["follow"], exposure=choices, repeats=order["repeats"]
-                )
-                admission = clear_followed(drive, array, how, grid_of(drive))
-                self.followed = drive, how
+                how = PlaySettings(device=self.device, exposure=choices, repeats=repeats)
+                admission, self.followed = clear_followed(drive, array, how, grid_of(drive)), (drive, how)
         except ExposureError as wrong:
             # The page shows the excess and the possible remedies, so the exposure is measured again.
             found = measure_exposure(drive, array.array, profile, room=room)
@@ -215,22 +215,13 @@ class _Player:
             "outcome": admission.outcome,
             "verdict": admission.verdict(),
             "by": admission.by,
-            "duration_s": order["repeats"] * drive.frames / drive.rate,
+            "duration_s": repeats * drive.frames / drive.rate,
             "refused": "",
             **solved,
             **exposed(admission.exposure),
         }
         self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
         return found
-
-    def _tracker(self, order: Mapping[str, Any]) -> str:
-        return tracker_name(order["follow"], order.get("latency"))
-
-    def _open_tracker(self, order: Mapping[str, Any], drive: Any) -> bool:
-        """Open the tracker and show its palm; True if the virtual array can play its file faster than in real time."""
-        solved, name = middle_of(grid_of(drive)), self._tracker(order)
-        self.palm = PalmWatch(open_tracker(name), solved, lambda palm: self.pipe.send("palm", palm=palm))
-        return self.device == "virtual" and name.startswith("replay:")
 
     def _unfollow(self) -> bool:
         """Close the tracker, if there is one."""
@@ -243,24 +234,14 @@ class _Player:
         """Play a drive frame by frame, each steered to the palm of the tracker."""
         if self.palm is None or self.followed is None:
             raise DeviceStateError("play: expected the tracker of the check, it is closed; check the exposure again")
-        (drive, how), palm, leave = self.followed, self.palm, order["leave"]
+        (drive, how), tracker, leave = self.followed, self.palm.tracker, order["leave"]
         self.held.close()
-        virtual = self.device == "virtual"
-        self.array = array = virtual_immediate() if virtual else immediate_array(how, drive.rate)
+        self.array = array = virtual_immediate() if self.device == "virtual" else immediate_array(how, drive.rate)
         array.participant = order.get("participant", "")
+        told: Any = {"source": path, "report": self.palm.said.append, "progress": self._progress(leave)}
         try:
             with array, under_lease(array, self.permit, leave):
-                done = play_followed(
-                    drive,
-                    array,
-                    palm.tracker,
-                    how,
-                    admission,
-                    grid_of(drive),
-                    source=path,
-                    report=palm.note,
-                    progress=self._progress(leave),
-                )
+                done = play_followed(drive, array, tracker, how, admission, grid_of(drive), **told)
         finally:
             self.array = None
             self._open()

@@ -6,13 +6,12 @@ from tests.palms import palm_path
 
 import midair
 from midair.files import load_played, save_palm_path
-from midair.model import Acoustics, ControlGrid, TransducerArray
+from midair.model import Acoustics, TransducerArray
 from midair.physics import middle_of, steering_phase
-from midair.rig import open_tracker
+from midair.rig import LiveSettings, open_tracker
 from midair.rig.live_touch.live_following import LiveSteering
 
-ARRAY, GRID, AIR = TransducerArray.autd3(columns=1, rows=1), ControlGrid(rows=4, columns=4, pitch=5e-3), Acoustics()
-SOLVED = middle_of(GRID)
+ARRAY, AIR, SOLVED = TransducerArray.autd3(columns=1, rows=1), Acoustics(), middle_of(LiveSettings().grid)
 
 
 def test_frames_get_the_phases_of_the_palm_and_fade_when_it_is_gone(tmp_path) -> None:
@@ -21,7 +20,7 @@ def test_frames_get_the_phases_of_the_palm_and_fade_when_it_is_gone(tmp_path) ->
     now, lines = [0.0], []
     with open_tracker(f"replay:{tmp_path / 'hand.csv'}", clock=lambda: now[0]) as tracker:
         tracker.begin(0.0)
-        steering = LiveSteering(tracker, ARRAY, GRID, rate=1000.0, acoustics=AIR, confidence=0.3, report=lines.append)
+        steering = LiveSteering(tracker, ARRAY, 1000.0, LiveSettings(acoustics=AIR), lines.append)
         solved, gains, sent = np.arange(249).astype(np.uint8), [], []
         for number in range(400):
             # Late frames, which are left out, shift nothing.

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.devices import Tracker
-from midair.model import Acoustics, ControlGrid, Drive, TransducerArray
+from midair.model import Drive, TransducerArray
+from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.playing import Follower, FollowRules
 
 
@@ -20,19 +21,15 @@ class LiveSteering:
         self,
         tracker: Tracker,
         array: TransducerArray,
-        grid: ControlGrid,
-        *,
         rate: float,
-        acoustics: Acoustics,
-        confidence: float,
+        order: LiveSettings,
         report: Callable[[str], object],
     ) -> None:
-        rules = FollowRules(confidence=confidence)
+        rules = FollowRules(confidence=order.confidence)
         frames = max(1, round(rules.block * rate))
-        still = Drive(
-            phase=np.zeros((frames, array.count)), level=np.ones(frames), rate=rate, array=array, acoustics=acoustics
-        )
-        self._follower = Follower(tracker, still, grid, rules=rules, report=report)
+        phase, level = np.zeros((frames, array.count)), np.ones(frames)
+        still = Drive(phase=phase, level=level, rate=rate, array=array, acoustics=order.acoustics)
+        self._follower = Follower(tracker, still, order.grid, rules=rules, report=report)
         self._rate, self._all, self._later = rate, slice(0, frames), np.arange(frames) / rate
         self._steps = np.zeros((frames, array.count), np.uint8)
         self._gains, self._begin = np.zeros(frames), -np.inf

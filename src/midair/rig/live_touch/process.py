@@ -32,9 +32,9 @@ from midair.rig.live_touch.repeated_source import streamed
 from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
 from midair.rig.live_touch.touch import Rehearsal, Touch
 from midair.rig.live_touch.touch_ring import TouchRing
-from midair.rig.names import VirtualRig, array_calibration_for, sensor_named
+from midair.rig.names import VirtualRig, array_calibration_for, open_tracker, sensor_named
 from midair.rig.play_lease import LeaseToken, PlayLease
-from midair.rig.playing import open_followed
+from midair.rig.playing import tracker_name
 from midair.settings import Settings
 from midair.solvers import one_blas_thread
 
@@ -206,16 +206,8 @@ def _play(
             )
             steering = None
             if order.follow is not None:
-                tracker = opened.enter_context(open_followed(order.follow, order.tracker_latency))
-                steering = LiveSteering(
-                    tracker,
-                    array.array,
-                    order.grid,
-                    rate=sensor.rate,
-                    acoustics=order.acoustics,
-                    confidence=order.confidence,
-                    report=note,
-                )
+                tracker = opened.enter_context(open_tracker(tracker_name(order.follow, order.tracker_latency)))
+                steering = LiveSteering(tracker, array.array, sensor.rate, order, note)
                 tracker.begin(time.monotonic())
             loop = LiveLoop(
                 sensor,

@@ -161,10 +161,10 @@ def grid_of(drive: Drive) -> ControlGrid:
     return known.target.grid
 
 
-def tracker_name(name: str, latency: float | None) -> str:
+def tracker_name(name: str | None, latency: float | None) -> str:
     """Name of a tracker with its latency in s as an option."""
-    if latency is None:
-        return name
+    if name is None or latency is None:
+        return name or ""
     return f"{name}{'&' if '?' in name else '?'}latency_ms={1e3 * latency:g}"
 
 
@@ -213,13 +213,6 @@ def follow_simulated(
         level=np.concatenate([part.level for part in parts]),
         provenance=drive.provenance.then("follow", {"tracker": tracker}),
     )
-
-
-def open_followed(follow: str | None, latency: float | None) -> Tracker:
-    """Open the tracker of settings. Raises InputError if there is none."""
-    if follow is None:
-        raise InputError("--follow: expected the name of a tracker, got none")
-    return open_tracker(tracker_name(follow, latency))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

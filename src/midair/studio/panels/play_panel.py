@@ -157,7 +157,8 @@ class PlayPanel:
         if order.correct_air and self._air.medium is None:
             raise InputError("phases: expected the air of the room to correct them for, got none; state it first")
         self._busy()
-        await self._reopen()
+        if self._state["state"] == "failed":
+            await self._open()
         # The air of the check; another one may be stated while it is made.
         room = self._air.medium
         found = await self._player.ask(
@@ -392,11 +393,6 @@ class PlayPanel:
             case _:
                 self._store.put(palm=None)
                 self._show(state="starts", emitting=False, said="the player ended unexpectedly and is starting again")
-
-    async def _reopen(self) -> None:
-        """Try again to open an array that could not be opened."""
-        if self._state["state"] == "failed":
-            await self._open()
 
     async def _open(self) -> None:
         for left in reversed(range(ATTEMPTS)):

@@ -16,7 +16,7 @@ export function palmView(link) {
     const picture = drawn("svg", { viewBox: "-80 -68 160 136", role: "img", "aria-label": `palm ${name}` });
     return { across, up, axis, name, picture };
   });
-  const box = make("div.palm", { id: "palm", hidden: true }, ...pictures.map(({ name, picture }) => make("figure", {}, picture, make("figcaption.quiet", {}, name))), make("div", {}, words, said));
+  const box = make("div.palm", { id: "palm", hidden: true }, ...pictures.map(({ name, picture }) => make("figure", {}, picture, make("figcaption.quiet", {}, `${name}; dot: measured, diamond: predicted`))), make("div", {}, words, said));
   let spoken = "";
   box.off = link.on("palm", (palm) => {
     box.hidden = !palm;
@@ -31,7 +31,7 @@ export function palmView(link) {
     for (const { across, up, axis, picture } of pictures) {
       const point = (of) => [of[across] - solved[across], solved[up] - of[up]], [width, height] = [palm.box[across], palm.box[up]];
       const parts = [drawn("rect", { class: "limit", x: -width / 2, y: -height / 2, width, height }), drawn("path", { class: "axis", d: "M-4 0H4M0 -4V4" })];
-      for (const [name, x, y] of [["x", 74, 64], [axis, -76, -58]]) { const text = drawn("text", { x, y }); text.textContent = name; parts.push(text); }
+      for (const [name, x, y] of [["x", 70, 62], [axis, -76, -58]]) { const text = drawn("text", { x, y }); text.textContent = name; parts.push(text); }
       if (place) {
         const [x, y] = point(place).map((value, i) => Math.max(-76 + 12 * i, Math.min(76 - 12 * i, value))), [px, py] = point(predicted), turn = up === 2 ? palm.lean : 0;
         parts.push(up === 2 ? drawn("path", { class: "hand", d: "M-18 0H18", transform: `translate(${x} ${y}) rotate(${turn})` }) : drawn("circle", { class: "hand", cx: x, cy: y, r: 18 }),
