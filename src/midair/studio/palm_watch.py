@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -18,7 +19,7 @@ class PalmWatch:
 
     def __init__(self, tracker: Tracker, solved: Array, send: Callable[[dict[str, Any] | None], object]) -> None:
         self.tracker = tracker
-        self.said: list[str] = []
+        self.said = deque[str](maxlen=64)
         """Lines of a play that follows the palm."""
         self._solved, self._send, self._box = solved, send, PoseBox()
         self._predictor, self._newest = PosePredictor(), -np.inf
@@ -52,7 +53,7 @@ class PalmWatch:
             "confidence": round(status.confidence, 2),
             "latency_ms": round(1e3 * status.latency, 1),
             "refused": dict(status.refused),
-            "said": self.said[-1].removeprefix("follow: ") if self.said else "",
+            "said": next((line[8:] for line in reversed(self.said) if line.startswith("follow: ")), ""),
             "solved": _mm(self._solved),
             "box": [1e3 * edge for edge in self._box.size],
             "place": None,

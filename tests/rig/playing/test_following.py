@@ -179,16 +179,6 @@ def test_a_drive_without_settings_is_not_followed(tmp_path) -> None:
         play(focus(20), follow=f"replay:{tmp_path / 'hand.csv'}")
 
 
-def test_the_fast_steering_is_the_steering(tmp_path) -> None:
-    path, aim = tmp_path / "hand.csv", SOLVED + np.array([6e-3, -4e-3, 0.0])
-    save_palm_path(swaying(), path)
-    with open_tracker(f"replay:{path}") as tracker:
-        follower = Follower(tracker, focus(8), GRID)
-        pose = palm([[5e-3, 2e-3, -8e-3]], tilt=0.2)
-        exact = steering_phase(ARRAY, AIR.medium, SOLVED, pose, aim=aim)[0]
-        np.testing.assert_allclose(follower._steering(pose, aim), exact, atol=1e-9)
-
-
 class AllFrames(VirtualUnits):
     """Keeps also the frames that came late, since the test's computer may be busy."""
 
@@ -205,6 +195,15 @@ def rig_of() -> tuple:
     units = AllFrames()
     array = virtual_immediate(Placement.grid(columns=1, rows=1), units=units)
     return units, array
+
+
+@pytest.fixture
+def in_time():
+    """Real-time priority, if it is granted: a frame that is late is not on the wire."""
+    watch_in_time()
+    yield
+    plain()
+    gc.enable()
 
 
 @pytest.fixture
@@ -242,7 +241,10 @@ def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int
     return found
 
 
-def test_the_bytes_of_the_frames_are_those_of_the_steered_drive_while_the_palm_moves(steered, tmp_path) -> None:
+@pytest.mark.long
+def test_the_bytes_of_the_frames_are_those_of_the_steered_drive_while_the_palm_moves(
+    in_time, steered, tmp_path
+) -> None:
     file = tmp_path / "hand.csv"
     save_palm_path(swaying(0.8), file)
     settings = PlaySettings(follow=f"replay:{file}", tracker_latency=0.01)
@@ -259,15 +261,6 @@ def test_the_bytes_of_the_frames_are_those_of_the_steered_drive_while_the_palm_m
         true = poses_at(swaying(0.8), np.array([(frames.stop - 1) / 1000]))
         assert np.linalg.norm(pose.centre - true.centre) < 1.5e-3
     assert done.reaction[0] < 0.2
-
-
-@pytest.fixture
-def in_time():
-    """Real-time priority, if it is granted: a frame that is late is not on the wire."""
-    watch_in_time()
-    yield
-    plain()
-    gc.enable()
 
 
 @pytest.mark.long
@@ -312,8 +305,9 @@ class Silenced(AllFrames):
         self.released += 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("at", "ends"), [((60, 80), False), (range(60, 67), True)])
-def test_sound_rises_again_after_the_failsafe_acted_but_not_for_ever(at, ends, tmp_path) -> None:
+def test_sound_rises_again_after_the_failsafe_acted_but_not_for_ever(in_time, at, ends, tmp_path) -> None:
     file, units = tmp_path / "hand.csv", Silenced(tuple(at))
     save_palm_path(swaying(), file)
     array = virtual_immediate(Placement.grid(columns=1, rows=1), units=units)
