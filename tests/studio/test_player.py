@@ -1,6 +1,6 @@
 import threading
 import time
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
 from multiprocessing import Event, Pipe
 
@@ -96,7 +96,13 @@ def test_a_live_tracker_is_shown_and_followed_until_a_stop(tmp_path, device):
     here, there = Pipe()
     permit, messages = PlayLease(), []
     player = _Player(StudioPipe(there), permit, device, 0)
-    threading.Thread(target=lambda: [messages.append(here.recv()) for _ in range(10**6)], daemon=True).start()
+
+    def read():
+        with suppress(EOFError, OSError):
+            while True:
+                messages.append(here.recv())
+
+    threading.Thread(target=read, daemon=True).start()
     with player.held, closing(Osc()) as sender, Hand(sender, lambda values, stamp, _: (values, stamp, 1.0)):
         found = player.act({"do": "admit", "path": str(path), **CHECKED, "follow": sender.name})
         wait_until(

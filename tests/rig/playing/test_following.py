@@ -242,7 +242,7 @@ def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int
 
 
 @pytest.mark.long
-def test_the_bytes_of_the_frames_are_those_of_the_steered_drive_while_the_palm_moves(
+def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(
     in_time, steered, tmp_path
 ) -> None:
     file = tmp_path / "hand.csv"
