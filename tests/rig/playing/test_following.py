@@ -242,9 +242,7 @@ def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int
 
 
 @pytest.mark.long
-def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(
-    in_time, steered, tmp_path
-) -> None:
+def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(in_time, steered, tmp_path) -> None:
     file = tmp_path / "hand.csv"
     save_palm_path(swaying(0.8), file)
     settings = PlaySettings(follow=f"replay:{file}", tracker_latency=0.01)
