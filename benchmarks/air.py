@@ -23,7 +23,7 @@ import midair
 from midair.correct import correct_air
 from midair.evaluate import error_at_temperature
 from midair.figures import png_bytes
-from midair.figures.style import Style, new_figure, plain_axes
+from midair.figures.style import STYLE, new_figure, plain_axes
 from midair.model import Acoustics, Medium, TransducerArray
 from midair.paper import FidelityPlan
 from midair.paper.modes_compared import at_strength, original_of
@@ -164,13 +164,12 @@ def error(made: Reproduction, temperature: float) -> float:
 
 def drawn(curves: Mapping[tuple[str, float, str], np.ndarray], heights: list[float]) -> bytes:
     """Curves as a PNG, with a column per mode and a row per height."""
-    style = Style()
     modes = list(dict.fromkeys(mode for mode, _, _ in curves))
     figure = new_figure(7.0, 6.4, simulated=True)
     grid = figure.subplots(len(heights), len(modes), sharex=True, sharey=True, squeeze=False)
-    colours = dict(zip(SOLVED, (style.before, style.reproduced, style.original), strict=True))
+    colours = dict(zip(SOLVED, (STYLE.before, STYLE.reproduced, STYLE.original), strict=True))
     for (mode, height, name), curve in curves.items():
-        axes = plain_axes(grid[heights.index(height), modes.index(mode)], style)
+        axes = plain_axes(grid[heights.index(height), modes.index(mode)])
         axes.plot(SMOOTH, 100 * curve, color=colours[name], linewidth=1.2, label=f"solved for {name}")
         axes.set_title(f"{mode} mode, {1e3 * height:.0f} mm", fontsize=9, loc="left")
         axes.set_ylim(0, 60)

@@ -25,7 +25,7 @@ from midair.errors import InputError, MissingExtraError
 from midair.evaluate import THIRD_OCTAVES
 from midair.evaluate.timbre import third_octave_power
 from midair.figures import png_bytes
-from midair.figures.style import Style, new_figure
+from midair.figures.style import STYLE, new_figure
 from midair.files import contents, open_take
 from midair.model import Calibration, PressureFrames, Recording
 from midair.paper.modes_compared import strongest_begins
@@ -289,20 +289,19 @@ class ConfusionPanel:
     """Number of answers, shape (true, named)."""
 
 
-def confusion_figures(matrices: Sequence[ConfusionPanel], *, simulated: bool, style: Style | None = None) -> Any:
+def confusion_figures(matrices: Sequence[ConfusionPanel], *, simulated: bool) -> Any:
     """Draw matrices in a row: rows are the presented classes, columns the responses; shade is the share of a row."""
-    style = style or Style()
     count = len(matrices[0].names)
     side = 0.9 + 0.42 * max(count, 3)
-    figure = new_figure(0.4 + side * len(matrices), side + 1.1, simulated=simulated, style=style)
+    figure = new_figure(0.4 + side * len(matrices), side + 1.1, simulated=simulated)
     axes = figure.subplots(1, len(matrices), squeeze=False)[0]
     for axis, matrix in zip(axes, matrices, strict=True):
         share = matrix.counts / np.maximum(matrix.counts.sum(axis=1, keepdims=True), 1)
         axis.imshow(share, cmap="Blues", vmin=0, vmax=1)
         for (row, column), number in np.ndenumerate(matrix.counts):
-            ink = "white" if share[row, column] > 0.6 else style.ink
+            ink = "white" if share[row, column] > 0.6 else STYLE.ink
             axis.text(column, row, str(number) if number else "", ha="center", va="center", fontsize=8, color=ink)
-        axis.set_title(matrix.title, fontsize=8, loc="left", color=style.ink)
+        axis.set_title(matrix.title, fontsize=8, loc="left", color=STYLE.ink)
         axis.set_xticks(range(count), matrix.names, rotation=45, ha="right", fontsize=7)
         axis.set_yticks(range(count), matrix.names if axis is axes[0] else [""] * count, fontsize=7)
         axis.set_xlabel("response", fontsize=8)

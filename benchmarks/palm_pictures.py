@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from benchmarks.palm import MODES, ROOM, original
 from midair.evaluate import PalmFrames
-from midair.figures.style import Style, new_figure, png_bytes
+from midair.figures.style import STYLE, new_figure, png_bytes
 from midair.model import Palm
 from midair.paper.modes_compared import FidelityPlan, at_strength
 from midair.physics import SKINS
@@ -75,8 +75,7 @@ def _each(shown: Mapping[str, PalmFrames], field: str, scale: float) -> dict[str
 
 def drawn(rows: Mapping[str, Mapping[str, Array]], frames: PalmFrames) -> bytes:
     """A row of maps for each quantity, as rms over time."""
-    style = Style()
-    figure = new_figure(9.6, 2.3 * len(rows) + 0.8, simulated=True, style=style)
+    figure = new_figure(9.6, 2.3 * len(rows) + 0.8, simulated=True)
     grid = figure.subplots(len(rows), len(next(iter(rows.values()))), sharex=True, sharey=True, squeeze=False)
     for number, (quantity, maps) in enumerate(rows.items()):
         line = grid[number]
@@ -84,13 +83,13 @@ def drawn(rows: Mapping[str, Mapping[str, Array]], frames: PalmFrames) -> bytes:
         roots = PowerNorm(0.5, vmin=0, vmax=max(float(np.nanmax(each)) for each in means.values()))
         for axis, (name, each) in zip(line, means.items(), strict=True):
             y, x = (500 * frames.pitch * count for count in each.shape)
-            image = axis.imshow(each, cmap=style.quantity, norm=roots, extent=(-x, x, y, -y))
+            image = axis.imshow(each, cmap=STYLE.quantity, norm=roots, extent=(-x, x, y, -y))
             half_x, half_y = (1e3 * half for half in frames.square)
             corner, size = (-half_x, -half_y), (2 * half_x, 2 * half_y)
             axis.add_patch(Rectangle(corner, *size, fill=False, edgecolor="white", linestyle="--", linewidth=0.8))
             axis.tick_params(labelsize=8)
             if number == 0:
-                axis.set_title(name, fontsize=9, loc="left", color=style.ink)
+                axis.set_title(name, fontsize=9, loc="left", color=STYLE.ink)
             if number == len(rows) - 1:
                 axis.set_xlabel("x (mm)", fontsize=9)
         line[0].set_ylabel("y (mm)", fontsize=9)

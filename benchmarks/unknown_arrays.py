@@ -130,15 +130,23 @@ def record(
     )
 
 
-def measured(seed: int, seconds: float) -> tuple[ArrayField, ArrayCalibration, float]:
-    """The model, the calibration of a simulated array, and its CPU time in s."""
+def measured(seed: int, seconds: float, checked: bool) -> tuple[list[str], dict[str, tuple[np.ndarray, np.ndarray]]]:
+    """Lines about the calibration of a simulated array, with its short checks if `checked`, and its scores."""
     truth, model = draw(seed), SensorModel().with_spread(seed=seed)
     codes = array_codes(ARRAY, model.grid, ArrayPlan(duration=seconds), acoustics=ROOM, height=HEIGHT)
     assumed = ArrayField(array=ARRAY, codes=codes, acoustics=ROOM, calibration=calibration_of(model), height=HEIGHT)
     with one_blas_thread():
         volts = record(codes, truth, model, seed=seed)
         found, cost = timed(lambda: fit_array(assumed, volts, synchronous=False))
-    return assumed, found, cost / 1e3
+        missed, wrong = (truth.dead & ~found.dead).sum(), (found.dead & ~truth.dead).sum()
+        left = found.provenance.last("fit array")["noise_ratio"]
+        lines = [
+            f"array {seed}: {truth.dead.sum()} dead, {missed} missed, {wrong} wrongly; remainder {left:.2f} times "
+            f"the noise; {cost / 1e3:.0f} s of CPU",
+            *(f"  not told apart: {names}, {times:.1f} times the aim" for names, times in found.inseparable().items()),
+            *(check(truth, assumed, found, seed) if checked else []),
+        ]
+    return lines, scores(truth, found)
 
 
 def scores(truth: Truth, found: ArrayCalibration) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -176,8 +184,8 @@ def scores(truth: Truth, found: ArrayCalibration) -> dict[str, tuple[np.ndarray,
     }
 
 
-def check(truth: Truth, assumed: ArrayField, known: ArrayCalibration, seed: int) -> None:
-    """Print what a check of two seconds reports after nothing and after each change."""
+def check(truth: Truth, assumed: ArrayField, known: ArrayCalibration, seed: int) -> list[str]:
+    """What a check of two seconds reports after nothing and after each change."""
     model = SensorModel().with_spread(seed=seed)
     codes = array_codes(ARRAY, model.grid, ArrayPlan(duration=2.0), acoustics=ROOM, height=HEIGHT)
     assumed = replace(assumed, codes=codes)
@@ -192,11 +200,13 @@ def check(truth: Truth, assumed: ArrayField, known: ArrayCalibration, seed: int)
         "10, 400 and 800 dead": (replace(place, dead=dead), ROOM.medium),
         "2 K warmer than stated": (place, warm),
     }
+    lines = list[str]()
     for name, (changed, medium) in changes.items():
         volts = record(codes, changed, model, seed=seed + 1, medium=medium)
         found, cost = timed(lambda volts=volts: check_array(assumed, volts, known, synchronous=False))
         said = "; ".join(found.problems()) or "holds"
-        print(f"  {name}: {said} ({found.warming:+.1f} K, {cost / 1e3:.0f} s of CPU)", flush=True)
+        lines.append(f"  {name}: {said} ({found.warming:+.1f} K, {cost / 1e3:.0f} s of CPU)")
+    return lines
 
 
 def main() -> None:
@@ -209,24 +219,11 @@ def main() -> None:
     print(load())
     together: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     with ProcessPoolExecutor(options.jobs) as pool:
-        for seed, (assumed, found, cost) in zip(
-            options.seeds, pool.map(measured, options.seeds, [options.seconds] * len(options.seeds)), strict=True
-        ):
-            truth = draw(seed)
-            missed, wrong = (truth.dead & ~found.dead).sum(), (found.dead & ~truth.dead).sum()
-            left = found.provenance.last("fit array")["noise_ratio"]
-            print(
-                f"array {seed}: {truth.dead.sum()} dead, {missed} missed, {wrong} wrongly; remainder {left:.2f} times "
-                f"the noise; {cost:.0f} s of CPU",
-                flush=True,
-            )
-            for name, (error, sure) in scores(truth, found).items():
+        checked = [number < options.checks for number in range(len(options.seeds))]
+        for lines, errors in pool.map(measured, options.seeds, [options.seconds] * len(checked), checked):
+            print(*lines, sep="\n", flush=True)
+            for name, (error, sure) in errors.items():
                 together.setdefault(name, []).append((error.ravel(), sure.ravel()))
-            if seed == options.seeds[0]:
-                for names, times in found.inseparable().items():
-                    print(f"  not told apart: {names}, {times:.1f} times the aim", flush=True)
-            if seed in options.seeds[: options.checks]:
-                check(truth, assumed, found, seed)
     print(f"aims for units: {1e3 * POSE_AIMS[0]:g} mm, {np.degrees(POSE_AIMS[3]):g} deg, {1e9 * POSE_AIMS[6]:g} ns")
     for name, parts in together.items():
         error, sure = (np.concatenate(each) for each in zip(*parts, strict=True))

@@ -9,7 +9,7 @@ three mappings to three signals at 4 kHz, and compares the remaining signal in 2
 import numpy as np
 
 from midair.dsp import band_window, filter_response
-from midair.figures.style import Style, new_figure, plain_axes
+from midair.figures.style import STYLE, new_figure, plain_axes
 from midair.model import PressureFrames, Provenance
 from midair.targets import MAPPINGS, mapping_report
 
@@ -57,16 +57,14 @@ for name, x in signals.items():
 
 # %%
 # Show a part of the bursts.
-
-style = Style()
 figure = new_figure(7.0, 5.0, simulated=True)
 part = slice(int(0.65 * RATE), int(1.15 * RATE))
 for axes, mapping in zip(figure.subplots(3, 1, sharex=True, sharey=True), MAPPINGS, strict=True):
     x = frames(signals["bursts"]).pressure
     pushed = MAPPINGS[mapping](x, RATE)
-    plain_axes(axes, style)
-    axes.plot(1e3 * time[part], x[part, 1, 1], color=style.before, linewidth=0.8, label="recorded")
-    axes.plot(1e3 * time[part], pushed[part, 1, 1], color=style.reproduced, linewidth=0.8, label="pushed")
+    plain_axes(axes)
+    axes.plot(1e3 * time[part], x[part, 1, 1], color=STYLE.before, linewidth=0.8, label="recorded")
+    axes.plot(1e3 * time[part], pushed[part, 1, 1], color=STYLE.reproduced, linewidth=0.8, label="pushed")
     axes.set_title(mapping, fontsize=9, loc="left")
     axes.set_ylabel("pressure (Pa)", fontsize=8)
 axes.set_xlabel("time (ms)", fontsize=8)

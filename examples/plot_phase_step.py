@@ -8,7 +8,7 @@ step. The drop repeats with every frame and is audible. A silencer spreads the s
 
 import numpy as np
 
-from midair.figures.style import Style, new_figure, plain_axes
+from midair.figures.style import STYLE, new_figure, plain_axes
 from midair.model import Drive, TransducerArray
 from midair.physics import PlaybackChain, TransducerDynamics, Transducers, radiate
 
@@ -38,14 +38,12 @@ for degrees in (45, 90, 180):
 
 # %%
 # Plot the drops of the amplitude.
-
-style = Style()
 figure = new_figure(7.0, 2.8, simulated=True)
 time = np.arange(1, STEPS + 1) / STEPS
 for axes, ramp in zip(figure.subplots(1, 2, sharey=True), (0.0, 0.25e-3), strict=True):
-    plain_axes(axes, style)
+    plain_axes(axes)
     for degrees, line in ((45, ":"), (90, "--"), (179.9, "-")):
-        axes.plot(time, np.abs(after(np.radians(degrees), ramp)), line, color=style.reproduced, label=f"{degrees:.0f}°")
+        axes.plot(time, np.abs(after(np.radians(degrees), ramp)), line, color=STYLE.reproduced, label=f"{degrees:.0f}°")
     axes.set_title("at once" if ramp == 0 else "spread over 0.25 ms", fontsize=9, loc="left")
     axes.set_xlabel("time after the step (ms)", fontsize=8)
     axes.set_ylim(0, 1.05)

@@ -1,6 +1,5 @@
 import inspect
 import pickle
-import re
 
 import pytest
 
@@ -8,24 +7,6 @@ from midair import errors
 from midair.errors import MidairError
 
 LEAVES = [one for _, one in inspect.getmembers(errors, inspect.isclass) if one.__module__ == errors.__name__]
-
-
-def drawn():
-    """(name, depth, builtin or "") of each line of the tree."""
-    lines = (re.match(r"^    ([│├└─ ]*)(\w+)(?: \((\w+)\))?", line) for line in errors.__doc__.splitlines())
-    return [(found[2], len(found[1]) // 4, found[3] or "") for found in lines if found]
-
-
-def test_the_drawing_is_the_tree():
-    above, tree = {}, []
-    for name, depth, builtin in drawn():
-        above[depth] = name
-        tree.append((name, above.get(depth - 1, "Exception"), builtin))
-    found = []
-    for one in LEAVES:
-        parent, *builtin = (base.__name__ for base in one.__bases__)
-        found.append((one.__name__, parent, builtin[0] if builtin else ""))
-    assert sorted(tree) == sorted(found)
 
 
 @pytest.mark.parametrize("error", LEAVES, ids=lambda one: one.__name__)

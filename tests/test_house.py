@@ -12,7 +12,6 @@ ROOT = Path(__file__).parents[1]
 SRC, TESTS = ROOT / "src" / "midair", ROOT / "tests"
 
 LEFT_OUT_OF_ALL = {
-    "autd3-emulator": "an array to try things on",
     "pyautd3": "the SDK of older firmware, whose version hangs on that of Python",
     "gpu-torch": "a GPU",
     "gpu-cupy": "a GPU of one vendor",

@@ -36,18 +36,6 @@ def test_functions_have_help(name):
     assert "Parameters" in inspect.getdoc(function)
 
 
-@pytest.mark.parametrize("name", names("modules"))
-def test_modules_have_a_docstring(name):
-    module = getattr(midair, name)
-    assert inspect.ismodule(module)
-    assert module.__doc__
-
-
-@pytest.mark.parametrize("name", names("classes"))
-def test_classes(name):
-    assert inspect.isclass(getattr(midair, name))
-
-
 def test_a_name_that_is_not_there_is_an_attribute_error():
     with pytest.raises(AttributeError, match="module 'midair' has no attribute 'rewind'"):
         midair.rewind  # noqa: B018

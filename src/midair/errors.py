@@ -1,32 +1,5 @@
 """All errors that midair raises on purpose, in one tree.
 
-::
-
-    MidairError
-    ├── InputError (ValueError)              a value that cannot be used
-    │   ├── ShapeError                       wrong number of axes or wrong axis length
-    │   ├── NonFiniteError                   NaN or infinity
-    │   ├── NegativePressureError            radiation pressure cannot be negative
-    │   ├── RateError                        unsuitable frame rate
-    │   ├── BandError                        empty or unusable frequency band
-    │   ├── UnitError                        wrong or missing unit
-    │   ├── MismatchError                    two objects that do not belong together
-    │   └── ExposureError                    a drive above the exposure profile
-    ├── FileError
-    │   ├── MissingFileError (FileNotFoundError)
-    │   ├── UnknownFormatError (ValueError)  no reader or writer for this file name
-    │   └── BrokenFileError (OSError)        truncated, damaged, or another file type
-    ├── DeviceError
-    │   ├── UnknownDeviceError (LookupError)
-    │   ├── DeviceStateError (RuntimeError)  methods called in the wrong order
-    │   ├── HeldError                        in use by another program
-    │   ├── StoppedError                     playback stopped by a stop request
-    │   ├── LinkLostError (ConnectionError)  connection lost
-    │   ├── SilentFramesError                frames of a drive that were not played
-    │   └── TooHotError                      array units above their temperature limit
-    ├── ClusterError (RuntimeError)          no answer from a cluster, or workers lost
-    └── MissingExtraError (ImportError)      an optional package is not installed
-
 Each message states the expected value, the value received, and what to do.
 """
 

@@ -12,8 +12,8 @@ from PIL import Image
 
 from midair.cli import run
 from midair.datasets import sample_path
-from midair.files import load, load_calibration, load_solution, save, save_calibration
-from midair.model import Medium, Recording, SensorGrid
+from midair.files import load, load_calibration, load_solution, save_calibration
+from midair.model import Medium
 
 QUICK = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--iterations", "2", "1"]
 
@@ -269,76 +269,6 @@ def test_a_demo_is_not_written_over_in_silence(one_line, monkeypatch):
     assert run(["demo", "out"]) == 1
     assert "--force" in one_line()
     assert Path("out/report.html").read_text() == "mine"
-
-
-WRONG = {
-    "unknown command": (["foo"], 2, "foo"),
-    "unknown option": (["solve", "take.h5", "--frob"], 2, "frob"),
-    "missing argument": (["solve"], 2, "SOURCE"),
-    "no unit": (["solve", "take.h5", "--height", "200"], 2, "200mm"),
-    "wrong unit": (["solve", "take.h5", "--height", "200Pa"], 2, "200mm"),
-    "wrong unit of a band": (["solve", "take.h5", "--band", "20Hz", "470mm"], 2, "20Hz"),
-    "unknown directivity": (["solve", "take.h5", "--directivity", "laser"], 2, "laser"),
-    "unknown method": (["solve", "take.h5", "--method", "magic"], 1, "magic"),
-    "unknown mapping": (["solve", "take.h5", "--mapping", "magic"], 1, "magic"),
-    "unknown sensor": (["record", "usb:1", "x.h5"], 2, "usb:1"),
-    "unknown object": (["record", "virtual:cat", "x.h5"], 2, "cat"),
-    "unknown array": (["play", "take.h5", "--device", "autd9"], 2, "autd9"),
-    "unknown sample": (["import", "sample:fur", "x.h5"], 1, "denim"),
-    "no such file": (["solve", "nothing.h5"], 1, "nothing.h5"),
-    "no such drive": (["play", "nothing.drive.h5"], 1, "nothing.drive.h5"),
-    "not a drive": (["play", "take.h5"], 1, "take.h5"),
-    "unknown format": (["export", "take.h5", "take.xyz"], 1, ".csv"),
-    "no such folder": (["export", "take.h5", "nowhere/take.csv"], 1, "nowhere"),
-    "truncated": (["info", "truncated.h5"], 1, "truncated.h5"),
-    "empty": (["info", "empty.h5"], 1, "empty.h5"),
-    "text": (["import", "text.csv"], 1, "text.csv"),
-    "nan": (["import", "nan.npz", "--unit", "V", "--rate", "1kHz"], 1, "nan"),
-    "upside down band": (["solve", "take.h5", "--band", "470Hz", "20Hz"], 1, "470"),
-    "band above half the rate": (["solve", "take.h5", "--band", "20Hz", "900Hz"], 1, "500"),
-    "cut of nothing": (["solve", "take.h5", "--start-at", "9s"], 1, "9 s"),
-    "level above 1": (["solve", "take.h5", "--level", "1.5"], 1, "1.5"),
-    "negative gain": (["solve", "take.h5", "--gain", "-1"], 1, "-1"),
-    "no points": (["solve", "take.h5", "--points", "0"], 1, "0 x 0"),
-    "grid on the array": (["solve", "take.h5", "--height", "0mm"], 1, "height"),
-    "no iterations": (["solve", "take.h5", "--iterations", "0", "0"], 1, "iterations"),
-    "no duration": (["record", "virtual:towel", "x.h5", "--duration", "0s"], 1, "duration"),
-    "a file that is there": (["export", "take.h5", "there.csv"], 1, "--force"),
-    "humidity alone": (["play", "nothing.drive.h5", "--humidity", "50%"], 1, "--temperature"),
-    "air that is none": (["solve", "take.h5", "--temperature", "99C"], 1, "99"),
-    "a temperature in another unit": (["solve", "take.h5", "--temperature", "22mm"], 2, "22C"),
-    "both scales": (["import", "take.h5", "x.h5", "--peak", "1Pa", "--sensitivity", "1V/Pa"], 1, "one"),
-    "bad sensitivity": (["import", "take.h5", "x.h5", "--sensitivity", "1mm"], 1, "sensitivity"),
-    "another pitch of things": (["compare", "take.h5", "small.h5"], 1, "cells"),
-}
-
-
-@pytest.mark.parametrize("case", WRONG)
-def test_wrong_input_gives_one_line_a_status_and_leaves_nothing(case, take, capsys, one_line):
-    Path("empty.h5").touch()
-    Path("truncated.h5").write_bytes(take.read_bytes()[:2000])
-    Path("text.csv").write_text("this is\nno recording\n")
-    Path("there.csv").write_text("mine")
-    np.savez("nan.npz", samples=np.full((40, 4, 4), np.nan))
-    small = np.random.default_rng(0).random((300, 2, 2))
-    save(Recording(samples=small, rate=1000.0, unit="Pa", sensor=SensorGrid(rows=2, columns=2)), "small.h5")
-    before = {path.name: path.read_bytes() for path in Path().iterdir()}
-    capsys.readouterr()
-    tokens, status, word = WRONG[case]
-    assert run(tokens) == status
-    assert word in one_line()
-    assert {path.name: path.read_bytes() for path in Path().iterdir()} == before
-
-
-@pytest.mark.parametrize(
-    "command",
-    ["demo", "record", "import", "export", "info", "calibrate", "solve", "play", "loop", "compare", "repair", "doctor"],
-)
-def test_every_command_explains_itself(command, capsys):
-    assert run([command, "--help"]) == 0
-    page = capsys.readouterr().out
-    assert f"midair {command}" in page
-    assert len(page) > 300
 
 
 @pytest.mark.long

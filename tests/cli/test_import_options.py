@@ -91,10 +91,9 @@ def test_the_layout_places_the_channels():
 @pytest.mark.parametrize(
     "text", ["circle", "circle:", "star:5mm", "circle:5", "circle:0mm", "circle:-5mm", "circle:5s"]
 )
-def test_refuses_other_footprints(text, capsys):
+def test_refuses_other_footprints(text):
     with pytest.raises(ValueError, match="expected"):
         parse_patch(text)
-    assert run(["import", "towel.wav", "a.h5", "--unit", "V", "--footprint", text]) == 2
 
 
 @pytest.mark.parametrize("text", ["4x4", "4:11mm", "0x4:11mm", "4x4:11", "4x4:0mm", "axb:1mm"])

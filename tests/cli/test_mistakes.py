@@ -20,6 +20,14 @@ MISTAKES = (
     ("record virtual:towel x.h5 --duration -1s", 2, 'Command "record" parameter'),
     ("record virtual: x.h5", 2, "expected virtual:OBJECT,"),
     ("record towel x.h5", 2, "expected virtual:OBJECT,"),
+    ("record usb:1 x.h5", 2, "usb:1"),
+    ("record virtual:cat x.h5", 2, "cat"),
+    ("record virtual:towel x.h5 --duration 0s", 1, "duration"),
+    ("record replay:take.h5 x.h5 --trigger 3Pa", 1, "gives V"),
+    ("record replay:take.h5 x.h5 --trigger 0.5", 1, "add the unit"),
+    ("record replay:take.h5 x.h5 --trigger 0V", 1, "above 0"),
+    ("record replay:take.h5 x.h5 --trigger 100V", 1, "nothing was recorded"),
+    ("record replay:take.h5 x.h5 --pre-roll 90s --trigger 1V", 1, "0 to 60 s"),
     ("record virtual:towel x.wav", 1, "expected NAME.h5, or an existing folder"),
     ("record virtual:towel nowhere/x.h5", 1, "expected the folder"),
     ("record virtual:towel there.h5", 1, "there.h5: is there already; give"),
@@ -39,6 +47,8 @@ MISTAKES = (
     ("info nothing.h5", 1, "expected a file, found none; check"),
     ("info .", 1, "expected a name that ends in .h5,"),
     ("info text.csv", 1, "expected a number, got 'no"),
+    ("info truncated.h5", 1, "truncated.h5"),
+    ("info empty.h5", 1, "empty.h5"),
     ("info nothing.txt", 1, "expected a name that ends in .h5,"),
     ("info take.h5 take.h5", 2, "Unused Tokens: ['take.h5']."),
     ("info take.h5 --jsn", 2, "Unknown option: --jsn. Did you"),
@@ -67,6 +77,8 @@ MISTAKES = (
         "give --layout ROWSxCOLUMNS:PITCH such as 4x4:11mm, or --channels 0 to choose one",
     ),
     ("import gaps.csv --unit V", 1, "expected finite numbers, got nan"),
+    ("import take.h5 x.h5 --peak 1Pa --sensitivity 1V/Pa", 1, "one"),
+    ("import take.h5 x.h5 --sensitivity 1mm", 1, "sensitivity"),
     ("import x.hjif --scale 2Pa", 1, "x.hjif: expected MPEG haptics with"),
     ("import x.m4a", 1, "expected a name that ends in .h5,"),
     ("import song.wav --reference nothing.wav", 1, "nothing.wav: expected a file, found none;"),
@@ -152,6 +164,16 @@ MISTAKES = (
     ("solve take.h5 x.drive.h5 --points 3.5", 1, "expected control points that separate"),
     ("solve take.h5 x.drive.h5 --rate 3kHz", 1, "expected 40000 Hz over a whole"),
     ("solve take.h5 x.drive.h5 --rate 0Hz", 1, "expected a number above 0 Hz, got"),
+    ("solve take.h5 x.drive.h5 --band 470Hz 20Hz", 1, "470"),
+    ("solve take.h5 x.drive.h5 --band 20Hz 470mm", 2, "20Hz"),
+    ("solve take.h5 x.drive.h5 --directivity laser", 2, "laser"),
+    ("solve take.h5 x.drive.h5 --method magic", 1, "magic"),
+    ("solve take.h5 x.drive.h5 --mapping magic", 1, "half-wave, constant-offset, slow-bias"),
+    ("solve take.h5 x.drive.h5 --circle 3mm --circle-rate 30Hz", 1, "below 20 Hz, got 30 Hz"),
+    ("solve take.h5 x.drive.h5 --gain -1", 1, "-1"),
+    ("solve take.h5 x.drive.h5 --points 0", 1, "0 x 0"),
+    ("solve take.h5 x.drive.h5 --iterations 0 0", 1, "iterations"),
+    ("solve take.h5 x.drive.h5 --temperature 99C", 1, "99"),
     ("solve take.h5 x.drive.h5 --mode bestest", 2, 'Invalid value "bestest" for'),
     ("solve take.h5 x.drive.h5 --mode best --settings there.drive.h5", 1, "expected --mode or --settings, got"),
     ("solve take.h5 x.drive.h5 --settings nothing.toml", 1, "expected settings in TOML, found"),
@@ -187,6 +209,7 @@ MISTAKES = (
     ("play there.drive.h5 there.h5", 2, "Unused Tokens: ['there.h5']."),
     ("play there.drive.h5 --device autd", 2, "expected virtual, autd3,"),
     ("play there.drive.h5 --output nowhere/x.h5", 1, "expected the folder"),
+    ("play there.drive.h5 --humidity 50%", 1, "--temperature"),
     ("play there.drive.h5 --temperature 22mm", 2, "expected a quantity such as 22C,"),
     ("play there.drive.h5 --profile nothing", 1, "expected one of occupational-110,"),
     ("play there.drive.h5 --profiles broken.toml", 1, "expected TOML, got: Invalid value"),
@@ -266,6 +289,8 @@ def files(tmp_path_factory):
         save(Recording(samples=samples[:, :2, :2], rate=1000, unit="Pa", sensor=small), "small.h5")
         soundfile.write("song.wav", 0.5 * np.sin(np.arange(4000) / 9), 8000)
         Path("text.csv").write_text("this is\nno recording\n")
+        Path("empty.h5").touch()
+        Path("truncated.h5").write_bytes(Path("take.h5").read_bytes()[:2000])
         Path("broken.toml").write_text("a = = 3\n")
         np.savetxt("five.csv", rng.normal(size=(50, 5)), delimiter=",", header="a,b,c,d,e", comments="")
         gaps = rng.normal(size=(50, 16))

@@ -45,21 +45,6 @@ def test_the_command_line_of_fidelity(stroke, tmp_path):
     assert made["prepare"]["motion"] == "circle of 3 mm at 5 Hz, not validated on people"
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("--rate 3kHz", "40000 Hz over a whole number"),
-        ("--mapping full-wave", "half-wave, constant-offset, slow-bias"),
-        ("--circle 3mm --circle-rate 30Hz", "below 20 Hz, got 30 Hz"),
-    ],
-)
-def test_what_cannot_be_is_told_in_one_line(stroke, tmp_path, words, said, capsys):
-    drive = tmp_path / "no.drive.h5"
-    assert run(["solve", str(stroke), str(drive), *words.split()]) == 1
-    assert said in capsys.readouterr().err
-    assert not drive.exists()
-
-
 @pytest.mark.parametrize("mode", MODES)
 def test_a_mode_by_name_and_single_options_on_top(mode):
     assert SolveOptions(mode=mode).settings() == MODES[mode]()

@@ -56,6 +56,7 @@ def test_one_whole_step_makes_a_linear_chain_right():
     assert np.linalg.norm(error[middle]) < 0.01 * np.linalg.norm(lacking[middle])
 
 
+@pytest.mark.long
 @given(st.floats(0.1, 1.0), st.integers(0, 5))
 def test_every_step_on_a_chain_that_only_pushes_brings_it_nearer(step, seed):
     """Projected on positive pressure, as in the half-wave mode: five steps, each with less error."""

@@ -86,6 +86,7 @@ def test_ridges_have_a_period_of_four_millimetres():
         assert frequency[inside][power[inside].sum(axis=1).argmax()] == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.long
 def test_denim_is_below_threshold_at_the_level_in_the_docs():
     recording = sample("denim")
     change = np.asarray(recording.samples) - np.median(recording.samples, axis=0)

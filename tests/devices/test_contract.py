@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.simulators.autd3_firmware import autd3_firmware
 from tests.simulators.exposure_override import clear_any_exposure
 from tests.simulators.openmpd import OpenMpdSimulator
 
@@ -11,7 +12,6 @@ from midair.devices import (
     VirtualSkin,
     autd3_array,
     autd3_constant_frame,
-    autd3_firmware,
     autd3_immediate,
     pyautd3_array,
     virtual_immediate,

@@ -3,7 +3,7 @@ import io
 import pytest
 from PIL import Image
 
-from midair.figures import Style, new_figure, plain_axes, png_bytes
+from midair.figures import STYLE, new_figure, plain_axes, png_bytes
 
 
 @pytest.mark.parametrize("simulated", [True, False])
@@ -27,6 +27,6 @@ def test_the_picture_has_the_stated_size():
 
 
 def test_axes_have_no_box_and_a_faint_grid_behind_the_data():
-    axis = plain_axes(new_figure(3.0, 2.0, simulated=False).subplots(), Style(faint="#123456"))
+    axis = plain_axes(new_figure(3.0, 2.0, simulated=False).subplots())
     assert [side for side, spine in axis.spines.items() if spine.get_visible()] == ["left", "bottom"]
-    assert axis.xaxis.get_gridlines()[0].get_color() == "#123456"
+    assert axis.xaxis.get_gridlines()[0].get_color() == STYLE.faint

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from midair.errors import BrokenFileError, FileError, MissingFileError, NonFiniteError
+from midair.errors import BrokenFileError, FileError, NonFiniteError
 from midair.files import open_take
 from midair.files.atomic import atomic_file, atomic_folder, collect_written_files, existing_file, parse_errors
 
@@ -58,13 +58,6 @@ def test_refuses_impossible_names(name, tmp_path):
         pass
     with pytest.raises(FileError):
         existing_file(tmp_path / name)
-
-
-def test_finds_all_parts(tmp_path):
-    (tmp_path / "a").write_text("x")
-    assert existing_file(str(tmp_path / "a")) == tmp_path / "a"
-    with pytest.raises(MissingFileError):
-        existing_file(tmp_path / "b")
 
 
 def test_names_the_file_once(tmp_path):
@@ -129,6 +122,7 @@ for begin in (writable_path, lambda path: atomic_file(path).__enter__()):
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("unshare") is None, reason="needs a system that lends a disk to a test")
 def test_a_disk_that_takes_nothing_is_named(tmp_path):
     words = ["unshare", "-rm", "sh", "-c", READ_ONLY, "sh", str(tmp_path), sys.executable]

@@ -39,6 +39,7 @@ def path(tmp_path):
     return path
 
 
+@pytest.mark.long
 def test_one_program_at_a_time_until_it_ends_however_it_ends(path):
     mine = os.open(path, os.O_RDWR)
     with holder("hold", path) as other:
@@ -56,7 +57,7 @@ def test_a_failing_lock_blames_no_program(path):
         lock_or_raise(mine, "log: end the other one first")
 
 
-@pytest.mark.parametrize("way", ["places", "whole files"])
+@pytest.mark.parametrize("way", ["places", pytest.param("whole files", marks=pytest.mark.long)])
 def test_files_of_other_writers_are_not_replaced_but_readable(way, path, monkeypatch):
     if way == "whole files":  # as on systems without locks that belong to an open file
         monkeypatch.setattr(file_locks, "fcntl", without_places())

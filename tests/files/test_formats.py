@@ -1,8 +1,6 @@
 """One contract for all recording formats and the functions that read and write them."""
 
 import re
-import subprocess
-import sys
 import tracemalloc
 from pathlib import Path
 
@@ -18,7 +16,6 @@ from midair.errors import (
     BrokenFileError,
     FileError,
     InputError,
-    MidairError,
     MismatchError,
     MissingFileError,
     NonFiniteError,
@@ -78,13 +75,6 @@ def test_returns_the_saved_calibration(ending, recording, tmp_path, alike):
     alike(load(path), recording)
 
 
-@each_format
-def test_takes_an_ending_in_capitals(ending, recording, tmp_path, alike):
-    path = tmp_path / f"TOWEL{ending.upper()}"
-    save(recording, path)
-    alike(load(path), recording)
-
-
 @each_writer
 def test_replaces_a_file_and_leaves_nothing_beside_it(ending, recording, tmp_path, alike):
     path = tmp_path / f"towel{ending}"
@@ -102,6 +92,7 @@ def test_reports_a_calibration_that_it_cannot_store(ending, recording, calibrati
     assert [loss.what for loss in lost].count("calibration") == (ending not in (".h5", ".hdf5", ".nc"))
     assert len(save(recording, tmp_path / f"towel{ending}")) == len(lost) - (ending not in (".h5", ".hdf5", ".nc"))
     assert all(str(loss).endswith(".") for loss in lost)
+    assert all("save_calibration()" in str(loss) for loss in lost if loss.what == "calibration")
 
 
 @each_reader
@@ -209,34 +200,6 @@ def test_takes_what_agrees_with_the_file(ending, recording, tmp_path, alike):
     alike(load(path, rate=recording.rate, unit=recording.unit, sensor=recording.sensor), recording)
 
 
-FULL_DISK = """
-import resource, signal, sys
-import numpy as np
-from midair.errors import FileError
-from midair.model import Recording
-from midair.files import save
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-recording = Recording(samples=np.random.default_rng(0).random((5000, 4, 4)), rate=1000)
-save(Recording(samples=recording.samples[:5], rate=1000), sys.argv[1])
-resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))
-try:
-    save(recording, sys.argv[1])
-except FileError as wrong:
-    print(wrong)
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="needs a limit on the size of files")
-@each_writer
-def test_keeps_the_old_file_when_the_disk_refuses(ending, tmp_path):
-    path = tmp_path / f"towel{ending}"
-    done = subprocess.run([sys.executable, "-c", FULL_DISK, path], capture_output=True, text=True, check=True)
-    assert "cannot be written" in done.stdout
-    assert done.stderr == ""
-    assert list(tmp_path.iterdir()) == [path]
-    assert path.stat().st_size < 20000
-
-
 @pytest.mark.parametrize("name", ["towel", "towel.txt", "towel.h5.bak"])
 def test_lists_the_endings_it_knows(name, recording, tmp_path):
     for act in (lambda: load(tmp_path / name), lambda: save(recording, tmp_path / name)):
@@ -271,11 +234,6 @@ def test_reports_suspicious_channels(recording, tmp_path):
 def test_refuses_to_write_read_only_formats(ending, recording, tmp_path):
     with pytest.raises(UnknownFormatError, match=r"can be read, not written; writable formats are \.h5"):
         save(recording, tmp_path / f"a{ending}")
-
-
-def test_errors_are_of_the_one_tree():
-    assert issubclass(FileError, MidairError)
-    assert issubclass(InputError, MidairError)
 
 
 @pytest.mark.parametrize("ending", [".h5", ".nc", ".wav", ".csv", ".npz", ".mat"])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import soundfile
 from scipy.io import savemat
+from tests.fuzzing.damage import bytes_anywhere
 
 from midair.datasets.catalogue import sample_path
 from midair.errors import MidairError
@@ -19,29 +20,6 @@ from midair.files import (
     save_solution,
 )
 from midair.model import PressureFrames, SensorGrid
-
-
-def mutant(data: bytes, rng: np.random.Generator) -> bytes:
-    """`data` truncated, with bytes or bits changed, overwritten, removed or duplicated."""
-    spoilt = bytearray(data)
-    first, last = sorted(int(i) for i in rng.integers(len(data), size=2))
-    match int(rng.integers(6)):
-        case 0:
-            return bytes(spoilt[:first])
-        case 1:
-            for place in rng.integers(len(data), size=rng.integers(1, 9)):
-                spoilt[place] = rng.integers(256)
-        case 2:
-            for place in rng.integers(len(data), size=rng.integers(1, 4)):
-                spoilt[place] ^= 1 << int(rng.integers(8))
-        case 3:
-            last = min(first + int(rng.integers(1, 65)), len(data))
-            spoilt[first:last] = bytes([255 * int(rng.integers(2))]) * (last - first)
-        case 4:
-            del spoilt[first:last]
-        case _:
-            spoilt[first:last] = spoilt[first:last] * 2
-    return bytes(spoilt)
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +83,7 @@ def refusals(name, count, originals, tmp_path):
     for reader in READERS[name]:
         assert reader(originals / name) is not None
     for _ in range(count):
-        path.write_bytes(mutant(data, rng))
+        path.write_bytes(bytes_anywhere(data, rng))
         for reader in READERS[name]:
             try:
                 reader(path)

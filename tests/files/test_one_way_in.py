@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -77,8 +75,3 @@ def test_load_gives_the_solution_of_a_drive(solution, tmp_path):
     np.testing.assert_array_equal(again.drive.phase, solution.drive.phase)
     with pytest.raises(InputError, match="expected no options for a drive, got rate=1000"):
         load(path, rate=1000.0)
-
-
-def test_load_gives_the_recording_of_all_else(take, tmp_path):
-    save(take[0], tmp_path / "a.h5")
-    assert isinstance(load(Path(tmp_path / "a.h5")), Recording)

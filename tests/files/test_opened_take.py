@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError, MismatchError, NonFiniteError, RateError, ShapeError, UnitError
-from midair.files.opened_take import FormatLoss, ImportedData, ImportOptions, calibration_lost
-from midair.model import Calibration, SensorGrid
+from midair.files.opened_take import ImportedData, ImportOptions
+from midair.model import SensorGrid
 from midair.recordings import Mending
 
 
@@ -156,18 +156,3 @@ def test_gaps_are_refused_or_filled_and_reported(path):
         "numbers": 3,
         "channel_frame_frames": ((2, 50, 3),),
     }
-
-
-def test_without_a_calibration_nothing_is_lost():
-    assert calibration_lost(None, "WAV") == ()
-
-
-def test_a_dropped_calibration_is_reported_with_advice():
-    sensor = SensorGrid(rows=1, columns=1)
-    flat = Calibration(
-        sensor=sensor, frequency=np.array([0.0, 500.0]), response=np.ones((2, 1, 1)), noise=np.zeros((1, 1))
-    )
-    (lost,) = calibration_lost(flat, "WAV")
-    assert lost == FormatLoss(what="calibration", text=str(lost))
-    assert str(lost).startswith("WAV holds no calibration")
-    assert "save_calibration()" in str(lost)

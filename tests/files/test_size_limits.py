@@ -25,6 +25,7 @@ def test_a_stream_is_expanded_as_far_as_there_is_room(tmp_path):
         inflated(path, packed[:-5], 1000)
 
 
+@pytest.mark.long
 def test_a_bomb_of_matlab(tmp_path):
     def element(kind, data):
         return struct.pack("<II", kind, len(data)) + data + b"\0" * (-len(data) % 8)

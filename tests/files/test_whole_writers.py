@@ -21,7 +21,9 @@ ON_THEIR_OWN = {
 """Files of src that write without `atomic_file`, and why."""
 
 
-@pytest.fixture(scope="module", params=["quick", pytest.param("", marks=pytest.mark.slow)])
+@pytest.fixture(
+    scope="module", params=[pytest.param("quick", marks=pytest.mark.long), pytest.param("", marks=pytest.mark.slow)]
+)
 def stopped(request, tmp_path_factory):
     """Files left by each writer, by the way it was stopped."""
     words = [sys.executable, PROGRAM, *request.param.split()]

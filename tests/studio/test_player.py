@@ -78,6 +78,10 @@ def test_the_exposure_is_checked_in_the_stated_air_and_phases_are_corrected_for_
     assert "23 to 27 °C" in found["measured_in"]
     assert found["solved_c"] == pytest.approx(Medium().degrees, abs=0.01), "340 m/s"
     assert "palm warms by" in found["heat"]
+    protected = player.act(order | {"protection": 12.0})
+    assert "12 dB of ear protection stated by the user" in protected["profile"]
+    ears = [{place["name"]: place["limit_db"] for place in each["places"]}["left ear"] for each in (found, protected)]
+    assert ears[1] == ears[0] + 12
     corrected = player.act(order | {"room": room, "correct": True})
     assert corrected["solved_c"] == 25.0
     assert player.admitted[corrected["number"]][0].drive.acoustics.medium == room

@@ -9,7 +9,7 @@ from midair.datasets import stroke
 from midair.errors import InputError
 from midair.files import load_solution, open_take, save
 from midair.model import Palm, Provenance, Recording, TransducerArray
-from midair.pipeline import calibrated_pressure, required_lead
+from midair.pipeline import calibrated_pressure, required_lead, under_ears
 from midair.rig import BudgetPlan, VirtualRig, error_budget, keep_array_calibration, play, rerecord_drive
 from midair.settings import Settings
 from midair.studio.take_data import TakeData, facts
@@ -68,6 +68,18 @@ def test_a_drive_for_a_real_array_takes_its_stored_calibration(solved, monkeypat
     plain = replace(request, array_calibration=Path("none"), drive=str(tmp_path / "plain.drive.h5"))
     solve_take(plain, lambda *_: None)
     assert load_solution(plain.drive).drive.array.alike
+
+
+@pytest.mark.long
+def test_the_mode_quiet_keeps_the_level_at_the_ears(solved, tmp_path):
+    request = replace(
+        solved, mode="quiet", choices=(("ears", 115.0), ("points", 8)), drive=str(tmp_path / "q.drive.h5")
+    )
+    solve_take(request, lambda *_: None)
+    drive = load_solution(request.drive).drive
+    assert -3 < under_ears(drive, 115.0) <= 0
+    shown = facts(TakeData(take=solved.take, drive=request.drive))["drive"]["settings"]
+    assert (shown["mode"], shown["ears_db"]) == ("quiet", 115.0)
 
 
 @pytest.mark.long

@@ -91,6 +91,7 @@ def trials(table):
     return sorted(zip(scored["participant"].tolist(), scored["trial"].astype(int).tolist(), strict=True))
 
 
+@pytest.mark.long
 def test_every_output_has_the_same_trials(folder, tmp_path, capsys):
     plan, sessions = folder.plan(), folder.sessions()
     analysed = trials(answers_table(plan, sessions))

@@ -50,6 +50,7 @@ def test_existing_drives_are_copied_and_hashed(tmp_path):
     assert copied.stat().st_mode & 0o777 == 0o600
 
 
+@pytest.mark.long
 def test_recordings_and_virtual_strokes_are_solved(tmp_path):
     rig = VirtualRig()
     (tmp_path / "to").mkdir()

@@ -176,6 +176,7 @@ def test_the_loopback_measures_every_marker(line):
     assert delays["serial"].min() >= 0.02
 
 
+@pytest.mark.long
 def test_the_loopback_reports_lost_markers(line):
     with EventMarkers(MarkerOutputs(serial=line[1])) as markers:
         assert not len(measure_markers(markers, count=10, rng=np.random.default_rng(1))["serial"])

@@ -183,6 +183,7 @@ def test_the_level_is_stated(full_scale, said):
     assert re.search(said, MaskingNoise(level_dbfs=-20, full_scale_db=full_scale).said)
 
 
+@pytest.mark.long
 def test_missing_headphones_are_an_error():
     _imported("sounddevice", "libportaudio2")
     with (

@@ -2,34 +2,22 @@
 
 import json
 import re
+from dataclasses import replace
 
 import pandas as pd
 import pytest
-from tests.study.simulated import simulate
 
 from midair.errors import FileError, InputError
-from midair.study.design import answers_table
-from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.psych_ds import write_psych_ds
 
 # Rule `Datafile` of the specification's schema.
 DATA_FILE = r"([a-z]+-[a-zA-Z0-9]+)(_[a-z]+-[a-zA-Z0-9]+)*_data\.(csv|tsv)"
 
 
-@pytest.fixture(scope="module")
-def study(tmp_path_factory):
-    text = template_text("paper").replace("repetitions = 4", "repetitions = 1")
-    text = text.replace("seed = 2020", 'seed = 2020\nauthors = ["A. Person"]\nlicense = "CC0"', 1)
-    folder = StudyFolder.create(
-        tmp_path_factory.mktemp("study") / "s", text, read_design(text, name="small", participants=2)
-    )
-    plan = simulate(folder)
-    return plan, answers_table(plan, folder.sessions())
-
-
-def test_the_dataset_follows_the_rules_of_the_specification(study, tmp_path):
-    plan, answers = study
-    written = write_psych_ds(answers, plan.design, tmp_path / "p", files="All files are unchanged.")
+def test_the_dataset_follows_the_rules_of_the_specification(small_study, tmp_path):
+    plan, answers = small_study
+    design = replace(plan.design, authors=("A. Person",), license="CC0")
+    written = write_psych_ds(answers, design, tmp_path / "p", files="All files are unchanged.")
     description = json.loads((tmp_path / "p" / "dataset_description.json").read_text())
     assert (description["@context"], description["@type"]) == ("https://schema.org/", "Dataset")
     assert description["name"].startswith("SIMULATED: ")
@@ -51,8 +39,8 @@ def test_the_dataset_follows_the_rules_of_the_specification(study, tmp_path):
     assert {path.stat().st_mode & 0o077 for path in (tmp_path / "p").rglob("*")} == {0}
 
 
-def test_datasets_are_not_overwritten_and_not_empty(study, tmp_path):
-    plan, answers = study
+def test_datasets_are_not_overwritten_and_not_empty(small_study, tmp_path):
+    plan, answers = small_study
     (tmp_path / "p").mkdir()
     (tmp_path / "p" / "kept.txt").write_text("kept")
     with pytest.raises(FileError):

@@ -13,18 +13,8 @@ from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv
 
 
-@pytest.fixture(scope="module")
-def study(tmp_path_factory):
-    text = template_text("paper").replace("repetitions = 4", "repetitions = 1")
-    folder = StudyFolder.create(
-        tmp_path_factory.mktemp("study") / "s", text, read_design(text, name="small", participants=2)
-    )
-    plan = simulate(folder)
-    return plan, answers_table(plan, folder.sessions())
-
-
-def test_bids_round_trip(study, tmp_path):
-    plan, answers = study
+def test_bids_round_trip(small_study, tmp_path):
+    plan, answers = small_study
     written = write_bids(answers, plan.design, tmp_path / "bids")
     assert all(path.exists() for path in written)
     back = read_bids(tmp_path / "bids")
@@ -33,8 +23,8 @@ def test_bids_round_trip(study, tmp_path):
         assert back[name].tolist() == answers[name].tolist(), name
 
 
-def test_bids_has_the_required_files(study, tmp_path):
-    plan, answers = study
+def test_bids_has_the_required_files(small_study, tmp_path):
+    plan, answers = small_study
     write_bids(answers, plan.design, tmp_path / "bids")
     description = json.loads((tmp_path / "bids" / "dataset_description.json").read_text())
     assert description["BIDSVersion"]
@@ -51,10 +41,10 @@ def test_bids_has_the_required_files(study, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def datasets(study, tmp_path_factory):
+def datasets(small_study, tmp_path_factory):
     """The dataset of the study, and a dataset with two sessions and all optional fields."""
     folder = tmp_path_factory.mktemp("datasets")
-    plan, answers = study
+    plan, answers = small_study
     write_bids(answers, plan.design, folder / "one")
     text = template_text("paper").replace('group = "grooved"', 'group = "grooved"\nsession = 2').replace("= 4", "= 1")
     stated = 'authors = ["A. Person", "B. Person"]\nlicense = "CC0"\ninstitution = "A University"\nseed = 2020'
@@ -125,8 +115,8 @@ def test_invalid_tables_are_refused(tmp_path, content, why):
         read_csv(tmp_path / "t.csv")
 
 
-def test_missing_files_are_an_error(study, tmp_path):
-    plan, answers = study
+def test_missing_files_are_an_error(small_study, tmp_path):
+    plan, answers = small_study
     with pytest.raises(MissingFileError):
         read_csv(tmp_path / "no.csv")
     with pytest.raises(MissingFileError, match="BIDS"):

@@ -100,6 +100,7 @@ def test_the_plan_cannot_drop_the_chain_alone(folder):
         folder.sessions()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("lines", "state"), [(20, r"\d+ of \d+ trials"), (1, "without an end")])
 def test_a_truncated_log_is_reported(folder, tmp_path, capsys, lines, state):
     study("verify", folder.path)

@@ -81,6 +81,7 @@ def test_s3_equals_a_folder_when_workers_write_and_continue(s3, tmp_path, finish
     assert run_sweep(SWEEP, s3, workers=2) == 0
 
 
+@pytest.mark.long
 def test_an_interrupted_creation_is_completed(bucket, monkeypatch, finished):
     create = zarr.Group.create_array
 

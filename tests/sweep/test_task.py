@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.sweep.task import Task, settings_of
+from midair.sweep.task import settings_of
 
 
 @dataclass(frozen=True)
@@ -19,10 +19,6 @@ class Inner:
 class Outer:
     inner: Inner
     heights: dict
-
-
-def test_a_task_counts_its_items():
-    assert Task(condition=3, first=128, last=200).count == 72
 
 
 def test_settings_of_objects_at_hand():

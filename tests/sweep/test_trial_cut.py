@@ -80,6 +80,7 @@ def test_workers_give_the_same_bits_and_write_their_own_regions(tmp_path, thread
     assert group["error"].chunks == (1, SWEEP.chunk)
 
 
+@pytest.mark.long
 def test_a_continued_sweep_solves_only_the_missing_pieces(finished, tmp_path):
     path = tmp_path / "s.zarr"
     with open_sweep(path, SWEEP) as store:

@@ -141,6 +141,7 @@ def read_by_the_page(messages):
     return json.loads(said, parse_int=float)
 
 
+@pytest.mark.long
 def test_page_decodes_sections_of_python():
     drawn = []
 

@@ -37,7 +37,6 @@ from .measure import focus_position as focus_position
 from .measure import known_noise as known_noise
 from .measure import measure_beam as measure_beam
 from .measure import measure_calibration as measure_calibration
-from .measure import measure_response as measure_response
 from .measure import measure_tone as measure_tone
 from .measure import noise_equivalent_pressure as noise_equivalent_pressure
 from .measure import noise_signal as noise_signal

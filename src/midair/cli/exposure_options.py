@@ -87,26 +87,11 @@ class ExposureOptions:
     def choices(self, room: Medium | None = None) -> ExposureChoices:
         """The options as one value, with the stated air of the room."""
         return ExposureChoices(
-            profile=protected_profile(self.profile, self.profiles, self.ear_protection),
+            profile=profile_named(self.profile, self.profiles).behind(self.ear_protection),
             attenuate=self.attenuate,
             override=self.override_exposure,
             room=room,
         )
-
-
-def protected_profile(name: str, path: Path | None, attenuation: float) -> ExposureProfile:
-    """The profile of a name for people behind ear protection of this many dB; InputError if it is out of range."""
-    profile = profile_named(name, path)
-    if not 0 <= attenuation <= MOST_PROTECTION:
-        raise InputError(
-            f"--ear-protection: expected 0 to {MOST_PROTECTION:g} dB at 40 kHz, got {attenuation:g} dB; "
-            "use the figure of a measurement at 40 kHz, not the rating for audible noise"
-        )
-    return profile.behind(attenuation) if attenuation else profile
-
-
-MOST_PROTECTION = 40.0
-"""Largest attenuation in dB that can be stated, a value of midair against slips."""
 
 
 def print_check_time(

@@ -20,6 +20,9 @@ from midair.streaming import LazyFrames, read_frames
 RATE = 8000.0
 """Sample rate of the published metrics in Hz."""
 
+BLOCK = 512
+"""Samples of a block of the published metrics."""
+
 _STRETCH = 2**19
 """Samples that are processed at once."""
 
@@ -116,51 +119,50 @@ class SkinModel:
         flat = self.threshold(np.array(self.flat_below))
         return np.minimum(self.threshold(frequency) * 10 ** (smaller / 20), flat)
 
-    def metric_scale(self, block: int = 512) -> float:
+    def metric_scale(self) -> float:
         """Factor that converts a pressure in Pa to the input of ST-SIM and SPQI.
 
         The metrics have no unit. With this factor a sine at `best` at the detection threshold has the minimum level of
         their threshold curve.
         """
-        level = 10 ** (-Threshold().floor / 20) / np.sqrt(block / 2)
+        level = 10 ** (-Threshold().floor / 20) / np.sqrt(BLOCK / 2)
         return float(self.displacement(np.ones(1))[0] / self.just_felt * level)
 
 
-def blocks(signal: Array, block: int = 512) -> Array:
+def blocks(signal: Array) -> Array:
     """Split a signal (sample,) into whole blocks, shape (block, sample); the remainder is not used."""
-    if len(signal) < block:
+    if len(signal) < BLOCK:
         raise ShapeError(
-            f"signal: expected at least {block} samples ({1e3 * block / RATE:g} ms at {RATE:g} Hz), got {len(signal)}; "
+            f"signal: expected at least {BLOCK} samples ({1e3 * BLOCK / RATE:g} ms at {RATE:g} Hz), got {len(signal)}; "
             "take a longer part"
         )
-    return np.asarray(signal[: len(signal) // block * block], float).reshape(-1, block)
+    return np.asarray(signal[: len(signal) // BLOCK * BLOCK], float).reshape(-1, BLOCK)
 
 
-def perceptual_spectrum(signal: Array, *, block: int = 512) -> Array:
+def perceptual_spectrum(signal: Array) -> Array:
     """Level of each DCT bin of each block over the threshold: ``S = 20 log10 |DCT| - T``, shape (block, bin), in dB."""
     from scipy.fft import dct
 
-    size = np.abs(dct(blocks(signal, block), norm="ortho", axis=1))
+    size = np.abs(dct(blocks(signal), norm="ortho", axis=1))
     with np.errstate(divide="ignore"):
-        return 20 * np.log10(size) - Threshold().at(block)
+        return 20 * np.log10(size) - Threshold().at(BLOCK)
 
 
-def st_sim(reference: Array, distorted: Array, *, eta: float = 2 / 3, block: int = 512) -> float:
-    """Compute the spectral and temporal similarity: tau^eta s^(1 - eta).
+def st_sim(reference: Array, distorted: Array) -> float:
+    """Compute the spectral and temporal similarity: tau^(2/3) s^(1/3).
 
     tau compares the normalised blocks (zero mean, unit variance), s the supports Phi(S / 12) of their perceptual
     spectra; both are means over the blocks of sum(r d) / sum(r^2). Blocks with a silent reference are ignored; vibromaf
     counts them as 0. A negative tau, for which vibromaf has no result, gives 0.
 
-    The signals, shape (sample,), at 8 kHz are on one scale; the longer one is cut. `eta` is the weight of the temporal
-    part. The result is 1 for equal signals, 0 for no similarity; above 1 if the distorted signal is felt more than the
-    reference.
+    The signals, shape (sample,), at 8 kHz are on one scale; the longer one is cut. The result is 1 for equal signals, 0
+    for no similarity; above 1 if the distorted signal is felt more than the reference.
     """
-    return _over_stretches(reference, distorted, block, _StSim(eta=eta, block=block))
+    return _over_stretches(reference, distorted, _StSim())
 
 
-def spqi(reference: Array, distorted: Array, *, eta: float = 0.3, threshold: float = -2.0, block: int = 512) -> float:
-    """Compute the spectral perceptual quality index: the mean over the blocks of (1 - tanh(eta d - threshold)) / 2.
+def spqi(reference: Array, distorted: Array) -> float:
+    """Compute the spectral perceptual quality index: the mean over the blocks of (1 - tanh(0.3 d + 2)) / 2.
 
     ``d = 10 log10(sum |10^(Sr/10) - 10^(Sd/10)| / sum 10^(Sr/10))`` with the perceptual spectra Sr and Sd of the
     reference and the distorted signal: differences are weighted by their level over the threshold, and phase is
@@ -169,19 +171,17 @@ def spqi(reference: Array, distorted: Array, *, eta: float = 0.3, threshold: flo
     The signals, shape (sample,), at 8 kHz are on one scale; the longer one is cut. The result is 1 for equal signals;
     .02 if the difference is as large as the reference.
     """
-    return _over_stretches(reference, distorted, block, _Spqi(eta=eta, threshold=threshold, block=block))
+    return _over_stretches(reference, distorted, _Spqi())
 
 
-def similarities(
-    reference: Array | LazyFrames, distorted: Array | LazyFrames, *, compared: NDArray[np.bool_], block: int = 512
-) -> Array:
+def similarities(reference: Array | LazyFrames, distorted: Array | LazyFrames, *, compared: NDArray[np.bool_]) -> Array:
     """ST-SIM and SPQI of the channels in the mask `compared`, shape (2, channel); NaN for the others.
 
     The signals (sample, ...) at 8 kHz are on one scale and read once; the longer one is cut.
     """
     those, found = np.flatnonzero(compared), np.full((2, len(compared)), np.nan)
-    sums = [(_StSim(block=block), _Spqi(block=block)) for _ in those]
-    for x, y in _stretches(reference, distorted, block):
+    sums = [(_StSim(), _Spqi()) for _ in those]
+    for x, y in _stretches(reference, distorted):
         a, b = x.reshape(len(x), -1), y.reshape(len(y), -1)
         for channel, both in zip(those, sums, strict=True):
             for each in both:
@@ -191,8 +191,8 @@ def similarities(
     return found
 
 
-def _over_stretches(reference: Array, distorted: Array, block: int, found: "_StSim | _Spqi") -> float:
-    for each, other in _stretches(np.asarray(reference, float), np.asarray(distorted, float), block):
+def _over_stretches(reference: Array, distorted: Array, found: "_StSim | _Spqi") -> float:
+    for each, other in _stretches(np.asarray(reference, float), np.asarray(distorted, float)):
         found.add(each, other)
     return found.value
 
@@ -200,18 +200,17 @@ def _over_stretches(reference: Array, distorted: Array, block: int, found: "_StS
 class _StSim:
     """Running sums of ST-SIM."""
 
-    def __init__(self, *, eta: float = 2 / 3, block: int = 512) -> None:
-        self._eta, self._block = eta, block
+    def __init__(self) -> None:
         self._temporal, self._spectral, self._count, self._same = 0.0, 0.0, 0, True
 
     def add(self, reference: Array, distorted: Array) -> None:
         """Add whole blocks of both signals."""
         from scipy.special import ndtr
 
-        r, d = blocks(reference, self._block), blocks(distorted, self._block)
+        r, d = blocks(reference), blocks(distorted)
         heard = r.std(axis=1) > 0
         self._temporal += _alike(_standard(r[heard]), _standard(d[heard]))
-        felt = (ndtr(perceptual_spectrum(x, block=self._block)[heard] / 12) for x in (reference, distorted))
+        felt = (ndtr(perceptual_spectrum(x)[heard] / 12) for x in (reference, distorted))
         self._spectral += _alike(*felt)
         self._count += int(heard.sum())
         self._same = self._same and np.array_equal(reference, distorted)
@@ -222,24 +221,23 @@ class _StSim:
         if self._same or not self._count:
             return float(self._same)
         temporal, spectral = self._temporal / self._count, self._spectral / self._count
-        return float(max(temporal, 0.0) ** self._eta * spectral ** (1 - self._eta))
+        return float(max(temporal, 0.0) ** (2 / 3) * spectral ** (1 / 3))
 
 
 class _Spqi:
     """Running sums of SPQI."""
 
-    def __init__(self, *, eta: float = 0.3, threshold: float = -2.0, block: int = 512) -> None:
-        self._eta, self._threshold, self._block = eta, threshold, block
+    def __init__(self) -> None:
         self._total, self._count, self._same = 0.0, 0, True
 
     def add(self, reference: Array, distorted: Array) -> None:
         """Add whole blocks of both signals."""
-        r, d = (10 ** (perceptual_spectrum(x, block=self._block) / 10) for x in (reference, distorted))
+        r, d = (10 ** (perceptual_spectrum(x) / 10) for x in (reference, distorted))
         power = r.sum(axis=1)
         heard = power > 0
         with np.errstate(divide="ignore"):
             apart = 10 * np.log10(np.abs(r - d)[heard].sum(axis=1) / (power[heard] + np.finfo(float).eps))
-        self._total += float(np.sum((1 - np.tanh(self._eta * apart - self._threshold)) / 2))
+        self._total += float(np.sum((1 - np.tanh(0.3 * apart + 2.0)) / 2))
         self._count += int(heard.sum())
         self._same = self._same and np.array_equal(reference, distorted)
 
@@ -308,13 +306,11 @@ def _standard(rows: Array) -> Array:
     return (rows - rows.mean(axis=1, keepdims=True)) / (rows.std(axis=1, keepdims=True) + np.finfo(float).eps)
 
 
-def _stretches(
-    reference: Array | LazyFrames, distorted: Array | LazyFrames, block: int
-) -> Iterator[tuple[Array, Array]]:
+def _stretches(reference: Array | LazyFrames, distorted: Array | LazyFrames) -> Iterator[tuple[Array, Array]]:
     """Segments of whole blocks of both signals, 4 MB each; the first one includes the end of a short signal."""
     frames = min(len(reference), len(distorted))
-    whole = max(frames // block, 1) * block
-    step = max(1, _STRETCH // int(np.prod(reference.shape[1:], dtype=np.int64)) // block) * block
+    whole = max(frames // BLOCK, 1) * BLOCK
+    step = max(1, _STRETCH // int(np.prod(reference.shape[1:], dtype=np.int64)) // BLOCK) * BLOCK
     for first in range(0, whole, step):
         last = min(first + step, whole, frames)
         yield read_frames(reference, first, last), read_frames(distorted, first, last)

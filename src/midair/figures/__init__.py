@@ -21,8 +21,8 @@ from .pattern_curves import Example as Example
 from .pattern_curves import curve_figure as curve_figure
 from .pattern_curves import examples_figure as examples_figure
 from .pattern_curves import histogram_figure as histogram_figure
+from .style import STYLE as STYLE
 from .style import Picture as Picture
-from .style import Style as Style
 from .style import new_figure as new_figure
 from .style import plain_axes as plain_axes
 from .style import png_bytes as png_bytes

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midair.array_types import Array
-from midair.figures.style import Style, new_figure, plain_axes
+from midair.figures.style import STYLE, new_figure, plain_axes
 from midair.model import Calibration, Crosstalk, Linearity, Measurement
 
 if TYPE_CHECKING:
@@ -16,22 +16,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def calibration_figure(calibration: Calibration, *, style: Style | None = None) -> Figure:
+def calibration_figure(calibration: Calibration) -> Figure:
     """Draw nine panels of a calibration; bands and bars are expanded uncertainties (k = 2)."""
-    style = style or Style()
-    figure = new_figure(15.0, 11.0, simulated=calibration.provenance.simulated, style=style)
+    figure = new_figure(15.0, 11.0, simulated=calibration.provenance.simulated)
     axes = figure.subplots(3, 3)
     measured = calibration.measurement
-    _response(axes[0, 0], calibration, style)
-    _deviation(axes[0, 1], calibration, style)
-    _phase(axes[0, 2], calibration, style)
-    _uncertainty(axes[1, 0], calibration, measured, style)
-    _coherence(axes[1, 1], calibration, measured, style)
-    _noise(axes[1, 2], calibration, style)
-    _crosstalk(figure, axes[2, 0], calibration.crosstalk, style)
-    _linearity(axes[2, 1], calibration.linearity, style)
-    _delay(axes[2, 2], measured, style)
-    figure.suptitle(_title(calibration), fontsize=10, x=0.01, ha="left", color=style.ink)
+    _response(axes[0, 0], calibration)
+    _deviation(axes[0, 1], calibration)
+    _phase(axes[0, 2], calibration)
+    _uncertainty(axes[1, 0], calibration, measured)
+    _coherence(axes[1, 1], calibration, measured)
+    _noise(axes[1, 2], calibration)
+    _crosstalk(figure, axes[2, 0], calibration.crosstalk)
+    _linearity(axes[2, 1], calibration.linearity)
+    _delay(axes[2, 2], measured)
+    figure.suptitle(_title(calibration), fontsize=10, x=0.01, ha="left", color=STYLE.ink)
     return figure
 
 
@@ -71,8 +70,8 @@ def _heard(calibration: Calibration) -> tuple[Array, list[int]]:
     return size, [channel for channel, one in enumerate(size) if (one > 0).all()]
 
 
-def _frequency_axis(axis: Axes, calibration: Calibration, label: str, style: Style) -> Axes:
-    plain_axes(axis, style, x="frequency (Hz)", y=label)
+def _frequency_axis(axis: Axes, calibration: Calibration, label: str) -> Axes:
+    plain_axes(axis, x="frequency (Hz)", y=label)
     low, high = calibration.frequency[[0, -1]]
     if 0 < low < high:
         axis.set_xscale("log")
@@ -83,8 +82,8 @@ def _frequency_axis(axis: Axes, calibration: Calibration, label: str, style: Sty
     return axis
 
 
-def _response(axis: Axes, calibration: Calibration, style: Style) -> None:
-    _frequency_axis(axis, calibration, f"response ({calibration.unit}/Pa)", style)
+def _response(axis: Axes, calibration: Calibration) -> None:
+    _frequency_axis(axis, calibration, f"response ({calibration.unit}/Pa)")
     size, heard = _heard(calibration)
     measured, colours = calibration.measurement, _colours(len(size))
     wide = None if measured is None else 2 * _curves(measured.magnitude_uncertainty)
@@ -108,9 +107,9 @@ def _name_channels(axis: Axes, colours: Array, heard: Sequence[int], *, most: in
     axis.legend(handles=lines, title="channel", title_fontsize=7, fontsize=7, ncols=4, frameon=False, loc="best")
 
 
-def _deviation(axis: Axes, calibration: Calibration, style: Style) -> None:
+def _deviation(axis: Axes, calibration: Calibration) -> None:
     """Draw the difference of the channels from their mean; uncertainty shared by all channels is left out."""
-    _frequency_axis(axis, calibration, "re mean of the channels (dB)", style)
+    _frequency_axis(axis, calibration, "re mean of the channels (dB)")
     size, heard = _heard(calibration)
     if not heard:
         return
@@ -124,8 +123,8 @@ def _deviation(axis: Axes, calibration: Calibration, style: Style) -> None:
     axis.set_title("difference between channels", fontsize=8, loc="left")
 
 
-def _phase(axis: Axes, calibration: Calibration, style: Style) -> None:
-    _frequency_axis(axis, calibration, "phase (rad)", style)
+def _phase(axis: Axes, calibration: Calibration) -> None:
+    _frequency_axis(axis, calibration, "phase (rad)")
     _, heard = _heard(calibration)
     phase, colours = np.unwrap(_curves(np.angle(calibration.response)), axis=1), _colours(calibration.sensor.count)
     measured = calibration.measurement
@@ -135,23 +134,23 @@ def _phase(axis: Axes, calibration: Calibration, style: Style) -> None:
     axis.set_title("phase", fontsize=8, loc="left")
 
 
-def _uncertainty(axis: Axes, calibration: Calibration, measured: Measurement | None, style: Style) -> None:
-    _frequency_axis(axis, calibration, "uncertainty of the magnitude (%, k = 2)", style)
+def _uncertainty(axis: Axes, calibration: Calibration, measured: Measurement | None) -> None:
+    _frequency_axis(axis, calibration, "uncertainty of the magnitude (%, k = 2)")
     if measured is None:
-        return _absent(axis, "unknown: stated, not measured", style)
+        return _absent(axis, "unknown: stated, not measured")
     each = 200 * _curves(measured.magnitude_uncertainty)
     axis.fill_between(
         calibration.frequency,
         each.min(axis=0),
         each.max(axis=0),
-        color=style.before,
+        color=STYLE.before,
         alpha=0.4,
         lw=0,
         label="all channels",
     )
-    axis.plot(calibration.frequency, np.median(each, axis=0), color=style.original, lw=1, label="median")
+    axis.plot(calibration.frequency, np.median(each, axis=0), color=STYLE.original, lw=1, label="median")
     axis.axhline(
-        200 * measured.reference_uncertainty, color=style.reproduced, lw=1, ls="--", label="reference (shared by all)"
+        200 * measured.reference_uncertainty, color=STYLE.reproduced, lw=1, ls="--", label="reference (shared by all)"
     )
     # A few bins of an insensitive channel must not compress the scale of all others.
     axis.set_ylim(0, max(1.1 * float(np.quantile(each, 0.99)), 220 * measured.reference_uncertainty, 1e-3))
@@ -160,22 +159,22 @@ def _uncertainty(axis: Axes, calibration: Calibration, measured: Measurement | N
     return None
 
 
-def _coherence(axis: Axes, calibration: Calibration, measured: Measurement | None, style: Style) -> None:
-    _frequency_axis(axis, calibration, "1 - coherence (1)", style)
+def _coherence(axis: Axes, calibration: Calibration, measured: Measurement | None) -> None:
+    _frequency_axis(axis, calibration, "1 - coherence (1)")
     if measured is None:
-        return _absent(axis, "not measured", style)
+        return _absent(axis, "not measured")
     lost, colours = np.maximum(1 - _curves(measured.coherence), 1e-9), _colours(calibration.sensor.count)
     for channel in _heard(calibration)[1]:
         _line(axis, calibration, lost[channel], colours[channel])
     # 1 minus the default coherence limit of `MeasureSettings`.
-    axis.axhline(0.1, color=style.reproduced, lw=1, ls="--")
+    axis.axhline(0.1, color=STYLE.reproduced, lw=1, ls="--")
     axis.set_yscale("log")
     axis.set_title("part not explained by the reference; bins above the line are rejected", fontsize=8, loc="left")
     return None
 
 
-def _noise(axis: Axes, calibration: Calibration, style: Style) -> None:
-    _frequency_axis(axis, calibration, "noise-equivalent pressure (mPa/√Hz)", style)
+def _noise(axis: Axes, calibration: Calibration) -> None:
+    _frequency_axis(axis, calibration, "noise-equivalent pressure (mPa/√Hz)")
     size, heard = _heard(calibration)
     measured, colours = calibration.measurement, _colours(len(size))
     white = np.broadcast_to(calibration.noise, (len(calibration.frequency), *calibration.noise.shape))
@@ -187,14 +186,14 @@ def _noise(axis: Axes, calibration: Calibration, style: Style) -> None:
     axis.set_title("noise floor", fontsize=8, loc="left")
 
 
-def _crosstalk(figure: Figure, axis: Axes, crosstalk: Crosstalk | None, style: Style) -> None:
-    axis.tick_params(labelsize=8, color=style.faint, labelcolor=style.ink)
+def _crosstalk(figure: Figure, axis: Axes, crosstalk: Crosstalk | None) -> None:
+    axis.tick_params(labelsize=8, color=STYLE.faint, labelcolor=STYLE.ink)
     axis.set_xlabel("pressed cell (channel)", fontsize=9)
     axis.set_ylabel("responding channel", fontsize=9)
     if crosstalk is None:
-        return _absent(axis, "not measured: press each cell separately", style)
+        return _absent(axis, "not measured: press each cell separately")
     level = 20 * np.log10(np.maximum(np.abs(crosstalk.matrix), 1e-5))
-    image = axis.imshow(level, cmap=style.quantity, vmin=-60, vmax=0, origin="upper")
+    image = axis.imshow(level, cmap=STYLE.quantity, vmin=-60, vmax=0, origin="upper")
     bar = figure.colorbar(image, ax=axis, shrink=0.9)
     bar.set_label("crosstalk (dB)", fontsize=9)
     bar.ax.tick_params(labelsize=8)
@@ -207,15 +206,15 @@ def _crosstalk(figure: Figure, axis: Axes, crosstalk: Crosstalk | None, style: S
     return None
 
 
-def _linearity(axis: Axes, linearity: Linearity | None, style: Style) -> None:
-    plain_axes(axis, style, x="pressure (Pa rms)", y="deviation from the line through 0 (%)")
+def _linearity(axis: Axes, linearity: Linearity | None) -> None:
+    plain_axes(axis, x="pressure (Pa rms)", y="deviation from the line through 0 (%)")
     if linearity is None:
-        return _absent(axis, "not measured: needs five levels or more", style)
+        return _absent(axis, "not measured: needs five levels or more")
     x, y = _curves(linearity.pressure), _curves(linearity.output)
     gain, colours = linearity.gain.ravel()[:, None], _colours(len(x))
     for channel, away in enumerate(100 * (y / np.where(gain * x == 0, 1, gain * x) - 1)):
         axis.plot(x[channel], away, "o-", color=colours[channel], markersize=3, linewidth=0.7)
-    axis.axhline(0, color=style.faint, lw=1)
+    axis.axhline(0, color=STYLE.faint, lw=1)
     worst = int(np.argmax(np.abs(linearity.curvature)))
     bend, unsure = linearity.curvature.ravel()[worst], 2 * linearity.curvature_uncertainty.ravel()[worst]
     axis.set_title(
@@ -226,17 +225,17 @@ def _linearity(axis: Axes, linearity: Linearity | None, style: Style) -> None:
     return None
 
 
-def _delay(axis: Axes, measured: Measurement | None, style: Style) -> None:
-    plain_axes(axis, style, x="channel", y="delay (ms)")
+def _delay(axis: Axes, measured: Measurement | None) -> None:
+    plain_axes(axis, x="channel", y="delay (ms)")
     if measured is None or not measured.delay.any():
-        return _absent(axis, "not measured", style)
+        return _absent(axis, "not measured")
     delay, wide = 1e3 * measured.delay.ravel(), 2e3 * measured.delay_uncertainty.ravel()
-    axis.errorbar(np.arange(len(delay)), delay, yerr=wide, fmt="o", color=style.original, markersize=4, capsize=2)
+    axis.errorbar(np.arange(len(delay)), delay, yerr=wide, fmt="o", color=STYLE.original, markersize=4, capsize=2)
     axis.set_title("delay in the upper half of the band", fontsize=8, loc="left")
     return None
 
 
-def _absent(axis: Axes, words: str, style: Style) -> None:
-    axis.text(0.5, 0.5, words, ha="center", va="center", fontsize=9, color=style.ink, transform=axis.transAxes)
+def _absent(axis: Axes, words: str) -> None:
+    axis.text(0.5, 0.5, words, ha="center", va="center", fontsize=9, color=STYLE.ink, transform=axis.transAxes)
     axis.set_xticks([])
     axis.set_yticks([])

@@ -10,7 +10,7 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.evaluate import PerceptualFigure, PerceptualMetrics, PressedPalm
-from midair.figures.style import Style, new_figure, plain_axes
+from midair.figures.style import STYLE, new_figure, plain_axes
 from midair.model import ControlGrid, Drive, PressureFrames, SensorGrid
 
 if TYPE_CHECKING:
@@ -26,20 +26,18 @@ def maps_figure(
     quantity: str,
     simulated: bool,
     sensor: SensorGrid | None = None,
-    style: Style | None = None,
 ) -> Figure:
     """Draw maps of one quantity, each with a title, side by side on one colour scale with the label `quantity`.
 
     Values have the shape (row, column) or (point,). White circles mark the cells of `sensor`, as in the paper's Fig. 3.
     """
-    style = style or Style()
-    figure = new_figure(3.1 * len(maps) + 0.9, 3.3, simulated=simulated, style=style)
+    figure = new_figure(3.1 * len(maps) + 0.9, 3.3, simulated=simulated)
     axes = figure.subplots(1, len(maps), sharex=True, sharey=True, squeeze=False)[0]
     top = max(float(np.max(values)) for _, values in maps) or 1.0
     image: AxesImage | None = None
     for axis, (title, values) in zip(axes, maps, strict=True):
-        image = draw_map(axis, values, grid, top, style, sensor=sensor)
-        axis.set_title(title, fontsize=9, color=style.ink, loc="left")
+        image = draw_map(axis, values, grid, top, sensor=sensor)
+        axis.set_title(title, fontsize=9, color=STYLE.ink, loc="left")
         axis.set_xlabel("x (mm)", fontsize=9)
     axes[0].set_ylabel("y (mm)", fontsize=9)
     if image is not None:
@@ -49,16 +47,15 @@ def maps_figure(
     return figure
 
 
-def phase_figure(drive: Drive, frame: int, *, simulated: bool, style: Style | None = None) -> Figure:
+def phase_figure(drive: Drive, frame: int, *, simulated: bool) -> Figure:
     """Draw the array from above, each transducer coloured by its phase in one frame."""
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle
 
-    style = style or Style()
-    figure = new_figure(5.6, 4.0, simulated=simulated, style=style)
+    figure = new_figure(5.6, 4.0, simulated=simulated)
     axis = figure.subplots()
     places = 1e3 * drive.array.position[:, :2]
-    circles = PatchCollection([Circle((x, y), 4.6) for x, y in places], cmap=style.phase, linewidth=0)
+    circles = PatchCollection([Circle((x, y), 4.6) for x, y in places], cmap=STYLE.phase, linewidth=0)
     circles.set_array(np.mod(drive.phase[frame], 2 * np.pi))
     circles.set_clim(0, 2 * np.pi)
     axis.add_collection(circles)
@@ -80,7 +77,6 @@ def draw_map(
     values: Array,
     grid: ControlGrid | SensorGrid,
     top: float,
-    style: Style,
     *,
     sensor: SensorGrid | None = None,
     size: float = 8,
@@ -90,7 +86,7 @@ def draw_map(
     x, y = 1e3 * grid.x, 1e3 * grid.y
     extent = (x[0] - half, x[-1] + half, y[-1] + half, y[0] - half)
     shown = np.reshape(values, grid.shape)
-    image = axis.imshow(shown, cmap=style.quantity, vmin=0, vmax=top, extent=extent, origin="upper")
+    image = axis.imshow(shown, cmap=STYLE.quantity, vmin=0, vmax=top, extent=extent, origin="upper")
     axis.tick_params(labelsize=size)
     if sensor is not None:
         x, y = (1e3 * each.ravel() for each in np.meshgrid(sensor.x, sensor.y))
@@ -108,32 +104,31 @@ SHOWN = (
 """Metrics that are shown as maps; the others follow from them."""
 
 
-def card_figure(card: PerceptualMetrics, *, style: Style | None = None) -> Figure:
+def card_figure(card: PerceptualMetrics) -> Figure:
     """Draw each metric cell by cell, laid out like the sensor; a dash where it is undefined."""
-    style = style or Style()
-    figure = new_figure(2.15 * len(SHOWN), 3.2, simulated=card.simulated, style=style)
+    figure = new_figure(2.15 * len(SHOWN), 3.2, simulated=card.simulated)
     axes = figure.subplots(1, len(SHOWN), squeeze=False)[0]
     for axis, name in zip(axes, SHOWN, strict=True):
-        _metric_map(axis, card.figure(name), style)
+        _metric_map(axis, card.figure(name))
     return figure
 
 
-def _metric_map(axis: Axes, figure: PerceptualFigure, style: Style) -> None:
+def _metric_map(axis: Axes, figure: PerceptualFigure) -> None:
     values = np.where(np.isfinite(figure.channels), figure.channels, np.nan)
-    low, high, colours = (0.0, 1.0, style.quantity)
+    low, high, colours = (0.0, 1.0, STYLE.quantity)
     if "difference" in figure.name:
         low, high, colours = -12.0, 12.0, "RdBu_r"
     elif figure.unit == "dB":
         low, high = -10.0, 40.0
     axis.imshow(values, cmap=colours, vmin=low, vmax=high)
     for (row, column), value in np.ndenumerate(values):
-        dark = low + 0.6 * (high - low) > value if colours == style.quantity else abs(value) > 8
-        ink = "white" if dark and np.isfinite(value) else style.ink
+        dark = low + 0.6 * (high - low) > value if colours == STYLE.quantity else abs(value) > 8
+        ink = "white" if dark and np.isfinite(value) else STYLE.ink
         text = "–" if np.isnan(value) else f"{value:.2f}" if not figure.unit else f"{value:.0f}"
         axis.text(column, row, text, ha="center", va="center", fontsize=7, color=ink)
     unit = f" ({figure.unit})" if figure.unit else ""
     head = figure.name.replace(", ", ",\n").replace("power difference", "power\ndifference")
-    axis.set_title(f"{head}{unit}", fontsize=8, loc="left", color=style.ink)
+    axis.set_title(f"{head}{unit}", fontsize=8, loc="left", color=STYLE.ink)
     axis.set_xlabel(f"overall {figure.overall:.2f}{' ' + figure.unit if figure.unit else ''}", fontsize=8)
     axis.set_xticks([])
     axis.set_yticks([])
@@ -151,30 +146,27 @@ class PalmPanel:
     """Pressure on the palm."""
 
 
-def palm_figure(
-    original: PressureFrames, ways: Sequence[PalmPanel], *, window: float = 0.1, style: Style | None = None
-) -> Figure:
+def palm_figure(original: PressureFrames, ways: Sequence[PalmPanel], *, window: float = 0.1) -> Figure:
     """Draw maps of the palm, target first and then each way; below them the strongest cell of each.
 
     The traces are `window` seconds long, around the strongest moment of the recorded pressure `original`.
     """
-    style = style or Style()
     simulated = original.provenance.simulated or any(way.felt.provenance.simulated for way in ways)
-    figure = new_figure(3.0 * (len(ways) + 1) + 0.9, 5.6, simulated=simulated, style=style)
+    figure = new_figure(3.0 * (len(ways) + 1) + 0.9, 5.6, simulated=simulated)
     parts = figure.add_gridspec(2, 1, height_ratios=[1.25, 1])
-    _draw_maps(figure.add_subfigure(parts[0]), ways, style)
-    _draw_traces(figure.add_subfigure(parts[1]), original, ways, window, style)
+    _draw_maps(figure.add_subfigure(parts[0]), ways)
+    _draw_traces(figure.add_subfigure(parts[1]), original, ways, window)
     return figure
 
 
-def _draw_maps(figure: SubFigure, ways: Sequence[PalmPanel], style: Style) -> None:
+def _draw_maps(figure: SubFigure, ways: Sequence[PalmPanel]) -> None:
     maps = [("target", ways[0].pressed.wanted), *((way.name, way.pressed.delivered) for way in ways)]
     top = max(float(np.nanmax(values)) for _, values in maps) or 1.0
     axes = figure.subplots(1, len(maps), sharex=True, sharey=True, squeeze=False)[0]
     image: AxesImage | None = None
     for axis, (name, values) in zip(axes, maps, strict=True):
-        image = _draw_palm(axis, values, ways[0].pressed, top, style)
-        axis.set_title(name, fontsize=9, loc="left", color=style.ink)
+        image = _draw_palm(axis, values, ways[0].pressed, top)
+        axis.set_title(name, fontsize=9, loc="left", color=STYLE.ink)
     axes[0].set_ylabel("y (mm)", fontsize=9)
     if image is not None:
         bar = figure.colorbar(image, ax=list(axes), shrink=0.85, pad=0.02)
@@ -182,7 +174,7 @@ def _draw_maps(figure: SubFigure, ways: Sequence[PalmPanel], style: Style) -> No
         bar.ax.tick_params(labelsize=8)
 
 
-def _draw_palm(axis: Axes, values: Array, palm: PressedPalm, top: float, style: Style) -> AxesImage:
+def _draw_palm(axis: Axes, values: Array, palm: PressedPalm, top: float) -> AxesImage:
     from matplotlib.colors import PowerNorm
     from matplotlib.patches import Rectangle
 
@@ -190,7 +182,7 @@ def _draw_palm(axis: Axes, values: Array, palm: PressedPalm, top: float, style: 
     x, y = (0.5e3 * palm.pitch * count for count in (columns, rows))
     # Leakage may be many times stronger than the target: on a square-root scale both are visible.
     roots = PowerNorm(0.5, vmin=0, vmax=top)
-    image = axis.imshow(values, cmap=style.quantity, norm=roots, extent=(-x, x, y, -y), origin="upper")
+    image = axis.imshow(values, cmap=STYLE.quantity, norm=roots, extent=(-x, x, y, -y), origin="upper")
     half_x, half_y = (1e3 * half for half in palm.square)
     axis.add_patch(Rectangle((-half_x, -half_y), 2 * half_x, 2 * half_y, fill=False, edgecolor="white", linestyle="--"))
     axis.tick_params(labelsize=8)
@@ -198,21 +190,19 @@ def _draw_palm(axis: Axes, values: Array, palm: PressedPalm, top: float, style: 
     return image
 
 
-def _draw_traces(
-    figure: SubFigure, original: PressureFrames, ways: Sequence[PalmPanel], window: float, style: Style
-) -> None:
+def _draw_traces(figure: SubFigure, original: PressureFrames, ways: Sequence[PalmPanel], window: float) -> None:
     cell, begin = strongest_moment(original, window)
     axes = figure.subplots(1, len(ways), sharex=True, sharey=True, squeeze=False)[0]
     for axis, way in zip(axes, ways, strict=True):
-        plain_axes(axis, style)
+        plain_axes(axis)
         for name, frames, colour in (
-            ("original", original, style.original),
-            ("re-recorded", way.felt, style.reproduced),
+            ("original", original, STYLE.original),
+            ("re-recorded", way.felt, STYLE.reproduced),
         ):
             # The rates may differ.
             part = (frames.time >= begin) & (frames.time <= begin + window)
             axis.plot(frames.time[part], frames.pressure[part, *cell], color=colour, linewidth=1, label=name)
-        axis.set_title(f"{way.name}, cell {cell[0] + 1}, {cell[1] + 1}", fontsize=9, loc="left", color=style.ink)
+        axis.set_title(f"{way.name}, cell {cell[0] + 1}, {cell[1] + 1}", fontsize=9, loc="left", color=STYLE.ink)
         axis.margins(x=0)
         axis.set_xlabel("time (s)", fontsize=9)
     axes[0].set_ylabel("pressure (Pa)", fontsize=9)

@@ -11,7 +11,7 @@ import numpy as np
 from midair.array_types import Array
 from midair.dsp import welch
 from midair.figures.maps import draw_map
-from midair.figures.style import Style, new_figure, plain_axes
+from midair.figures.style import STYLE, new_figure, plain_axes
 from midair.model import ControlGrid, PressureFrames, SensorGrid
 
 if TYPE_CHECKING:
@@ -31,18 +31,17 @@ class FieldRow:
     """Title of each map."""
 
 
-def fields_figure(rows: Sequence[FieldRow], sensor: SensorGrid, *, quantity: str, style: Style | None = None) -> Figure:
+def fields_figure(rows: Sequence[FieldRow], sensor: SensorGrid, *, quantity: str) -> Figure:
     """Draw rows of maps on one scale; white circles are the channels, as in the paper's Fig. 3."""
-    style = style or Style()
     count = len(rows[0].notes)
-    figure = new_figure(1.85 * count + 1.2, 2.05 * len(rows) + 0.3, simulated=True, style=style)
+    figure = new_figure(1.85 * count + 1.2, 2.05 * len(rows) + 0.3, simulated=True)
     axes = figure.subplots(len(rows), count, sharex=True, sharey=True, squeeze=False)
     top = max(float(row.fields.max()) for row in rows)
     image = None
     for line, row in zip(axes, rows, strict=True):
         for axis, values, note in zip(line, row.fields, row.notes, strict=True):
-            image = draw_map(axis, values, row.grid, top, style, sensor=sensor, size=7)
-            axis.set_title(note, fontsize=7, loc="left", color=style.ink)
+            image = draw_map(axis, values, row.grid, top, sensor=sensor, size=7)
+            axis.set_title(note, fontsize=7, loc="left", color=STYLE.ink)
         line[0].set_ylabel(f"{row.name}\ny (mm)", fontsize=8)
     for axis in axes[-1]:
         axis.set_xlabel("x (mm)", fontsize=8)
@@ -57,36 +56,34 @@ def stimuli_figure(
     *,
     channels: Sequence[int] = (0, 15),
     shown: float = 0.08,
-    style: Style | None = None,
 ) -> Figure:
     """Draw rms map and traces of each stimulus (column pairs), for the original and each mode (rows).
 
     `stimuli` holds for each stimulus the original and the re-recording of each reproduction, by name. Two channels are
     drawn in black, solid and dotted, the others in grey, as in the paper's Fig. 4; traces are `shown` seconds long.
     """
-    style = style or Style()
     rows = list(next(iter(stimuli.values())))
     simulated = any(one.provenance.simulated for each in stimuli.values() for one in each.values())
-    figure = new_figure(4.4 * len(stimuli) + 0.4, 2.0 * len(rows) + 0.4, simulated=simulated, style=style)
+    figure = new_figure(4.4 * len(stimuli) + 0.4, 2.0 * len(rows) + 0.4, simulated=simulated)
     axes = figure.subplots(len(rows), 2 * len(stimuli), squeeze=False, width_ratios=[1, 1.7] * len(stimuli))
     for column, (stimulus, each) in enumerate(stimuli.items()):
         top = max(float(np.sqrt((one.pressure**2).mean(axis=0)).max()) for one in each.values())
         high = max(float(np.abs(one.pressure).max()) for one in each.values())
         for row, name in enumerate(rows):
-            place, wave = axes[row, 2 * column], plain_axes(axes[row, 2 * column + 1], style)
-            place.imshow(np.sqrt((each[name].pressure ** 2).mean(axis=0)), cmap=style.quantity, vmin=0, vmax=top)
+            place, wave = axes[row, 2 * column], plain_axes(axes[row, 2 * column + 1])
+            place.imshow(np.sqrt((each[name].pressure ** 2).mean(axis=0)), cmap=STYLE.quantity, vmin=0, vmax=top)
             place.set_xticks([])
             place.set_yticks([])
             place.set_ylabel(name if column == 0 else "", fontsize=8)
             place.set_title(f"{stimulus}, rms 0 to {top:.0f} Pa" if row == 0 else "", fontsize=8, loc="left")
-            _traces(wave, each[name], channels, shown, style)
+            _traces(wave, each[name], channels, shown)
             wave.set_ylim(-1.05 * high, 1.05 * high)
             wave.set_ylabel("pressure (Pa)", fontsize=8)
             wave.set_xlabel("time (ms)" if row == len(rows) - 1 else "", fontsize=8)
     return figure
 
 
-def _traces(axis: Axes, frames: PressureFrames, channels: Sequence[int], shown: float, style: Style) -> None:
+def _traces(axis: Axes, frames: PressureFrames, channels: Sequence[int], shown: float) -> None:
     """Draw the middle `shown` seconds of all channels."""
     count = min(frames.frames, round(shown * frames.rate))
     first = (frames.frames - count) // 2
@@ -94,7 +91,7 @@ def _traces(axis: Axes, frames: PressureFrames, channels: Sequence[int], shown: 
     signals = frames.pressure[first : first + count].reshape(count, -1)
     axis.plot(time, np.delete(signals, list(channels), axis=1), color="#9aa4ae", linewidth=0.6)
     for channel, line in zip(channels, ("-", ":"), strict=False):
-        axis.plot(time, signals[:, channel], line, color=style.ink, linewidth=1.1)
+        axis.plot(time, signals[:, channel], line, color=STYLE.ink, linewidth=1.1)
     axis.margins(x=0)
 
 
@@ -102,31 +99,29 @@ def objects_figure(
     rows: Mapping[str, Mapping[str, PressureFrames]],
     *,
     channels: Sequence[int] = (2, 6, 10, 14),
-    style: Style | None = None,
 ) -> Figure:
     """Draw power spectra of objects at some channels, one row per surface and mode, as in the paper's Fig. 9.
 
     `rows` holds the positive pressure of the objects of each row by name. The default channels are the four of the
     paper, over which the objects passed.
     """
-    style = style or Style()
-    colours = (style.before, "#009e73", style.reproduced)
+    colours = (STYLE.before, "#009e73", STYLE.reproduced)
     simulated = any(one.provenance.simulated for each in rows.values() for one in each.values())
-    figure = new_figure(2.6 * len(channels), 1.85 * len(rows) + 0.5, simulated=simulated, style=style)
+    figure = new_figure(2.6 * len(channels), 1.85 * len(rows) + 0.5, simulated=simulated)
     axes = figure.subplots(len(rows), len(channels), sharex=True, sharey=True, squeeze=False)
     top = -np.inf
     for number, (line, (row, objects)) in enumerate(zip(axes, rows.items(), strict=True)):
         for axis, channel in zip(line, channels, strict=True):
-            plain_axes(axis, style)
+            plain_axes(axis)
             for (name, frames), colour in zip(objects.items(), colours, strict=False):
                 frequency, density = welch(frames.pressure.reshape(frames.frames, -1)[:, channel], frames.rate)
                 level = 10 * np.log10(np.maximum(density[1:], 1e-12))
                 top = max(top, float(level.max()))
                 axis.plot(frequency[1:], level, color=colour, linewidth=0.9, label=name)
             # Grooves dominate below 300 Hz, objects differ above (paper, 5.3).
-            axis.axvline(300, color=style.faint, linewidth=0.8)
+            axis.axvline(300, color=STYLE.faint, linewidth=0.8)
             axis.set_xlim(0, 500)
-            axis.set_title(f"channel {channel}" if number == 0 else "", fontsize=8, loc="left", color=style.ink)
+            axis.set_title(f"channel {channel}" if number == 0 else "", fontsize=8, loc="left", color=STYLE.ink)
         line[0].set_ylabel(f"{row}\n(dB re 1 Pa²/Hz)", fontsize=7)
     axes[0, 0].set_ylim(top - 50, top + 3)
     figure.supxlabel("frequency (Hz)", fontsize=9)

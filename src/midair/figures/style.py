@@ -31,11 +31,13 @@ class Style:
     band: str = "#e7f3ec"
 
 
-def new_figure(width: float, height: float, *, simulated: bool, style: Style | None = None) -> Figure:
+STYLE = Style()
+
+
+def new_figure(width: float, height: float, *, simulated: bool) -> Figure:
     """Create an empty figure of `width` by `height` inches, with a mark if its data is simulated."""
     from matplotlib.figure import Figure
 
-    style = style or Style()
     figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
     if simulated:
         # A free strip at the top, so that the mark covers nothing.
@@ -46,12 +48,12 @@ def new_figure(width: float, height: float, *, simulated: bool, style: Style | N
     return figure
 
 
-def plain_axes(axes: Axes, style: Style, *, x: str = "", y: str = "") -> Axes:
+def plain_axes(axes: Axes, *, x: str = "", y: str = "") -> Axes:
     """Apply the common axes style: no box, small ticks, a faint grid behind the data, labels of the axes."""
     axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(style.faint)
-    axes.tick_params(labelsize=8, color=style.faint, labelcolor=style.ink)
-    axes.grid(visible=True, color=style.faint, linewidth=0.5, alpha=0.6)
+    axes.spines[["left", "bottom"]].set_color(STYLE.faint)
+    axes.tick_params(labelsize=8, color=STYLE.faint, labelcolor=STYLE.ink)
+    axes.grid(visible=True, color=STYLE.faint, linewidth=0.5, alpha=0.6)
     axes.set_axisbelow(True)
     axes.set_xlabel(x, fontsize=9)
     axes.set_ylabel(y, fontsize=9)

@@ -9,7 +9,7 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.dsp import welch
-from midair.figures.style import Style, new_figure, plain_axes
+from midair.figures.style import STYLE, new_figure, plain_axes
 from midair.model import PressureFrames
 from midair.physics import Exposure
 
@@ -17,32 +17,29 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def traces_figure(
-    original: PressureFrames, reproduced: PressureFrames | None = None, *, style: Style | None = None
-) -> Figure:
+def traces_figure(original: PressureFrames, reproduced: PressureFrames | None = None) -> Figure:
     """Draw the pressure of every channel on one scale, laid out like the cells; the reproduction is in front."""
-    style = style or Style()
     rows, columns = original.sensor.shape
     simulated = original.provenance.simulated or (reproduced is not None and reproduced.provenance.simulated)
-    figure = new_figure(2.5 * columns, 1.35 * rows + 0.6, simulated=simulated, style=style)
+    figure = new_figure(2.5 * columns, 1.35 * rows + 0.6, simulated=simulated)
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for channel, axis in enumerate(axes.ravel()):
         row, column = divmod(channel, columns)
-        plain_axes(axis, style)
+        plain_axes(axis)
         axis.plot(
-            original.time, original.pressure[:, row, column], color=style.original, linewidth=0.7, label="original"
+            original.time, original.pressure[:, row, column], color=STYLE.original, linewidth=0.7, label="original"
         )
         if reproduced is not None:
             shown = reproduced.pressure[: original.frames, row, column]
             axis.plot(
                 reproduced.time[: len(shown)],
                 shown,
-                color=style.reproduced,
+                color=STYLE.reproduced,
                 linewidth=0.7,
                 alpha=0.85,
                 label="re-recorded",
             )
-        axis.set_title(f"channel {channel}", fontsize=8, color=style.ink, loc="left", pad=2)
+        axis.set_title(f"channel {channel}", fontsize=8, color=STYLE.ink, loc="left", pad=2)
         axis.margins(x=0)
     figure.supxlabel("time (s)", fontsize=9)
     figure.supylabel("pressure (Pa)", fontsize=9)
@@ -57,21 +54,19 @@ def spectra_figure(
     *,
     channels: Sequence[int] = (2, 6, 10, 14),
     rectified: bool = True,
-    style: Style | None = None,
 ) -> Figure:
     """Draw power spectra of the calibrated pressure of named recordings at some channels.
 
     The default channels are the four of the paper, over which the objects passed. With `rectified` only the positive
     pressure is used, as in the paper's Fig. 9.
     """
-    style = style or Style()
-    colours = (style.original, style.reproduced, style.before)
+    colours = (STYLE.original, STYLE.reproduced, STYLE.before)
     simulated = any(frames.provenance.simulated for _, frames in series)
-    figure = new_figure(2.7 * len(channels), 2.9, simulated=simulated, style=style)
+    figure = new_figure(2.7 * len(channels), 2.9, simulated=simulated)
     axes = figure.subplots(1, len(channels), sharex=True, sharey=True, squeeze=False)[0]
     top = -np.inf
     for axis, channel in zip(axes, channels, strict=True):
-        plain_axes(axis, style)
+        plain_axes(axis)
         for (name, frames), colour in zip(series, colours, strict=False):
             row, column = divmod(channel, frames.sensor.columns)
             pressure = frames.pressure[:, row, column]
@@ -80,7 +75,7 @@ def spectra_figure(
             level = 10 * np.log10(np.maximum(density[1:], 1e-12))
             top = max(top, float(level.max()))
             axis.plot(frequency[1:], level, color=colour, linewidth=0.9, label=name)
-        axis.set_title(f"channel {channel}", fontsize=8, color=style.ink, loc="left")
+        axis.set_title(f"channel {channel}", fontsize=8, color=STYLE.ink, loc="left")
         axis.margins(x=0)
     axes[0].set_ylim(top - 60, top + 5)
     figure.supxlabel("frequency (Hz)", fontsize=9)
@@ -90,29 +85,25 @@ def spectra_figure(
     return figure
 
 
-def beam_figure(
-    commanded: Array, measured: Array, *, gain: float, intercept: float, simulated: bool, style: Style | None = None
-) -> Figure:
+def beam_figure(commanded: Array, measured: Array, *, gain: float, intercept: float, simulated: bool) -> Figure:
     """Draw the amplitude that the sensor measured in a focus over the commanded amplitude, with the fitted line."""
-    style = style or Style()
-    figure = new_figure(3.6, 3.0, simulated=simulated, style=style)
-    axis = plain_axes(figure.subplots(), style, x="commanded amplitude (Pa)", y="measured amplitude (Pa)")
+    figure = new_figure(3.6, 3.0, simulated=simulated)
+    axis = plain_axes(figure.subplots(), x="commanded amplitude (Pa)", y="measured amplitude (Pa)")
     ends = np.array([0.0, float(commanded.max())])
-    axis.plot(ends, intercept + gain * ends, color=style.reproduced, linewidth=1, label=f"gain {gain:.3f}")
-    axis.plot(commanded, measured, "o", color=style.original, markersize=4, label="measured")
+    axis.plot(ends, intercept + gain * ends, color=STYLE.reproduced, linewidth=1, label=f"gain {gain:.3f}")
+    axis.plot(commanded, measured, "o", color=STYLE.original, markersize=4, label="measured")
     axis.set_xlim(0)
     axis.set_ylim(0)
     axis.legend(fontsize=8, frameon=False)
     return figure
 
 
-def exposure_figure(exposure: Exposure, *, simulated: bool, style: Style | None = None) -> Figure:
+def exposure_figure(exposure: Exposure, *, simulated: bool) -> Figure:
     """Draw the level of every frame at every place, each with its limit as a dashed line of the same colour."""
-    style = style or Style()
-    figure = new_figure(8.0, 3.2, simulated=simulated, style=style)
-    axis = plain_axes(figure.subplots(), style, x="time (s)", y="level (dB re 20 µPa rms)")
+    figure = new_figure(8.0, 3.2, simulated=simulated)
+    axis = plain_axes(figure.subplots(), x="time (s)", y="level (dB re 20 µPa rms)")
     time = np.arange(len(exposure.level)) / exposure.rate
-    colours = (style.original, style.reproduced, style.before, "#009e73", "#cc79a7", "#e69f00")
+    colours = (STYLE.original, STYLE.reproduced, STYLE.before, "#009e73", "#cc79a7", "#e69f00")
     for number, place in enumerate(exposure.profile.places):
         colour = colours[number % len(colours)]
         # Silent frames are left out: their level at the floor of the scale would stretch the axis.

@@ -17,7 +17,6 @@ from midair.model.geometry import SensorGrid
 from midair.model.provenance import Provenance
 from midair.model.recording import Unit
 from midair.model.reprs import clipped, counted, from_source, span, summary
-from midair.model.svg_pictures import curve, framed
 from midair.validation import frozen_array
 
 
@@ -214,21 +213,6 @@ class Calibration:
             from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
-
-    def _repr_html_(self) -> str:
-        # A logarithmic axis has no place for 0 Hz.
-        kept = self.frequency > 0 if (self.frequency > 0).sum() > 1 else np.ones(len(self.frequency), bool)
-        size = np.abs(self.response[kept]).reshape(int(kept.sum()), -1)
-        picture = curve(
-            self.frequency[kept],
-            np.median(size, axis=1),
-            around=(size.min(axis=1), size.max(axis=1)),
-            x_label="Hz",
-            y_unit=f"{self.unit}/Pa",
-            logarithmic=bool(kept.sum() > 1 and self.frequency[kept][0] > 0),
-        )
-        said = f"|response| in {self.unit}/Pa over frequency in Hz: median and range of {self.sensor.count} channels"
-        return framed(self, picture, said, simulated=self.provenance.simulated)
 
     @classmethod
     def flat(cls, sensor: SensorGrid, *, sensitivity: float = 1.0, unit: Unit = "V") -> "Calibration":

@@ -13,7 +13,6 @@ from midair.model.geometry import TransducerArray
 from midair.model.medium import Acoustics, Medium
 from midair.model.provenance import Provenance
 from midair.model.reprs import clipped, counted, frames_and_duration, from_source, span, summary
-from midair.model.svg_pictures import curve, dots, framed
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
 
@@ -60,16 +59,6 @@ class Drive:
             from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
-
-    def _repr_html_(self) -> str:
-        sounds = self.level.reshape(self.frames, -1) > 0
-        first = int(sounds.any(axis=1).argmax())
-        turn = self.phase[first] / (2 * np.pi) % 1
-        colour = np.where(sounds[first], (turn * 16).astype(int) % 16, -1)
-        picture = dots(self.array.position, colour, bar=("2π rad", "0"))
-        said = f"Phase in rad of the first frame that sounds, at {first / self.rate:.4g} s; x, y in mm"
-        said = said if sounds.any() else "No frame sounds; x, y in mm"
-        return framed(self, picture, said, simulated=self.provenance.simulated)
 
     @property
     def frames(self) -> int:
@@ -140,13 +129,6 @@ class Solution:
             f"{(~plays).sum()} silent" if not plays.all() else "",
             f"of {self.drive!r}",
         )
-
-    def _repr_html_(self) -> str:
-        frames = np.arange(self.drive.frames, dtype=float)
-        error = np.where(self.plays, 100 * self.error, np.nan)
-        picture = curve(frames, error, x_label="frame", y_unit="%")
-        said = "E in % of each frame that sounds" if self.plays.any() else "E in %: no frame sounds"
-        return framed(self, picture, said, simulated=self.drive.provenance.simulated)
 
     @property
     def plays(self) -> NDArray[np.bool_]:

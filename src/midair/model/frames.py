@@ -9,7 +9,6 @@ from midair.errors import InputError
 from midair.model.geometry import ControlGrid, SensorGrid
 from midair.model.provenance import Provenance
 from midair.model.reprs import frames_and_duration, from_source, span, summary
-from midair.model.svg_pictures import framed, heat_map, sparklines
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
 
@@ -42,10 +41,6 @@ class PressureFrames:
             from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
-
-    def _repr_html_(self) -> str:
-        picture = sparklines(self.pressure, duration=self.frames / self.rate, unit="Pa")
-        return framed(self, picture, "Pressure in Pa", simulated=self.provenance.simulated)
 
     @property
     def frames(self) -> int:
@@ -99,13 +94,6 @@ class AmplitudeFrames:
             from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
-
-    def _repr_html_(self) -> str:
-        loudest = int(self.amplitude.max(axis=1).argmax())
-        grid, (x, y) = self.grid, self.grid.centre
-        picture = heat_map(self.amplitude[loudest].reshape(grid.shape), grid.x + x, grid.y + y, unit="Pa")
-        caption = f"Peak sound pressure in Pa of the loudest frame, at {loudest / self.rate:.4g} s"
-        return framed(self, picture, caption, simulated=self.provenance.simulated)
 
     @property
     def frames(self) -> int:

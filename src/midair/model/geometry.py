@@ -14,7 +14,6 @@ from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.defaults import HEIGHT, HEIGHTS
 from midair.model.reprs import clipped, counted, summary
-from midair.model.svg_pictures import dots, framed
 from midair.validation import PITCHES, frozen_array, length, number, positive
 
 WIDEST = 1.0
@@ -80,11 +79,6 @@ class TransducerArray:
             f"{self.frequency / 1e3:g} kHz",
             f"{self.pressure:.3g} Pa m each",
         )
-
-    def _repr_html_(self) -> str:
-        # Neighbours among the 16 colours look alike: steps of 5 distinguish adjacent units.
-        picture = dots(self.position, np.asarray(self.unit * 5 % 16, np.int64))
-        return framed(self, picture, "Transducers from above, coloured by unit; x, y in mm")
 
     @classmethod
     def autd3(cls, *, columns: int = 2, rows: int = 2) -> "TransducerArray":

@@ -10,7 +10,6 @@ from midair.errors import UnitError
 from midair.model.geometry import SensorGrid
 from midair.model.provenance import Provenance
 from midair.model.reprs import frames_and_duration, from_source, span, summary
-from midair.model.svg_pictures import framed, sparklines
 from midair.validation import frozen_array, positive
 
 Unit = Literal["V", "count", "Pa"]
@@ -45,10 +44,6 @@ class Recording:
             from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
-
-    def _repr_html_(self) -> str:
-        picture = sparklines(self.samples, duration=self.duration, unit=self.unit)
-        return framed(self, picture, f"Samples in {self.unit}", simulated=self.provenance.simulated)
 
     @property
     def frames(self) -> int:

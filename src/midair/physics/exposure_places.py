@@ -5,8 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from midair.array_types import Array
+from midair.errors import InputError
 from midair.model import Acoustics, TransducerArray
 from midair.physics.propagation import wavenumber
+
+MOST_PROTECTION = 40.0
+"""Largest attenuation of ear protection that can be stated, in dB."""
 
 
 def combined(*axes: Array) -> Array:
@@ -62,7 +66,17 @@ class ExposureProfile:
         return replace(self, name=f"{limit:g} dB", title=f"{limit:g} dB at the ears", places=places)
 
     def behind(self, attenuation: float) -> "ExposureProfile":
-        """The profile for people whose ear protection attenuates by this many dB at 40 kHz, as stated by the user."""
+        """The profile for people whose ear protection attenuates by this many dB at 40 kHz, as stated by the user.
+
+        0 dB returns the profile itself. Raises InputError outside of 0 to 40 dB, a value of midair against slips.
+        """
+        if not 0 <= attenuation <= MOST_PROTECTION:
+            raise InputError(
+                f"ear protection: expected 0 to {MOST_PROTECTION:g} dB at 40 kHz, got {attenuation:g} dB; use the "
+                "figure of a measurement at 40 kHz, not the rating for audible noise"
+            )
+        if not attenuation:
+            return self
         name = f"{self.name}, {attenuation:g} dB of ear protection stated by the user"
         places = tuple(
             replace(place, limit=place.limit + attenuation) if place.enforced else place for place in self.places

@@ -36,7 +36,6 @@ from .correction import error_budget as error_budget
 from .correction import laboratory_of_loop as laboratory_of_loop
 from .correction import level_trade as level_trade
 from .correction import loop as loop
-from .correction import loop_figures as loop_figures
 from .correction import metrics_of_loop as metrics_of_loop
 from .correction import next_step as next_step
 from .correction import no_progress as no_progress
@@ -86,7 +85,6 @@ from .names import stage_named as stage_named
 from .names import thermometer_named as thermometer_named
 from .opening import OpenRig as OpenRig
 from .opening import open_rig as open_rig
-from .play_lease import LeaseGuard as LeaseGuard
 from .play_lease import LeaseToken as LeaseToken
 from .play_lease import PlayLease as PlayLease
 from .play_lease import under_lease as under_lease
@@ -104,7 +102,6 @@ from .playing import immediate_array as immediate_array
 from .playing import play_cleared as play_cleared
 from .playing import play_followed as play_followed
 from .playing import rerecord as rerecord
-from .playing import stop_playing as stop_playing
 from .playing import tracker_name as tracker_name
 from .playing import watch_air as watch_air
 from .recorder import Played as Played

@@ -9,9 +9,9 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
-from typing import Literal, Protocol, cast
+from typing import Any, Literal
 
-from midair.devices import uptime
+from midair.devices import ArrayDevice, uptime
 from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
 
 Refusal = Literal["stopped", "expired", "disarmed"]
@@ -50,7 +50,7 @@ class PlayLease:
 
     def __init__(self, clock: Callable[[], float] = uptime) -> None:
         # Without a lock: a holder that is suspended while it has the lock would block the player.
-        self._fields = cast("_SharedArray", get_context("spawn").RawArray("d", len(_INDEX)))
+        self._fields: Any = get_context("spawn").RawArray("d", len(_INDEX))
         self._clock = clock
         self._here: Literal["holder", "player"] = "holder"
 
@@ -154,22 +154,8 @@ class PlayLease:
         self._fields[_INDEX[word]] = value
 
 
-class LeaseGuard(Protocol):
-    """A device that checks a lease before it starts or continues to emit sound, as `ArrayDevice` does."""
-
-    name: str
-
-    def allowing(self, check: Callable[[], None] | None) -> None:
-        """Set a function that is called before every frame or bank switch and raises where playing is not allowed."""
-        ...
-
-    def silence(self) -> None:
-        """Stop all sound at once, from any thread."""
-        ...
-
-
 @contextmanager
-def under_lease(array: LeaseGuard, permit: PlayLease, leave: LeaseToken, *, every: float = 0.005) -> Generator[None]:
+def under_lease(array: ArrayDevice, permit: PlayLease, leave: LeaseToken, *, every: float = 0.005) -> Generator[None]:
     """Inside the context, an array plays only under this token; StoppedError as soon as the lease ends.
 
     The array checks the lease before every frame or bank switch. Since a switch may hand over a quarter of a second of
@@ -194,14 +180,6 @@ def under_lease(array: LeaseGuard, permit: PlayLease, leave: LeaseToken, *, ever
         left.set()
         watching.join()
         array.allowing(None)
-
-
-class _SharedArray(Protocol):
-    """Interface of the shared array of numbers."""
-
-    def __getitem__(self, place: int) -> float: ...
-
-    def __setitem__(self, place: int, value: float) -> None: ...
 
 
 _INDEX = {

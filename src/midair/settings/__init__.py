@@ -9,6 +9,7 @@ from .choices import choices_table as choices_table
 from .choices import format_setting as format_setting
 from .choices import format_value as format_value
 from .choices import nearest_mode as nearest_mode
+from .settings import EARS as EARS
 from .settings import MODES as MODES
 from .settings import CalibrationSettings as CalibrationSettings
 from .settings import CompensationSettings as CompensationSettings

@@ -191,7 +191,7 @@ class _Player:
             if simulated:
                 drive = follow_simulated(drive, tracker, grid, repeats=repeats, report=lambda _: None)
                 repeats = 1
-        profile = profile_named(order["profile"])
+        profile = profile_named(order["profile"]).behind(order.get("protection", 0.0))
         choices = ExposureChoices(
             profile=profile, attenuate=order["attenuate"], override=order["override"] or None, room=room
         )

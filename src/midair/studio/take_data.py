@@ -132,6 +132,7 @@ def describe_settings(settings: Settings) -> dict[str, Any]:
         "mode": mode if near else "",
         **form,
         "gain": settings.target.gain,
+        "ears_db": chosen.get("ears", ""),
         "height_mm": float(f"{1e3 * settings.target.grid.height:.6g}") if "height" in chosen else "",
         "line": ", ".join(
             [

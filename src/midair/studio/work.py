@@ -14,7 +14,7 @@ from midair.evaluate import RATIOS, compare, metrics_or_none, ratio_text
 from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
 from midair.headroom import level_of
 from midair.model import Palm, PressureFrames, Provenance
-from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
+from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead, weaker_settings
 from midair.recordings import unreproduced
 from midair.rig import (
     BudgetPlan,
@@ -95,11 +95,17 @@ def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
     led, array = add_lead(pressure, required_lead(settings)), array_of_kind("autd3")
     if (kept := array_calibration_for(order.device, order.array_calibration)) is not None:
         array, settings, led = kept.applied(array, settings, led)
-    target, parts = reproduce_stream(led, array, settings, progress=partial(progress, "solving"))
     drive = Path(order.drive)
     fresh = drive.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")
     try:
-        save_solutions(parts, fresh, frames=target.frames, target=target)
+        while True:
+            target, parts = reproduce_stream(led, array, settings, progress=partial(progress, "solving"))
+            save_solutions(parts, fresh, frames=target.frames, target=target)
+            made = load_solution(fresh, streamed=True).drive
+            weaker = weaker_settings(made, Settings.of(made.provenance) or settings)
+            if weaker is None:
+                break
+            settings = weaker
         # A command or another studio may have written a drive in the minutes since the request.
         if stamp_of(drive) != order.replaces:
             found = "another one" if drive.exists() else "none"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midair.errors import InputError
-from midair.figures import Style, new_figure, plain_axes
+from midair.figures import STYLE, new_figure, plain_axes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,17 +20,16 @@ if TYPE_CHECKING:
     from midair.study.statistics import Chance
 
 
-def confusion_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None = None) -> Figure:
+def confusion_figure(choices: Sequence[Choices], *, simulated: bool) -> Figure:
     """Confusion matrix of each condition (Fig. 6); `simulated` marks the figure."""
-    style = style or Style()
-    figure = new_figure(2.7 * len(choices) + 0.4, 2.9, simulated=simulated, style=style)
+    figure = new_figure(2.7 * len(choices) + 0.4, 2.9, simulated=simulated)
     for place, one in enumerate(choices):
         axes = figure.add_subplot(1, len(choices), place + 1)
         counts = one.confusion.counts
         axes.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0, vmax=1)
         for (row, column), count in np.ndenumerate(counts):
             dark = count > counts[row].sum() / 2
-            axes.text(column, row, str(count), ha="center", va="center", color="white" if dark else style.ink)
+            axes.text(column, row, str(count), ha="center", va="center", color="white" if dark else STYLE.ink)
         labels = [str(label) for label in one.confusion.labels]
         axes.set_xticks(range(len(labels)), labels, fontsize=8)
         axes.set_yticks(range(len(labels)), labels, fontsize=8)
@@ -40,13 +39,12 @@ def confusion_figure(choices: Sequence[Choices], *, simulated: bool, style: Styl
     return figure
 
 
-def f_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None = None) -> Figure:
+def f_figure(choices: Sequence[Choices], *, simulated: bool) -> Figure:
     """F-measure of each object with confidence intervals (Fig. 7), for choices of the same objects."""
-    style = style or Style()
-    figure = new_figure(4.2, 3, simulated=simulated, style=style)
-    axes = plain_axes(figure.add_subplot(), style)
+    figure = new_figure(4.2, 3, simulated=simulated)
+    axes = plain_axes(figure.add_subplot())
     width = 0.8 / len(choices)
-    colours = [style.before, style.reproduced, "#999999"]
+    colours = [STYLE.before, STYLE.reproduced, "#999999"]
     for place, one in enumerate(choices):
         value = one.confusion.f_measure
         x = np.arange(len(value)) + (place - (len(choices) - 1) / 2) * width
@@ -57,7 +55,7 @@ def f_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None
             axes.errorbar(x, value, limits, fmt="none", ecolor="white", capsize=4, linewidth=3.0, capthick=3.0)
             axes.errorbar(x, value, limits, fmt="none", ecolor="black", capsize=3.5, linewidth=1.2, capthick=1.2)
     labels = [str(label) for label in choices[0].confusion.labels]
-    axes.axhline(1 / len(labels), color=style.ink, linewidth=0.8, linestyle=":")
+    axes.axhline(1 / len(labels), color=STYLE.ink, linewidth=0.8, linestyle=":")
     axes.set_xticks(range(len(labels)), labels)
     axes.set_ylim(0, 1.02)
     axes.set_ylabel("F-measure, 95 % over people", fontsize=8)
@@ -72,7 +70,6 @@ def rating_figure(
     simulated: bool,
     title: str = "",
     span: tuple[float, float] | None = None,
-    style: Style | None = None,
 ) -> Figure:
     """Mean ratings with confidence intervals; with three factors one panel for each level of the first (Fig. 8).
 
@@ -80,17 +77,16 @@ def rating_figure(
     it the axis; `title` is that of a single panel, `span` the range of the rating axis. Raises InputError for more than
     three factors.
     """
-    style = style or Style()
     if not 1 <= len(within) <= 3:
         raise InputError(f"figure of ratings: expected one to three factors, got {len(within)}")
     panels = sorted(set(ratings[within[0]].tolist())) if len(within) == 3 else [""]
-    figure = new_figure(3.4 * len(panels) + 0.5, 3, simulated=simulated, style=style)
+    figure = new_figure(3.4 * len(panels) + 0.5, 3, simulated=simulated)
     shared = None
     for place, panel in enumerate(panels):
-        axes = plain_axes(figure.add_subplot(1, len(panels), place + 1, sharey=shared), style)
+        axes = plain_axes(figure.add_subplot(1, len(panels), place + 1, sharey=shared))
         shared = shared or axes
         rows = ratings.loc[ratings[within[0]] == panel] if panel else ratings
-        _rating_panel(axes, rows, within[-2] if len(within) > 1 else "", within[-1], style)
+        _rating_panel(axes, rows, within[-2] if len(within) > 1 else "", within[-1])
         axes.set_title(f"{within[0]}: {panel}" if panel else title, fontsize=9)
         if place == 0:
             axes.set_ylabel("rating, 95 % within people", fontsize=8)
@@ -101,32 +97,28 @@ def rating_figure(
     return figure
 
 
-def chance_figure(chance: Chance, *, simulated: bool, quantity: str = "macro F", style: Style | None = None) -> Figure:
+def chance_figure(chance: Chance, *, simulated: bool, quantity: str = "macro F") -> Figure:
     """Distribution of a statistic under the null hypothesis, its middle 95 %, and the observed value."""
-    style = style or Style()
-    figure = new_figure(5, 2.8, simulated=simulated, style=style)
-    axes = plain_axes(figure.add_subplot(), style)
-    axes.hist(chance.distribution, bins=40, color=style.before, density=True)
+    figure = new_figure(5, 2.8, simulated=simulated)
+    axes = plain_axes(figure.add_subplot())
+    axes.hist(chance.distribution, bins=40, color=STYLE.before, density=True)
     low, high = chance.range95
-    axes.axvspan(low, high, color=style.band, zorder=0)
-    axes.axvline(chance.value, color=style.reproduced, linewidth=1.5)
+    axes.axvspan(low, high, color=STYLE.band, zorder=0)
+    axes.axvline(chance.value, color=STYLE.reproduced, linewidth=1.5)
     axes.set_xlabel(f"{quantity} by chance; shaded: middle 95 %, {low:.3f} to {high:.3f}", fontsize=8)
     axes.set_ylabel("density", fontsize=8)
     return figure
 
 
-def power_figure(
-    curves: Sequence[tuple[str, DataFrame]], *, simulated: bool = False, style: Style | None = None
-) -> Figure:
+def power_figure(curves: Sequence[tuple[str, DataFrame]], *, simulated: bool = False) -> Figure:
     """Power against the number of participants; `curves` have columns participants, power, and low, high if known."""
-    style = style or Style()
-    figure = new_figure(5, 3, simulated=simulated, style=style)
-    axes = plain_axes(figure.add_subplot(), style)
+    figure = new_figure(5, 3, simulated=simulated)
+    axes = plain_axes(figure.add_subplot())
     for (name, table), line in zip(curves, ("-", "--", ":", "-.") * len(curves), strict=False):
-        axes.plot(table["participants"], table["power"], line, label=name, color=style.reproduced)
+        axes.plot(table["participants"], table["power"], line, label=name, color=STYLE.reproduced)
         if "low" in table:
-            axes.fill_between(table["participants"], table["low"], table["high"], color=style.band)
-    axes.axhline(0.8, color=style.ink, linewidth=0.8, linestyle=":")
+            axes.fill_between(table["participants"], table["low"], table["high"], color=STYLE.band)
+    axes.axhline(0.8, color=STYLE.ink, linewidth=0.8, linestyle=":")
     axes.set_ylim(0, 1.02)
     axes.set_xlabel("pairs or participants", fontsize=8)
     axes.set_ylabel("power", fontsize=8)
@@ -134,9 +126,9 @@ def power_figure(
     return figure
 
 
-def _rating_panel(axes: Axes, rows: DataFrame, across: str, colour: str, style: Style) -> None:
+def _rating_panel(axes: Axes, rows: DataFrame, across: str, colour: str) -> None:
     places = sorted(set(rows[across].tolist())) if across else [""]
-    shades = [style.before, style.reproduced, style.original]
+    shades = [STYLE.before, STYLE.reproduced, STYLE.original]
     series = sorted(set(rows[colour].tolist()))
     for i, level in enumerate(series):
         part = rows.loc[rows[colour] == level]

@@ -49,14 +49,12 @@ def channel_sound(
     return ChannelSound(data=_wav(np.clip(heard / full_scale, -1, 1), sound_rate), full_scale=full_scale)
 
 
-def comparison_sounds(showing: ViewData, *, sound_rate: float = 8000.0) -> tuple[tuple[str, ChannelSound], ...]:
+def comparison_sounds(showing: ViewData) -> tuple[tuple[str, ChannelSound], ...]:
     """Return label and sound of the selected channel, original and re-recorded, at one scale."""
     both = [each for each in (showing.samples, showing.again) if each is not None]
-    alone = [channel_sound(each, showing.channel, showing.rate, sound_rate=sound_rate) for each in both]
+    alone = [channel_sound(each, showing.channel, showing.rate) for each in both]
     scale = max((each.full_scale for each in alone), default=1.0)
-    heard = [
-        channel_sound(each, showing.channel, showing.rate, sound_rate=sound_rate, full_scale=scale) for each in both
-    ]
+    heard = [channel_sound(each, showing.channel, showing.rate, full_scale=scale) for each in both]
     return tuple((each.label, sound) for each, sound in zip(both, heard, strict=True))
 
 

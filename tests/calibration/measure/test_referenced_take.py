@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from midair.calibration import Reference, ReferencedTake, measure_calibration, split_channel
+from midair.calibration import Reference, ReferencedTake, calibrate, measure_calibration, split_channel
 from midair.calibration.measure.excitation import noise_signal
 from midair.errors import BandError, InputError, MismatchError, ShapeError
 from midair.model import Provenance, Recording, SensorGrid
+from midair.physics import sense
 
 RATE = 1000.0
 
@@ -117,3 +118,22 @@ def test_provenance_records_the_settings(bench):
     real = Recording(samples=takes(bench, None)[0].recording.samples, rate=RATE, provenance=Provenance(source="lab"))
     told = Reference(pressure=takes(bench, None)[0].reference.pressure, rate=RATE)
     assert not measure_calibration([ReferencedTake(recording=real, reference=told)]).provenance.simulated
+
+
+def test_a_measured_calibration_inverts_the_sensor_where_it_is_coherent(bench):
+    """Above 300 Hz there is only the sensor's noise."""
+    lab, rng = bench(0), np.random.default_rng(5)
+    take = lab.take(noise_signal(10, 20, band=(5.0, 300.0), rng=rng))
+    found = measure_calibration([take], date="2026-01-31")
+    assert found.frequency[0] <= 6
+    assert 296 <= found.frequency[-1] <= 304
+    other = 10 * rng.standard_normal((3000, 4, 4))
+    volts = Recording(samples=sense(lab.model, other, RATE, rng=rng), rate=RATE)
+    with pytest.raises(BandError, match="within the calibration's"):
+        calibrate(volts, found)
+    heard = calibrate(volts, found, band=(20.0, 280.0))
+    wanted = calibrate(Recording(samples=other, rate=RATE, unit="Pa"), band=(20.0, 280.0))
+    middle = slice(500, -500)
+    error = heard.pressure[middle] - wanted.pressure[middle]
+    assert np.sqrt(np.mean(error**2) / np.mean(wanted.pressure[middle] ** 2)) < 0.01
+    assert heard.provenance.steps[-1].settings["calibration_date"] == "2026-01-31"

@@ -5,7 +5,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from midair.calibration import ArrayField, ArrayPlan, SensorPlace, TransducerPrior, array_codes, check_array, fit_array
-from midair.calibration.measure.array_field import pole_of
 from midair.calibration.measure.group_fit import GroupFit
 from midair.calibration.measure.shared_parameters import ArrayState, predicted_spectrum, real_parts
 from midair.calibration.measure.unit_poses import columns_of_units, differences, moved_array
@@ -39,7 +38,7 @@ def test_the_jacobian_is_that_of_the_model():
     array, model = some(6), SensorModel()
     codes = array_codes(array, model.grid, ArrayPlan(duration=0.3, group=12), acoustics=ROOM, height=0.2)
     field = ArrayField(array=array, codes=codes, acoustics=ROOM, calibration=calibration_of(model))
-    rng, pole = np.random.default_rng(0), np.full(24, pole_of(TransducerDynamics()))
+    rng, pole = np.random.default_rng(0), np.full(24, TransducerDynamics().pole)
     response = (1 + 0.1 * rng.standard_normal(24)) * np.exp(0.3j * rng.standard_normal(24))
     state = ArrayState(response, pole, SensorPlace(x=1e-3, turn=0.02))
     now = predicted_spectrum(field, 0, state)

@@ -125,8 +125,3 @@ def test_what_makes_no_sense_is_one_line_and_leaves_no_report(wrong, words, caps
     assert run(["loop", "take.h5", "none.html", *QUICK, *wrong]) == 1
     assert words in one_line_of(capsys)
     assert not Path("none.html").exists()
-
-
-def test_an_unknown_array_is_wrong_usage(capsys):
-    assert run(["loop", "take.h5", "none.html", "--device", "autd9"]) == 2
-    assert "autd9" in one_line_of(capsys)

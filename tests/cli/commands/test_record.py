@@ -198,31 +198,6 @@ def test_a_sensor_file_puts_the_channels_in_order():
     )
 
 
-@pytest.mark.parametrize(
-    ("arguments", "status", "words"),
-    [
-        (["replay:source.h5", "source.h5"], 1, "is there already"),
-        (["replay:source.h5", "take.wav"], 1, "expected NAME.h5"),
-        (["replay:source.h5", "away/take.h5"], 1, "create it first"),
-        (["replay:source.h5", "--repeats", "0"], 1, "--repeats: expected 1 or more"),
-        (["replay:source.h5", "--trigger", "3Pa"], 1, "gives V"),
-        (["replay:source.h5", "--trigger", "0.5"], 1, "add the unit"),
-        (["replay:source.h5", "--trigger", "0V"], 1, "above 0"),
-        (["replay:source.h5", "--trigger", "100V"], 1, "nothing was recorded"),
-        (["replay:source.h5", "--pre-roll", "90s", "--trigger", "1V"], 1, "0 to 60 s"),
-        (["replay:source.h5", "--duration", "soon"], 2, "quantity"),
-        (["replay:source.h5", "--sensor-file", "away.toml"], 1, "found no file"),
-    ],
-)
-def test_what_cannot_be_is_one_clear_line(arguments, status, words, capsys):
-    assert run(["record", *arguments]) == status
-    said = capsys.readouterr()
-    lines = [line for line in said.err.splitlines() if line.startswith("midair: ")]
-    assert len(lines) == 1
-    assert words in lines[0]
-    assert sorted(path.name for path in Path().iterdir()) == ["source.h5"]
-
-
 @pytest.mark.slow
 def test_a_real_stream_with_holes_is_recorded_over_its_transport(monkeypatch, capsys):
     """LSL over loopback; the sender leaves out seven frames now and then, which its counter shows."""

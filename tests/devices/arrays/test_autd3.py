@@ -2,12 +2,11 @@ import sys
 
 import pytest
 
-from midair.devices import autd3_array, autd3_firmware, pyautd3_array
+from midair.devices import autd3_array, pyautd3_array
 from midair.errors import MissingExtraError
 
 WITHOUT = {
     "autd3": (autd3_array, "midair.devices.arrays.autd3_udp", "autd3"),
-    "autd3-emulator": (autd3_firmware, "midair.devices.arrays.autd3_emulator", "autd3_emulator"),
     "pyautd3": (lambda: pyautd3_array("audit"), "midair.devices.arrays.pyautd3_banks", "pyautd3"),
 }
 

@@ -4,16 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.simulators.autd3_firmware import autd3_firmware
 from tests.simulators.exposure_override import clear_any_exposure
 
-from midair.devices import autd3_firmware
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import amplitude_of, phase_bytes
 from midair.model import Acoustics, Drive, Medium, Placement
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.streaming import LazyFrames
-
-pytest.importorskip("autd3_emulator")
 
 ONE = Placement.grid(columns=1, rows=1)
 MS = 1_000_000

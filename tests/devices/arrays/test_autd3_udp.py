@@ -196,26 +196,6 @@ def test_a_lost_datagram_of_each_kind_does_not_end_playing(tap, answer):
     assert_last_word_is_silence(tap)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("answer", [False, True], ids=["order", "answer"])
-@pytest.mark.parametrize("command", [WRITE, SWITCH, CONFIG, READ_STATE, SILENCE])
-def test_a_lost_datagram_does_not_end_playing(tap, command, answer):
-    drive = noise(1500)
-
-    def lose(done, _):
-        if done == 500:
-            tap.lose(command, answer=answer)
-
-    with autd3_array(tap.address, ONE) as device:
-        report = device.play(clear_any_exposure(drive, device), progress=lose)
-        assert tap.lost == 1
-        assert report.frames == 1500
-        # The silence after the last frame comes after the report.
-        assert command == SILENCE or "orders sent again" in report.units
-        assert tap.states() == [PATTERN]
-    assert_last_word_is_silence(tap)
-
-
 # Slow, since a busy computer adds answers that are late to those that are lost.
 @pytest.mark.slow
 def test_a_play_survives_two_lost_datagrams_of_a_hundred(tap):
@@ -410,15 +390,6 @@ def test_a_play_that_may_wait_is_silent_while_a_unit_is_too_hot_and_continues_at
     np.testing.assert_array_equal(sent[-(1500 - frame) :], wanted[frame:])
     np.testing.assert_array_equal(sent[: len(sent) - (1500 - frame)], wanted[: len(sent) - (1500 - frame)])
     assert_last_word_is_silence(tap)
-
-
-def test_units_that_are_too_hot_from_the_start_may_be_waited_for(tap):
-    tap.hot = range(65536)
-    with autd3_array(tap.address, ONE) as device:
-        device.cooling = Cooling(report=lambda _: setattr(tap, "hot", ()))
-        report = device.play(clear_any_exposure(noise(50), device))
-    assert (report.frames, report.units) == (50, "not too hot, no errors")
-    assert report.paused > 1.0
 
 
 def test_a_pause_has_a_limit_and_other_threads_can_end_it(tap):

@@ -81,12 +81,13 @@ def test_a_gap_ends_a_block_and_is_reported_in_the_next():
 
 def test_frames_that_hold_no_number_count_as_lost():
     holed = chunk(0, 10)
-    holed.samples[4:6, 1] = np.nan
+    holed.samples[4, 1], holed.samples[5, 0] = np.nan, -np.inf
     holed.samples[9, 0] = np.inf
     with StreamedSensor(Script([holed, chunk(10, 5)]), name="s") as sensor:
         sensor.start()
         blocks = [sensor.read(100) for _ in range(2)] + [sensor.read(5)]
     assert [(block.first, len(block.samples)) for block in blocks] == [(0, 4), (6, 3), (10, 5)]
+    assert blocks[1].device_time == pytest.approx(0.006)
     assert [block.overflow for block in blocks] == [False, True, True]
 
 
@@ -186,35 +187,6 @@ def test_less_than_one_frame_cannot_be_read():
         sensor.start()
         with pytest.raises(InputError, match="got 0"):
             sensor.read(0)
-
-
-class TestDecimated:
-    def test_a_gap_becomes_one_of_the_filters_length_with_correct_frames(self):
-        whole = [chunk(0, 40_000), chunk(48_123, 60_000)]
-        with StreamedSensor(Decimated(Script(whole, rate=48_000.0), 1000.0), name="s") as sensor:
-            sensor.start()
-            blocks = [sensor.read(2000), sensor.read(1000)]
-        # The ramp rises by 480 a frame of 1 kHz: its value tells the frame's time, 64 frames after the first one.
-        for block in blocks:
-            wanted = 480.0 * (block.first + 64 + np.arange(len(block.samples)))
-            np.testing.assert_allclose(block.samples[:, 0, 0], wanted, atol=0.1)
-        assert [block.overflow for block in blocks] == [False, True]
-        # Run 1003 is the first whole one from frame 48 123 on.
-        assert blocks[1].first == 1003
-        assert len(blocks[0].samples) == 40_000 // 48 - 128
-
-    def test_times_are_those_of_the_middle_of_the_filter(self):
-        with StreamedSensor(Decimated(Script([chunk(0, 48_000)], rate=48_000.0), 1000.0), name="s") as sensor:
-            sensor.start()
-            block = sensor.read(10)
-        # chunk() stamps frame 0 with 0 and 100 s; frame 0 out lies 64 ms after it.
-        assert block.device_time == pytest.approx(0.064)
-        assert block.host_time == pytest.approx(100.064)
-
-    def test_a_source_of_the_wanted_rate_is_passed_on(self):
-        with StreamedSensor(Decimated(Script([chunk(0, 10)]), 1000.0), name="s") as sensor:
-            sensor.start()
-            np.testing.assert_array_equal(sensor.read(10).samples[:, 0, 0], 10 * np.arange(10))
 
 
 class Endless(Script):

@@ -91,6 +91,7 @@ def test_an_unchanged_file_is_inspected_once(path, monkeypatch):
     load(path)
 
 
+@pytest.mark.long
 def test_a_copy_of_the_process_has_an_inspector_of_its_own(path):
     program = """
         import os, sys

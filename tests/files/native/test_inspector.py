@@ -125,6 +125,7 @@ def test_changes_by_other_programs_are_accepted(path, recording, alike):
     alike(load(path), recording)
 
 
+@pytest.mark.long
 def test_deflate_may_not_expand_without_end(path):
     def bomb(file):
         shape = (2**18 + 1, 8, 8)

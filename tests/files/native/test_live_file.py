@@ -101,7 +101,7 @@ def slow(*sizes):
     return [pytest.param(size, marks=pytest.mark.slow) for size in sizes]
 
 
-@pytest.mark.parametrize("times", [1, 10**9], ids=["once", "for good"])
+@pytest.mark.parametrize("times", [1, pytest.param(10**9, marks=pytest.mark.long)], ids=["once", "for good"])
 @pytest.mark.parametrize(("error", "writes"), [*SOME, *EVERY])
 def test_a_disk_error_at_any_write_keeps_the_frames_reported_as_safe(
     error, writes, times, recording, options, tmp_path, monkeypatch
@@ -176,6 +176,7 @@ def tiny_disk(tmp_path):
         subprocess.run(["umount", str(folder)], check=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [4, 16384, *slow(16, 32, 128, 1024)])
 def test_a_disk_that_is_too_small_gets_no_file(size, tiny_disk):
     folder = tiny_disk(size)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray
 
-from midair.files import load, load_calibration, save
+from midair.files import save
 from midair.files.native.schema import NETCDF
 
 
@@ -33,9 +33,3 @@ def test_the_netcdf_library_reads_it(path, recording):
         assert {name: len(axis) for name, axis in data.dimensions.items()} == {"time": 40, "row": 3, "column": 5}
         np.testing.assert_array_equal(data["samples"][:], recording.samples)
         assert data["calibration"]["response_real"].units == "V/Pa"
-
-
-def test_midair_reads_all_of_it_again(path, recording, calibration, alike):
-    alike(load(path), recording)
-    kept = load_calibration(path)
-    np.testing.assert_array_equal(kept.response, calibration.response)

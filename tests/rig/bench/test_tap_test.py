@@ -48,36 +48,10 @@ def test_strengths_and_channels_that_differ_do_not_matter(seed):
         assert heard(sensor).channel == tuple(range(16))
 
 
-def test_a_dead_channel_is_found_in_the_rhythm(tapped):
-    samples = tapped.copy()
-    samples[:, 1, 2] = 0.125
-    identity = heard(sensor_of(samples))
-    assert identity.silent == (6,)
-    assert identity.dead == (ORDER[6],)
-    assert identity.order == ORDER
-
-
 def test_a_cut_wire_with_noise_is_dead(tapped):
     samples = tapped.copy()
     samples[:, 1, 2] = np.random.default_rng(5).normal(0, 1e-4, len(samples))
     assert heard(sensor_of(samples)).dead == (ORDER[6],)
-
-
-def test_a_doubled_channel_is_found(tapped):
-    samples = tapped.copy()
-    samples[:, 3, 3] = 0.7 * samples[:, 0, 1]
-    identity = heard(sensor_of(samples))
-    assert identity.alike == (tuple(sorted((ORDER[1], ORDER[15]))),)
-    assert not identity.sound
-
-
-def test_strong_neighbour_responses_are_handled(tapped):
-    """Every cell also receives .6 of each neighbour's tap."""
-    cells = tapped.reshape(len(tapped), 16)
-    row, column = np.divmod(np.arange(16), 4)
-    beside = np.abs(row[:, None] - row) + np.abs(column[:, None] - column) == 1
-    mixed = cells + 0.6 * cells @ beside
-    assert heard(sensor_of(mixed.reshape(-1, 4, 4))).channel == ORDER
 
 
 def test_a_cell_that_never_answers_is_left_out_after_a_while(tapped):

@@ -6,7 +6,7 @@ import pytest
 from midair.correct import IterativeCorrection
 from midair.datasets import probe_signal
 from midair.errors import InputError
-from midair.model import ControlGrid
+from midair.model import ControlGrid, TransducerArray
 from midair.pipeline import calibrated_pressure, required_lead
 from midair.rig import OpenRig, open_rig, record
 from midair.rig import loop as run_loop
@@ -15,6 +15,7 @@ from midair.rig.names.virtual_rig import VirtualRig
 from midair.settings import Settings
 
 RIG = VirtualRig()
+SMALL = VirtualRig(array=TransducerArray.autd3(columns=1, rows=1))
 COARSE = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast", interpolate="pressure")
 
 
@@ -27,15 +28,15 @@ def original(settings, duration=0.08):
         )
 
 
-def loop(settings, iterate, **others):
-    skin = RIG.skin()
-    with OpenRig(array=RIG.array_device(skin), sensor=RIG.sensor(skin)) as rig:
+def loop(settings, iterate, virtual=RIG, **others):
+    skin = virtual.skin()
+    with OpenRig(array=virtual.array_device(skin), sensor=virtual.sensor(skin)) as rig:
         return run_loop(original(settings), settings, rig, iterate=iterate, lead=required_lead(settings) / 2, **others)
 
 
 @pytest.fixture(scope="module")
 def corrected():
-    return loop(COARSE, 2)
+    return loop(COARSE, 2, SMALL)
 
 
 @pytest.mark.long

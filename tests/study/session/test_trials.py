@@ -1,23 +1,16 @@
-import json
-import signal
-import subprocess
-import sys
 import threading
-import time
-from collections import Counter
 
-import numpy as np
 import pytest
 
-from midair.errors import BrokenFileError, DeviceStateError, InputError, LinkLostError, MismatchError, SilentFramesError
+from midair.errors import DeviceStateError, InputError, LinkLostError, MismatchError, SilentFramesError
 from midair.model import Medium
 from midair.study.design.answers import answers_table
 from midair.study.design.plan import draw_plan
 from midair.study.design.session_state import replay
-from midair.study.folder import StudyFolder, read_design, template_text
-from midair.study.session.event_log import EventLog, read_events
+from midair.study.folder import read_design, template_text
+from midair.study.session.event_log import read_events
 from midair.study.session.participant import SimulatedParticipant, SimulatedScreen
-from midair.study.session.presenters import ExperimenterPresenter, SilentPresenter
+from midair.study.session.presenters import SilentPresenter
 from midair.study.session.trials import AGAIN, Reply, Session, run
 
 
@@ -126,6 +119,18 @@ def test_no_step_reveals_the_condition(plan, tmp_path):
     assert not [word for word in hidden if word in said]
 
 
+def test_an_answer_is_stored_before_it_is_confirmed(plan, tmp_path):
+    class Witness(Script):
+        def accepted(self, step, answer):
+            stored = replay(read_events(tmp_path / "log.jsonl"), plan, 1).answers
+            assert not step.code or stored[step.code, step.question.name].answer == answer
+
+    interrupted_by = Witness(plan, stop_after=14)
+    with pytest.raises(RuntimeError, match="power cut"), session(plan, tmp_path / "log.jsonl") as one:
+        run(one, interrupted_by)
+    assert len(interrupted_by.asked) == 14
+
+
 def test_a_wrong_answer_is_asked_again_and_not_stored(plan, tmp_path):
     with session(plan, tmp_path / "log.jsonl") as one:
         to_the_first_stimulus(one)
@@ -177,6 +182,7 @@ def test_a_failed_presentation_is_logged_and_repeated_before_the_question(plan, 
     assert replay(events, plan, 1).next_trial == len(names)
 
 
+@pytest.mark.long
 def test_repeated_failures_end_a_session_that_can_be_resumed(plan, tmp_path):
     with pytest.raises(SilentFramesError, match=r"trial 3: the array failed 3 times.*frames 5 to 9"):  # noqa: SIM117
         with session(plan, tmp_path / "log.jsonl", Faulty(silent=(2, 3, 4))) as one:
@@ -221,6 +227,7 @@ def test_policies_discard_answers_but_keep_them_in_the_log(plan, tmp_path, polic
     assert [event["policy"] for event in events if event["event"] == "resume"] == [policy]
 
 
+@pytest.mark.long
 def test_an_interrupted_session_gives_the_same_answers(plan, tmp_path):
     interrupted(plan, tmp_path / "a.jsonl", after=21)
     for name in ("a", "b"):
@@ -278,15 +285,6 @@ def test_an_error_of_the_presenter_silences_it(plan, tmp_path):
     assert read_events(tmp_path / "log.jsonl")[-1]["reason"] == "OSError"
 
 
-def test_the_experimenter_sees_the_object_to_present(plan, tmp_path):
-    told = []
-    presenter = ExperimenterPresenter(tell=told.append, done=lambda: None)
-    with session(plan, tmp_path / "log.jsonl", presenter) as one:
-        run(one, Script(plan))
-    assert told[0] == f"present: {plan.design.stimulus(plan.of(1)[0].stimulus).source}"
-    assert told[-1].startswith("remove the object: nothing may touch")
-
-
 def test_another_plan_or_another_program_is_refused(plan, tmp_path):
     interrupted(plan, tmp_path / "log.jsonl", after=3)
     other = draw_plan(read_design(template_text("paper"), seed=9))
@@ -307,95 +305,3 @@ def test_calls_in_the_wrong_order(plan, tmp_path):
         one.present()
     with one, pytest.raises(DeviceStateError, match="expected the step ask, got show"):
         one.answer(Reply(text="brush"))
-    with pytest.raises(DeviceStateError, match="open log"):
-        EventLog(tmp_path / "x").append({"event": "x"})
-
-
-def test_a_torn_line_is_removed_and_logged(tmp_path):
-    path = tmp_path / "log.jsonl"
-    with EventLog(path) as log:
-        log.append({"event": "one"})
-    path.write_bytes(path.read_bytes() + b'{"event": "answ')
-    assert [event["event"] for event in read_events(path)] == ["one"]
-    with EventLog(path) as log:
-        log.append({"event": "two"})
-    assert [event["event"] for event in read_events(path)] == ["one", "repair", "two"]
-    path.write_bytes(b'not json\n{"event": "x"}\n')
-    with pytest.raises(BrokenFileError, match="line 1"):
-        read_events(path)
-
-
-CHILD = """
-import os, sys, json
-from pathlib import Path
-from midair.study.session.presenters import SilentPresenter
-from midair.study.session.participant import SimulatedScreen
-from midair.study.folder import StudyFolder
-from midair.study.session.trials import Session, run
-from midair.study.session.participant import SimulatedParticipant
-
-folder, witness = StudyFolder(Path(sys.argv[1])), os.open(sys.argv[2], os.O_WRONLY | os.O_CREAT | os.O_APPEND)
-plan = folder.plan()
-
-class Screen(SimulatedScreen):
-    def ask(self, step):
-        os.write(witness, json.dumps(["asked", step.code, step.question.name]).encode() + b"\\n")
-        return super().ask(step)
-    def accepted(self, step, answer):
-        os.write(witness, json.dumps(["accepted", step.code, step.question.name, answer]).encode() + b"\\n")
-
-print("ready", flush=True)
-number = int(sys.argv[3])
-with Session(plan, number, folder.log(number), SilentPresenter(), simulated=True) as session:
-    print("open", flush=True)
-    run(session, Screen(plan=plan, participant=SimulatedParticipant(seed=1)))
-"""
-
-
-def killed_run(folder, witness, number, wait, sign):
-    """Run a session in a new process and kill it `wait` s after its first output; return whether it had finished."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", CHILD, str(folder), str(witness), str(number)], stdout=subprocess.PIPE, text=True
-    )
-    with process:
-        while process.stdout.readline() != f"{sign}\n":
-            assert process.poll() is None
-        time.sleep(wait)
-        process.send_signal(signal.SIGKILL)
-        process.communicate()
-    return process.returncode == 0
-
-
-def witnessed(path, what):
-    """Complete output lines of the process for each question."""
-    lines = path.read_bytes().split(b"\n")[:-1] if path.exists() else []
-    return [tuple(rest) for said, *rest in map(json.loads, lines) if said == what]
-
-
-@pytest.mark.parametrize("kills", [pytest.param(2, marks=pytest.mark.long), pytest.param(200, marks=pytest.mark.slow)])
-def test_no_kill_loses_an_answer_or_asks_twice(tmp_path, kills):
-    text = template_text("paper").replace("repetitions = 4", "repetitions = 40")
-    # Some sessions end before their kill, about one in ten: enough people to outlast the kills.
-    design = read_design(text, participants=max(15, kills // 4), name="kill")
-    study = StudyFolder.create(tmp_path / "study", text, design)
-    plan, witness, rng = study.plan(), tmp_path / "witness", np.random.default_rng(kills)
-    number, killed = 1, 0
-    while killed < kills:
-        sign = rng.choice(["ready", "open", "open"])
-        finished = killed_run(study.path, witness, number, float(rng.uniform(0, 0.1)), sign)
-        killed += not finished
-        stored = {key: one.answer for progress in study.sessions() for key, one in progress.answers.items()}
-        # Questions without a code belong to the form, which has its own events.
-        accepted = {(code, name): answer for code, name, answer in witnessed(witness, "accepted") if code}
-        assert accepted.items() <= stored.items(), f"kill {killed}: an answer was lost"
-        assert len(stored) - len(accepted) <= killed  # stored, but killed before the confirmation
-        number += finished
-    events = [event for n in range(1, number + 1) for event in read_events(study.log(n))]
-    answers = Counter((event["trial"], event["question"]) for event in events if event["event"] == "answer")
-    assert max(answers.values()) == 1, "a question that had its answer was asked again"
-    asked = Counter(one for one in witnessed(witness, "asked") if one[0])
-    again = sum(count - 1 for count in asked.values())
-    assert again <= killed  # only what was asked when the process died is asked again
-    resumed = sum(event["event"] == "resume" for event in events)
-    assert resumed > kills / 4  # the kills did hit running sessions
-    assert set(answers) <= {(trial.code, name) for trial in plan.trials for name in trial.questions}

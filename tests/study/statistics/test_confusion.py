@@ -28,6 +28,7 @@ def test_by_hand():
     assert found.accuracy == pytest.approx(4 / 6)
 
 
+@pytest.mark.long
 @given(seed=st.integers(0, 1000))
 def test_agrees_with_scikit_learn(seed):
     metrics = pytest.importorskip("sklearn.metrics")
@@ -100,6 +101,7 @@ def test_invalid_answers_are_refused():
     assert table["note"][1] == "never answered: precision is undefined"
 
 
+@pytest.mark.long
 def test_kappa_agrees_with_statsmodels():
     inter_rater = pytest.importorskip("statsmodels.stats.inter_rater")
     counts = np.array([[30, 5, 5], [8, 20, 2], [3, 3, 34]])

@@ -32,11 +32,13 @@ def test_simulation_agrees_with_the_formula():
     assert found.low - 0.01 < power_paired_t(12, d_z=0.8) < found.high + 0.01
 
 
+@pytest.mark.long
 def test_two_levels_of_ratings_are_a_paired_t():
     found = simulated_power(RatingExperiment(means=(3.0, 4.0), noise=1.0), 10, rng=np.random.default_rng(1), runs=300)
     assert found.power == pytest.approx(power_paired_t(10, d_z=1 / np.sqrt(2)), abs=0.09)
 
 
+@pytest.mark.long
 def test_more_people_more_power_and_none_without_an_effect():
     rng = np.random.default_rng(2)
     curve = power_curve(IdentificationExperiment(objects=3, trials=12, d_prime=0.4), [4, 10, 30], rng=rng, runs=200)

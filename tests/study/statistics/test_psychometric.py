@@ -54,6 +54,7 @@ def test_invalid_answers_are_refused():
         Psychometric(threshold=1, slope=1, guess=0.9, lapse=0.2)
 
 
+@pytest.mark.long
 def test_limits_from_many_trials_are_those_of_a_regression():
     sm = pytest.importorskip("statsmodels.api")
     right = np.random.default_rng(3).binomial(500, Psychometric(threshold=2.0, slope=1.5).probability(LEVELS))

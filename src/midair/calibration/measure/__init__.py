@@ -1,7 +1,6 @@
 """Measure a calibration against a reference, with a tone of known pressure, or with a focused beam."""
 
 from .against_reference import measure_calibration as measure_calibration
-from .against_reference import measure_response as measure_response
 from .array_check import ArrayCheck as ArrayCheck
 from .array_check import check_array as check_array
 from .array_field import ArrayField as ArrayField

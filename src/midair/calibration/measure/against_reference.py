@@ -8,32 +8,8 @@ from midair.calibration.measure.linearity import distinct
 from midair.calibration.measure.referenced_take import ReferencedTake, check_alike
 from midair.calibration.measure.take_sums import MeasureSettings, TakeSums, sums_of
 from midair.errors import MismatchError
-from midair.model import Calibration, PressureFrames, Provenance, Recording, Setting
+from midair.model import Calibration, Provenance, Recording, Setting
 from midair.progress import report_progress
-
-
-def measure_response(
-    recording: Recording,
-    pressure: PressureFrames,
-    *,
-    resolution: float = 1.0,
-    coherence: float = 0.9,
-    date: str = "",
-) -> Calibration:
-    """Measure a calibration from one recording of a known pressure that differs from cell to cell.
-
-    Only valid bins are kept; a dead channel has the response 0. The pressure on the cells at the recording's times and
-    rate is noise or a sweep that fills the band, for at least 12 / resolution seconds; `resolution` and `coherence` are
-    those of `MeasureSettings`. Raises MismatchError if the two differ in cells, rate or number of frames, BandError if
-    fewer than two bins are valid.
-    """
-    _check_pair(recording, pressure)
-    settings = MeasureSettings(resolution=resolution, coherence=coherence)
-    part = sums_of(pressure.pressure.reshape(pressure.frames, -1), recording, settings)
-    simulated = pressure.provenance.simulated
-    found = TakeSums(recording=recording, parts=(part,), own=(part,), settings=settings, reference="known pressure")
-    history = recording.provenance.then("measure response", settings.as_settings(), simulated=simulated)
-    return found.calibration(date=date, version=1, provenance=history, method="one recording of a known pressure")
 
 
 def measure_calibration(
@@ -135,14 +111,4 @@ def _check_quiet(quiet: Recording | None, first: Recording) -> None:
         raise MismatchError(
             f"quiet recording: expected sensor {want[0].name!r} {want[0].shape} in {want[1]} at {want[2]:g} Hz, got "
             f"{have[0].name!r} {have[0].shape} in {have[1]} at {have[2]:g} Hz"
-        )
-
-
-def _check_pair(recording: Recording, pressure: PressureFrames) -> None:
-    have = (pressure.sensor.shape, pressure.rate, pressure.frames)
-    want = (recording.sensor.shape, recording.rate, recording.frames)
-    if have != want:
-        raise MismatchError(
-            f"pressure: expected {want[2]} frames at {want[1]:g} Hz on {want[0]} cells like the recording's, got "
-            f"{have[2]} at {have[1]:g} Hz on {have[0]}; align and resample it first"
         )

@@ -12,7 +12,7 @@ from midair.array_types import Array, Complex
 from midair.calibration.measure.array_plan import ArrayCodes
 from midair.errors import ShapeError
 from midair.model import BAND, HEIGHT, RATE, Acoustics, Calibration, ControlGrid, SensorGrid, TransducerArray
-from midair.physics import SensorModel, TransducerDynamics, cell_weights, radiation_pressure, transfer_matrix
+from midair.physics import SensorModel, cell_weights, radiation_pressure, transfer_matrix
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,8 +129,3 @@ class ArrayField:
             q[frame] = drive + (now - drive) * decay
             now, moving = q[frame, -1], change[frame, -1]
         return q.reshape(-1, len(members)), change.reshape(-1, len(members))
-
-
-def pole_of(dynamics: TransducerDynamics) -> complex:
-    """-1 / time constant + j detuning, in rad/s."""
-    return dynamics.pole

@@ -11,10 +11,9 @@ angles and time offsets of the units are fitted in between (`unit_poses`).
 from dataclasses import fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from midair.array_types import Array
-from midair.calibration.measure.array_field import ArrayField, SensorPlace, pole_of
+from midair.array_types import Array, Complex
+from midair.calibration.measure.array_field import ArrayField, SensorPlace
 from midair.calibration.measure.group_fit import GroupFit
 from midair.calibration.measure.shared_parameters import (
     DEAD,
@@ -29,9 +28,6 @@ from midair.calibration.measure.shared_parameters import (
 from midair.calibration.measure.unit_poses import cell_places, differences, fit_units
 from midair.model import ArrayCalibration, Progress, Provenance
 from midair.physics import TransducerDynamics, transfer_matrix
-
-Complex = NDArray[np.complex128]
-
 
 _CLOSE = 1.5
 """Power of the remainder over that of the noise below which a fit may end, once the units stay where they are."""
@@ -82,7 +78,7 @@ def fit_array(
     ShapeError
         If there are fewer samples than codes.
     """
-    usual, nominal = usual or TransducerPrior(), pole_of(dynamics or TransducerDynamics())
+    usual, nominal = usual or TransducerPrior(), (dynamics or TransducerDynamics()).pole
     count, groups = field.array.count, range(len(field.codes.groups))
     state = ArrayState(np.ones(count, complex), np.full(count, nominal), SensorPlace(z=field.height))
     measured = [field.spectrum(samples, group) for group in groups]

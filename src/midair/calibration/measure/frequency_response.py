@@ -78,7 +78,7 @@ class FrequencyResponse:
 
 
 def band_sums(x: Array, y: Array, rate: float, *, resolution: float, width: float, order: int = 2) -> BandSums:
-    """Compute the normal equations of one recording; the input x has one column, or one per channel of the output y.
+    """Compute the normal equations of one recording, from the input x (frame, 1) and the output y (frame, channel).
 
     `resolution` is the spacing and `width` the width of the bands in Hz. An order of -1 omits T and makes H constant.
     """
@@ -103,8 +103,7 @@ def band_sums(x: Array, y: Array, rate: float, *, resolution: float, width: floa
     z = _without(smooth, inputs)
     outputs = _without(smooth, _spectrum(y, rate)[bins])
     gram = np.einsum("bmsi,bmsj->bsij", z.conj(), z)
-    along = "bmsi,bmc->bci" if x.shape[1] == 1 else "bmci,bmc->bci"
-    cross = np.einsum(along, z.conj(), outputs)
+    cross = np.einsum("bmsi,bmc->bci", z.conj(), outputs)
     return BandSums(
         frequency=centres,
         gram=np.broadcast_to(gram, (len(centres), y.shape[1], terms, terms)),

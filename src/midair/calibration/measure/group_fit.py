@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.array_types import Array
+from midair.array_types import Array, Complex
 from midair.calibration.measure.array_field import ArrayField
 from midair.calibration.measure.shared_parameters import (
     ArrayState,
@@ -14,9 +14,6 @@ from midair.calibration.measure.shared_parameters import (
     real_parts,
     sound_at_points,
 )
-
-Complex = NDArray[np.complex128]
-
 
 _STEP = 0.3
 """Longest step of a pole, relative to one over the time constant."""

@@ -11,11 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.array_types import Array
+from midair.array_types import Array, Complex
 from midair.calibration.measure.array_field import ArrayField, SensorPlace
 from midair.errors import InputError
-
-Complex = NDArray[np.complex128]
 
 DEAD = 0.1
 """Strength relative to the mean below which a transducer is dead."""

@@ -55,14 +55,14 @@ class TakeSums:
     own: tuple[BandSums, ...]
     """Sums of the takes that determine the response; 0 for channels that a take does not press on."""
     settings: MeasureSettings
-    takes: tuple[ReferencedTake, ...] = ()
-    """Takes of the parts; empty for one recording of a pressure that differs from cell to cell."""
-    alone: bool = False
+    takes: tuple[ReferencedTake, ...]
+    """Takes of the parts."""
+    alone: bool
     """Whether each cell was pressed alone."""
-    quiet: Recording | None = None
+    quiet: Recording | None
     """Recording without any pressure."""
-    reference: str = ""
-    reference_uncertainty: float = 0.0
+    reference: str
+    reference_uncertainty: float
     """Relative standard uncertainty."""
 
     def calibration(self, *, date: str, version: int, provenance: Provenance, method: str) -> Calibration:
@@ -123,8 +123,6 @@ class TakeSums:
 
     def _alive(self) -> NDArray[np.bool_]:
         """Channels whose output changes in at least one of the takes that press on them."""
-        if not self.takes:
-            return ~dead_channels(self.recording).ravel()
         pressed = [~dead_channels(take.recording).ravel() & take.presses() for take in self.takes]
         return np.asarray(np.any(np.array(pressed), axis=0), np.bool_)
 

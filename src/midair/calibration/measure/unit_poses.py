@@ -13,7 +13,6 @@ The array as a whole and the sensor cannot be told apart, nor a common delay: on
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.calibration.measure.array_field import ArrayField, SensorPlace
@@ -28,8 +27,6 @@ from midair.calibration.measure.shared_parameters import (
 )
 from midair.model import POSE_AIMS, TransducerArray
 from midair.physics import transfer_matrix, wavenumber
-
-Complex = NDArray[np.complex128]
 
 _PRIOR = 20.0
 """Prior standard deviation of every number of a pose, in units of `POSE_AIMS`: 2 mm, 2 degrees, 1 us."""

@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Annotated, get_args
 
 from midair.cli.console import print_figures, print_json, print_rows
-from midair.cli.exposure_options import AirOptions, print_check_time, protected_profile
+from midair.cli.exposure_options import AirOptions, print_check_time
 from midair.cli.options import Force, Json, Placement
 from midair.cli.output import may_write
 from midair.cli.quantities import quantity
 from midair.devices import felt_pressure_text, measure_exposure
 from midair.errors import InputError
 from midair.figures import exposure_figure, png_bytes
-from midair.files import DEFAULT_PROFILE, atomic_file, load_placement, load_solution
+from midair.files import DEFAULT_PROFILE, atomic_file, load_placement, load_solution, profile_named
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import MEASURED, UNLIKE, Exposure, ExposureProfile, level_if_unlike
 from midair.rig import ArrayKind, array_named, array_of_kind
@@ -67,7 +67,7 @@ def exposure_command(
     if repeats < 1:
         raise InputError(f"--repeats: expected 1 or more, got {repeats}")
     target = figure or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".exposure.png")
-    chosen, room = protected_profile(profile, profiles, ear_protection), (air or AirOptions()).medium()
+    chosen, room = profile_named(profile, profiles).behind(ear_protection), (air or AirOptions()).medium()
     drawn = figure is not None or not json
     if drawn:
         may_write(target, force)

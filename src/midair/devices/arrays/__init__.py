@@ -2,7 +2,6 @@
 
 from .autd3 import autd3_array as autd3_array
 from .autd3 import autd3_constant_frame as autd3_constant_frame
-from .autd3 import autd3_firmware as autd3_firmware
 from .autd3 import autd3_immediate as autd3_immediate
 from .autd3 import pyautd3_array as pyautd3_array
 from .banked_array import BankedArray as BankedArray

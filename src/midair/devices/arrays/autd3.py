@@ -96,17 +96,6 @@ def autd3_immediate(
     )
 
 
-def autd3_firmware(placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
-    """The firmware's emulator in virtual time; ``.banks.put_out()`` returns the output of the transducers."""
-    return BankedArray(
-        lambda placement: _module("autd3_emulator", "autd3-emulator").Autd3Firmware(placement),
-        placement or Placement.grid(),
-        name="autd3:firmware",
-        silencer=silencer,
-        simulated=True,
-    )
-
-
 def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
     """An array of units with older firmware, over EtherCAT.
 

@@ -3,9 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from midair.array_types import Array
+from midair.array_types import Array, Complex
 from midair.calibration import (
     BeamPlan,
     BeamReading,
@@ -21,8 +20,6 @@ from midair.errors import RateError
 from midair.model import Acoustics, Calibration, Drive, Progress, Provenance, Recording
 from midair.physics import TransducerDynamics, envelope, focus_phase
 from midair.rig.playing import default_exposure, rerecord
-
-Complex = NDArray[np.complex128]
 
 FINE = 8
 """Points per frame at which the commanded pressure is computed."""

@@ -16,10 +16,8 @@ from .drive_rerecording import palm_of_drive as palm_of_drive
 from .drive_rerecording import palm_of_loop as palm_of_loop
 from .drive_rerecording import played_chain as played_chain
 from .drive_rerecording import rerecord_drive as rerecord_drive
-from .laboratory import laboratory_loss as laboratory_loss
 from .laboratory import laboratory_of_loop as laboratory_of_loop
 from .loop_report import FIELD_TITLE as FIELD_TITLE
-from .loop_report import loop_figures as loop_figures
 from .loop_report import view_of_loop as view_of_loop
 from .loop_report import write_report as write_report
 from .outcomes import PALM_TITLE as PALM_TITLE

@@ -21,6 +21,7 @@ from midair.errors import (
 )
 from midair.files import DEFAULT_PROFILE
 from midair.model import Medium
+from midair.physics import MOST_PROTECTION
 from midair.rig import DRIFT, LeaseToken, PlayLease, PlaySettings
 from midair.studio.player import run_player
 from midair.studio.room_air import RoomAir
@@ -42,6 +43,7 @@ class CheckExposure(Arguments):
     profile: str = Field(default="", max_length=100)
     attenuate: bool = False
     override: str = Field(default="", max_length=200)
+    protection_db: float = Field(default=0.0, ge=0, le=MOST_PROTECTION)
     repeats: int = declared(PlaySettings, "repeats", most=1000)
     correct_air: bool = False
     follow: str = Field(default="", max_length=300)
@@ -167,6 +169,7 @@ class PlayPanel:
             profile=order.profile or DEFAULT_PROFILE,
             attenuate=order.attenuate,
             override=order.override.strip(),
+            protection=order.protection_db,
             repeats=order.repeats,
             room=room,
             correct=order.correct_air,

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from midair.errors import InputError
 from midair.model import HEIGHTS
-from midair.settings import Mode
+from midair.settings import EARS, Mode
 from midair.studio.importing import ImportForm, run_import
 from midair.studio.jobs import StudioJob
 from midair.studio.panels.panel import WEB, Panel, PanelContext
@@ -40,6 +40,7 @@ class SolveForm(Arguments):
     method: Literal["live", "fast", "exact", "lm", "glide"] | None = None
     level: Annotated[float, Field(gt=0, le=1)] | Literal["auto"] | None = None
     gain: float | None = Field(default=None, gt=0, le=100)
+    ears_db: float | None = Field(default=None, ge=EARS[0], le=EARS[1])
     height_mm: float | None = Field(default=None, ge=1e3 * HEIGHTS[0], le=1e3 * HEIGHTS[1])
     guard_mm: float | None = Field(default=None, ge=0, le=100)
     visible_s: float | None = Field(default=None, ge=0)
@@ -52,6 +53,7 @@ class SolveForm(Arguments):
             "method": self.method,
             "level": self.level,
             "gain": self.gain,
+            "ears": self.ears_db,
             "height": None if self.height_mm is None else self.height_mm * 1e-3,
             "guard": None if self.guard_mm is None else self.guard_mm * 1e-3,
         }

@@ -8,7 +8,7 @@ const HOLD = 600; // ms
 
 /** `again` solves the take again; `correct`: with phases corrected for the air of the room. */
 export function askToPlay(studio, take, again, correct = false) {
-  const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", repeats: 1, correct_air: correct, follow: "" };
+  const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", protection_db: 0, repeats: 1, correct_air: correct, follow: "" };
   const verdict = make("p", { role: "status" }, "checking …"), table = make("table"), refused = make("div.column");
   const hold = make("button.main.hold", { type: "button", disabled: true, id: "hold" }, "Hold to play");
   const done = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "played" });
@@ -21,11 +21,12 @@ export function askToPlay(studio, take, again, correct = false) {
     if (given.follow && latency.value !== "") given.latency_ms = Number(latency.value); else delete given.latency_ms;
     check();
   }
+  const protection = make("input", { type: "number", min: 0, max: 40, value: "0", onchange: () => { given.protection_db = Math.max(0, Math.min(40, Number(protection.value) || 0)); check(); } });
   const measured = make("p.quiet"), hot = heatWarning(link, "hot-play");
   const drifted = warningBox("drift", make("button", { type: "button", id: "correct-air", onclick: () => { given.correct_air = true; check(); } }, "Correct phases"),
     make("button", { type: "button", id: "solve-again", onclick: () => { dialog.close(); again(); } }, "Solve again"));
   let admission = 0, checks = 0, timer = 0, solved = NaN;
-  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^sample:/, "").replace(/\.h5$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, make("div.column", {}, field("Times", repeats), field("Follow the palm of a tracker", tracker), field("Its latency, ms", latency)), palm, refused,
+  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^sample:/, "").replace(/\.h5$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, make("div.column", {}, field("Times", repeats), field("Ear protection of everyone here, dB at 40 kHz", protection), field("Follow the palm of a tracker", tracker), field("Its latency, ms", latency)), palm, refused,
     make("div.buttons", {}, hold, make("button", { type: "button", onclick: () => dialog.close() }, "Close")), done,
     make("p.quiet", {}, "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it."));
 

@@ -11,10 +11,11 @@ import { drift, warningBox } from "/web/warnings.js";
 
 const MAPPINGS = [["", "of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"]];
 const METHODS = [["", "of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
-const MODES = [["best", "best"], ["finest", "finest, slow"], ["quick", "quick"], ["paper", "paper"]];
+const MODES = [["best", "best"], ["finest", "finest, slow"], ["quick", "quick"], ["paper", "paper"], ["quiet", "quiet ears"]];
 const HEIGHTS = [["", "of the mode"], ["150", "150 mm"], ["180", "180 mm"], ["200", "200 mm"], ["230", "230 mm"]];
+const EARS = [["", "of the mode"], ["110", "110 dB"], ["115", "115 dB"], ["120", "120 dB"], ["125", "125 dB"], ["130", "130 dB"]];
 const LEVELS = [["", "of the mode"], ["auto", "auto"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]];
-const USUAL = { mode: "best", mapping: "", method: "", level: "", gain: 1, height_mm: "" };
+const USUAL = { mode: "best", mapping: "", method: "", level: "", gain: 1, height_mm: "", ears_db: "" };
 
 export default class Reproduce {
   constructor(studio) {
@@ -53,12 +54,12 @@ export default class Reproduce {
     const set = (name) => ({ target }) => {
       const value = target.value === "" || Number.isNaN(Number(target.value)) ? target.value : Number(target.value);
       // The solver of one mode may not support the terms of another.
-      this._fill({ ...this.made, [name]: value, ...(name === "mode" ? { method: "" } : {}) });
+      this._fill({ ...this.made, [name]: value, ...(name === "mode" ? { method: "", ears_db: "" } : {}) });
     };
     this.inputs = { mode: choice(MODES, "", set("mode")), mapping: choice(MAPPINGS, "", set("mapping")), method: choice(METHODS, "", set("method")), level: choice(LEVELS, "", set("level")),
-      gain: make("input", { type: "number", min: 0.05, max: 100, step: 0.05, onchange: set("gain") }), height_mm: choice(HEIGHTS, "", set("height_mm")) };
+      gain: make("input", { type: "number", min: 0.05, max: 100, step: 0.05, onchange: set("gain") }), height_mm: choice(HEIGHTS, "", set("height_mm")), ears_db: choice(EARS, "", set("ears_db")) };
     this.view = make("p.quiet", { id: "in-view", role: "status" });
-    this.form.append(...Object.values(this.inputs).map((input, i) => field(["Mode", "Mapping", "Solver", "Level", "Gain", "Height"][i], input)), this.view);
+    this.form.append(...Object.values(this.inputs).map((input, i) => field(["Mode", "Mapping", "Solver", "Level", "Gain", "Height", "Ears, at most"][i], input)), this.view);
     const left = make("div.column.left", {},
       Object.assign(panel("Takes", this.add, this.search, this.list, make("div.buttons", {}, ...this.own), file), { className: "panel grow" }),
       panel("Settings", null, this.form, this.drifted, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about));
@@ -78,9 +79,10 @@ export default class Reproduce {
     this.made = { ...USUAL, ...made };
     for (const [name, input] of Object.entries(this.inputs)) {
       const value = String(this.made[name]);
-      if (input.options && ![...input.options].some((option) => option.value === value)) input.append(make("option", { value }, name === "height_mm" ? `${value} mm` : name === "level" ? `${value} of full` : value));
+      if (input.options && ![...input.options].some((option) => option.value === value)) input.append(make("option", { value }, name === "height_mm" ? `${value} mm` : name === "ears_db" ? `${value} dB` : name === "level" ? `${value} of full` : value));
       input.value = value;
     }
+    this.inputs.ears_db.closest(".field").hidden = this.made.mode !== "quiet";
     const able = this.link.state.studio?.methods[this.made.mode];
     for (const option of this.inputs.method.options) option.disabled = !!option.value && !!able && !able.includes(option.value);
     this.control();

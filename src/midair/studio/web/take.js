@@ -43,8 +43,8 @@ export class TakeView {
 }
 
 /** The settings that differ from the mode, as a request needs them. */
-export function chosen({ mode, mapping, method, level, gain, height_mm }) {
-  return Object.fromEntries(Object.entries({ mode, mapping, method, level, gain, height_mm }).filter(([, value]) => value !== "" && value !== undefined));
+export function chosen({ mode, mapping, method, level, gain, height_mm, ears_db }) {
+  return Object.fromEntries(Object.entries({ mode, mapping, method, level, gain, height_mm, ears_db }).filter(([, value]) => value !== "" && value !== undefined));
 }
 
 /** Load one second of a stream. */

@@ -18,11 +18,9 @@ class Presenter(Protocol):
 
     def present(self, stimulus: Stimulus) -> None:
         """Present a stimulus; return when it has ended."""
-        ...
 
     def silence(self) -> None:
         """End the presentation at once; callable at any time, from any thread, and repeatedly."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,11 +99,9 @@ class Masking(Protocol):
 
     def on(self) -> None:
         """Fade the noise in; return when it has its full level."""
-        ...
 
     def off(self) -> None:
         """Fade the noise out."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

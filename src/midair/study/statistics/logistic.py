@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.errors import InputError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,7 +37,6 @@ def fit_logistic(
     varying: Array,
     group: NDArray[np.int64],
     *,
-    nodes: int = 25,
     start: LogisticFit | None = None,
 ) -> LogisticFit:
     """Fit logit P = fixed @ coefficient + varying @ (spread[group] * u), u ~ N(0, 1) per participant and column.
@@ -53,10 +51,8 @@ def fit_logistic(
     """
     from scipy.optimize import minimize
 
-    if nodes < 1:
-        raise InputError(f"nodes: expected 1 or more, got {nodes}")
     terms, spreads = fixed.shape[1], int(group.max()) + 1
-    model = _Likelihood(counts, fixed, varying, group, nodes if varying.shape[1] == 1 else 1)
+    model = _Likelihood(counts, fixed, varying, group, 25 if varying.shape[1] == 1 else 1)
     begin = np.r_[np.zeros(terms), np.full(spreads, 0.25)]
     if start is not None:
         begin = np.r_[start.coefficient, np.maximum(start.spread, 0.05) ** 2]

@@ -40,7 +40,7 @@ class Published:
         return self.people * self.scored_trials // self.objects
 
 
-def published_statistics(published: Published | None = None) -> DataFrame:
+def published_statistics() -> DataFrame:
     """Statistics that follow from the printed numbers alone.
 
     Columns quantity, value, low, high (95 % limits, NaN where undefined).
@@ -48,7 +48,7 @@ def published_statistics(published: Published | None = None) -> DataFrame:
     from pandas import DataFrame
     from scipy.stats import t as t_distribution
 
-    paper = published or Published()
+    paper = Published()
     n, d_z = paper.objects, paper.t / paper.objects**0.5
     low, high = (limit / n**0.5 for limit in noncentral_t_limits(paper.t, n - 1))
     trials = paper.people * paper.real_trials
@@ -71,11 +71,9 @@ def published_statistics(published: Published | None = None) -> DataFrame:
     return DataFrame(rows, columns=["quantity", "value", "low", "high"])
 
 
-def chance_of_published(
-    value: float = 1 / 3, *, rng: np.random.Generator, draws: int = 20_000, published: Published | None = None
-) -> Chance:
+def chance_of_published(value: float = 1 / 3, *, rng: np.random.Generator, draws: int = 20_000) -> Chance:
     """Macro F of participants who answer at random, with the paper's number of trials; `value` is compared."""
-    paper = published or Published()
+    paper = Published()
     size = paper.objects
     counts = rng.multinomial(paper.trials_an_object, [1 / size] * size, size=(draws, size))
     distribution = f_measure(counts).mean(axis=-1)

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from midair.cli.commands.study import study_app as app
-from midair.errors import BrokenFileError, InputError, MidairError, MissingFileError, UnknownDeviceError
+from midair.errors import BrokenFileError, InputError, MidairError, MissingFileError
 from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
 from midair.physics import focus_phase
@@ -357,12 +357,6 @@ def test_every_command_reports_an_edited_log(tmp_path, done, capsys):
             study(*words)
 
 
-def test_an_array_that_nothing_answers_to(tmp_path):
-    folder = study_of_drives(tmp_path, level=0.001)
-    with pytest.raises(UnknownDeviceError, match="autd9"):
-        study("run", folder, "--participant", 1, "--array", "autd9")
-
-
 def test_drives_need_an_array(tmp_path):
     study("new", tmp_path / "s", "--participants", 1, "--drives", "none")
     with pytest.raises(InputError, match="give --array"):
@@ -379,15 +373,6 @@ def test_a_terminal_that_is_closed_stops_the_session(tmp_path, monkeypatch):
     (progress,) = folder.sessions()
     assert [one.answer for one in progress.answers.values()] == ["brush"]
     assert read_events(folder.log(1))[-1]["event"] == "stop"
-
-
-def test_the_commands_hang_on_the_main_one(capsys):
-    from cyclopts import App
-
-    main = App(name="midair")
-    main.command(app)
-    main(["study", "power", "paired", "--effect", "0.5"], result_action="return_value")
-    assert "34 pairs" in capsys.readouterr().out
 
 
 @pytest.mark.long

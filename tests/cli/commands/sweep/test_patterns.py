@@ -45,7 +45,7 @@ def test_from_patterns_to_a_report(capsys, one_line):
 @pytest.mark.parametrize(
     ("words", "medium"),
     [
-        ("", Medium(attenuation=0.0)),
+        pytest.param("", Medium(attenuation=0.0), marks=pytest.mark.long),
         pytest.param("--attenuation 0.1", Medium(attenuation=0.1), marks=pytest.mark.slow),
         pytest.param(
             "--temperature 25C --humidity 30%", Medium.at(temperature=25.0, humidity=0.3), marks=pytest.mark.slow
@@ -80,11 +80,6 @@ def test_wrong_usage_is_one_line_and_leaves_nothing(one_line, wrong, status, wor
     assert run(["sweep", "patterns", "s.zarr", *wrong]) == status
     assert word in one_line()
     assert not Path("s.zarr").exists()
-
-
-def test_a_report_of_nothing_is_one_line(one_line):
-    assert run(["sweep", "report", "none.zarr"]) == 1
-    assert "midair sweep patterns" in one_line()
 
 
 @pytest.mark.slow
@@ -153,8 +148,3 @@ def test_a_wrong_variation_is_one_line_and_leaves_nothing(take, capsys, one_line
     assert run(["sweep", "recordings", "r.zarr", take, *wrong]) == 1
     assert word in one_line()
     assert not Path("r.zarr").exists()
-
-
-def test_a_sweep_of_no_recordings_is_one_line(one_line):
-    assert run(["sweep", "recordings", "r.zarr"]) == 1
-    assert "expected recordings" in one_line()

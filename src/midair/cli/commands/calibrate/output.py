@@ -20,24 +20,16 @@ from midair.rig import calibration_rows, check_page_name, write_calibration_page
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputOptions:
-    """Where to write a calibration.
-
-    Parameters
-    ----------
-    output
-        File to write, NAME.calibration.h5. [default: the sensor's name and the date]
-    date
-        Date of the measurement, ISO 8601. [default: today]
-    supersedes
-        Earlier calibration of the same sensor: the new one gets the next version and is compared with it.
-    figure
-        Write figures of the calibration to NAME.png or NAME.html.
-    """
+    """Where to write a calibration."""
 
     output: Path | None = None
+    """File to write, NAME.calibration.h5. [default: the sensor's name and the date]"""
     date: str | None = None
+    """Date of the measurement, ISO 8601. [default: today]"""
     supersedes: Path | None = None
+    """Earlier calibration of the same sensor: the new one gets the next version and is compared with it."""
     figure: Path | None = None
+    """Write figures of the calibration to NAME.png or NAME.html."""
     force: Force = False
     json: Json = False
 
