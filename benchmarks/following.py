@@ -20,6 +20,7 @@ from autd3.commands import Pattern
 from autd3_pattern import PhaseBuffer
 from numpy.typing import NDArray
 from tests.devices.trackers.test_tracker_contract import Leap, Osc
+from tests.simulators.autd3_firmware import Autd3Firmware
 from tests.simulators.moving_hand import SOLVED, Fault, Hand, palm
 from tests.simulators.udp_proxy import UdpProxy
 
@@ -27,7 +28,6 @@ from benchmarks.clock import load
 from benchmarks.live_outside import frames_on, watch_in_time
 from midair.devices import ExposureChoices, Tracker, autd3_immediate
 from midair.devices.arrays import Silencer
-from midair.devices.arrays.autd3_emulator import Autd3Firmware
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Acoustics, ControlGrid, Drive, PalmPath, Placement
 from midair.physics import focus_phase
