@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.devices import CONSTANT_ACCELERATION, CONSTANT_VELOCITY, DAMPED_VELOCITY, MotionModel, PosePredictor
+from midair.devices import DAMPED_VELOCITY, MotionModel, PosePredictor
 from midair.files import load_palm_path
 from midair.model import PalmPath, TrackerPlacement
 
@@ -23,6 +23,10 @@ STEP, START = 1e-3, 0.3
 SIDEWAYS = ([2e-3, 5e-3, 10e-3], [16.5, 7.2, 1.9])
 HEIGHT = ([2e-3, 5e-3, 10e-3, 20e-3], [23.2, 15.1, 9.3, 4.6])
 """Error in m, and the SDR in dB that it leaves without steering."""
+
+# A decay time of 1000 s is none; larger ones lose digits to cancellation.
+CONSTANT_VELOCITY = MotionModel(damping=1e3, memory=1e-4, agility=7.2e7)
+CONSTANT_ACCELERATION = MotionModel(damping=1e4, memory=1e3, agility=5.0e4)
 
 
 def at_the_array(palm: PalmPath, *, scale: float = 1.0) -> PalmPath:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -14,8 +15,9 @@ import numpy as np
 import pytest
 import soundfile
 from axe_playwright_python.sync_playwright import Axe
+from tests.palms import palm_path
 
-from midair.files import load, save
+from midair.files import load, save, save_palm_path
 from midair.model import Recording
 from midair.rig import record
 from midair.studio.work import SolveRequest, solve_take
@@ -566,4 +568,45 @@ def test_a_study_of_my_takes_from_the_question_to_the_report(studio_at, look):
     assert "cloth" in opened.value.title()
     if kept := os.environ.get("MIDAIR_PICTURES"):
         opened.value.screenshot(path=f"{kept}/report.png")
+    assert page.wrong == []
+
+
+def test_the_palm_of_a_tracker_is_seen_in_words_and_pictures_and_followed_by_keyboard(studio_at, look, tmp_path):
+    studio = studio_at()
+    time_s = np.arange(3000) / 50
+    away = np.stack([8 * np.sin(time_s), 5 * np.cos(time_s), 4 * np.sin(2 * time_s)], axis=1) * 1e-3
+    away[time_s > 50] += [0.06, 0, 0]
+    save_palm_path(palm_path(time_s, away + np.array([0, 0, 0.2]), tilt=0.1), studio.folder / "hand.csv")
+    page = look(studio)
+    shown(page)
+    page.until("studio.link.state.player.state === 'ready' && !studio.room.play.disabled", timeout=120)
+    keyboard = page.page.keyboard
+    page.page.get_by_role("button", name="Play on array").focus()
+    keyboard.press("Enter")
+    tracker = page.page.get_by_label("Follow the palm of a tracker")
+    tracker.fill("replay:hand.csv")
+    keyboard.press("Tab")
+    keyboard.type("20")
+    keyboard.press("Tab")
+    page.until("document.querySelector('#palm-words').textContent.includes('in the box')", timeout=60)
+    words = page.page.locator("#palm-words").inner_text()
+    assert re.search(r"Palm at \(-?\d+, -?\d+, (?:20|19)\d\) mm, tilted 6°", words)
+    assert "Confidence 1.00" in words
+    assert page.page.locator("#palm svg .limit").count() == page.page.locator("#palm svg .ahead").count() == 2
+    page.until("!document.querySelector('#hold').disabled", timeout=60)
+    for scheme, width in (("dark", 1280), ("light", 1280), ("light", 390)):
+        page.page.emulate_media(color_scheme=scheme)
+        page.page.set_viewport_size({"width": width, "height": 900})
+        page.page.locator("#palm").scroll_into_view_if_needed()
+        page.page.screenshot(path=os.environ.get("MIDAIR_PICTURES", str(tmp_path)) + f"/palm-{scheme}-{width}.png")
+    assert page.page.evaluate("document.querySelector('dialog[open]').scrollWidth <= innerWidth")
+    assert Axe().run(page.page, "dialog[open]").response["violations"] == []
+    page.page.locator("#hold").focus()
+    keyboard.down("Enter")
+    page.until("studio.link.state.player.state === 'plays'", timeout=10)
+    keyboard.up("Enter")
+    page.until("document.querySelector('dialog[open] [role=status]').textContent.includes('re-recorded as')")
+    tracker.fill("replay:nothing.csv")
+    keyboard.press("Tab")
+    page.until("document.querySelector('#toasts').textContent.includes('nothing.csv')")
     assert page.wrong == []

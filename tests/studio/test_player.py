@@ -1,15 +1,21 @@
 import threading
 import time
+from contextlib import closing, suppress
+from dataclasses import replace
 from multiprocessing import Event, Pipe
 
 import numpy as np
 import pytest
+from tests.devices.trackers.test_tracker_contract import Osc
+from tests.simulators.moving_hand import Hand
 from tests.simulators.udp_proxy import UdpProxy
+from tests.waiting import wait_until
 
-from midair.errors import DeviceError, MidairError
+from midair.errors import DeviceError, MidairError, StoppedError
 from midair.files import DEFAULT_PROFILE, save_solution
 from midair.model import AmplitudeFrames, ControlGrid, Drive, Medium, Solution, TransducerArray
 from midair.rig import PlayLease, dose_report
+from midair.settings import Settings
 from midair.studio.player import NoiseOutput, _Player
 from midair.studio.worker_process import StudioPipe
 from midair.study.design import MaskingNoise
@@ -80,6 +86,43 @@ def test_the_exposure_is_checked_in_the_stated_air_and_phases_are_corrected_for_
     assert corrected["solved_c"] == 25.0
     assert player.admitted[corrected["number"]][0].drive.acoustics.medium == room
     assert player._virtual(player.admitted[corrected["number"]][0].drive, room).settings.acoustics.medium == room
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("device", ["virtual", "autd3:emulator"])
+def test_a_live_tracker_is_shown_and_followed_until_a_stop(tmp_path, device):
+    """Poses over a socket, on the virtual array in real time and on emulated units, which are open again afterwards."""
+    path, solved = tmp_path / "a.drive.h5", Settings()
+    drive = Drive(phase=np.zeros((400, ARRAY.count)), level=np.full(400, 0.001), rate=1000.0, array=ARRAY)
+    drive = replace(drive, provenance=solved.noted(drive.provenance))
+    status = ("converged",) * 400
+    save_solution(Solution(drive=drive, error=np.zeros(400), iterations=np.ones(400), status=status), path)
+    here, there = Pipe()
+    permit, messages = PlayLease(), []
+    player = _Player(StudioPipe(there), permit, device, 0)
+
+    def read():
+        with suppress(EOFError, OSError):
+            while True:
+                messages.append(here.recv())
+
+    threading.Thread(target=read, daemon=True).start()
+    with player.held, closing(Osc()) as sender, Hand(sender, lambda values, stamp, _: (values, stamp, 1.0)):
+        found = player.act({"do": "admit", "path": str(path), **CHECKED, "follow": sender.name})
+        wait_until(
+            lambda: any(said["palm"] and said["palm"].get("sure") for said in messages if said["kind"] == "palm")
+        )
+        play = {"do": "play", "admission": found["number"], "masked": False, "output": ""}
+        report = player.act(play | {"leave": permit.arm(lasts=10.0)})
+        assert report["frames"] == 400
+        assert "follow: the palm is followed" in player.palm.said
+        found = player.act({"do": "admit", "path": str(path), **CHECKED, "repeats": 50, "follow": sender.name})
+        threading.Timer(0.5, permit.stop).start()
+        with pytest.raises(StoppedError):
+            player.act(play | {"admission": found["number"], "leave": permit.arm(lasts=10.0)})
+        assert player.act({"do": "unfollow"})
+        assert (player.array is None) == (device == "virtual")
+    wait_until(lambda: messages[-1] == {"kind": "palm", "palm": None})
 
 
 @pytest.mark.long

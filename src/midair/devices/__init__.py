@@ -11,6 +11,7 @@ from .arrays import autd3_constant_frame as autd3_constant_frame
 from .arrays import autd3_immediate as autd3_immediate
 from .arrays import choose_silencer as choose_silencer
 from .arrays import pyautd3_array as pyautd3_array
+from .exposure_check import ArrayInfo as ArrayInfo
 from .exposure_check import ExposureChoices as ExposureChoices
 from .exposure_check import ExposureClearance as ExposureClearance
 from .exposure_check import check_exposure as check_exposure
@@ -57,8 +58,6 @@ from .sensors import Source as Source
 from .sensors import Stream as Stream
 from .sensors import StreamedSensor as StreamedSensor
 from .sensors import Thermometer as Thermometer
-from .trackers import CONSTANT_ACCELERATION as CONSTANT_ACCELERATION
-from .trackers import CONSTANT_VELOCITY as CONSTANT_VELOCITY
 from .trackers import DAMPED_VELOCITY as DAMPED_VELOCITY
 from .trackers import LeapFrames as LeapFrames
 from .trackers import MotionModel as MotionModel

@@ -390,7 +390,8 @@ def check_exposure_steered(
     outcome, factor = _decide(found, device, choices)
     most = np.array([drive.level.max(initial=0.0)])
     loudest = np.rint(255 * (most if factor == 1 else _strongest_below(most * factor))).astype(np.uint8)
-    level = float(np.maximum(loudest / 255, amplitude_of(loudest))[0])
+    # A level between two steps is played as the nearest one.
+    level = float(np.max([loudest / 255, amplitude_of(loudest), most if factor == 1 else 0 * most]))
     cleared = _clearance(device, choices, found, outcome, level=level, factor=factor)
     return replace(cleared, box=box, solved=solved, steps=device.steps_a_turn, _key=_KEY)
 

@@ -8,7 +8,7 @@ from midair.devices import PacedSensor, PlayReport, SensorDevice, check_exposure
 from midair.errors import DeviceError, InputError
 from midair.files import OpenedTake, open_take
 from midair.model import Drive, Event, Progress, SensorWiring, Solution
-from midair.rig.names import VirtualRig, sensor_named
+from midair.rig.names import VirtualRig, open_tracker, sensor_named
 from midair.rig.opening import OpenRig, open_rig
 from midair.rig.playing import (
     PlaySettings,
@@ -16,10 +16,10 @@ from midair.rig.playing import (
     follow_as_set,
     grid_of,
     immediate_array,
-    open_followed,
     play_cleared,
     play_followed,
     rerecord,
+    tracker_name,
 )
 from midair.rig.takes import Drift, RecordSettings, TakeOrder, View, record_take
 from midair.validation import check_type
@@ -213,7 +213,7 @@ def _play_following(drive: Drive, settings: PlaySettings, *, source: str | Path,
     """Play a drive on a real array or an emulator while it follows a palm."""
     array, grid, followed = immediate_array(settings, drive.rate), grid_of(drive), list[str]()
     array.cooling, array.participant = settings.cooling, settings.participant
-    with array, open_followed(settings) as tracker:
+    with array, open_tracker(tracker_name(settings.follow, settings.tracker_latency)) as tracker:
         cleared = clear_followed(drive, array, settings, grid)
         done = play_followed(
             drive, array, tracker, settings, cleared, grid, source=source, report=followed.append, progress=progress

@@ -12,11 +12,29 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from midair.devices import Cooling, ExposureChoices, check_exposure, measure_exposure
+from midair.devices import Cooling, ExposureChoices, check_exposure, measure_exposure, virtual_immediate
 from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError
 from midair.files import load_solution, profile_named, save
 from midair.model import Acoustics, Medium
-from midair.rig import VirtualRig, array_named, correct_air_of_file, open_rig, play_cleared, rerecord, under_lease
+from midair.physics import middle_of
+from midair.rig import (
+    PlaySettings,
+    VirtualRig,
+    array_named,
+    clear_followed,
+    correct_air_of_file,
+    follow_simulated,
+    grid_of,
+    immediate_array,
+    open_rig,
+    open_tracker,
+    play_cleared,
+    play_followed,
+    rerecord,
+    tracker_name,
+    under_lease,
+)
+from midair.studio.palm_watch import PalmWatch
 from midair.studio.stop_port import StopPort
 from midair.studio.worker_process import StudioPipe, end_with_studio
 from midair.study import Headphones
@@ -89,6 +107,8 @@ class _Player:
     )
     trials: dict[Any, dict[str, Any]] = field(default_factory=dict[Any, dict[str, Any]])
     noise: NoiseOutput = field(default_factory=NoiseOutput)
+    palm: PalmWatch | None = None
+    followed: tuple[Any, PlaySettings] | None = None
     number: int = 0
 
     def act(self, order: Mapping[str, Any]) -> Any:
@@ -104,6 +124,8 @@ class _Player:
                 case "mask":
                     self.trials.clear()
                     return self.noise.take(order["noise"], order["device"])
+                case "unfollow":
+                    return self._unfollow()
                 case "quiet":
                     return self._quiet(order)
                 case _:
@@ -156,16 +178,30 @@ class _Player:
         if (share := order.get("share", 1.0)) != 1.0:
             # Radiation pressure is proportional to the square of the sound pressure, hence of the level.
             drive = replace(drive, level=drive.level * share**0.5)
+        self._unfollow()
         if self.device != "virtual" and self.array is None:
             self._open()
         array: Any = self.array if self.device != "virtual" else self._virtual(drive, room).array
+        # The virtual array re-records what is felt while the poses of a file are followed, faster than in real time.
+        simulated, repeats = True, order["repeats"]
+        if follow := order.get("follow"):
+            tracker, grid = tracker_name(follow, order.get("latency")), grid_of(drive)
+            opened, simulated = open_tracker(tracker), self.device == "virtual" and follow.startswith("replay:")
+            self.palm = PalmWatch(opened, middle_of(grid), lambda palm: self.pipe.send("palm", palm=palm))
+            if simulated:
+                drive = follow_simulated(drive, tracker, grid, repeats=repeats, report=lambda _: None)
+                repeats = 1
         profile = profile_named(order["profile"]).behind(order.get("protection", 0.0))
         choices = ExposureChoices(
             profile=profile, attenuate=order["attenuate"], override=order["override"] or None, room=room
         )
         solved = {"solved_c": round(drive.acoustics.medium.degrees, 2)}
         try:
-            admission = check_exposure(drive, array, choices, repeats=order["repeats"])
+            if simulated:
+                admission = check_exposure(drive, array, choices, repeats=repeats)
+            else:
+                how = PlaySettings(device=self.device, exposure=choices, repeats=repeats)
+                admission, self.followed = clear_followed(drive, array, how, grid_of(drive)), (drive, how)
         except ExposureError as wrong:
             # The page shows the excess and the possible remedies, so the exposure is measured again.
             found = measure_exposure(drive, array.array, profile, room=room)
@@ -179,13 +215,37 @@ class _Player:
             "outcome": admission.outcome,
             "verdict": admission.verdict(),
             "by": admission.by,
-            "duration_s": admission.repeats * drive.frames / drive.rate,
+            "duration_s": repeats * drive.frames / drive.rate,
             "refused": "",
             **solved,
             **exposed(admission.exposure),
         }
         self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
         return found
+
+    def _unfollow(self) -> bool:
+        """Close the tracker, if there is one."""
+        palm, self.palm, self.followed = self.palm, None, None
+        if palm is not None:
+            palm.close()
+        return True
+
+    def _follow(self, order: Mapping[str, Any], admission: Any, path: Path) -> dict[str, Any]:
+        """Play a drive frame by frame, each steered to the palm of the tracker."""
+        if self.palm is None or self.followed is None:
+            raise DeviceStateError("play: expected the tracker of the check, it is closed; check the exposure again")
+        (drive, how), tracker, leave = self.followed, self.palm.tracker, order["leave"]
+        self.held.close()
+        self.array = array = virtual_immediate() if self.device == "virtual" else immediate_array(how, drive.rate)
+        array.participant = order.get("participant", "")
+        told: Any = {"source": path, "report": self.palm.said.append, "progress": self._progress(leave)}
+        try:
+            with array, under_lease(array, self.permit, leave):
+                done = play_followed(drive, array, tracker, how, admission, grid_of(drive), **told)
+        finally:
+            self.array = None
+            self._open()
+        return {"output": "", **asdict(done.report)}
 
     def _virtual(self, drive: Any, room: Medium | None) -> Any:
         """Create a virtual rig with the array, cells, height and band of a drive, in its air or that of the room."""
@@ -211,6 +271,10 @@ class _Player:
 
     def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path, room: Medium | None) -> dict[str, Any]:
         leave, output = order["leave"], order["output"]
+        if self.palm is not None:
+            self.palm.begin()
+        if admission.box is not None:
+            return self._follow(order, admission, path)
         if self.device != "virtual":
             self.array.participant = order.get("participant", "")
             # A pause within the stimulus of a study would change it, so there hot units end the play.

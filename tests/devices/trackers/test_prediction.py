@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
+from benchmarks.trackers import CONSTANT_ACCELERATION, CONSTANT_VELOCITY
 from scipy.linalg import expm
 from tests.palms import palm_path
 
-from midair.devices import CONSTANT_ACCELERATION, CONSTANT_VELOCITY, DAMPED_VELOCITY, PosePredictor
+from midair.devices import DAMPED_VELOCITY, PosePredictor
 from midair.errors import DeviceStateError
 
 MODELS = [CONSTANT_VELOCITY, CONSTANT_ACCELERATION, DAMPED_VELOCITY]

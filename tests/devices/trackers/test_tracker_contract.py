@@ -54,9 +54,10 @@ class Osc:
             self.to = free.getsockname()
         self.name = f"osc:{self.to[1]}"
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.clock = datetime.now(UTC).timestamp() - time.monotonic()
 
     def ready(self):
-        self.clock = datetime.now(UTC).timestamp() - time.monotonic()
+        pass
 
     def send(self, values, stamp, confidence=1.0):
         from pythonosc.osc_bundle_builder import OscBundleBuilder

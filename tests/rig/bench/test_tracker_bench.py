@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from midair.cli.app import run
+from midair.cli.commands.calibrate import tracker as command
 from midair.devices import ExposureChoices, RawPose, Tracker
 from midair.devices.trackers.tracker import TrackerOptions
 from midair.errors import DeviceError
-from midair.files import profile_named
+from midair.files import load_tracker, profile_named
 from midair.rig import PLACES, VirtualRig, calibrate_tracker
 
 EXPOSURE = ExposureChoices(profile=profile_named("occupational-110"))
@@ -64,8 +66,16 @@ def bench(monkeypatch):
 
 
 @pytest.mark.long
-def test_a_hand_that_is_held_where_the_focus_is_gives_the_placement(bench):
-    found = bench(Hand())
+def test_the_command_writes_the_placement_of_a_hand_that_goes_where_it_says(bench, monkeypatch, tmp_path, capsys):
+    hand, path = Hand(), str(tmp_path / "palm.toml")
+    made = Tracker(hand, name="hand", options=Options(), clock=hand.clock)
+    monkeypatch.setattr(command, "open_tracker", lambda _: made)
+    monkeypatch.setattr(command, "print_note", lambda text: hand.go(int(text.split()[1]) - 1))
+    assert run(["calibrate", "tracker", "leap:", path]) == 0
+    out, err = capsys.readouterr()
+    assert "(k = 2)" in out
+    assert "SIMULATED" in out + err
+    found = load_tracker(path)
     error = found.points((PLACES - OFFSET) @ TURN) - PLACES
     assert np.abs(error).max() < 4e-3
     assert 2e-4 < found.uncertainty < 3e-3

@@ -1,20 +1,27 @@
 """Frames steered to a palm that a tracker reports: what sounds, when it is silent, and what the units get."""
 
+import gc
 import json
+import re
+from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.live_outside import plain, watch_in_time
+from tests.devices.trackers.test_tracker_contract import Leap, Lsl, Osc
 from tests.palms import palm_path
+from tests.simulators.moving_hand import Hand
 
 from midair.cli.app import run
 from midair.devices import ExposureChoices, VirtualUnits, check_exposure, phase_bytes, virtual_immediate
-from midair.errors import ExposureError, InputError, UnknownDeviceError
-from midair.files import DEFAULT_PROFILE, profile_named, save_palm_path
-from midair.model import Acoustics, ControlGrid, Drive, PalmPath, Placement, TransducerArray
+from midair.errors import ExposureError, InputError, SilentFramesError, UnknownDeviceError
+from midair.files import DEFAULT_PROFILE, load_solution, profile_named, save_palm_path, save_solution
+from midair.model import Acoustics, ControlGrid, Drive, PalmPath, Placement, Solution, TransducerArray
 from midair.physics import (
     PoseBox,
+    aims_of,
     exposure,
     focus_phase,
     middle_of,
@@ -50,10 +57,10 @@ def focus(frames=600, rate=1000.0) -> Drive:
     return Drive(phase=phase, level=np.full(frames, 0.5), rate=rate, array=ARRAY, acoustics=AIR)
 
 
-def followed(path: PalmPath, folder, *, latency=0.0, drive=None, **options) -> tuple[Drive, list[str]]:
+def followed(path: PalmPath, folder, *, latency=0.0, freeze=0.0, drive=None, **options) -> tuple[Drive, list[str]]:
     file, lines = folder / "hand.csv", []
     save_palm_path(path, file)
-    name = tracker_name(f"replay:{file}", latency)
+    name = tracker_name(f"replay:{file}?freeze={freeze}", latency)
     return follow_simulated(drive or focus(), name, GRID, report=lines.append, **options), lines
 
 
@@ -95,11 +102,12 @@ FAR = CENTRE + np.clip(np.arange(60) - 20, 0, 20)[:, None] * [4e-3, 0, 0]
         (palm(CENTRE, confidence=np.where(np.arange(60) < 25, 1.0, 0.2)), (0.28, 0.58), "confidence 0.20"),
         (palm(CENTRE[:25]), (0.38, 0.58), "no pose for 100 ms"),
         (palm(CENTRE, tilt=0.4), (0.0, 0.58), "left the box"),
+        (palm(CENTRE + np.minimum(np.arange(60), 20)[:, None] * [1e-3, 0, 0]), (0.33, 0.58), "not changed for 100 ms"),
     ],
-    ids=["leaves the box", "low confidence", "tracker dies", "tilted"],
+    ids=["leaves the box", "low confidence", "tracker dies", "tilted", "freezes"],
 )
 def test_it_is_silent_when_the_palm_is_not_sure(path, silent, reason, tmp_path) -> None:
-    steered, lines = followed(path, tmp_path)
+    steered, lines = followed(path, tmp_path, freeze=0.1 if "changed" in reason else 0.0)
     begin, end = (round(1000 * each) for each in silent)
     assert steered.level[begin:end].max() == 0
     assert steered.level[max(begin - 120, 0) : max(begin - 60, 0)].max(initial=0.5) == 0.5
@@ -171,16 +179,6 @@ def test_a_drive_without_settings_is_not_followed(tmp_path) -> None:
         play(focus(20), follow=f"replay:{tmp_path / 'hand.csv'}")
 
 
-def test_the_fast_steering_is_the_steering(tmp_path) -> None:
-    path, aim = tmp_path / "hand.csv", SOLVED + np.array([6e-3, -4e-3, 0.0])
-    save_palm_path(swaying(), path)
-    with open_tracker(f"replay:{path}") as tracker:
-        follower = Follower(tracker, focus(8), GRID)
-        pose = palm([[5e-3, 2e-3, -8e-3]], tilt=0.2)
-        exact = steering_phase(ARRAY, AIR.medium, SOLVED, pose, aim=aim)[0]
-        np.testing.assert_allclose(follower._steering(pose, aim), exact, atol=1e-9)
-
-
 class AllFrames(VirtualUnits):
     """Keeps also the frames that came late, since the test's computer may be busy."""
 
@@ -199,7 +197,52 @@ def rig_of() -> tuple:
     return units, array
 
 
-def test_the_units_get_the_bytes_of_the_steered_drive(tmp_path) -> None:
+@pytest.fixture
+def in_time():
+    """Real-time priority, if it is granted: a frame that is late is not on the wire."""
+    watch_in_time()
+    yield
+    plain()
+    gc.enable()
+
+
+@pytest.fixture
+def steered(monkeypatch) -> list:
+    """(frames, pose at their end) of each block that a follower steers."""
+    blocks, real = [], Follower.steered
+
+    def kept(follower, frames, times):
+        drive, pose = real(follower, frames, times)
+        blocks.append((frames, pose if follower._audible else None))
+        return drive, pose
+
+    monkeypatch.setattr(Follower, "steered", kept)
+    return blocks
+
+
+def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int) -> int:
+    """Count the frames of the wire; each equals the phases for the predicted palm, linear since the block before."""
+    aims, before, found = aims_of(drive, GRID), None, 0
+    for frames, pose in blocks:
+        end = None
+        if pose is not None:
+            aim = aims[frames.stop - 1]
+            end = steering_phase(drive.array, AIR.medium, SOLVED, pose, aim=aim)[0]
+        if before is not None and end is not None:
+            count = frames.stop - frames.start
+            share = (np.arange(count) + 1)[:, None] / count
+            phase = drive.phase[frames] + before + share * (end - before)
+            moved = replace(drive, phase=phase, level=drive.level[frames])
+            for number, exact in enumerate(phase_bytes(moved, drive.array.count // 249), frames.start):
+                if (got := sent.get(first + number * period)) is not None:
+                    np.testing.assert_array_equal(got, exact)
+                    found += 1
+        before = end
+    return found
+
+
+@pytest.mark.long
+def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(in_time, steered, tmp_path) -> None:
     file = tmp_path / "hand.csv"
     save_palm_path(swaying(0.8), file)
     settings = PlaySettings(follow=f"replay:{file}", tracker_latency=0.01)
@@ -208,36 +251,73 @@ def test_the_units_get_the_bytes_of_the_steered_drive(tmp_path) -> None:
     with array, open_tracker(tracker_name(f"replay:{file}", 0.01)) as tracker:
         admission = clear_followed(drive, array, settings, GRID, samples=4)
         done = play_followed(drive, array, tracker, settings, admission, GRID, report=lines.append)
-    sent = [each for each in units.put_frames if each[1]]
-    assert done.report.frames == 300
     assert lines[0].startswith("follow: the palm is followed")
-    first = done.report.start
-    poses = swaying(0.8)
-    for phases, _, instant in sent[100::40]:
-        when = (instant - first) * 1e-9
-        # The phases belong to one place of the palm, near the true one at that moment.
-        true = poses_at(poses, np.array([when]))
-        exact = focus_phase(ARRAY, SOLVED, acoustics=AIR) + steering_phase(ARRAY, AIR.medium, SOLVED, true)[0]
-        off = phases.ravel() / 256 * 2 * np.pi - exact
-        assert np.abs(np.angle(np.exp(1j * off) * np.exp(-1j * np.angle(np.exp(1j * off).sum())))).max() < 0.6
+    sent = {instant: phases for phases, _, instant in units.put_frames}
+    assert assert_bytes(sent, steered, drive, 1_000_000, done.report.start) > 200
+    # The palm is that of the moment at which the frames sound, by 1.5 mm.
+    for frames, pose in steered[30:]:
+        true = poses_at(swaying(0.8), np.array([(frames.stop - 1) / 1000]))
+        assert np.linalg.norm(pose.centre - true.centre) < 1.5e-3
     assert done.reaction[0] < 0.2
 
 
-def test_frames_of_a_block_are_bit_equal_to_the_steered_drive(tmp_path) -> None:
-    """The same follower, once simulated and once as bytes: a palm that rests gives equal phases at any time."""
-    file = tmp_path / "hand.csv"
-    save_palm_path(palm(np.tile([[6e-3, -3e-3, 5e-3]], (100, 1))), file)
-    settings = PlaySettings(follow=f"replay:{file}")
-    units, array = rig_of()
-    drive = focus(200)
-    steered = follow_simulated(drive, f"replay:{file}", GRID, report=lambda _: None)
+@pytest.mark.long
+@pytest.mark.parametrize("sender", [Leap, Osc, Lsl])
+def test_each_tracker_steers_four_emulated_units_and_the_wire_has_the_steered_bytes(
+    in_time, sender, solved, steered, tap, tmp_path, capsys
+) -> None:
+    array = TransducerArray.autd3()
+    phase = np.broadcast_to(focus_phase(array, SOLVED, acoustics=AIR), (600, array.count))
+    drive = replace(solved, phase=phase, level=np.full(600, 0.4), array=array)
+    status = ("converged",) * 600
+    solution = Solution(drive=drive, error=np.zeros(600), iterations=np.ones(600, int), status=status)
+    save_solution(solution, tmp_path / "x.drive.h5")
+    drive = load_solution(tmp_path / "x.drive.h5").drive
+    with closing(sender()) as made, Hand(made, lambda values, stamp, _: (values, stamp, 1.0)):
+        line = ["play", str(tmp_path / "x.drive.h5"), "--follow", made.name, "--device", f"autd3:{tap.address}"]
+        assert run([*line, "--override-exposure", "a test"]) == 0
+    out, err = capsys.readouterr()
+    assert "the palm is followed" in err
+    ports, parts = list(dict.fromkeys(port for _, port, _, _ in tap.frames())), {}
+    for _, port, _, datagram in (each for each in tap.frames() if each[2] == 0x16):
+        instant = 1000 * int.from_bytes(datagram[6:10], "little")
+        parts.setdefault(instant, {})[port] = np.frombuffer(datagram[20:269], np.uint8)
+    sent = {at: np.stack([each[port] for port in ports]) for at, each in parts.items() if len(each) == len(ports) == 4}
+    first = int(re.search(r"first frame +(\d+) ns", out)[1])
+    assert assert_bytes(sent, steered, drive, 1_000_000, first) > 400
+
+
+class Silenced(AllFrames):
+    """Units whose failsafe acts at some frames."""
+
+    def __init__(self, at: tuple[int, ...]) -> None:
+        super().__init__()
+        self.at, self.released = at, 0
+
+    def put(self, phases, intensity, instant) -> None:
+        super().put(phases, intensity, instant)
+        if len(self.put_frames) in self.at:
+            raise SilentFramesError("the failsafe acted")
+
+    def release(self) -> None:
+        self.released += 1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("at", "ends"), [((60, 80), False), (range(60, 67), True)])
+def test_sound_rises_again_after_the_failsafe_acted_but_not_for_ever(in_time, at, ends, tmp_path) -> None:
+    file, units = tmp_path / "hand.csv", Silenced(tuple(at))
+    save_palm_path(swaying(), file)
+    array = virtual_immediate(Placement.grid(columns=1, rows=1), units=units)
     with array, open_tracker(f"replay:{file}") as tracker:
-        admission = clear_followed(drive, array, settings, GRID, samples=4)
-        play_followed(drive, array, tracker, settings, admission, GRID, report=lambda _: None)
-    expected = np.asarray(phase_bytes(steered, 1))[150]
-    loud = [phases for phases, intensity, _ in units.put_frames if intensity == 128]
-    assert len(loud) > 50
-    assert all(np.array_equal(phases, expected) for phases in loud)
+        admission = clear_followed(focus(100), array, PlaySettings(), GRID, samples=4)
+        with pytest.raises(SilentFramesError) if ends else nullcontext():
+            play_followed(focus(100), array, tracker, PlaySettings(), admission, GRID, report=lambda _: None)
+    assert units.released == (6 if ends else 3)
+    if not ends:
+        levels = np.array([intensity for _, intensity, _ in units.put_frames])
+        assert levels[59] == levels[-1] > 0
+        assert 0 < levels[60:70].min() < 0.5 * levels[59]
 
 
 class Loud:

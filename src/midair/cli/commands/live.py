@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.live import Live as Screen
 from rich.text import Text
 
-from midair.cli.console import banner, err, print_json, print_rows, verbosity
+from midair.cli.console import banner, err, print_json, print_note, print_rows, verbosity
 from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, air_watched, print_air
 from midair.cli.keys import Signals, signals_noted
 from midair.cli.options import Json, StopInput, options_from, settings_from
@@ -69,6 +69,7 @@ def live_command(
     --------
     $ midair live --duration 2s
     $ midair live --sensor virtual:sponge --duration 2s --keep felt.h5 --json
+    $ midair live --device autd3 --follow leap: --tracker-latency 12ms
     $ midair live --new-key touch.key
     $ midair live --listen 0.0.0.0:5005 --key touch.key --device autd3
     $ midair live --to lab.example:5005 --key touch.key --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5
@@ -101,7 +102,7 @@ def live_command(
     with (
         signals_noted() as signals,
         stop_on_input(stop_input),
-        begin(settings=settings, cooling=cooling, keep=keep) as session,
+        begin(settings=settings, cooling=cooling, keep=keep, report=print_note) as session,
         watched,
     ):
         if not json:

@@ -64,11 +64,12 @@ from midair.rig import (
     follow_as_set,
     grid_of,
     immediate_array,
-    open_followed,
     open_rig,
+    open_tracker,
     play_cleared,
     play_followed,
     rerecord,
+    tracker_name,
 )
 from midair.settings import Settings
 from midair.solvers import solve
@@ -404,7 +405,12 @@ def _follow_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, c
     array, grid = immediate_array(settings, drive.rate), grid_of(drive)
     array.cooling, array.participant = settings.cooling, settings.participant
     watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN, device=device)
-    with array, open_followed(settings) as tracker, watched, progress_bars() as stage:
+    with (
+        array,
+        open_tracker(tracker_name(settings.follow, settings.tracker_latency)) as tracker,
+        watched,
+        progress_bars() as stage,
+    ):
         print_check_time(drive, settings.exposure.profile, room=room)
         admission = clear_followed(drive, array, settings, grid)
         _print_room_air(drive, source, room)

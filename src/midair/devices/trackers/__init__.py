@@ -1,8 +1,6 @@
 """Trackers of the palm: the interface, its checks, prediction, and replayed poses."""
 
 from .leap_frames import LeapFrames as LeapFrames
-from .prediction import CONSTANT_ACCELERATION as CONSTANT_ACCELERATION
-from .prediction import CONSTANT_VELOCITY as CONSTANT_VELOCITY
 from .prediction import DAMPED_VELOCITY as DAMPED_VELOCITY
 from .prediction import MotionModel as MotionModel
 from .prediction import PosePredictor as PosePredictor

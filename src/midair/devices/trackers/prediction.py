@@ -11,8 +11,6 @@ from midair.model import PalmPath
 
 LONGEST = 0.1
 """Longest prediction, and longest gap between poses that a filter bridges, in s."""
-FOREVER = 1e3
-"""A decay time that is none, in s; larger ones lose digits to cancellation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,8 +39,6 @@ class MotionModel:
         return np.moveaxis(np.array(rows), -1, 0)
 
 
-CONSTANT_VELOCITY = MotionModel(damping=FOREVER, memory=1e-4, agility=7.2e7)
-CONSTANT_ACCELERATION = MotionModel(damping=10 * FOREVER, memory=FOREVER, agility=5.0e4)
 DAMPED_VELOCITY = MotionModel(damping=0.063, memory=3.8e-3, agility=1.74e7)
 """The model that predicts best on the recording HandSplay (benchmarks/trackers.py)."""
 

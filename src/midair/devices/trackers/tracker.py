@@ -206,9 +206,8 @@ class Tracker:
             newest = self._rows[-1] if self._rows else None
             age = math.inf if newest is None else self.clock() - float(newest[0])
             recent = [row[0] for row in list(self._rows)[-64:]]
-            frozen = self._same_since > -math.inf and self._frozen()
             late = age >= GAP + min(self._latency(), SAME_CLOCK)
-            still: State = "frozen" if frozen else "waiting" if late else "tracking"
+            still: State = "frozen" if self.frozen else "waiting" if late else "tracking"
             return TrackerStatus(
                 state="closed" if not self._open else "lost" if self._lost else still,
                 poses=self._count,
@@ -264,7 +263,7 @@ class Tracker:
         last = self._rows[-1] if self._rows else None
         if self._values is None or not np.array_equal(values, self._values):
             self._values, self._same_since = values, pose.stamp
-        if self._frozen():
+        if self.frozen:
             self._report("frozen", f"the pose has not changed by one bit for {1e3 * self.options.freeze:.0f} ms")
             return
         if last is not None:
@@ -321,8 +320,10 @@ class Tracker:
         self._stamp = self._same_since = self._accepted_stamp = -math.inf
         self._bad_stamps_since: float | None = None
 
-    def _frozen(self) -> bool:
-        return self.options.freeze > 0 and self._stamp - self._same_since > self.options.freeze
+    @property
+    def frozen(self) -> bool:
+        """Whether the poses have not changed by one bit for the time that the option `freeze` states."""
+        return 0 < self.options.freeze < self._stamp - self._same_since < math.inf
 
     def _report(self, kind: str, text: str, *, every: bool = False) -> None:
         self._faults[kind] += 1

@@ -12,6 +12,7 @@ import numpy as np
 
 from midair.devices import ImmediateArray, Put, StreamedSensor
 from midair.errors import SilentFramesError
+from midair.rig.live_touch.live_following import LiveSteering
 from midair.rig.live_touch.timing import TICK, RateMeter, Timetable
 from midair.rig.live_touch.touch import Touch
 from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, TouchRing
@@ -43,7 +44,7 @@ class LiveLoop:
     """One run of live touch, inside the array's `frames_to_come`.
 
     `strongest` is the intensity byte of full level; `level` returns the requested level, 0 to 1; `check`, called at
-    least every millisecond, raises where playing is no longer allowed.
+    least every millisecond, raises where playing is no longer allowed; `steering` moves frames to a palm.
     """
 
     def __init__(
@@ -57,13 +58,15 @@ class LiveLoop:
         strongest: int,
         level: Callable[[], float],
         check: Callable[[], None],
+        steering: LiveSteering | None = None,
     ) -> None:
         self._sensor, self._touch, self._array, self._ring, self._pace = sensor, touch, array, ring, pace
         self._strongest, self._level, self._check = strongest, level, check
         self._period = round(_NS / sensor.rate / TICK) * TICK
         self._times = Timetable(self._period, round(pace.hold * _NS))
-        self._shape = (array.placement.units, -1)
-        self._phases = touch.phases.reshape(self._shape)
+        self._steering = steering
+        self._phases = touch.phases if steering is None else steering.phases
+        self._by_unit = self._phases.reshape(array.placement.units, -1)
         self._frame = np.zeros(sensor.grid.count)
         self._next, self._meter = 0, RateMeter()
         # Slots of the frames that were sent, until the time of their sending is known.
@@ -140,7 +143,10 @@ class LiveLoop:
             self._ring.add("hot")
         elif self._touch.form(hurried=hurried):
             self._ring.add("hurried", int(hurried))
-            self._intensity = int(self._strongest * self._level_rise(taken) * min(1.0, self._level()))
+            gain = self._level_rise(taken) * min(1.0, self._level())
+            if self._steering is not None:
+                gain *= self._steering.steer(self._touch.phases, (instant - self._ahead) / _NS)
+            self._intensity = int(self._strongest * gain)
             flags |= FRAME_EMITTED if self._intensity else 0
         else:
             self._intensity = 0
@@ -164,7 +170,7 @@ class LiveLoop:
     def _send(self, put: Put, instant: int, slot: int) -> bool:
         """Send the current phases and store the frame's slot of the ring; return False if the units are silent."""
         try:
-            put(self._phases, self._intensity, instant)
+            put(self._by_unit, self._intensity, instant)
         except SilentFramesError as silenced:
             self._resume(silenced)
             return False
@@ -190,7 +196,7 @@ class LiveLoop:
         count = len(self._frame)
         slot["samples"][:count], slot["pressure"][:count] = self._frame, self._touch.pressure
         slot["flags"], slot["intensity"] = flags, self._intensity if flags & FRAME_EMITTED else 0
-        slot["phases"] = self._touch.phases
+        slot["phases"] = self._phases
         ring.publish()
         ring.add("frames")
         if flags & FRAME_EMITTED and not flags & FRAME_LATE:

@@ -22,7 +22,7 @@ from midair.model import (
     SensorWiring,
 )
 from midair.rig.names import array_calibration_named
-from midair.rig.playing import default_exposure
+from midair.rig.playing import check_follow, default_exposure
 from midair.validation import Declared, check_settings, documented, setting
 
 LiveMapping = Literal["half-wave", "constant-offset", "slow-bias"]
@@ -61,6 +61,16 @@ class LiveSettings(Declared):
     wiring: SensorWiring | None = setting(
         None, "TOML file of the sensor with the order of its channels.", load=load_sensor, option="sensor-file"
     )
+    follow: str | None = setting(
+        None,
+        "Tracker of the palm to which each frame is steered, such as leap: or replay:hand.csv.\n"
+        "Sound fades while the palm is outside 100 x 100 x 60 mm or tilted by more than 15 degrees, or not tracked.",
+        stored="follow",
+    )
+    tracker_latency: float | None = setting(
+        None, "Latency of the tracker, from a pose to its arrival.", unit="s", limits=(0, 1)
+    )
+    confidence: float = setting(0.3, "Confidence of the tracker below which the sound fades, 0 to 1.", limits=(0, 1))
     height: float = setting(HEIGHT, "Height of the palm above the array.", unit="m", limits=HEIGHTS, stored="height_m")
     gain: float = setting(1.0, "Factor on the pressure.", limits=(0, 100), above=True, stored="gain")
     level: float = setting(
@@ -131,6 +141,7 @@ class LiveSettings(Declared):
 
     def __post_init__(self) -> None:
         check_settings(self)
+        check_follow(self.follow, self.tracker_latency, self.confidence)
         if (self.mapping == "constant-offset") != (self.offset is not None):
             raise InputError(
                 "offset: expected a value in Pa for constant-offset and none for other mappings, got "

@@ -1,6 +1,6 @@
 """`midair.live` and `midair.send_touch`: play a sensor's signal on an array, on one computer or over a network."""
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ def live(
     notes: dict[str, str] | None = None,
     permit: PlayLease | None = None,
     leave: LeaseToken | None = None,
+    report: Callable[[str], object] | None = None,
     **changes: Any,
 ) -> LiveSession:
     """Play a sensor's signal on an array, 13 ms later; a context manager that is silent after leaving.
@@ -48,6 +49,8 @@ def live(
         Lease that another program renews and can stop; a lease of its own if None.
     leave : LeaseToken, optional
         Token of that lease's arming; armed here if None.
+    report : callable, optional
+        Called by ``wait`` with one line when following the palm begins or ends; with ``cooling`` also for its pauses.
     **changes
         Fields of `LiveSettings` that differ from `settings`, such as ``height=0.15``. Calibration, wiring and placement
         may be the path of a file.
@@ -75,7 +78,7 @@ def live(
         notes=notes,
         permit=permit,
         leave=leave,
-        report=None if cooling is None else cooling.report,
+        report=report or (None if cooling is None else cooling.report),
     )
 
 

@@ -2,8 +2,9 @@
 
 import os
 import signal
+import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
@@ -23,6 +24,7 @@ from midair.devices import (
 from midair.errors import DeviceError, InputError, MidairError, StoppedError, UnknownDeviceError
 from midair.model import Calibration, SensorGrid, Unit
 from midair.rig.live_touch.encryption import read_key
+from midair.rig.live_touch.live_following import LiveSteering
 from midair.rig.live_touch.live_loop import LiveLoop, Pace
 from midair.rig.live_touch.live_settings import LiveSettings, host_and_port
 from midair.rig.live_touch.receiving import NetworkSource
@@ -30,8 +32,9 @@ from midair.rig.live_touch.repeated_source import streamed
 from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
 from midair.rig.live_touch.touch import Rehearsal, Touch
 from midair.rig.live_touch.touch_ring import TouchRing
-from midair.rig.names import VirtualRig, array_calibration_for, sensor_named
+from midair.rig.names import VirtualRig, array_calibration_for, open_tracker, sensor_named
 from midair.rig.play_lease import LeaseToken, PlayLease
+from midair.rig.playing import tracker_name
 from midair.settings import Settings
 from midair.solvers import one_blas_thread
 
@@ -41,6 +44,9 @@ RATES = (100.0, 2000.0)
 
 ROUND = 3.0
 """Duration of a virtual sensor's touch in s, which is repeated."""
+
+NOTES = 300
+"""Most lines of a run that are sent to the program that started it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,8 +89,8 @@ class LoopStarted:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoopPaused:
-    """Begin or end of a pause while units are too hot."""
+class LoopNote:
+    """Line for the user: begin or end of a pause while units are too hot, or of following the palm."""
 
     text: str
 
@@ -117,7 +123,7 @@ ForkingPickler.register(MappingProxyType, _as_dict)
 def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: LeaseToken, told: Connection) -> None:
     """Run the process: open the devices, check the exposure, report, play while lease and token hold, report the end.
 
-    `told` receives one `LoopStarted`, then a `LoopPaused` for each begin and end of a pause, and one `LoopEnded`.
+    `told` receives one `LoopStarted`, then a `LoopNote` for each begin and end of a pause, and one `LoopEnded`.
     """
     # Ctrl-C also reaches the parent process, which ends this one in order; `midair stop` sends it too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -147,14 +153,22 @@ def _play(
     network: dict[str, int],
 ) -> None:
     sensor, source = sensor_for(order)
+    notes = 0
+
+    def note(text: str) -> None:
+        nonlocal notes
+        # A program that reads no lines must not stop the loop.
+        if (notes := notes + 1) <= NOTES:
+            told.send(LoopNote(text=text))
+
     # Before the SDK starts its threads, which inherit the priority.
     granted = request_realtime(order.priority)
     with sensor:
         check_rate(sensor)
         calibration = calibration_for(order, sensor)
-        with array_for(order, sensor.rate) as array:
+        with array_for(order, sensor.rate) as array, ExitStack() as opened:
             if order.cooling_limit is not None:
-                array.cooling = Cooling(limit=order.cooling_limit, report=lambda text: told.send(LoopPaused(text=text)))
+                array.cooling = Cooling(limit=order.cooling_limit, report=note)
             array.participant = order.participant
             admission = check_exposure_level(order.level, array, order.exposure, rate=sensor.rate)
             kept = array_calibration_for(order.device, order.array_calibration)
@@ -190,6 +204,11 @@ def _play(
                     array_calibration=known,
                 )
             )
+            steering = None
+            if order.follow is not None:
+                tracker = opened.enter_context(open_tracker(tracker_name(order.follow, order.tracker_latency)))
+                steering = LiveSteering(tracker, array.array, sensor.rate, order, note)
+                tracker.begin(time.monotonic())
             loop = LiveLoop(
                 sensor,
                 touch,
@@ -199,6 +218,7 @@ def _play(
                 strongest=admission.strongest,
                 level=lambda: permit.level,
                 check=_lease_check(permit, leave, array.name),
+                steering=steering,
             )
             try:
                 source_name, room = f"live {sensor.name}", order.exposure.room

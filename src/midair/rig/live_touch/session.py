@@ -16,7 +16,7 @@ from midair.errors import DeviceError, DeviceStateError
 from midair.model import Placement
 from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.live_take import LiveTake
-from midair.rig.live_touch.process import LoopEnded, LoopPaused, LoopStarted, play_live
+from midair.rig.live_touch.process import LoopEnded, LoopNote, LoopStarted, play_live
 from midair.rig.live_touch.timing import SensorRate, measured_rate
 from midair.rig.live_touch.touch_ring import STEP, RingShape, TouchRing
 from midair.rig.play_lease import LeaseToken, PlayLease
@@ -88,7 +88,8 @@ class LiveSession:
 
     `permit` is a lease that another program renews, `leave` the token of its arming; by default a lease of its own,
     renewed while this process runs. `slots` is the number of frames in the ring, for slow readers; `wait` calls
-    `report` with one line when a pause for cooling begins or ends. `keep` and `notes` as in `live`.
+    `report` with one line when a pause for cooling or following the palm begins or ends. `keep` and `notes` as in
+    `live`.
 
     Examples
     --------
@@ -234,7 +235,7 @@ class LiveSession:
             return
         if isinstance(said, LoopStarted):
             self._opened = said
-        elif isinstance(said, LoopPaused):
+        elif isinstance(said, LoopNote):
             if self._report is not None:
                 self._report(said.text)
         else:

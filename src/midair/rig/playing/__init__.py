@@ -14,10 +14,10 @@ from .following import follow_as_set as follow_as_set
 from .following import follow_simulated as follow_simulated
 from .following import grid_of as grid_of
 from .following import immediate_array as immediate_array
-from .following import open_followed as open_followed
 from .following import play_followed as play_followed
 from .following import tracker_name as tracker_name
 from .play_settings import PlaySettings as PlaySettings
+from .play_settings import check_follow as check_follow
 from .play_settings import default_exposure as default_exposure
 from .rerecording import play_cleared as play_cleared
 from .rerecording import rerecord as rerecord

@@ -10,6 +10,7 @@ import numpy as np
 from midair.array_types import Array
 from midair.devices import (
     TICK,
+    ArrayInfo,
     ExposureClearance,
     ImmediateArray,
     ImmediateUnits,
@@ -22,7 +23,7 @@ from midair.devices import (
     intensity_bytes,
     phase_bytes,
 )
-from midair.errors import InputError, UnknownDeviceError
+from midair.errors import InputError, SilentFramesError, UnknownDeviceError
 from midair.model import ControlGrid, Drive, PalmPath, Progress
 from midair.physics import PoseBox, aims_of, middle_of, steering_phase, wavenumber
 from midair.rig.names import open_tracker
@@ -41,7 +42,7 @@ class FollowRules:
     """Lowest confidence of the tracker."""
     patience: float = 0.1
     """Longest time since the newest pose, in s."""
-    fade: float = 0.01
+    fade: float = 0.007
     """Time in s over which sound fades, and rises again."""
     block: float = 4e-3
     """Time in s for which frames are steered at once; phases are linear within it."""
@@ -73,7 +74,7 @@ class Follower:
         self._predictor = predictor or PosePredictor()
         self._aims = aims_of(drive, grid)
         self.newest, self._confidence = -np.inf, 0.0
-        self._gain, self._audible = 0.0, False
+        self._gain, self._audible, self._inside = 0.0, False, False
         self._pose: PalmPath | None = None
         self._phase = np.zeros(drive.array.count)
         self._columns = np.ascontiguousarray(drive.array.position.T)
@@ -116,6 +117,8 @@ class Follower:
         new = self._tracker.poses(self.newest)
         if new is not None:
             self._predictor.add(new)
+            # The prediction is smooth, and follows a hand that leaves only after some time.
+            self._inside = bool(self.rules.box.inside(new, self.solved)[-1])
             self.newest, self._confidence = float(new.time[-1]), float(new.confidence[-1])
         for line in self._tracker.events():
             self._report(line)
@@ -123,7 +126,11 @@ class Follower:
 
     def _follows(self, pose: PalmPath, at: float) -> bool:
         sure = self._confidence >= self.rules.confidence and at - self.newest <= self.rules.patience
-        return sure and bool(self.rules.box.inside(pose, self.solved)[0])
+        return sure and self._inside and not self._tracker.frozen and bool(self.rules.box.inside(pose, self.solved)[0])
+
+    def fall_silent(self) -> None:
+        """Rise from silence with the next frames, since the array is silent."""
+        self._gain = 0.0
 
     def _gains(self, count: int) -> Array:
         """Gain of each frame, 0 to 1."""
@@ -135,9 +142,15 @@ class Follower:
     def _reason(self, now: float) -> str:
         if now - self.newest > self.rules.patience:
             return f"no pose for {1e3 * self.rules.patience:.0f} ms, silent"
+        if self._tracker.frozen:
+            return f"the pose has not changed for {1e3 * self._tracker.options.freeze:.0f} ms, silent"
         if self._confidence < self.rules.confidence:
             return f"confidence {self._confidence:.2f} of the pose, silent below {self.rules.confidence:g}"
         return "the palm left the box of admitted poses, silent"
+
+
+TRIPS = 5
+"""Number of times that the units' failsafe may act in a play; after one more it ends."""
 
 
 def grid_of(drive: Drive) -> ControlGrid:
@@ -148,10 +161,10 @@ def grid_of(drive: Drive) -> ControlGrid:
     return known.target.grid
 
 
-def tracker_name(name: str, latency: float | None) -> str:
+def tracker_name(name: str | None, latency: float | None) -> str:
     """Name of a tracker with its latency in s as an option."""
-    if latency is None:
-        return name
+    if name is None or latency is None:
+        return name or ""
     return f"{name}{'&' if '?' in name else '?'}latency_ms={1e3 * latency:g}"
 
 
@@ -202,13 +215,6 @@ def follow_simulated(
     )
 
 
-def open_followed(settings: PlaySettings) -> Tracker:
-    """Open the tracker of the settings. Raises InputError if there is none."""
-    if settings.follow is None:
-        raise InputError("--follow: expected the name of a tracker, got none")
-    return open_tracker(tracker_name(settings.follow, settings.tracker_latency))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FollowedPlay:
     """Result of playing on an array while a palm was followed."""
@@ -237,14 +243,22 @@ def immediate_array(settings: PlaySettings, rate: float) -> ImmediateArray:
 
 
 def clear_followed(
-    drive: Drive, array: ImmediateArray, settings: PlaySettings, grid: ControlGrid, *, samples: int = 256, seed: int = 0
+    drive: Drive,
+    array: ArrayInfo,
+    settings: PlaySettings,
+    grid: ControlGrid,
+    *,
+    samples: int = 2048,
+    seed: int = 0,
 ) -> ExposureClearance:
     """Check the exposure of a drive for the box of poses: as it was solved, and frames steered to random poses."""
     box, solved, rng = FollowRules().box, middle_of(grid), np.random.default_rng(seed)
     frames = np.sort(rng.integers(0, drive.frames, samples))
     down = np.array([0.0, 0.0, -1.0]) + np.tan(box.tilt) * rng.uniform(-0.7, 0.7, (samples, 3)) * [1, 1, 0]
     down = down / np.linalg.norm(down, axis=1, keepdims=True)
-    ahead = np.array([0.0, 1.0, 0.0]) - down[:, 1:2] * down
+    turn = rng.uniform(0, 2 * np.pi, samples)
+    level = np.stack([np.sin(turn), np.cos(turn), 0 * turn], axis=1)
+    ahead = level - (level * down).sum(axis=1, keepdims=True) * down
     poses = PalmPath(
         time=np.arange(samples, dtype=float),
         centre=solved + rng.uniform(-0.5, 0.5, (samples, 3)) * box.size,
@@ -284,7 +298,12 @@ def play_followed(
         first = -(-(units.now() + round(settings.delay * 1e9) + 50_000_000) // period) * period
         offset = units.now() - time.monotonic_ns()
         tracker.begin((first - offset) * 1e-9)
-        begin = 0
+        # Without a frame every 50 ms the units' failsafe acts.
+        quiet, begin = np.zeros((array.placement.units, array.array.count // array.placement.units), np.uint8), 0
+        trips = 0
+        while first - units.now() > 4 * ahead:
+            put(quiet, 0, units.now() + ahead)
+            time.sleep(0.01)
         while begin < total:
             at = begin % drive.frames
             numbers = begin + np.arange(min(block, drive.frames - at))
@@ -301,7 +320,15 @@ def play_followed(
             for number, phase, intensity in zip(numbers, phases, intensities, strict=True):
                 instant = first + int(number) * period
                 _wait(units, instant - ahead)
-                put(phase, int(intensity), instant)
+                try:
+                    put(phase, int(intensity), instant)
+                except SilentFramesError:
+                    # The program was held up for 50 ms.
+                    if (trips := trips + 1) > TRIPS:
+                        raise
+                    report("follow: the failsafe silenced the units")
+                    array.resume()
+                    follower.fall_silent()
             begin += len(numbers)
             if progress is not None:
                 progress(begin, total)

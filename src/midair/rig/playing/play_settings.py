@@ -34,6 +34,12 @@ def default_exposure() -> ExposureChoices:
     return ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
 
 
+def check_follow(follow: str | None, latency: float | None, confidence: float) -> None:
+    """Raise InputError if settings of a tracker are given without its name."""
+    if follow is None and (latency is not None or confidence != 0.3):
+        raise InputError("--tracker-latency, --confidence: expected --follow with them, got none")
+
+
 @documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaySettings(Declared):
@@ -111,5 +117,4 @@ class PlaySettings(Declared):
 
     def __post_init__(self) -> None:
         check_settings(self)
-        if self.follow is None and (self.tracker_latency is not None or self.confidence != 0.3):
-            raise InputError("--tracker-latency, --confidence: expected --follow with them, got none")
+        check_follow(self.follow, self.tracker_latency, self.confidence)

@@ -46,6 +46,8 @@ class CheckExposure(Arguments):
     protection_db: float = Field(default=0.0, ge=0, le=MOST_PROTECTION)
     repeats: int = declared(PlaySettings, "repeats", most=1000)
     correct_air: bool = False
+    follow: str = Field(default="", max_length=300)
+    latency_ms: float | None = Field(default=None, ge=0, le=1000)
 
 
 class PlayNow(Arguments):
@@ -106,6 +108,7 @@ class PlayPanel:
         }
         store.offer("play", "check", self.check, CheckExposure)
         store.offer("play", "play", self.play, PlayNow)
+        store.offer("play", "unfollow", self.unfollow)
         store.offer("play", "stop", self.stop, watchers=True)
         store.offer("play", "wait", self.wait)
         store.offer("control", "take", self.take_control, watchers=True)
@@ -156,7 +159,8 @@ class PlayPanel:
         if order.correct_air and self._air.medium is None:
             raise InputError("phases: expected the air of the room to correct them for, got none; state it first")
         self._busy()
-        await self._reopen()
+        if self._state["state"] == "failed":
+            await self._open()
         # The air of the check; another one may be stated while it is made.
         room = self._air.medium
         found = await self._player.ask(
@@ -169,12 +173,24 @@ class PlayPanel:
             repeats=order.repeats,
             room=room,
             correct=order.correct_air,
+            follow=self._tracker(order.follow),
+            latency=None if order.latency_ms is None else 1e-3 * order.latency_ms,
         )
         again = self._takes.beside(order.take, ".rerecorded.h5")
         found["replaces"] = again.name if self.device == "virtual" and again.exists() else ""
         self._checked = {found["number"]: (order.take, found["solved_c"], room)} if found["number"] else {}
         self._store.put(exposure={"take": order.take, **found})
         return found
+
+    def _tracker(self, name: str) -> str:
+        """Name of a tracker; the file of a replay lies in the studio's folder."""
+        kind, _, rest = name.partition(":")
+        place, mark, options = rest.partition("?")
+        return f"replay:{self._takes.folder.find(place)}{mark}{options}" if kind == "replay" else name
+
+    async def unfollow(self, _: Page, __: Arguments) -> Any:
+        """Close the tracker that the last check opened."""
+        return await self._player.ask("unfollow")
 
     async def play(self, page: Page, order: PlayNow) -> Any:
         """Arm and play; answers when it is over."""
@@ -371,17 +387,15 @@ class PlayPanel:
                 self._opening = asyncio.ensure_future(self._open())
             case "sounds":
                 self._show(done=said["done"], total=said["total"], emitting=said["emitting"])
+            case "palm":
+                self._store.put(palm=said["palm"])
             case "heat":
                 self.paused(said["text"])
             case "stopped":
                 self._show(emitting=False, said="silenced")
             case _:
+                self._store.put(palm=None)
                 self._show(state="starts", emitting=False, said="the player ended unexpectedly and is starting again")
-
-    async def _reopen(self) -> None:
-        """Try again to open an array that could not be opened."""
-        if self._state["state"] == "failed":
-            await self._open()
 
     async def _open(self) -> None:
         for left in reversed(range(ATTEMPTS)):

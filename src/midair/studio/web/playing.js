@@ -1,30 +1,40 @@
 /* The dialog before playing: exposure, remedies if it is too high, and a button that must be held. */
 
 import { field, make, openModal, tried } from "/web/dom.js";
+import { palmView } from "/web/palm-view.js";
 import { drift, heatWarning, warningBox } from "/web/warnings.js";
 
 const HOLD = 600; // ms
 
 /** `again` solves the take again; `correct`: with phases corrected for the air of the room. */
 export function askToPlay(studio, take, again, correct = false) {
-  const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", protection_db: 0, repeats: 1, correct_air: correct };
+  const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", protection_db: 0, repeats: 1, correct_air: correct, follow: "" };
   const verdict = make("p", { role: "status" }, "checking …"), table = make("table"), refused = make("div.column");
   const hold = make("button.main.hold", { type: "button", disabled: true, id: "hold" }, "Hold to play");
   const done = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "played" });
   const repeats = make("input", { type: "number", min: 1, max: 100, value: "1", onchange: () => { given.repeats = Math.max(1, Math.min(100, Number(repeats.value) || 1)); check(); } });
+  const tracker = make("input", { type: "text", id: "follow", autocomplete: "off", placeholder: "leap:, lsl:NAME, osc:PORT, replay:FILE.csv", onchange: follow });
+  const latency = make("input", { type: "number", id: "latency", min: 0, max: 1000, placeholder: "measured", onchange: follow });
+  const palm = palmView(link);
+  function follow() {
+    given.follow = tracker.value.trim();
+    if (given.follow && latency.value !== "") given.latency_ms = Number(latency.value); else delete given.latency_ms;
+    check();
+  }
   const protection = make("input", { type: "number", min: 0, max: 40, value: "0", onchange: () => { given.protection_db = Math.max(0, Math.min(40, Number(protection.value) || 0)); check(); } });
   const measured = make("p.quiet"), hot = heatWarning(link, "hot-play");
   const drifted = warningBox("drift", make("button", { type: "button", id: "correct-air", onclick: () => { given.correct_air = true; check(); } }, "Correct phases"),
     make("button", { type: "button", id: "solve-again", onclick: () => { dialog.close(); again(); } }, "Solve again"));
-  let admission = 0, timer = 0, solved = NaN;
-  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^sample:/, "").replace(/\.h5$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, field("Times", repeats), field("Ear protection of everyone here, dB at 40 kHz", protection), refused,
+  let admission = 0, checks = 0, timer = 0, solved = NaN;
+  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^sample:/, "").replace(/\.h5$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, make("div.column", {}, field("Times", repeats), field("Ear protection of everyone here, dB at 40 kHz", protection), field("Follow the palm of a tracker", tracker), field("Its latency, ms", latency)), palm, refused,
     make("div.buttons", {}, hold, make("button", { type: "button", onclick: () => dialog.close() }, "Close")), done,
     make("p.quiet", {}, "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it."));
 
   function warn() { drifted.tell(drift(link, solved)); }
   async function check() {
     hold.disabled = true;
-    const found = await tried(link.order("play", "check", given));
+    const turn = ++checks, found = await tried(link.order("play", "check", given));
+    if (turn !== checks) return; // a later check withdraws this one
     if (!found) { verdict.textContent = "the exposure could not be checked"; return; }
     admission = found.number;
     solved = found.solved_c;
@@ -70,7 +80,7 @@ export function askToPlay(studio, take, again, correct = false) {
   // Pictures pause behind the dialog: the page must send "alive" messages from the same thread.
   studio.room?.transport?.pause();
   const off = link.on("air", warn);
-  dialog.addEventListener("close", () => { off(); hot.off(); }, { once: true });
+  dialog.addEventListener("close", () => { off(); hot.off(); palm.off(); if (given.follow) tried(link.order("play", "unfollow")); }, { once: true });
   openModal(dialog, link);
   check();
 }
