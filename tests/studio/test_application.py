@@ -163,11 +163,38 @@ def test_drive_and_re_recording_are_replaced_only_with_consent(studio, talk):
     assert anew["replaces"] != asks["replaces"]
     assert studio.jobs.unfinished() == []
     assert (drive.read_bytes(), again.read_bytes()) == (before, b"played")
-    assert solve(replaces=anew["replaces"]) == {"job": 1}
+    assert solve(replaces=anew["replaces"]) == {"job": 1, "take": "towel.h5"}
     wait_until(lambda: not studio.jobs.unfinished(), 120)
     assert drive.read_bytes() != before
     assert not again.exists()
     assert not studio.takes.comparison_path("towel.h5").exists(), "the comparison was with the drive before"
+
+
+@pytest.mark.long
+def test_each_mode_of_a_take_has_a_drive_of_its_own(studio, talk):
+    folder, drive = studio.folder.path, studio.folder.path / "towel.drive.h5"
+    order = SolveRequest(take=str(folder / "towel.h5"), drive=str(drive), choices=(("method", "naive"),))
+    solve_take(order, lambda *_: None)
+
+    def solve(take="towel.h5", **given):
+        answer = talk.order("reproduce", "solve", take=take, **given)["ok"]
+        for job in studio.jobs.unfinished():
+            studio.jobs.cancel(job.number)
+        return answer.get("take") or answer["asks"]["files"]
+
+    assert solve(mode="paper") == ["towel.drive.h5"], "asked, since its settings are those of the mode"
+    assert solve(mode="paper", beside=True) == "towel.h5@paper"
+    assert solve(mode="quick") == "towel.h5@quick"
+    for name in ("towel.quick.drive.h5", "towel.paper.drive.h5"):
+        (folder / name).write_bytes(drive.read_bytes())
+    assert solve(mode="quick") == ["towel.quick.drive.h5"]
+    assert solve("towel.h5@paper", mode="paper") == ["towel.paper.drive.h5"], "the drive in view, if it has the mode"
+    assert solve(mode="paper", beside=True) == "towel.h5@paper-2"
+    found = talk.order("reproduce", "drives", take="towel.h5@quick")["ok"]
+    assert [(each["name"], each["mode"]) for each in found] == [
+        ("towel.h5", "paper"), ("towel.h5@paper", "paper"), ("towel.h5@quick", "quick")
+    ]  # fmt: skip
+    assert talk.order("reproduce", "open", take="towel.h5@quick")["ok"]["drive"]["settings"]["method"] == "naive"
 
 
 def test_code_shows_the_mode_and_the_chosen_settings(talk):

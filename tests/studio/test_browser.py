@@ -379,6 +379,37 @@ def test_solve_asks_before_it_replaces_a_drive(with_takes, look):
     assert page.wrong == []
 
 
+def test_key_b_shows_the_other_drive_and_a_mode_has_its_own(with_takes, look):
+    files = {"take": str(with_takes.folder / "solved.h5"), "drive": str(with_takes.folder / "solved.best.drive.h5")}
+    solve_take(SolveRequest(**files, choices=(("method", "naive"),)), lambda *_: None)
+    before = (with_takes.folder / "solved.drive.h5").read_bytes()
+    page = look(with_takes, reduced_motion="reduce")
+    opened(page, "solved.h5")
+    page.until("document.querySelectorAll('#drives button').length === 2")
+    assert page.page.locator(".takes li").count() == len(page.page.evaluate("studio.link.state.takes"))
+    page.page.evaluate("studio.room.transport.seek(77)")
+    page.page.locator("#main").focus()
+    page.page.keyboard.press("b")
+    page.until("studio.room.take?.name === 'solved.h5@best'")
+    assert "paper, naive" in page.page.locator("#in-view").inner_text()
+    assert page.page.evaluate("studio.room.transport.frame") == 77
+    assert "#reproduce/solved.h5@best" in page.page.url
+    assert page.page.locator("#drives [aria-pressed=true]").inner_text().startswith("best E ")
+    page.page.keyboard.press("b")
+    page.until("studio.room.take?.name === 'solved.h5'")
+    page.until("studio.room.played.peak?.value > 0")
+    page.page.get_by_label("Solver").select_option("live")
+    page.page.get_by_role("button", name="Solve", exact=True).click()
+    page.page.get_by_role("button", name="Keep both").click()
+    page.until("studio.room.take?.name === 'solved.h5@paper' && !!studio.room.take.facts.drive", timeout=120)
+    assert "paper, live" in page.page.locator("#in-view").inner_text()
+    assert (with_takes.folder / "solved.drive.h5").read_bytes() == before
+    page.until("document.querySelectorAll('#drives button').length === 3")
+    found = Axe().run(page.page).response["violations"]
+    assert [each for each in found if each["impact"] in ("serious", "critical")] == []
+    assert page.wrong == []
+
+
 @pytest.mark.parametrize("name", ["corrupt.h5", "no.h5", "gone.h5"])
 def test_take_that_cannot_be_opened_replaces_the_previous_take(with_takes, look, name):
     page = look(with_takes)

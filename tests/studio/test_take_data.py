@@ -99,9 +99,11 @@ def test_settings_are_described_as_options_and_python(settings, options):
 
 def test_settings_of_a_drive_in_one_line(scene, tmp_path):
     scene, *_ = scene
-    assert made_with(scene.drive) == "made with paper, naive, 1000 Hz, mapping slow-bias, level auto"
     (tmp_path / "a.drive.h5").write_bytes(b"no drive")
-    assert made_with(str(tmp_path / "a.drive.h5")) == "a file that cannot be read"
+    made, broken = made_with((scene.drive, str(tmp_path / "a.drive.h5")))
+    assert (made["mode"], made["made"]) == ("paper", "made with paper, naive, 1000 Hz, mapping slow-bias, level auto")
+    assert 0 < made["error"] < 1
+    assert broken == {"mode": "", "made": "a file that cannot be read"}
 
 
 def test_unsolved_take_shows_its_future_target(scene):

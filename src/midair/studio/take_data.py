@@ -28,6 +28,14 @@ LONGEST = 120.0
 """Longest take in s that a page can hold; of a longer one it shows the first part."""
 
 
+def stamp_of(path: str | Path) -> str:
+    """Return the modification time of a file as text; empty if there is no file."""
+    try:
+        return f"{Path(path).stat().st_mtime_ns:x}"
+    except FileNotFoundError:
+        return ""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeData:
     """Paths of the files of one take; an empty path means that there is none."""
@@ -146,17 +154,24 @@ def describe_settings(settings: Settings) -> dict[str, Any]:
     }
 
 
-def made_with(path: str, _: object = None) -> str:
-    """Return the settings of a drive in one line."""
+def made_with(paths: tuple[str, ...], _: object = None) -> list[dict[str, Any]]:
+    """Return mode, settings in one line, and mean E of drives; the mode is empty if it is not known."""
+    return [_made_with(path, stamp_of(path)) for path in paths]
+
+
+@lru_cache(maxsize=256)
+def _made_with(path: str, stamp: str) -> dict[str, Any]:
+    del stamp
     try:
-        known = _chosen_settings(load_solution(path, streamed=True).drive.provenance)
+        solution = load_solution(path, streamed=True)
     except MidairError:
-        return "a file that cannot be read"
-    return (
-        "made with settings that it does not contain"
-        if known is None
-        else f"made with {describe_settings(known)['line']}"
-    )
+        return {"mode": "", "made": "a file that cannot be read"}
+    error = solution.error[solution.plays]
+    said = {"error": round(float(error.mean()), 4) if len(error) else 0.0}
+    if (known := _chosen_settings(solution.drive.provenance)) is None:
+        return {**said, "mode": "", "made": "made with settings that it does not contain"}
+    shown = describe_settings(known)
+    return {**said, "mode": shown["mode"], "made": f"made with {shown['line']}"}
 
 
 def frames_of(order: tuple[TakeData, Streams, int], _: object = None) -> bytes:

@@ -15,8 +15,9 @@ from midair.studio.importing import ImportForm, run_import
 from midair.studio.jobs import StudioJob
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
-from midair.studio.take_data import describe_settings, facts, made_with
-from midair.studio.work import SolveRequest, make_sample, report_loop, settings_of, solve_take, stamp_of
+from midair.studio.take_data import describe_settings, facts, made_with, stamp_of
+from midair.studio.takes_list import take_of
+from midair.studio.work import SolveRequest, make_sample, report_loop, settings_of, solve_take
 
 
 class TakeNamed(Arguments):
@@ -44,6 +45,8 @@ class SolveForm(Arguments):
     guard_mm: float | None = Field(default=None, ge=0, le=100)
     visible_s: float | None = Field(default=None, ge=0)
     replaces: str = Field(default="", max_length=100)
+    beside: bool = False
+    """Keep the drive of this mode and make a further one."""
 
     def choices(self) -> tuple[tuple[str, Any], ...]:
         """Return the settings that differ from the mode, in their own units."""
@@ -74,6 +77,7 @@ class ReproducePanel(Panel):
         self._jobs, self._reading, self._sampled = context.jobs, context.reading, False
         store = context.store
         store.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
+        store.offer("reproduce", "drives", self.drives, TakeNamed, watchers=True)
         store.offer("reproduce", "solve", self.solve, SolveForm)
         store.offer("reproduce", "rename", self.rename, NewName)
         store.offer("reproduce", "duplicate", self.duplicate, TakeNamed)
@@ -99,6 +103,16 @@ class ReproducePanel(Panel):
         found = await self._reading.result(f"reading {order.take}", facts, data)
         return {"stamp": data.stamp, "part": data.drive == self._takes.preview_path(order.take), **found}
 
+    async def drives(self, _: Page, order: TakeNamed) -> list[dict[str, Any]]:
+        """Return name, mode, settings and E of each drive of a take."""
+        names = self._takes.drives(order.take)
+        paths = tuple(str(self._takes.beside(name, ".drive.h5")) for name in names)
+        made = await self._reading.result(f"reading {order.take}", made_with, paths)
+        # A solver that another mode uses can make the settings those of that mode; the label stays that of the request.
+        labels = [name.removeprefix(take_of(name))[1:].partition("-")[0] for name in names]
+        found = zip(names, labels, made, strict=True)
+        return [{**each, "name": name, "mode": label or each["mode"]} for name, label, each in found]
+
     def rename(self, _: Page, order: NewName) -> str:
         """Rename a take and the files beside it."""
         self._check_idle(order.take)
@@ -118,7 +132,7 @@ class ReproducePanel(Panel):
         return self._listed(self._takes.restore(order.take))
 
     def _check_idle(self, take: str) -> None:
-        busy = [job.title for job in self._jobs.unfinished() if job.title.endswith(take)]
+        busy = [job.title for job in self._jobs.unfinished() if take_of(job.title).endswith(take_of(take))]
         if busy:
             raise InputError(f"{take}: expected no job on it, got {busy[0]!r}; cancel it or wait for its end")
 
@@ -140,27 +154,32 @@ class ReproducePanel(Panel):
 
     def code(self, _: Page, order: SolveForm) -> dict[str, Any]:
         """Return the settings of a form as commands and Python."""
-        return describe_settings(settings_of(self._request(order)))
+        return describe_settings(settings_of(self._request(order, order.take)))
 
-    async def solve(self, _: Page, order: SolveForm) -> dict[str, Any]:
-        """Add the solving of a take to the queue, the visible second first.
+    async def solve(self, page: Page, order: SolveForm) -> dict[str, Any]:
+        """Add the solving of a take to the queue, the visible second first; a mode has its own drive.
 
-        If a drive or a re-recording exists, the answer is a question instead; `replaces` with its stamp is the consent.
+        If it or a re-recording exists, the answer is a question instead; `replaces` with its stamp is the consent.
         """
-        request = self._request(order)
-        new = describe_settings(settings_of(request))["line"]  # raises now rather than in the job
+        new = describe_settings(settings_of(self._request(order, order.take)))["line"]  # raises now, not in the job
+        found = await self.drives(page, TakeNamed(take=order.take))
+        same = [each["name"] for each in found if each["mode"] == order.mode]
+        if order.beside or (found and not same):
+            name = self._takes.free_drive(order.take, order.mode)
+        else:
+            name = order.take if order.take in same or not found else same[0]
+        request = self._request(order, name)
         there = [path for path in (request.drive, *(path for path, _ in request.outdated)) if stamp_of(path)]
         stamp = "-".join(map(stamp_of, there))
         if there and order.replaces != stamp:
-            title = f"reading {order.take}"
-            made = await self._reading.result(title, made_with, request.drive) if request.replaces else ""
+            made = "".join(each["made"] for each in found if each["name"] == name)
             return {"asks": {"files": [Path(path).name for path in there], "made": made, "new": new, "replaces": stamp}}
-        return {"job": self._solve(order, request).number}
+        return {"job": self._solve(order, request, name).number, "take": name}
 
-    def _request(self, order: SolveForm) -> SolveRequest:
-        drive, again = (self._takes.beside(order.take, ending) for ending in (".drive.h5", ".rerecorded.h5"))
+    def _request(self, order: SolveForm, name: str) -> SolveRequest:
+        drive, again = (self._takes.beside(name, ending) for ending in (".drive.h5", ".rerecorded.h5"))
         return SolveRequest(
-            take=str(self._takes.path(order.take)),
+            take=str(self._takes.path(name)),
             drive=str(drive),
             mode=order.mode,
             choices=self._choices(order),
@@ -174,17 +193,17 @@ class ReproducePanel(Panel):
         """Return the settings that differ from the mode; a stated air of the room is one of them."""
         return (*order.choices(), *self._context.air.stated.items())
 
-    def _solve(self, order: SolveForm, whole: SolveRequest) -> StudioJob:
-        title, sight = f"solve {order.take}", f"solve the visible second of {order.take}"
+    def _solve(self, order: SolveForm, whole: SolveRequest, name: str) -> StudioJob:
+        title, sight = f"solve {name}", f"solve the visible second of {name}"
         for job in self._jobs.unfinished():
             if job.title in (title, sight):
                 self._jobs.cancel(job.number)
-        Path(self._takes.preview_path(order.take)).unlink(missing_ok=True)
-        if order.visible_s is not None:
-            part = self._takes.preview_path(order.take)
+        Path(self._takes.preview_path(name)).unlink(missing_ok=True)
+        if order.visible_s is not None and whole.replaces:
+            part = self._takes.preview_path(name)
             first = replace(whole, drive=part, start=order.visible_s, duration=1.0, replaces="", outdated=())
-            self._jobs.add(sight, solve_take, first, room="reproduce", ended=self._ended(order.take, title))
-        return self._jobs.add(title, solve_take, whole, room="reproduce", ended=self._ended(order.take, title))
+            self._jobs.add(sight, solve_take, first, room="reproduce", ended=self._ended(name, title))
+        return self._jobs.add(title, solve_take, whole, room="reproduce", ended=self._ended(name, title))
 
     def _made(self) -> None:
         """Show a new sample, and solve the first one, so that there is something to show and play at once."""
@@ -193,7 +212,7 @@ class ReproducePanel(Panel):
         if rows and not rows[0]["solved"] and not self._sampled:
             self._sampled = True
             sample = SolveForm(take=rows[0]["name"], mode="paper", method="live", level="auto")
-            self._solve(sample, self._request(sample))
+            self._solve(sample, self._request(sample, sample.take), sample.take)
 
     def report(self, _: Page, order: SolveForm) -> dict[str, int]:
         """Run the whole loop on the virtual rig and write its report, as a job."""

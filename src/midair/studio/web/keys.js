@@ -4,11 +4,11 @@ export const TABLE = [
   ["Esc", "STOP, everywhere, also in text fields"], ["Space", "play, pause; live: freeze (Enter continues)"], ["J K L", "slower or back, stop, faster"],
   ["1 2 3", "full speed, 1/10, 1/100"], [", .", "one frame back, forward; with Shift ten; repeats while held"], ["Home End", "to the start, to the end"],
   ["I O \\", "loop start, loop end, loop on or off"], ["M, Shift M", "mark, next mark"], ["R", "record, stop; live: keep the last 60 s"],
-  ["arrows", "channel and frame; on a map: the cell"], ["F P", "magnitude, phase"], ["+ - 0", "time zoom, all"],
+  ["arrows", "channel and frame; on a map: the cell"], ["F P", "magnitude, phase"], ["B", "the other drive of the take (A/B)"], ["+ - 0", "time zoom, all"],
   ["Alt 1 … 6", "panels"], ["?", "this table"],
 ];
 
-/** `acts`: {stop(), room(index), help(), record(), transport()}. */
+/** `acts`: {stop(), room(index), help(), record(), swap(), transport()}. */
 export function listen(acts) {
   addEventListener("keydown", (event) => {
     if (event.key === "Escape") { acts.stop(); return; } // Escape also closes dialogs
@@ -18,6 +18,7 @@ export function listen(acts) {
     if (within) return;
     if (event.key === " " && target.closest?.("button, a")) return; // the button's own key
     if (event.key === "?") { event.preventDefault(); acts.help(); return; }
+    if (event.key.toLowerCase() === "b" && !event.repeat) { acts.swap(); return; }
     if (event.key.toLowerCase() === "r" && !event.repeat) { acts.record(); return; }
     if (acts.transport()?.press(event)) event.preventDefault();
   }, true);

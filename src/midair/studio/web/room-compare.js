@@ -121,7 +121,8 @@ export default class Compare {
       pen.fillStyle = ink("--view-quiet");
       pen.strokeStyle = ink("--view-line");
       pen.lineWidth = ratio / 2;
-      for (let f = 0; f <= frequency.at(-1); f += 100) { if (f < frequency[0]) continue; pen.beginPath(); pen.moveTo(x(f), 0); pen.lineTo(x(f), base); pen.stroke(); pen.textAlign = "center"; pen.fillText(`${f}${f + 100 > frequency.at(-1) ? " Hz" : ""}`, Math.min(x(f), w - 18 * ratio), h - 5 * ratio); }
+      const widest = (64 * ratio * (frequency.at(-1) - frequency[0])) / (w - left), step = [10, 20, 50, 100, 200, 500, 1000, 2000].find((each) => each >= widest) ?? 5000;
+      for (let f = 0; f <= frequency.at(-1); f += step) { if (f < frequency[0]) continue; pen.beginPath(); pen.moveTo(x(f), 0); pen.lineTo(x(f), base); pen.stroke(); pen.textAlign = "center"; pen.fillText(`${f}${f + step > frequency.at(-1) ? " Hz" : ""}`, Math.min(x(f), w - 18 * ratio), h - 5 * ratio); }
       for (let level = Math.ceil(bottom / 20) * 20; level < top; level += 20) { pen.beginPath(); pen.moveTo(left, y(level)); pen.lineTo(w, y(level)); pen.stroke(); pen.textAlign = "right"; pen.fillText(`${level} dB`, left - 3 * ratio, y(level) + 4 * ratio); }
       db.forEach((levels, i) => {
         pen.strokeStyle = ink(i ? "--view-second" : "--view-trace");

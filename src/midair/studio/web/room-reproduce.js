@@ -5,7 +5,7 @@ import { Transport, controls } from "/web/transport.js";
 import { choice, field, make, openModal, panel, playable, rows, tried } from "/web/dom.js";
 import { importFile } from "/web/import.js";
 import { solveTake } from "/web/jobs.js";
-import { TakeView, chosen, colours } from "/web/take.js";
+import { TakeView, chosen, colours, driveButtons, drivesOf, leadOf, otherDrive, rowOf, takeOf } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
 import { drift, warningBox } from "/web/warnings.js";
 
@@ -21,6 +21,7 @@ export default class Reproduce {
     this.studio = studio;
     this.link = studio.link;
     this.take = null;
+    this.views = new Map(); // of the drives of the take, so that A/B need not load them again
     this.wish = studio.address.take;
     this._build();
     this._offs = [this.link.on("takes", (takes) => this._takes(takes)), this.link.on("player", () => this.control()), this.link.on("jobs", () => this.control()), this.link.on("air", () => this.control())];
@@ -30,6 +31,7 @@ export default class Reproduce {
     for (const off of this._offs) off();
     clearInterval(this._clock);
     this._close();
+    this._forget();
     this.left = true;
   }
   get transport() { return this.take?.transport ?? null; }
@@ -48,6 +50,7 @@ export default class Reproduce {
     this.play = make("button", { type: "button", onclick: () => this._play() }, "Play on array");
     this.drifted = warningBox("room-drift", make("button", { type: "button", onclick: () => this._play(true) }, "Correct phases"), make("button", { type: "button", onclick: () => this._solve() }, "Solve again"));
     this.form = make("div.column");
+    this.drives = make("div", { id: "drives" });
     this.frame = make("div");
     this.about = make("div.quiet");
     const set = (name) => ({ target }) => {
@@ -61,7 +64,7 @@ export default class Reproduce {
     this.form.append(...Object.values(this.inputs).map((input, i) => field(["Mode", "Mapping", "Solver", "Level", "Gain", "Height"][i], input)), this.view);
     const left = make("div.column.left", {},
       Object.assign(panel("Takes", this.add, this.search, this.list, make("div.buttons", {}, ...this.own), file), { className: "panel grow" }),
-      panel("Settings", null, this.form, this.drifted, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about));
+      panel("Settings", null, this.drives, this.form, this.drifted, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about));
     const box = (name) => make("div.box", { id: `box-${name}` });
     this.boxes = Object.fromEntries(["wanted", "played", "bar", "traces", "phase", "array", "spectrogram", "overview"].map((name) => [name, box(name)]));
     const { boxes } = this;
@@ -102,15 +105,34 @@ export default class Reproduce {
     const solving = (this.link.state.jobs ?? []).find((job) => job.room === "reproduce" && ["runs", "waits"].includes(job.state) && this.take && job.title.endsWith(this.take.name));
     if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : comes ? "available in a moment" : "not solved yet: press Solve";
   }
-  _row(name) { return this.link.state.takes?.find((row) => row.name === name); }
+  _row(name) { return rowOf(this.link.state.takes, name); }
+  /** Show the drives of the take in view; their settings are read once for each state of the files. */
+  async _drives() {
+    const name = this.take?.name, all = drivesOf(this._row(name && takeOf(name))), key = name && `${takeOf(name)} ${all.map((each) => each.drive)}`;
+    if (all.length > 1 && this.asked !== key) {
+      this.asked = key;
+      this.known = (await tried(this.link.order("reproduce", "drives", { take: name }))) ?? [];
+      if (this.left) return;
+    }
+    const shown = this.take?.name;
+    this.drives.replaceChildren(...(shown ? driveButtons(this.studio, shown, ({ name: one }) => {
+      const found = this.known?.find((each) => each.name === one), label = one.slice(takeOf(one).length + 1) || found?.mode || "drive";
+      return [label, found?.error === undefined ? "" : `E ${(100 * found.error).toFixed(1)} %`, found?.made];
+    }) : []));
+  }
+  swap() {
+    const other = this.take && otherDrive(this.link.state.takes, this.take.name, this.before);
+    if (other && other !== this.take.name) this.studio.go("reproduce", other);
+  }
   _takes(takes) {
-    this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#reproduce/${encodeURI(row.name)}`, "aria-current": row.name === this.wish ? "true" : null, onclick: () => { if (row.name === this.wish && !this.take) { this._opening = ""; this._open(row.name); } } },
-      make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, row.sample ? "sample" : row.compared ? "compared" : row.played ? "played" : row.solved ? "solved" : "")))));
+    this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#reproduce/${encodeURI(leadOf(row))}`, "data-take": row.name, "aria-current": row.name === takeOf(this.wish) ? "true" : null, onclick: () => { if (row.name === takeOf(this.wish) && !this.take) { this._opening = ""; this._open(row.name); } } },
+      make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, row.sample ? "sample" : ["compared", "played", "solved"].find((what) => [row, ...row.drives].some((each) => each[what])) ?? "")))));
     this._found();
-    const name = this.wish || (takes.find((row) => row.sample) ?? takes[0])?.name, row = this._row(name);
+    const first = takes.find((row) => row.sample) ?? takes[0], name = this.wish || (first && leadOf(first)), row = this._row(name);
     if (name && (row ? this.take?.name !== name || this.take.stamp !== row.stamp : takes.length && !this.take && !name.startsWith("sample:"))) this._open(name, this.transport ? this.transport.time : this.studio.address.time);
     if (!takes.length) this.about.textContent = "computing the samples …";
     this.control();
+    this._drives();
   }
   /** Hide the takes without the searched words. */
   _found() {
@@ -122,17 +144,17 @@ export default class Reproduce {
     if (take) this.studio.go("reproduce", take);
   }
   _rename() {
-    const dialog = document.getElementById("replace"), name = make("input", { type: "text", value: shortly(this.take.name), maxLength: 100, required: true });
-    dialog.replaceChildren(make("h2", { id: "replace-title" }, `Rename ${shortly(this.take.name)}`), make("form", { method: "dialog", onsubmit: () => this._own("rename", { name: name.value }) },
+    const dialog = document.getElementById("replace"), name = make("input", { type: "text", value: shortly(takeOf(this.take.name)), maxLength: 100, required: true });
+    dialog.replaceChildren(make("h2", { id: "replace-title" }, `Rename ${shortly(takeOf(this.take.name))}`), make("form", { method: "dialog", onsubmit: () => this._own("rename", { name: name.value }) },
       make("div", { id: "replace-words" }, field("New name", name)), make("div.buttons", {}, make("button.main", { type: "submit" }, "Rename"), make("button", { type: "button", onclick: () => dialog.close() }, "Cancel"))));
     openModal(dialog, this.link);
     name.select();
   }
   async _delete() {
-    const { name } = this.take, folder = await tried(this.link.order("reproduce", "delete", { take: name }));
+    const name = takeOf(this.take.name), folder = await tried(this.link.order("reproduce", "delete", { take: name }));
     if (!folder) return;
     const undo = make("button", { type: "button", id: "undo", onclick: async () => { const take = await tried(this.link.order("reproduce", "restore", { take: folder })); if (take) { note.remove(); this.studio.go("reproduce", take); } } }, "Undo");
-    const note = make("div.toast", {}, `${name} and its drive are in the folder bin/${folder} `, undo);
+    const note = make("div.toast", {}, `${name} and its drives are in the folder bin/${folder} `, undo);
     document.getElementById("toasts").append(note);
     setTimeout(() => note.remove(), 20000);
     this._nothing("");
@@ -145,12 +167,14 @@ export default class Reproduce {
     if (this.left || opening === this._opening) return;
     this._opening = opening;
     this.wish = name;
-    for (const link of this.list.querySelectorAll("a")) if (link.hash === `#reproduce/${encodeURI(name)}`) link.setAttribute("aria-current", "true"); else link.removeAttribute("aria-current");
+    for (const link of this.list.querySelectorAll("a")) if (link.dataset.take === takeOf(name)) link.setAttribute("aria-current", "true"); else link.removeAttribute("aria-current");
     // Never show pictures of another take, not even while the named one loads.
-    if (this.take?.name !== name) this._nothing(`opening ${shortly(name)} …`);
-    let facts, inferno, twilight;
+    const sibling = this.take && takeOf(this.take.name) === takeOf(name);
+    if (!sibling) { this._nothing(`opening ${shortly(name)} …`); this._forget(); }
+    let facts, inferno, twilight, kept = this.views.get(name);
+    if (kept && kept.stamp !== this._row(name)?.stamp) kept = null;
     try {
-      facts = await this.link.order("reproduce", "open", { take: name });
+      facts = kept?.facts ?? await this.link.order("reproduce", "open", { take: name });
       [inferno, twilight] = await Promise.all([colours("inferno"), colours("twilight")]);
     } catch (wrong) {
       if (over()) return;
@@ -158,14 +182,18 @@ export default class Reproduce {
       return;
     }
     if (over()) return;
-    const before = this.transport, same = before && this.take.name === name, was = JSON.stringify(this.take?.facts.drive?.settings);
+    const before = this.transport, same = before && sibling, was = JSON.stringify(this.take?.facts.drive?.settings);
+    if (this.take && this.take.name !== name) this.before = this.take.name;
     this._nothing("");
-    const view = new TakeView(name, facts, () => this._came());
+    if (this.views.get(name) !== kept) this.views.get(name)?.close();
+    const view = kept ?? new TakeView(name, facts, () => this._came());
+    this.views.set(name, view);
     const transport = new Transport({ frames: facts.frames, rate: facts.rate_hz });
     if (same) Object.assign(transport, { playing: before.playing, speed: before.speed, loop: before.loop, marks: before.marks, channel: before.channel, span: before.span });
     else transport.channel = facts.rows > 2 ? 10 : 0;
     transport.channels = facts.rows * facts.columns;
     this.take = Object.assign(view, { stamp: facts.stamp, transport, pictures: [] });
+    if (same && !Number.isFinite(time)) ({ time } = before);
     if (Number.isFinite(time)) { const plays = transport.playing; transport.seek(time * transport.rate); if (!same) transport.playing = plays && !this.studio.address.time; }
     if (!same || (facts.drive && JSON.stringify(facts.drive.settings) !== was)) this._fill({ ...facts.drive?.settings, ...(facts.drive?.settings?.mode === "" ? USUAL : {}) });
     this._pictures(inferno, twilight);
@@ -173,7 +201,10 @@ export default class Reproduce {
     transport.addEventListener("change", () => { if (!transport.playing) this._address(); this._frame(); });
     transport.run((state) => this._draw(state));
     this._takes(this.link.state.takes ?? []);
+    if (kept) this._came();
   }
+  /** Close the loaded drives of a take. */
+  _forget() { for (const view of this.views.values()) view.close(); this.views.clear(); this.before = ""; }
   /** Remove pictures and texts of the previous take. */
   _nothing(words) {
     this._close();
@@ -277,13 +308,15 @@ export default class Reproduce {
   _close() {
     if (!this.take) return;
     this.take.transport.stop();
-    this.take.close();
     for (const picture of [...this.take.pictures, this.phase]) picture?.remove();
     for (const box of Object.values(this.boxes)) box.replaceChildren();
     this.take.pictures = [];
     this.take = null;
   }
-  _solve() { return solveTake(this.link, { take: this.take.name, ...chosen(this.made), ...(this.take.seconds > 1.5 && this.take.facts.drive ? { visible_s: Math.max(0, Math.min(this.take.seconds - 1, this.transport.time - 0.5)) } : {}) }); }
+  async _solve() {
+    const answer = await solveTake(this.link, { take: this.take.name, ...chosen(this.made), ...(this.take.seconds > 1.5 && this.take.facts.drive ? { visible_s: Math.max(0, Math.min(this.take.seconds - 1, this.transport.time - 0.5)) } : {}) });
+    if (answer && this.take && answer.take !== this.take.name) this.studio.go("reproduce", answer.take);
+  }
   _play(correct = false) { askToPlay(this.studio, this.take.name, () => this._solve(), correct); }
   async _upload(file) {
     if (!file) return;
@@ -295,13 +328,13 @@ export default class Reproduce {
   }
   /** Show the code for the drive in view or, without one, for the settings of the form. */
   async _code() {
-    const { name, facts } = this.take, device = facts.drive?.array_calibration ? ` --device ${this.link.state.player?.device}` : "", sample = name.startsWith("sample:"), file = sample ? `${name.slice(7)}.h5` : name, stem = file.replace(/\.\w+$/, ""), seconds = (facts.frames / facts.rate_hz).toFixed(1);
+    const { name, facts } = this.take, device = facts.drive?.array_calibration ? ` --device ${this.link.state.player?.device}` : "", take = takeOf(name), sample = take.startsWith("sample:"), file = sample ? `${take.slice(7)}.h5` : take, label = name.slice(take.length + 1), stem = file.replace(/\.\w+$/, "") + (label && `.${label}`), seconds = (facts.frames / facts.rate_hz).toFixed(1);
     const made = facts.drive?.settings ?? (await tried(this.link.order("reproduce", "code", { take: name, ...chosen(this.made) })));
     if (!made) return;
-    const first = sample ? `midair record virtual:${name.slice(7)} ${file} --duration ${seconds}s\n` : "";
-    this.studio.code("The same, as code", `${first}midair solve ${file} ${made.options || `--settings ${stem}.drive.h5`}${device}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
-      `import midair\nfrom midair.pipeline import calibrated_pressure, required_lead, reproduce\nfrom midair.settings import ${made.python.startsWith("MODES") ? "MODES" : "Settings"}\nfrom midair.targets import add_lead\n\ntake = ${sample ? `midair.record("virtual:${name.slice(7)}", ${seconds})` : `midair.open_take("${file}")`}\nsettings = ${made.python}\npressure = add_lead(calibrated_pressure(take.recording, take.calibration, settings), required_lead(settings))\nmade = reproduce(pressure, midair.TransducerArray.autd3(), settings)\nplayed = midair.play(made.solution, "virtual")\nprint(made, played)`);
+    const first = sample ? `midair record virtual:${take.slice(7)} ${file} --duration ${seconds}s\n` : "";
+    this.studio.code("The same, as code", `${first}midair solve ${file}${label && ` ${stem}.drive.h5`} ${made.options || `--settings ${stem}.drive.h5`}${device}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
+      `import midair\nfrom midair.pipeline import calibrated_pressure, required_lead, reproduce\nfrom midair.settings import ${made.python.startsWith("MODES") ? "MODES" : "Settings"}\nfrom midair.targets import add_lead\n\ntake = ${sample ? `midair.record("virtual:${take.slice(7)}", ${seconds})` : `midair.open_take("${file}")`}\nsettings = ${made.python}\npressure = add_lead(calibrated_pressure(take.recording, take.calibration, settings), required_lead(settings))\nmade = reproduce(pressure, midair.TransducerArray.autd3(), settings)\nplayed = midair.play(made.solution, "virtual")\nprint(made, played)`);
   }
 }
 
-const shortly = (name) => name.replace(/^sample:/, "").replace(/\.h5$/, "");
+const shortly = (name) => name.replace(/^sample:/, "").replace(/\.h5(?=@|$)/, "");
