@@ -379,6 +379,32 @@ def test_solve_asks_before_it_replaces_a_drive(with_takes, look):
     assert page.wrong == []
 
 
+@pytest.mark.parametrize(("width", "height", "fixed"), [(390, 800, 190), (700, 450, 165)])
+def test_small_screens_show_pictures_first_and_scroll_one_way(studio_at, look, width, height, fixed):
+    """A telephone, and a page at 200 % zoom."""
+    page = look(studio_at(), viewport={"width": width, "height": height}, reduced_motion="reduce")
+    shown(page)
+    bars = "document.querySelector('body > header').offsetHeight + document.querySelector('#transport').offsetHeight"
+    assert page.page.evaluate(bars) <= fixed, "height of the parts that stay"
+    assert page.page.locator("#box-wanted").bounding_box()["y"] < 0.4 * height
+    page.go("#live")
+    page.until("studio.name === 'live' && !!document.querySelector('#live-keep')")
+    assert page.page.locator("#live-keep").bounding_box()["height"] < 45, "one line"
+    for room in ("record", "calibrate", "compare", "study", "live"):
+        page.go(f"#{room}")
+        page.until(f"studio.name === {room!r}")
+        page.page.wait_for_timeout(300)
+        wide = "[document.querySelector('#main').scrollWidth, document.documentElement.scrollWidth]"
+        assert max(page.page.evaluate(wide)) <= width, room
+    page.go("#record")
+    page.until("document.querySelectorAll('.meter').length === 16 && !!studio.link.state.levels")
+    over = "[...document.querySelectorAll('.meter')].filter(one => one.scrollWidth > one.clientWidth).length"
+    heights = "new Set([...document.querySelectorAll('.meter')].map(one => one.offsetHeight)).size"
+    assert page.page.evaluate(f"[{over}, {heights}]") == [0, 1], "numbers stay in their boxes, rows of one height"
+    assert "rms in V" in page.page.locator("section[aria-label='Level of each cell']").inner_text()
+    assert page.wrong == []
+
+
 def test_key_b_shows_the_other_drive_and_a_mode_has_its_own(with_takes, look):
     files = {"take": str(with_takes.folder / "solved.h5"), "drive": str(with_takes.folder / "solved.best.drive.h5")}
     solve_take(SolveRequest(**files, choices=(("method", "naive"),)), lambda *_: None)

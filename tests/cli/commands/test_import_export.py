@@ -31,6 +31,12 @@ def test_mend_fills_gaps_that_import_refuses_and_reports_them(answer, capsys):
     np.testing.assert_array_equal(take.recording.samples[kept], samples[kept])
 
 
+def test_a_very_short_file_is_imported_with_a_note(answer):
+    soundfile.write("a.wav", RNG.normal(size=10) / 9, 16000)
+    told = answer("import", "a.wav", "a.h5", "--scale", "30Pa", "--footprint", "circle:20mm")
+    assert "It lasts 0.625 ms: too short to be felt; is the file complete?" in told["notes"]
+
+
 def test_mend_refuses_a_long_gap_and_leaves_nothing(capsys):
     samples = RNG.normal(size=(300, 16))
     samples[100:130, 3] = np.nan

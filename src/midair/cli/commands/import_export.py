@@ -155,7 +155,13 @@ def _convert(
         rows.append(("calibration", calibration_text(known)))
     figures = {"recording": str(target), **recording_figures(recording), "calibration": calibration_figures(known)}
     notes = (*notes, *imported.report)
+    if recording.duration < SHORT:
+        notes = (*notes, f"It lasts {1e3 * recording.duration:.3g} ms: too short to be felt; is the file complete?")
     print_written(rows, figures, notes, lost, simulated=recording.provenance.simulated, json=json)
+
+
+SHORT = 0.02
+"""Shortest recording that is imported without a note, in s: one period of the lowest frequency of the modes."""
 
 
 def export_command(
