@@ -15,9 +15,9 @@ import pytest
 import soundfile
 from axe_playwright_python.sync_playwright import Axe
 
-from midair.files import load, save
+from midair.files import load, load_solution, save
 from midair.model import Recording
-from midair.rig import record
+from midair.rig import play, record
 from midair.studio.work import SolveRequest, solve_take
 
 pytestmark = pytest.mark.browser
@@ -376,6 +376,40 @@ def test_solve_asks_before_it_replaces_a_drive(with_takes, look):
     page.until("studio.room.take?.facts.drive?.settings.method === 'live'", timeout=120)
     assert not again.exists()
     assert page.page.locator("#in-view").inner_text() == "Drive in view: paper, live, 1000 Hz, gain 1.5, height 190mm."
+    assert page.wrong == []
+
+
+def test_two_drives_are_compared_side_by_side_and_heard(studio_at, look):
+    studio = studio_at()
+    record("virtual:towel", 0.1, path=studio.folder / "a.h5")
+    for label, gain in (("", 1.0), (".best", 0.5)):
+        drive = studio.folder / f"a{label}.drive.h5"
+        choices = (("method", "naive"), ("gain", gain))
+        solve_take(SolveRequest(take=str(studio.folder / "a.h5"), drive=str(drive), choices=choices), lambda *_: None)
+        heard = play(load_solution(drive), "virtual").take
+        save(heard.recording, studio.folder / f"a{label}.rerecorded.h5", calibration=heard.calibration)
+    page = look(studio, reduced_motion="reduce")
+    for name in ("a.h5", "a.h5@best"):
+        page.page.evaluate("take => studio.link.order('compare', 'compare', {take})", name)
+    page.until("Object.keys(studio.link.state.comparisons ?? {}).length === 2", timeout=120)
+    page.go("#compare/a.h5")
+    page.until("studio.room.transport && document.querySelectorAll('#side-by-side th').length > 2")
+    heads = page.page.locator("#side-by-side thead th").all_inner_texts()
+    assert heads == ["", "first", "best"]
+    page.page.evaluate("studio.room.transport.seek(33)")
+    page.page.locator("#main").focus()
+    page.page.keyboard.press("b")
+    page.until("studio.room.name === 'a.h5@best' && studio.room.transport?.frame === 33")
+    assert page.page.locator("#side-by-side thead strong").inner_text() == "best"
+    sound = (
+        """fetch(studio.room.sounds.again.src).then(answer => [answer.status, answer.headers.get('content-type')])"""
+    )
+    assert page.page.evaluate(sound) == [200, "audio/wav"]
+    assert "a.h5%40best" in page.page.evaluate("studio.room.sounds.again.src")
+    page.page.evaluate("studio.room.sounds.original.preload = 'metadata'; studio.room.sounds.original.load()")
+    page.until("studio.room.sounds.original.duration > 0.09")
+    found = Axe().run(page.page).response["violations"]
+    assert [each for each in found if each["impact"] in ("serious", "critical")] == []
     assert page.wrong == []
 
 

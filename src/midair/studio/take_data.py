@@ -20,7 +20,16 @@ from midair.pipeline import calibrated_pressure
 from midair.rig import event_message
 from midair.settings import CHOICES, Settings, format_value, nearest_mode
 from midair.targets import frames_without_lead
-from midair.view import Kind, Section, encode_counts, fit_interpolation, pack, phase_counts
+from midair.view import (
+    Channels,
+    Kind,
+    Section,
+    channel_sound,
+    encode_counts,
+    fit_interpolation,
+    pack,
+    phase_counts,
+)
 
 Streams = Literal["samples", "wanted", "played", "phases", "original", "again"]
 
@@ -240,6 +249,23 @@ def _compared(data: TakeData, stream: Streams, second: int) -> bytes:
     return (
         pack([encode_counts(part.reshape(len(part), -1), Kind.SAMPLES, first=first, rate=rate)]) if len(part) else b""
     )
+
+
+LOUDNESS = 0.1
+"""Rms of a sound as a share of full scale, the same for all."""
+
+
+def sound_of(order: tuple[TakeData, Streams], _: object = None) -> bytes:
+    """Return the sum of the cells as a WAV file: the original, or what came of a drive; all have the same rms."""
+    data, stream = order
+    if not data.comparison:
+        raise InputError(f"{stream}: expected a take that was compared; play and compare it first")
+    with np.load(data.comparison) as kept:
+        rate, pressure = float(kept["rate"]), kept[stream]
+    summed = pressure.reshape(len(pressure), -1).sum(axis=1, keepdims=True)
+    rms = float(summed.std()) or 1.0
+    channel = Channels(values=summed, unit="Pa", label=stream)
+    return channel_sound(channel, 0, rate, full_scale=rms / LOUDNESS).data
 
 
 @lru_cache(maxsize=4)
