@@ -13,7 +13,7 @@ from tests.waiting import wait_until
 
 from midair.datasets import stroke
 from midair.errors import DeviceStateError, StoppedError
-from midair.files import save
+from midair.files import load, save
 from midair.model import Medium, Provenance, Recording
 from midair.studio import Studio, StudioPlan
 from midair.studio.panels.play_panel import CheckExposure, PlayNow
@@ -195,6 +195,37 @@ def test_each_mode_of_a_take_has_a_drive_of_its_own(studio, talk):
         ("towel.h5", "paper"), ("towel.h5@paper", "paper"), ("towel.h5@quick", "quick")
     ]  # fmt: skip
     assert talk.order("reproduce", "open", take="towel.h5@quick")["ok"]["drive"]["settings"]["method"] == "naive"
+
+
+@pytest.mark.long
+def test_edits_make_takes_and_are_undone_and_redone(studio, talk):
+    folder = studio.folder.path
+    before = (folder / "towel.h5").read_bytes()
+
+    def order(what, **given):
+        answer = talk.order("reproduce", what, **given)
+        return answer.get("ok") or answer["error"]
+
+    assert "expected an edit" in order("undo")
+    assert order("edit", take="towel.h5", edit="cut", start="0.05s", end="0.15 s") == "towel-01.h5"
+    assert order("edit", take="towel-01.h5", edit="gain", by="6dB") == "towel-02.h5"
+    made = load(folder / "towel-02.h5")
+    assert [step.stage for step in made.provenance.steps][-2:] == ["cut", "gain"]
+    assert made.duration == pytest.approx(0.1)
+    assert (folder / "towel.h5").read_bytes() == before, "the original stays as it is"
+    assert [order("undo"), order("undo"), order("redo"), order("undo")] == [
+        "towel-01.h5", "towel.h5", "towel-01.h5", "towel.h5"
+    ]  # fmt: skip
+    assert [path.name for path in folder.glob("towel*.h5")] == ["towel.h5"]
+    assert [order("redo"), order("redo")] == ["towel-01.h5", "towel-02.h5"]
+    assert load(folder / "towel-02.h5").provenance == made.provenance
+    assert studio.store.state["edits"] == {"undo": "towel-02.h5", "redo": ""}
+    assert "expected this file, found none; solve first" in order("export", take="towel.h5", of="drive", ending=".npz")
+    (folder / "exports").mkdir(exist_ok=True)
+    (folder / "exports" / "towel-01.csv").write_text("kept")
+    order("export", take="towel-01.h5", ending=".csv")
+    wait_until(lambda: studio.store.state["exported"] == "exports/towel-01-2.csv", 120)
+    assert (folder / "exports" / "towel-01.csv").read_text() == "kept"
 
 
 def test_code_shows_the_mode_and_the_chosen_settings(talk):

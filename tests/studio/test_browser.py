@@ -379,6 +379,34 @@ def test_solve_asks_before_it_replaces_a_drive(with_takes, look):
     assert page.wrong == []
 
 
+def test_a_take_is_cut_by_its_loop_undone_redone_and_exported(with_takes, look):
+    page = look(with_takes, reduced_motion="reduce")
+    opened(page, "bare.h5")
+    page.page.locator("#main").focus()
+    for frame, key in ((50, "i"), (150, "o")):
+        page.page.evaluate("frame => studio.room.transport.seek(frame)", frame)
+        page.page.keyboard.press(key)
+    page.page.get_by_role("button", name="Edit", exact=True).click()
+    page.until("document.querySelector('#replace').open")
+    assert [page.page.get_by_label(name, exact=True).input_value() for name in ("From", "To")] == ["0.05s", "0.15s"]
+    found = Axe().run(page.page).response["violations"]
+    assert [each for each in found if each["impact"] in ("serious", "critical")] == []
+    page.page.get_by_role("button", name="Make the take").click()
+    page.until("studio.room.take?.name === 'bare-01.h5' && studio.room.take.facts.frames === 100")
+    page.page.locator("#main").focus()
+    page.page.keyboard.press("Control+z")
+    page.until("studio.room.take?.name === 'bare.h5'")
+    assert not (with_takes.folder / "bare-01.h5").exists()
+    page.page.keyboard.press("Control+Shift+z")
+    page.until("studio.room.take?.name === 'bare-01.h5'")
+    page.page.get_by_role("button", name="Export").click()
+    page.page.get_by_label("As", exact=True).select_option(".csv")
+    page.page.locator("#replace").get_by_role("button", name="Export").click()
+    page.until("!!document.querySelector('#exported')")
+    assert (with_takes.folder / "exports" / "bare-01.csv").exists()
+    assert page.wrong == []
+
+
 def test_two_drives_are_compared_side_by_side_and_heard(studio_at, look):
     studio = studio_at()
     record("virtual:towel", 0.1, path=studio.folder / "a.h5")

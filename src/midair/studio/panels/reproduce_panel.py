@@ -11,7 +11,7 @@ from pydantic import Field
 from midair.errors import InputError
 from midair.model import HEIGHTS
 from midair.settings import Mode
-from midair.studio.importing import ImportForm, run_import
+from midair.studio.importing import ImportForm, run_import, run_words
 from midair.studio.jobs import StudioJob
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
@@ -61,6 +61,27 @@ class SolveForm(Arguments):
         return tuple((name, value) for name, value in given.items() if value is not None)
 
 
+class EditForm(TakeNamed):
+    """The command that edits a take, and its options as they are typed; an empty one is not given."""
+
+    edit: Literal["cut", "trim", "gain", "fade"]
+    start: str = Field(default="", max_length=20)
+    end: str = Field(default="", max_length=20)
+    by: str = Field(default="", max_length=20)
+
+    def words(self) -> list[str]:
+        """Options of the command."""
+        taken = {"cut": ("start", "end"), "fade": ("start", "end"), "gain": ("by",), "trim": ()}[self.edit]
+        return [f"--{name}={value}" for name in taken if (value := getattr(self, name).replace(" ", ""))]
+
+
+class ExportForm(TakeNamed):
+    """A file to make of a take, of its drive, or of what was re-recorded."""
+
+    of: Literal["", "drive", "rerecorded"] = ""
+    ending: Literal[".csv", ".wav", ".npz", ".mat", ".nc", ".hjif", ".ahap", ".json", ".html", ".gif", ".mp4"]
+
+
 class JobNumber(Arguments):
     """Number of a job."""
 
@@ -75,6 +96,8 @@ class ReproducePanel(Panel):
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)
         self._jobs, self._reading, self._sampled = context.jobs, context.reading, False
+        self._edits: list[tuple[str, str]] = []  # take, and what was made of it
+        self._undone: list[tuple[str, str, str]] = []  # the same, and the folder of the bin
         store = context.store
         store.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
         store.offer("reproduce", "drives", self.drives, TakeNamed, watchers=True)
@@ -83,6 +106,11 @@ class ReproducePanel(Panel):
         store.offer("reproduce", "duplicate", self.duplicate, TakeNamed)
         store.offer("reproduce", "delete", self.delete, TakeNamed)
         store.offer("reproduce", "restore", self.restore, TakeNamed)
+        store.offer("reproduce", "edit", self.edit, EditForm)
+        store.offer("reproduce", "undo", self.undo)
+        store.offer("reproduce", "redo", self.redo)
+        store.offer("reproduce", "export", self.export, ExportForm)
+        store.put(edits={"undo": "", "redo": ""}, exported="")
         store.offer("reproduce", "import", self.bring, ImportForm)
         store.offer("reproduce", "code", self.code, SolveForm, watchers=True)
         store.offer("compare", "report", self.report, SolveForm)
@@ -130,6 +158,62 @@ class ReproducePanel(Panel):
     def restore(self, _: Page, order: TakeNamed) -> str:
         """Move a deleted take back."""
         return self._listed(self._takes.restore(order.take))
+
+    async def edit(self, _: Page, order: EditForm) -> str:
+        """Make an edited copy of a take, which stays as it is; returns the copy."""
+        path = self._takes.path(order.take)
+        made = self._takes.folder.free(re.sub(r"-\d+$", "", path.stem), ".h5")
+        words = (order.edit, *order.words(), str(path), str(made))
+        await self._reading.result(f"editing {order.take}", run_words, words)
+        self._edits.append((take_of(order.take), made.name))
+        self._undone.clear()
+        return self._edited(made.name)
+
+    def undo(self, _: Page, __: Arguments) -> str:
+        """Move the copy of the last edit to the bin; returns the take that it was made of."""
+        if not self._edits:
+            raise InputError("undo: expected an edit in this session, there is none")
+        self._check_idle(self._edits[-1][1])
+        take, made = self._edits.pop()
+        self._undone.append((take, made, self._takes.delete(made)))
+        return self._edited(take)
+
+    def redo(self, _: Page, __: Arguments) -> str:
+        """Move the copy of the edit that was undone last back; returns it."""
+        if not self._undone:
+            raise InputError("redo: expected an edit that was undone, there is none")
+        take, made, folder = self._undone.pop()
+        self._edits.append((take, self._takes.restore(folder)))
+        return self._edited(made)
+
+    def _edited(self, name: str) -> str:
+        undo, redo = (steps[-1][1] if steps else "" for steps in (self._edits, self._undone))
+        self._store.put(edits={"undo": undo, "redo": redo})
+        return self._listed(name)
+
+    def export(self, _: Page, order: ExportForm) -> dict[str, int]:
+        """Write a file of another format into the folder `exports`, as a job."""
+        path = self._takes.beside(order.take, f".{order.of}.h5") if order.of else self._takes.path(order.take)
+        if not path.exists():
+            raise InputError(
+                f"{path.name}: expected this file, found none; {'solve' if order.of == 'drive' else 'play'} first"
+            )
+        folder = self._takes.folder.path / "exports"
+        folder.mkdir(exist_ok=True)
+        stem = path.name.removesuffix(".h5") if path.suffix == ".h5" else path.name
+        number, target, due = 1, folder / (stem + order.ending), {job.title for job in self._jobs.unfinished()}
+        while target.exists() or f"export {target.name}" in due:
+            number, target = number + 1, folder / f"{stem}-{number}{order.ending}"
+        film = order.ending in (".html", ".gif", ".mp4")
+        words = (
+            ("show", str(path), "--no-browser", "--save", str(target)) if film else ("export", str(path), str(target))
+        )
+
+        def ended(job: StudioJob) -> None:
+            if job.state == "done":
+                self._context.later(lambda: self._store.put(exported=f"exports/{target.name}"))
+
+        return {"job": self._jobs.add(f"export {target.name}", run_words, words, room="reproduce", ended=ended).number}
 
     def _check_idle(self, take: str) -> None:
         busy = [job.title for job in self._jobs.unfinished() if take_of(job.title).endswith(take_of(take))]

@@ -47,7 +47,7 @@ export default class Compare {
       make("div.column.left", {}, Object.assign(panel("Takes", null, this.list, this.drives), { className: "panel grow" }), this.listen,
         panel("Correction", null, this.suggested, make("div.buttons", {}, this.apply)), panel("Report", null, make("div.buttons", {}, this.compare, this.budget, this.palm, this.report), this.shown)),
       make("div.middle", {}, this.tracesPanel, this.spectrumPanel),
-      panel("Differences", null, make("div.card", {}, this.other, this.beside, this.spent, this.pressed, this.card))));
+      panel("Differences", null, make("div.card", { tabIndex: 0 }, this.other, this.beside, this.spent, this.pressed, this.card))));
   }
   control() {
     const row = rowOf(this.link.state.takes, this.name), controls = this.link.controls;

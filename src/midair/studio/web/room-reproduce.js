@@ -24,7 +24,7 @@ export default class Reproduce {
     this.views = new Map(); // of the drives of the take, so that A/B need not load them again
     this.wish = studio.address.take;
     this._build();
-    this._offs = [this.link.on("takes", (takes) => this._takes(takes)), this.link.on("player", () => this.control()), this.link.on("jobs", () => this.control()), this.link.on("air", () => this.control())];
+    this._offs = [this.link.on("takes", (takes) => this._takes(takes)), this.link.on("player", () => this.control()), this.link.on("jobs", () => this.control()), this.link.on("air", () => this.control()), this.link.on("edits", () => this.control()), this.link.on("exported", (name) => this._exported(name))];
     this._clock = setInterval(() => this._address(), 500);
   }
   leave() {
@@ -46,6 +46,7 @@ export default class Reproduce {
     this.search = make("input", { type: "search", placeholder: "search", "aria-label": "search the takes", oninput: () => this._found() });
     const own = (words, act) => make("button", { type: "button", disabled: true, onclick: act }, words);
     this.own = [own("Rename", () => this._rename()), own("Duplicate", () => this._own("duplicate")), own("Delete", () => this._delete())];
+    this.editing = [own("Edit", () => this._edit()), own("Undo", () => this.undo("undo")), own("Redo", () => this.undo("redo")), own("Export", () => this._export())];
     this.solve = make("button.main", { type: "button", onclick: () => this._solve() }, "Solve");
     this.play = make("button", { type: "button", onclick: () => this._play() }, "Play on array");
     this.drifted = warningBox("room-drift", make("button", { type: "button", onclick: () => this._play(true) }, "Correct phases"), make("button", { type: "button", onclick: () => this._solve() }, "Solve again"));
@@ -63,7 +64,7 @@ export default class Reproduce {
     this.view = make("p.quiet", { id: "in-view", role: "status" });
     this.form.append(...Object.values(this.inputs).map((input, i) => field(["Mode", "Mapping", "Solver", "Level", "Gain", "Height"][i], input)), this.view);
     const left = make("div.column.left", {},
-      Object.assign(panel("Takes", this.add, this.search, this.list, make("div.buttons", {}, ...this.own), file), { className: "panel grow" }),
+      Object.assign(panel("Takes", this.add, this.search, this.list, make("div.buttons", {}, ...this.own, ...this.editing), file), { className: "panel grow" }),
       panel("Settings", null, this.drives, this.form, this.drifted, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about));
     const box = (name) => make("div.box", { id: `box-${name}` });
     this.boxes = Object.fromEntries(["wanted", "played", "bar", "traces", "phase", "array", "spectrogram", "overview"].map((name) => [name, box(name)]));
@@ -102,6 +103,9 @@ export default class Reproduce {
     this.drifted.tell(drift(this.link, facts?.drive?.air_c));
     this.add.disabled = !controls;
     for (const button of this.own) { button.disabled = !controls || !row || row.sample; button.title = row?.sample ? "samples stay as they are" : ""; }
+    const [edit, undo, redo, out] = this.editing, edits = this.link.state.edits ?? {};
+    edit.disabled = out.disabled = !controls || !row || comes;
+    for (const [button, name] of [[undo, edits.undo], [redo, edits.redo]]) { button.disabled = !controls || !name; button.title = name ?? ""; }
     const solving = (this.link.state.jobs ?? []).find((job) => job.room === "reproduce" && ["runs", "waits"].includes(job.state) && this.take && job.title.endsWith(this.take.name));
     if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : comes ? "available in a moment" : "not solved yet: press Solve";
   }
@@ -144,11 +148,51 @@ export default class Reproduce {
     if (take) this.studio.go("reproduce", take);
   }
   _rename() {
-    const dialog = document.getElementById("replace"), name = make("input", { type: "text", value: shortly(takeOf(this.take.name)), maxLength: 100, required: true });
-    dialog.replaceChildren(make("h2", { id: "replace-title" }, `Rename ${shortly(takeOf(this.take.name))}`), make("form", { method: "dialog", onsubmit: () => this._own("rename", { name: name.value }) },
-      make("div", { id: "replace-words" }, field("New name", name)), make("div.buttons", {}, make("button.main", { type: "submit" }, "Rename"), make("button", { type: "button", onclick: () => dialog.close() }, "Cancel"))));
-    openModal(dialog, this.link);
+    const name = make("input", { type: "text", value: shortly(takeOf(this.take.name)), maxLength: 100, required: true });
+    this._ask(`Rename ${shortly(takeOf(this.take.name))}`, "", { name: ["New name", name] }, "Rename", (given) => this._own("rename", given));
     name.select();
+  }
+  /** A dialog with a form; `act` is called with the values of its inputs. */
+  _ask(title, words, inputs, button, act) {
+    const dialog = document.getElementById("replace");
+    dialog.replaceChildren(make("h2", { id: "replace-title" }, title), make("form", { method: "dialog", onsubmit: () => act(Object.fromEntries(Object.entries(inputs).map(([name, [, input]]) => [name, input.value]))) },
+      make("div.column", { id: "replace-words" }, make("p.quiet", {}, words), ...Object.values(inputs).map(([label, input]) => field(label, input))),
+      make("div.buttons", {}, make("button.main", { type: "submit" }, button), make("button", { type: "button", onclick: () => dialog.close() }, "Cancel"))));
+    openModal(dialog, this.link);
+  }
+  /** Edit a take: the result is another take, and the loop states the part. */
+  _edit() {
+    const { loop, rate, last } = this.transport, text = (value) => make("input", { type: "text", value, autocomplete: "off" }), seconds = (frame) => `${(frame / rate).toFixed(4).replace(/0+$/, "").replace(/\.$/, "")}s`;
+    const inputs = { edit: ["Edit", choice([["cut", "cut: keep a part"], ["trim", "trim silence at both ends"], ["gain", "gain"], ["fade", "fade in and out"]], "cut", () => fit())], start: ["", text("")], end: ["", text("")], by: ["By", text("6dB")] };
+    const fit = () => {
+      const what = inputs.edit[1].value, shown = { cut: ["start", "end"], fade: ["start", "end"], gain: ["by"], trim: [] }[what];
+      for (const name of ["start", "end", "by"]) inputs[name][1].closest(".field").hidden = !shown.includes(name);
+      for (const [name, words, value] of [["start", what === "fade" ? "Fade in" : "From", what === "fade" ? "50ms" : seconds(loop.from)], ["end", what === "fade" ? "Fade out" : "To", what === "fade" ? "50ms" : seconds(loop.to >= last ? last + 1 : loop.to)]]) { inputs[name][1].value = value; inputs[name][1].labels[0].textContent = words; }
+    };
+    this._ask(`Edit ${shortly(takeOf(this.take.name))}`, "The result is another take; this one stays as it is. Keys I and O choose the part to cut.", inputs, "Make the take", async (given) => {
+      const take = await tried(this.link.order("reproduce", "edit", { take: this.take.name, ...given }));
+      if (take) this.studio.go("reproduce", take);
+    });
+    fit();
+  }
+  async undo(which) {
+    if (!this.link.state.edits?.[which]) return;
+    const take = await tried(this.link.order("reproduce", which));
+    if (take) this.studio.go("reproduce", take);
+  }
+  _export() {
+    const row = this._row(this.take.name), of = [["", "the recording"], ...(row?.solved ? [["drive", "the drive"]] : []), ...(row?.played ? [["rerecorded", "the re-recording"]] : [])];
+    const WAVES = [[".html", "page with pictures"], [".gif", "film, GIF"], [".mp4", "film, MP4"], [".csv", "CSV"], [".wav", "WAV"], [".npz", "NumPy"], [".mat", "MATLAB"], [".nc", "NetCDF"], [".hjif", "MPEG haptics"], [".ahap", "AHAP"]], DRIVE = [...WAVES.slice(0, 3), [".npz", "NumPy: phases and levels"], [".json", "JSON: phases and levels"]];
+    const ending = choice(WAVES, ".html"), fit = (drive) => ending.replaceChildren(...(drive ? DRIVE : WAVES).map(([value, words]) => make("option", { value }, words)));
+    this._ask(`Export ${shortly(this.take.name)}`, "The file is written into the folder exports of this studio.", { of: ["Of", choice(of, "", ({ target }) => fit(target.value === "drive"))], ending: ["As", ending] }, "Export",
+      (given) => tried(this.link.order("reproduce", "export", { take: this.take.name, ...given })));
+  }
+  _exported(name) {
+    if (!name || name === this.out) return;
+    this.out = name;
+    const note = make("div.toast", {}, "written: ", make("a", { href: `/file/${encodeURI(name)}`, id: "exported", download: name.split("/").at(-1) }, name));
+    document.getElementById("toasts").append(note);
+    setTimeout(() => note.remove(), 20000);
   }
   async _delete() {
     const name = takeOf(this.take.name), folder = await tried(this.link.order("reproduce", "delete", { take: name }));
