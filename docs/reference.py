@@ -48,9 +48,7 @@ def exports(module):
 def directive(full, value):
     """Sphinx directive for one name."""
     if is_class(value):
-        # A class is indexed in its own module; the page of midair only shows it.
-        again = ["   :no-index:"] if full.count(".") == 1 else []
-        return [f".. autoclass:: {full}", "   :members:", *again, ""]
+        return [f".. autoclass:: {full}", "   :members:", ""]
     if inspect.isroutine(value):
         return [f".. autofunction:: {full}", ""]
     text = repr(value) if typing.get_origin(value) else type(value).__name__
@@ -68,11 +66,25 @@ def module_page(name, names):
     head = (inspect.getdoc(module) or "").splitlines()[0]
     shown = [each for each in names if is_class(getattr(module, each)) or inspect.isroutine(getattr(module, each))]
     lines = [name, "=" * len(name), "", head, "", f".. currentmodule:: {name}", ""]
-    lines += [".. autosummary::", "   :nosignatures:", ""]
-    lines += [*(f"   {each}" for each in shown), ""]
-    for each in names:
+    # The package itself only links its classes, each of which is described in the module that defines it.
+    linked = {each: home for each in shown if name == "midair" and (home := home_of(getattr(module, each), each))}
+    for each, home in linked.items():
+        first = (inspect.getdoc(getattr(module, each)) or "").splitlines()[0]
+        lines.append(f"- :py:class:`~{home}.{each}`: {first}")
+    lines += ["", ".. autosummary::", "   :nosignatures:", ""]
+    lines += [*(f"   {each}" for each in shown if each not in linked), ""]
+    for each in (each for each in names if each not in linked):
         lines += directive(f"{name}.{each}", getattr(module, each))
     return "\n".join(lines)
+
+
+def home_of(value, name):
+    """Public module below midair that documents a class; empty for another value."""
+    if not is_class(value):
+        return ""
+    parts = value.__module__.split(".")
+    homes = (".".join(parts[:count]) for count in range(2, len(parts) + 1))
+    return next((home for home in homes if getattr(importlib.import_module(home), name, None) is value), "")
 
 
 def declared_table(kind, typed=None):
@@ -133,10 +145,12 @@ def write(folder):
             "",
             f"{sum(map(len, found.values()))} public names, by module.",
             "",
-            ".. toctree::",
-            "   :maxdepth: 1",
-            "",
         ]
+        + [
+            f":doc:`{name}`\n   {(inspect.getdoc(importlib.import_module(name)) or '').splitlines()[0]}"
+            for name in found
+        ]
+        + ["", ".. toctree::", "   :hidden:", ""]
         + [f"   {name}" for name in found]
         + [""]
     )

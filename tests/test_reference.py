@@ -39,8 +39,23 @@ def test_every_public_name_of_every_module_is_documented(reference):
         documented = set(
             re.findall(rf"^\.\. (?:autoclass|autofunction|py:data):: {re.escape(name)}\.(\w+)$", page, re.MULTILINE)
         )
+        documented |= {each for _, each in re.findall(r"^- :py:class:`~([\w.]+)\.(\w+)`: \S", page, re.MULTILINE)}
         assert documented == set(names), name
         assert all(hasattr(module, each) for each in names), name
+
+
+def test_the_first_page_says_what_each_module_is_and_classes_are_links(reference, tmp_path, monkeypatch):
+    monkeypatch.setattr(reference, "command_page", str)
+    reference.write(tmp_path)
+    first = (tmp_path / "index.rst").read_text(encoding="utf-8")
+    for name in reference.modules():
+        assert re.search(rf"^:doc:`{re.escape(name)}`\n   \w.+", first, re.MULTILINE), name
+    page = (tmp_path / "midair.rst").read_text(encoding="utf-8")
+    assert ":py:class:`~midair.model.Recording`: " in page
+    assert ".. autoclass" not in page, "described once, in the module of the class"
+    assert "autoclass:: midair.model.Recording" in (tmp_path / "midair.model.rst").read_text(encoding="utf-8")
+    front = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    assert front.count("```{toctree}\n:hidden:") == front.count("{toctree}"), "the contents stand at the left only"
 
 
 def test_the_page_of_commands_has_every_command_and_its_help(reference):

@@ -5,12 +5,14 @@ import time
 
 import pytest
 from rich.console import Console
+from rich.progress import Task
 from rich.table import Table
 from tests.waiting import wait_until
 
 from midair.cli import app, run
 from midair.cli.console import (
     BusyBar,
+    PerSecond,
     PlainConsole,
     Verbosity,
     err,
@@ -66,6 +68,12 @@ def test_stages_of_any_name(capsys):
     with progress_bars() as begin:
         begin(HOSTILE)(1, 2)
     assert "\x1b]0" not in capsys.readouterr().err
+
+
+def test_finished_work_shows_its_mean_speed():
+    task = Task(1, "solve", 5200, 0, _get_time=lambda: 38.0)
+    task.start_time, task.completed, task.finished_time, task.finished_speed = 0.0, 5200, 38.0, 1301722.0
+    assert PerSecond("frames", 0).render(task).plain.split() == ["137", "frames/s"]
 
 
 def test_verbosity_flags_are_removed_at_any_position():

@@ -3,8 +3,8 @@ import json
 import numpy as np
 import pytest
 
-from midair.cli.output import as_recording, may_write, print_written
-from midair.errors import InputError
+from midair.cli.output import as_recording, may_write, print_written, reserved
+from midair.errors import DeviceStateError, InputError
 from midair.files import FormatLoss, load, load_pressure, save
 from midair.model import PressureFrames, Provenance, SensorGrid
 
@@ -21,6 +21,20 @@ def test_pressure_as_a_recording_in_pa():
     assert (recording.unit, recording.rate, recording.sensor) == ("Pa", 500.0, PRESSURE.sensor)
     assert recording.provenance == PRESSURE.provenance
     np.testing.assert_array_equal(recording.samples, PRESSURE.pressure)
+
+
+def test_a_second_program_is_refused_before_its_work(tmp_path, monkeypatch):
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+    with (
+        reserved(tmp_path / "a.drive.h5"),
+        reserved(tmp_path / "b.drive.h5"),
+        pytest.raises(DeviceStateError, match=r"another program computes this file; wait for it"),
+        reserved(tmp_path / "a.drive.h5"),
+    ):
+        pass
+    with reserved(tmp_path / "a.drive.h5"):
+        pass
+    assert list((tmp_path / "state").iterdir()) == []
 
 
 def test_midair_s_own_file_keeps_the_pressure(tmp_path):

@@ -17,12 +17,17 @@ def stored(monkeypatch, tmp_path):
     return tmp_path / "state" / "speeds.toml"
 
 
-def test_the_last_speed_of_a_kind_gives_the_estimate(stored):
+def test_the_last_speeds_of_a_kind_give_a_range(monkeypatch, stored):
     assert "no time estimate" in estimate_text("solve exact", 3000)
-    remember_speed("solve exact", 100, 1.0)
+    monkeypatch.setattr("os.getloadavg", lambda: (0.5, 0, 0))
     remember_speed("solve exact", 100, 10.0)
     remember_speed("play", 100, 1.0)
-    assert estimate_text("solve exact", 3000) == "this takes about 5 min, by the speed of the last run on this machine"
+    assert estimate_text("solve exact", 3000) == "this takes about 5 min, by the last run on this machine"
+    for seconds in (1.0, 20.0, 10.0, 10.0, 10.0, 15.0):
+        remember_speed("solve exact", 100, seconds)
+    assert estimate_text("solve exact", 3000) == "this takes 5 min to 10 min, by the last 5 runs on this machine"
+    monkeypatch.setattr("os.getloadavg", lambda: (1000.0, 0, 0))
+    assert estimate_text("solve exact", 3000).endswith("; longer now, since other programs use the processors")
     assert estimate_text("solve exact", 30) == ""
     assert "no time estimate" in estimate_text("solve glide", 3000)
 
@@ -42,7 +47,9 @@ def test_durations_are_printed_in_two_digits(seconds, words):
 
 def test_a_file_that_cannot_be_read_or_written_is_ignored(monkeypatch, stored):
     remember_speed("play", 3000, 10.0)
-    assert tomllib.loads(stored.read_text()) == {"play": 300.0}
+    assert tomllib.loads(stored.read_text()) == {"play": [300.0]}
+    stored.write_text("play = 30.0")
+    assert "about 1.7 min" in estimate_text("play", 3000), "one number, as early versions stored"
     stored.write_text("rates = [")
     assert "no time estimate" in estimate_text("play", 3000)
     monkeypatch.setenv("MIDAIR_STATE", str(stored))
@@ -54,7 +61,7 @@ def test_finished_work_gives_the_next_estimate(monkeypatch, capsys, stored):
     with progress_bars("solve exact", 3000) as stage:
         stage("solve, pass 1")(3000, 3000)
     assert "no time estimate yet" in capsys.readouterr().err
-    rate = tomllib.loads(stored.read_text())["solve exact"]
+    rate = tomllib.loads(stored.read_text())["solve exact"][-1]
     with progress_bars("solve exact", round(40 * rate)):
         pass
     assert "this takes about 40 s" in capsys.readouterr().err

@@ -16,6 +16,7 @@ def test_traces_have_a_panel_a_channel_on_one_scale(tones, check_figure, simulat
     assert len({axis.get_ylim() for axis in figure.axes}) == 1
     original, reproduced = figure.axes[2].lines
     assert np.ptp(original.get_ydata()) > 1.5 * np.ptp(reproduced.get_ydata())
+    assert original.get_linewidth() > 2 * reproduced.get_linewidth(), "not covered by the line in front of it"
 
 
 def test_traces_alone_have_one_line(tones, check_figure):
@@ -30,8 +31,14 @@ def test_spectra_are_of_positive_pressure_in_db(tones, check_figure):
     strong, weak = (line.get_xydata() for line in figure.axes[0].lines)
     at = np.argmin(np.abs(strong[:, 0] - 100))
     assert strong[at, 1] == strong[:, 1].max()
+    assert figure.axes[0].lines[0].get_linewidth() > 2 * figure.axes[0].lines[1].get_linewidth()
     # a tenth of the tone: 20 dB less, but for the share that 1 Pa at 300 Hz has in the rectified wave
     assert strong[at, 1] - weak[at, 1] == pytest.approx(20, abs=3)
+
+
+def test_spectra_end_with_the_last_frequency_in_the_picture(tones):
+    figure = spectra_figure([("a", tones()), ("b", tones(0.1))], channels=(2,), rectified=False)
+    assert 300 < figure.axes[0].get_xlim()[1] < 350 < figure.axes[0].lines[0].get_xdata()[-1]
 
 
 @pytest.mark.parametrize("simulated", [True, False])

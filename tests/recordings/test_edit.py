@@ -18,6 +18,30 @@ def noise(frames=200, rate=1000.0, **says):
     return Recording(samples=samples, rate=rate, provenance=life, **says)
 
 
+@pytest.mark.parametrize("lazy", [False, True])
+def test_a_fade_begins_and_ends_at_rest_and_keeps_the_middle(lazy):
+    whole = noise(200)
+    source = (
+        replace(whole, samples=LazyFrames(lambda first, last: whole.samples[first:last], whole.samples.shape))
+        if lazy
+        else whole
+    )
+    made = edit.fade(source, 0.05, 0.02)
+    rest = np.median(whole.samples, axis=0)
+    samples = np.asarray(made.samples)
+    np.testing.assert_array_equal(samples[50:180], whole.samples[50:180])
+    away = np.abs((samples - rest) / (whole.samples - rest)).reshape(200, -1)
+    assert away[0].max() < 0.001
+    assert (np.diff(away[:50], axis=0) > 0).all()
+    assert away[24:26].mean() == pytest.approx(0.5, abs=0.02)
+    assert away[-1].max() < 0.01
+    assert made.provenance.steps[-1].settings == {"start_s": 0.05, "end_s": 0.02}
+    np.testing.assert_array_equal(edit.fade(whole, 0, 0).samples, whole.samples)
+    for start, end in ((0.15, 0.06), (-0.1, 0), (0, np.inf)):
+        with pytest.raises(InputError, match="fade: expected two times"):
+            edit.fade(whole, start, end)
+
+
 @given(frames=st.integers(2, 60), place=st.floats(0.05, 0.95), rate=st.sampled_from([1000.0, 1000 / 3, 35.61, 7.0]))
 def test_cut_and_join_again_give_the_same(frames, place, rate):
     whole = noise(frames, rate)

@@ -176,7 +176,14 @@ def test_the_field_is_marked_as_simulated():
 def test_refuses_invalid_footprints():
     with pytest.raises(ShapeError, match="one channel, got 16"):
         footprint_field(Recording(samples=np.ones((5, 4, 4)), rate=10, provenance=Provenance()), Footprint())
-    for says in ({"shape": "star"}, {"path": "z"}, {"turn": "left"}, {"size": 0.0}, {"speed": np.nan}):
+    for says in (
+        {"shape": "star"},
+        {"path": "z"},
+        {"turn": "left"},
+        {"size": 0.0},
+        {"speed": np.nan},
+        {"speed": -50.0},
+    ):
         with pytest.raises(InputError, match="footprint"):
             Footprint(**says)
 

@@ -13,7 +13,7 @@ from tests.waiting import wait_until
 
 from midair.datasets import stroke
 from midair.errors import DeviceStateError, StoppedError
-from midair.files import save
+from midair.files import load, save
 from midair.model import Medium, Provenance, Recording
 from midair.studio import Studio, StudioPlan
 from midair.studio.panels.play_panel import CheckExposure, PlayNow
@@ -163,11 +163,69 @@ def test_drive_and_re_recording_are_replaced_only_with_consent(studio, talk):
     assert anew["replaces"] != asks["replaces"]
     assert studio.jobs.unfinished() == []
     assert (drive.read_bytes(), again.read_bytes()) == (before, b"played")
-    assert solve(replaces=anew["replaces"]) == {"job": 1}
+    assert solve(replaces=anew["replaces"]) == {"job": 1, "take": "towel.h5"}
     wait_until(lambda: not studio.jobs.unfinished(), 120)
     assert drive.read_bytes() != before
     assert not again.exists()
     assert not studio.takes.comparison_path("towel.h5").exists(), "the comparison was with the drive before"
+
+
+@pytest.mark.long
+def test_each_mode_of_a_take_has_a_drive_of_its_own(studio, talk):
+    folder, drive = studio.folder.path, studio.folder.path / "towel.drive.h5"
+    order = SolveRequest(take=str(folder / "towel.h5"), drive=str(drive), choices=(("method", "naive"),))
+    solve_take(order, lambda *_: None)
+
+    def solve(take="towel.h5", **given):
+        answer = talk.order("reproduce", "solve", take=take, **given)["ok"]
+        for job in studio.jobs.unfinished():
+            studio.jobs.cancel(job.number)
+        return answer.get("take") or answer["asks"]["files"]
+
+    assert solve(mode="paper") == ["towel.drive.h5"], "asked, since its settings are those of the mode"
+    assert solve(mode="paper", beside=True) == "towel.h5@paper"
+    assert solve(mode="quick") == "towel.h5@quick"
+    for name in ("towel.quick.drive.h5", "towel.paper.drive.h5"):
+        (folder / name).write_bytes(drive.read_bytes())
+    assert solve(mode="quick") == ["towel.quick.drive.h5"]
+    assert solve("towel.h5@paper", mode="paper") == ["towel.paper.drive.h5"], "the drive in view, if it has the mode"
+    assert solve(mode="paper", beside=True) == "towel.h5@paper-2"
+    found = talk.order("reproduce", "drives", take="towel.h5@quick")["ok"]
+    assert [(each["name"], each["mode"]) for each in found] == [
+        ("towel.h5", "paper"), ("towel.h5@paper", "paper"), ("towel.h5@quick", "quick")
+    ]  # fmt: skip
+    assert talk.order("reproduce", "open", take="towel.h5@quick")["ok"]["drive"]["settings"]["method"] == "naive"
+
+
+@pytest.mark.long
+def test_edits_make_takes_and_are_undone_and_redone(studio, talk):
+    folder = studio.folder.path
+    before = (folder / "towel.h5").read_bytes()
+
+    def order(what, **given):
+        answer = talk.order("reproduce", what, **given)
+        return answer.get("ok") or answer["error"]
+
+    assert "expected an edit" in order("undo")
+    assert order("edit", take="towel.h5", edit="cut", start="0.05s", end="0.15 s") == "towel-01.h5"
+    assert order("edit", take="towel-01.h5", edit="gain", by="6dB") == "towel-02.h5"
+    made = load(folder / "towel-02.h5")
+    assert [step.stage for step in made.provenance.steps][-2:] == ["cut", "gain"]
+    assert made.duration == pytest.approx(0.1)
+    assert (folder / "towel.h5").read_bytes() == before, "the original stays as it is"
+    assert [order("undo"), order("undo"), order("redo"), order("undo")] == [
+        "towel-01.h5", "towel.h5", "towel-01.h5", "towel.h5"
+    ]  # fmt: skip
+    assert [path.name for path in folder.glob("towel*.h5")] == ["towel.h5"]
+    assert [order("redo"), order("redo")] == ["towel-01.h5", "towel-02.h5"]
+    assert load(folder / "towel-02.h5").provenance == made.provenance
+    assert studio.store.state["edits"] == {"undo": "towel-02.h5", "redo": ""}
+    assert "expected this file, found none; solve first" in order("export", take="towel.h5", of="drive", ending=".npz")
+    (folder / "exports").mkdir(exist_ok=True)
+    (folder / "exports" / "towel-01.csv").write_text("kept")
+    order("export", take="towel-01.h5", ending=".csv")
+    wait_until(lambda: studio.store.state["exported"] == "exports/towel-01-2.csv", 120)
+    assert (folder / "exports" / "towel-01.csv").read_text() == "kept"
 
 
 def test_code_shows_the_mode_and_the_chosen_settings(talk):

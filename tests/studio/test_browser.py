@@ -17,9 +17,9 @@ import soundfile
 from axe_playwright_python.sync_playwright import Axe
 from tests.palms import palm_path
 
-from midair.files import load, save, save_palm_path
+from midair.files import load, load_solution, save, save_palm_path
 from midair.model import Recording
-from midair.rig import record
+from midair.rig import play, record
 from midair.studio.work import SolveRequest, solve_take
 
 pytestmark = pytest.mark.browser
@@ -378,6 +378,125 @@ def test_solve_asks_before_it_replaces_a_drive(with_takes, look):
     page.until("studio.room.take?.facts.drive?.settings.method === 'live'", timeout=120)
     assert not again.exists()
     assert page.page.locator("#in-view").inner_text() == "Drive in view: paper, live, 1000 Hz, gain 1.5, height 190mm."
+    assert page.wrong == []
+
+
+def test_a_take_is_cut_by_its_loop_undone_redone_and_exported(with_takes, look):
+    page = look(with_takes, reduced_motion="reduce")
+    opened(page, "bare.h5")
+    page.page.locator("#main").focus()
+    for frame, key in ((50, "i"), (150, "o")):
+        page.page.evaluate("frame => studio.room.transport.seek(frame)", frame)
+        page.page.keyboard.press(key)
+    page.page.get_by_role("button", name="Edit", exact=True).click()
+    page.until("document.querySelector('#replace').open")
+    assert [page.page.get_by_label(name, exact=True).input_value() for name in ("From", "To")] == ["0.05s", "0.15s"]
+    found = Axe().run(page.page).response["violations"]
+    assert [each for each in found if each["impact"] in ("serious", "critical")] == []
+    page.page.get_by_role("button", name="Make the take").click()
+    page.until("studio.room.take?.name === 'bare-01.h5' && studio.room.take.facts.frames === 100")
+    page.page.locator("#main").focus()
+    page.page.keyboard.press("Control+z")
+    page.until("studio.room.take?.name === 'bare.h5'")
+    assert not (with_takes.folder / "bare-01.h5").exists()
+    page.page.keyboard.press("Control+Shift+z")
+    page.until("studio.room.take?.name === 'bare-01.h5'")
+    page.page.get_by_role("button", name="Export").click()
+    page.page.get_by_label("As", exact=True).select_option(".csv")
+    page.page.locator("#replace").get_by_role("button", name="Export").click()
+    page.until("!!document.querySelector('#exported')")
+    assert (with_takes.folder / "exports" / "bare-01.csv").exists()
+    assert page.wrong == []
+
+
+def test_two_drives_are_compared_side_by_side_and_heard(studio_at, look):
+    studio = studio_at()
+    record("virtual:towel", 0.1, path=studio.folder / "a.h5")
+    for label, gain in (("", 1.0), (".best", 0.5)):
+        drive = studio.folder / f"a{label}.drive.h5"
+        choices = (("method", "naive"), ("gain", gain))
+        solve_take(SolveRequest(take=str(studio.folder / "a.h5"), drive=str(drive), choices=choices), lambda *_: None)
+        heard = play(load_solution(drive), "virtual").take
+        save(heard.recording, studio.folder / f"a{label}.rerecorded.h5", calibration=heard.calibration)
+    page = look(studio, reduced_motion="reduce")
+    for name in ("a.h5", "a.h5@best"):
+        page.page.evaluate("take => studio.link.order('compare', 'compare', {take})", name)
+    page.until("Object.keys(studio.link.state.comparisons ?? {}).length === 2", timeout=120)
+    page.go("#compare/a.h5")
+    page.until("studio.room.transport && document.querySelectorAll('#side-by-side th').length > 2")
+    heads = page.page.locator("#side-by-side thead th").all_inner_texts()
+    assert heads == ["", "first", "best"]
+    page.page.evaluate("studio.room.transport.seek(33)")
+    page.page.locator("#main").focus()
+    page.page.keyboard.press("b")
+    page.until("studio.room.name === 'a.h5@best' && studio.room.transport?.frame === 33")
+    assert page.page.locator("#side-by-side thead strong").inner_text() == "best"
+    sound = (
+        """fetch(studio.room.sounds.again.src).then(answer => [answer.status, answer.headers.get('content-type')])"""
+    )
+    assert page.page.evaluate(sound) == [200, "audio/wav"]
+    assert "a.h5%40best" in page.page.evaluate("studio.room.sounds.again.src")
+    page.page.evaluate("studio.room.sounds.original.preload = 'metadata'; studio.room.sounds.original.load()")
+    page.until("studio.room.sounds.original.duration > 0.09")
+    found = Axe().run(page.page).response["violations"]
+    assert [each for each in found if each["impact"] in ("serious", "critical")] == []
+    assert page.wrong == []
+
+
+@pytest.mark.parametrize(("width", "height", "fixed"), [(390, 800, 190), (700, 450, 165)])
+def test_small_screens_show_pictures_first_and_scroll_one_way(studio_at, look, width, height, fixed):
+    """A telephone, and a page at 200 % zoom."""
+    page = look(studio_at(), viewport={"width": width, "height": height}, reduced_motion="reduce")
+    shown(page)
+    bars = "document.querySelector('body > header').offsetHeight + document.querySelector('#transport').offsetHeight"
+    assert page.page.evaluate(bars) <= fixed, "height of the parts that stay"
+    assert page.page.locator("#box-wanted").bounding_box()["y"] < 0.4 * height
+    page.go("#live")
+    page.until("studio.name === 'live' && !!document.querySelector('#live-keep')")
+    assert page.page.locator("#live-keep").bounding_box()["height"] < 45, "one line"
+    for room in ("record", "calibrate", "compare", "study", "live"):
+        page.go(f"#{room}")
+        page.until(f"studio.name === {room!r}")
+        page.page.wait_for_timeout(300)
+        wide = "[document.querySelector('#main').scrollWidth, document.documentElement.scrollWidth]"
+        assert max(page.page.evaluate(wide)) <= width, room
+    page.go("#record")
+    page.until("document.querySelectorAll('.meter').length === 16 && !!studio.link.state.levels")
+    over = "[...document.querySelectorAll('.meter')].filter(one => one.scrollWidth > one.clientWidth).length"
+    heights = "new Set([...document.querySelectorAll('.meter')].map(one => one.offsetHeight)).size"
+    assert page.page.evaluate(f"[{over}, {heights}]") == [0, 1], "numbers stay in their boxes, rows of one height"
+    assert "rms in V" in page.page.locator("section[aria-label='Level of each cell']").inner_text()
+    assert page.wrong == []
+
+
+def test_key_b_shows_the_other_drive_and_a_mode_has_its_own(with_takes, look):
+    files = {"take": str(with_takes.folder / "solved.h5"), "drive": str(with_takes.folder / "solved.best.drive.h5")}
+    solve_take(SolveRequest(**files, choices=(("method", "naive"),)), lambda *_: None)
+    before = (with_takes.folder / "solved.drive.h5").read_bytes()
+    page = look(with_takes, reduced_motion="reduce")
+    opened(page, "solved.h5")
+    page.until("document.querySelectorAll('#drives button').length === 2")
+    assert page.page.locator(".takes li").count() == len(page.page.evaluate("studio.link.state.takes"))
+    page.page.evaluate("studio.room.transport.seek(77)")
+    page.page.locator("#main").focus()
+    page.page.keyboard.press("b")
+    page.until("studio.room.take?.name === 'solved.h5@best'")
+    assert "paper, naive" in page.page.locator("#in-view").inner_text()
+    assert page.page.evaluate("studio.room.transport.frame") == 77
+    assert "#reproduce/solved.h5@best" in page.page.url
+    assert page.page.locator("#drives [aria-pressed=true]").inner_text().startswith("best E ")
+    page.page.keyboard.press("b")
+    page.until("studio.room.take?.name === 'solved.h5'")
+    page.until("studio.room.played.peak?.value > 0")
+    page.page.get_by_label("Solver").select_option("live")
+    page.page.get_by_role("button", name="Solve", exact=True).click()
+    page.page.get_by_role("button", name="Keep both").click()
+    page.until("studio.room.take?.name === 'solved.h5@paper' && !!studio.room.take.facts.drive", timeout=120)
+    assert "paper, live" in page.page.locator("#in-view").inner_text()
+    assert (with_takes.folder / "solved.drive.h5").read_bytes() == before
+    page.until("document.querySelectorAll('#drives button').length === 3")
+    found = Axe().run(page.page).response["violations"]
+    assert [each for each in found if each["impact"] in ("serious", "critical")] == []
     assert page.wrong == []
 
 

@@ -57,6 +57,10 @@ def test_freeze_slow_motion_and_keep(feeling):
     assert "not for tapping" in page.page.locator("#main").inner_text()
     said = page.page.locator(".parts").get_attribute("aria-label")
     assert said.startswith("From touch to sound 13.0 ms: filter 6.0, work and sending")
+    assert page.page.locator(".named").inner_text().startswith("filter 6.0 + work "), "a name for each part"
+    page.page.locator("#live-end").wait_for()
+    page.page.get_by_label("Loudness").fill("60")
+    assert page.page.locator("#loud").inner_text() == "60 %"
     page.until("studio.room.track.last > 1500")
     page.page.locator("#main").focus()
     press("Space")

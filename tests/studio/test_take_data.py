@@ -1,5 +1,8 @@
+import io
+
 import numpy as np
 import pytest
+import soundfile
 
 from midair.datasets import stroke
 from midair.errors import InputError
@@ -8,7 +11,7 @@ from midair.model import ControlGrid, Provenance, Recording, TransducerArray
 from midair.physics import propagate
 from midair.pipeline import calibrated_pressure, reproduce, required_lead
 from midair.settings import MODES, Settings
-from midair.studio.take_data import TakeData, describe_settings, facts, frames_of, made_with
+from midair.studio.take_data import LOUDNESS, TakeData, describe_settings, facts, frames_of, made_with, sound_of
 from midair.targets import add_lead
 from midair.view import Kind, unpack
 
@@ -99,9 +102,24 @@ def test_settings_are_described_as_options_and_python(settings, options):
 
 def test_settings_of_a_drive_in_one_line(scene, tmp_path):
     scene, *_ = scene
-    assert made_with(scene.drive) == "made with paper, naive, 1000 Hz, mapping slow-bias, level auto"
     (tmp_path / "a.drive.h5").write_bytes(b"no drive")
-    assert made_with(str(tmp_path / "a.drive.h5")) == "a file that cannot be read"
+    made, broken = made_with((scene.drive, str(tmp_path / "a.drive.h5")))
+    assert (made["mode"], made["made"]) == ("paper", "made with paper, naive, 1000 Hz, mapping slow-bias, level auto")
+    assert 0 < made["error"] < 1
+    assert broken == {"mode": "", "made": "a file that cannot be read"}
+
+
+def test_sound_is_the_sum_of_the_cells_at_one_level(scene, tmp_path):
+    kept, time = tmp_path / "kept.npz", np.arange(1000) / 1000
+    wave = np.sin(2 * np.pi * 100 * time)[:, None, None] * np.ones((1, 2, 2))
+    np.savez(kept, rate=1000.0, original=7.0 + wave, again=0.01 * wave)
+    data = TakeData(take=scene[0].take, comparison=str(kept))
+    original, again = (soundfile.read(io.BytesIO(sound_of((data, stream)))) for stream in ("original", "again"))
+    assert (original[1], len(original[0])) == (48000, 48000)
+    np.testing.assert_allclose(original[0], again[0], atol=1e-4)
+    assert original[0][5000:-5000].std() == pytest.approx(LOUDNESS, rel=0.01)
+    with pytest.raises(InputError, match="play and compare it first"):
+        sound_of((scene[0], "again"))
 
 
 def test_unsolved_take_shows_its_future_target(scene):

@@ -157,7 +157,9 @@ class PerSecond(ProgressColumn):
 
     def render(self, task: Task) -> Text:
         """Items per second, once known."""
-        speed = task.finished_speed or task.speed
+        # At the end the mean over the whole work: the last seconds may be a burst.
+        whole = task.completed / task.elapsed if task.finished and task.elapsed else None
+        speed = whole or task.speed
         return Text("" if speed is None else f"{speed:6.{self._digits}f} {self._items}/s", style="cyan")
 
 

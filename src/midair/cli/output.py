@@ -1,6 +1,8 @@
 """Output of the commands: writing recordings, rows and JSON values of recordings, calibrations and drives."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,14 @@ from midair.cli.console import banner, out, print_json, print_note, print_rows
 from midair.cli.quantities import format_quantity
 from midair.errors import InputError
 from midair.evaluate import SolveError, error_by_energy
-from midair.files import FormatLoss, check_not_recording, load_solution, load_target, writable_path
+from midair.files import (
+    FormatLoss,
+    check_not_recording,
+    load_solution,
+    load_target,
+    lock_or_raise,
+    writable_path,
+)
 from midair.headroom import PressureLevel, band_of, level_of
 from midair.model import AmplitudeFrames, ArrayCalibration, Calibration, PressureFrames, Recording, SensorGrid, Solution
 from midair.recordings import dead_channels
@@ -66,6 +75,22 @@ def may_write(path: Path, force: bool, *endings: str) -> None:
     if path.exists() and not force:
         raise InputError(f"{path}: already exists; give another name, or --force to overwrite it")
     check_not_recording(path)
+
+
+@contextmanager
+def reserved(path: Path) -> Generator[None]:
+    """Reserve an output for this program; a second one that computes it is refused before its work."""
+    from midair.devices import state_folder
+
+    folder = state_folder()
+    lock = folder / f"writing-{sha256(str(path.resolve()).encode()).hexdigest()[:16]}.lock"
+    with ExitStack() as held:
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            handle = held.enter_context(lock.open("w"))
+            lock_or_raise(handle.fileno(), f"{path}: another program computes this file; wait for it, or name another")
+            held.callback(lock.unlink, missing_ok=True)
+        yield
 
 
 def recording_rows(recording: Recording) -> list[tuple[str, str]]:

@@ -1,5 +1,6 @@
-"""Time estimates from the speed of the last run of the same kind on this machine."""
+"""Time estimates from the speeds of the last runs of the same kind on this machine."""
 
+import os
 import tomllib
 from contextlib import suppress
 from pathlib import Path
@@ -17,14 +18,21 @@ MEASURED = 0.5
 """Work shorter than this does not update the stored speed, in s."""
 
 
+KEPT = 5
+"""Number of runs whose speed is stored."""
+
+
 def estimate_text(kind: str, frames: int) -> str:
     """Line to print before work of a kind, such as ``solve glide windows 256 points``; empty for short work."""
-    speed = _speeds().get(kind)
-    if speed is None:
+    speeds = _speeds().get(kind)
+    if not speeds:
         return "no time estimate yet on this machine; the progress bar shows the time left"
-    if frames / speed < LONG:
+    short, long = (duration_text(frames / speed) for speed in (max(speeds), min(speeds)))
+    if frames / min(speeds) < LONG:
         return ""
-    return f"this takes about {duration_text(frames / speed)}, by the speed of the last run on this machine"
+    how = f"about {long}, by the last run" if short == long else f"{short} to {long}, by the last {len(speeds)} runs"
+    busy = os.getloadavg()[0] > (os.cpu_count() or 1) if hasattr(os, "getloadavg") else False
+    return f"this takes {how} on this machine{'; longer now, since other programs use the processors' if busy else ''}"
 
 
 def is_speed_known(kind: str) -> bool:
@@ -40,7 +48,8 @@ def remember_speed(kind: str, frames: int, seconds: float) -> None:
 
     if not frames or seconds < MEASURED:
         return
-    speeds = {**_speeds(), kind: float(f"{frames / seconds:.4g}")}
+    known = _speeds()
+    speeds = {**known, kind: [*known.get(kind, []), float(f"{frames / seconds:.4g}")][-KEPT:]}
     with suppress(OSError, FileError):
         path = _file()
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -66,11 +75,13 @@ def duration_text(seconds: float) -> str:
     return f"{seconds / 3600:.2g} h"
 
 
-def _speeds() -> dict[str, float]:
-    """Frames per second of each kind of work; none if the file cannot be read."""
+def _speeds() -> dict[str, list[float]]:
+    """Frames per second of the last runs of each kind of work; none if the file cannot be read."""
     with suppress(OSError, ValueError):
         stored = tomllib.loads(_file().read_text(encoding="utf-8"))
-        return {kind: float(rate) for kind, rate in stored.items() if isinstance(rate, int | float) and rate > 0}
+        # Early versions stored one number.
+        runs = {kind: rates if isinstance(rates, list) else [rates] for kind, rates in stored.items()}
+        return {kind: [float(rate) for rate in rates if float(rate) > 0] for kind, rates in runs.items()}
     return {}
 
 

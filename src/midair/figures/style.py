@@ -74,6 +74,8 @@ class Picture:
     title: str
     caption: str = ""
     data: bytes
+    lines: bool = False
+    """Curves on white, which a dark page shows on black; colour maps stay as they are."""
 
     @property
     def source(self) -> str:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def traces_figure(original: PressureFrames, reproduced: PressureFrames | None = None) -> Figure:
-    """Draw the pressure of every channel on one scale, laid out like the cells; the reproduction is in front."""
+    """Draw the pressure of every channel on one scale, laid out like the cells; the original is the wide line."""
     rows, columns = original.sensor.shape
     simulated = original.provenance.simulated or (reproduced is not None and reproduced.provenance.simulated)
     figure = new_figure(2.5 * columns, 1.35 * rows + 0.6, simulated=simulated)
@@ -26,17 +26,16 @@ def traces_figure(original: PressureFrames, reproduced: PressureFrames | None = 
     for channel, axis in enumerate(axes.ravel()):
         row, column = divmod(channel, columns)
         plain_axes(axis)
-        axis.plot(
-            original.time, original.pressure[:, row, column], color=STYLE.original, linewidth=0.7, label="original"
-        )
+        # The wide line of the original is seen on both sides of the reproduction.
+        wide = {"color": STYLE.original, "linewidth": 0.7 if reproduced is None else 2.0}
+        axis.plot(original.time, original.pressure[:, row, column], label="original", **wide)
         if reproduced is not None:
             shown = reproduced.pressure[: original.frames, row, column]
             axis.plot(
                 reproduced.time[: len(shown)],
                 shown,
                 color=STYLE.reproduced,
-                linewidth=0.7,
-                alpha=0.85,
+                linewidth=0.6,
                 label="re-recorded",
             )
         axis.set_title(f"channel {channel}", fontsize=8, color=STYLE.ink, loc="left", pad=2)
@@ -64,20 +63,23 @@ def spectra_figure(
     simulated = any(frames.provenance.simulated for _, frames in series)
     figure = new_figure(2.7 * len(channels), 2.9, simulated=simulated)
     axes = figure.subplots(1, len(channels), sharex=True, sharey=True, squeeze=False)[0]
-    top = -np.inf
+    top, levels = -np.inf, list[tuple[Array, Array]]()
     for axis, channel in zip(axes, channels, strict=True):
         plain_axes(axis)
-        for (name, frames), colour in zip(series, colours, strict=False):
+        for (name, frames), colour, width in zip(series, colours, (2.0, 0.7, 0.7), strict=False):
             row, column = divmod(channel, frames.sensor.columns)
             pressure = frames.pressure[:, row, column]
             frequency, density = welch(np.maximum(pressure, 0) if rectified else pressure, frames.rate)
             # 0 Hz is left out: it is no vibration.
             level = 10 * np.log10(np.maximum(density[1:], 1e-12))
             top = max(top, float(level.max()))
-            axis.plot(frequency[1:], level, color=colour, linewidth=0.9, label=name)
+            levels.append((frequency[1:], level))
+            axis.plot(frequency[1:], level, color=colour, linewidth=width, label=name)
         axis.set_title(f"channel {channel}", fontsize=8, color=STYLE.ink, loc="left")
         axis.margins(x=0)
     axes[0].set_ylim(top - 60, top + 5)
+    # Up to the last frequency that is in the picture.
+    axes[0].set_xlim(0, max(frequency[level > top - 60].max(initial=1) for frequency, level in levels))
     figure.supxlabel("frequency (Hz)", fontsize=9)
     axes[0].set_ylabel("power density (dB re 1 Pa²/Hz)", fontsize=8)
     handles, labels = axes[0].get_legend_handles_labels()

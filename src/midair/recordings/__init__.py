@@ -2,6 +2,7 @@
 
 from .edit import Fill as Fill
 from .edit import cut as cut
+from .edit import fade as fade
 from .edit import gain as gain
 from .edit import join as join
 from .edit import mask as mask

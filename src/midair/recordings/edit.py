@@ -1,4 +1,4 @@
-"""Cut, join, resample, trim, scale and mask recordings; each function adds a step to the provenance."""
+"""Cut, join, resample, trim, scale, fade and mask recordings; each function adds a step to the provenance."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -11,7 +11,7 @@ from midair import dsp
 from midair.array_types import Array
 from midair.errors import InputError, MismatchError, ShapeError
 from midair.model import Provenance, Recording, Setting, Step
-from midair.streaming import LazyFrames, blocks, concatenate_lazy, each_frame, medians, moments
+from midair.streaming import LazyFrames, blocks, concatenate_lazy, each_frame, medians, moments, read_frames
 from midair.validation import frozen_array, positive
 
 Fill = Literal["zero", "neighbours"]
@@ -119,6 +119,27 @@ def gain(recording: Recording, factor: ArrayLike) -> Recording:
     two = np.abs(np.frexp(factors)[0]) == 0.5
     samples = each_frame(recording.samples, lambda block: block * factors, exact=bool(two.all()))
     return replace(recording, samples=samples, provenance=recording.provenance.then("gain", {"factor": setting}))
+
+
+def fade(recording: Recording, start: float = 0.05, end: float = 0.05) -> Recording:
+    """Fade in from and out to the median of each channel, over `start` and `end` seconds, along half a cosine.
+
+    Raises InputError if a fade is negative, or both are longer than the recording.
+    """
+    first, last = (round(time * recording.rate) if np.isfinite(time) else -1 for time in (start, end))
+    if min(first, last) < 0 or first + last > recording.frames:
+        raise InputError(
+            f"fade: expected two times of 0 s or more within {recording.duration:g} s, got {start:g} and {end:g} s"
+        )
+    rest, frames = medians(recording.samples), recording.frames
+
+    def faded(begin: int, count: int, way: int) -> Array:
+        ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / max(count, 1))[::way, None, None]
+        return rest + ramp * (read_frames(recording.samples, begin, begin + count) - rest)
+
+    parts = [faded(0, first, 1), recording.samples[first : frames - last], faded(frames - last, last, -1)]
+    provenance = recording.provenance.then("fade", {"start_s": float(start), "end_s": float(end)})
+    return replace(recording, samples=concatenate_lazy([each for each in parts if len(each)]), provenance=provenance)
 
 
 def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") -> Recording:

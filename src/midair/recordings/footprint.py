@@ -31,6 +31,9 @@ Path = Literal["x", "y", "diagonal"]
 Turn = Literal["stop", "back", "again"]
 """After the footprint has left the sensor it stops, moves back, or starts again from the first side."""
 
+FASTEST = 10.0
+"""Greatest speed of a footprint in m/s, far above that of a hand."""
+
 _DIRECTION = {"x": (1.0, 0.0), "y": (0.0, 1.0), "diagonal": (np.sqrt(0.5), np.sqrt(0.5))}
 _BLOCK = 1 << 16  # frames per block, to bound the memory
 
@@ -56,6 +59,10 @@ class Footprint:
         positive(self.size, "size of the footprint", "m")
         if not np.isfinite(self.speed):
             raise InputError(f"speed of the footprint: expected a finite number in m/s, got {self.speed:g}")
+        if abs(self.speed) > FASTEST:
+            raise InputError(
+                f"speed of the footprint: expected at most {FASTEST:g} m/s, got {self.speed:g} m/s; give mm/s"
+            )
 
     def reach(self, sensor: SensorGrid) -> float:
         """Distance from the centre of the sensor at which the footprint no longer touches it, in m."""

@@ -25,7 +25,7 @@ from midair.studio.panels import PANELS, Panel, PanelContext, PlayPanel
 from midair.studio.request_guard import NAMES, LoginTokens, RequestGuard
 from midair.studio.room_air import RoomAir
 from midair.studio.studio_state import LARGEST_ORDER, Page, StudioState
-from midair.studio.take_data import frames_of
+from midair.studio.take_data import frames_of, sound_of
 from midair.studio.takes_list import TakesList
 from midair.studio.web_files import WebFiles
 from midair.studio.work import methods_of_modes, warm_up
@@ -144,6 +144,7 @@ class Studio:
             Route("/web/{name}", self._web),
             Route("/colours/{name}", self._colours),
             Route("/frames/{stream}/{second:int}", self._frames),
+            Route("/sound/{stream}", self._sound),
             Route("/file/{name:path}", self._file),
             Route("/upload", self._upload, methods=["POST"]),
             WebSocketRoute("/socket", self._socket),
@@ -205,6 +206,17 @@ class Studio:
         except MidairError as wrong:
             return PlainTextResponse(f"{wrong}\n", 404)
         return Response(self._kept[key], media_type="application/octet-stream")
+
+    async def _sound(self, request: Request) -> Response:
+        """The sum of a take's cells as sound, original or re-recorded."""
+        stream, take = request.path_params["stream"], request.query_params.get("take", "")
+        if stream not in ("original", "again"):
+            return PlainTextResponse("not there\n", 404)
+        try:
+            found = await self.reading.result(f"sound of {take}", sound_of, (self.takes.data(take), stream))
+        except MidairError as wrong:
+            return PlainTextResponse(f"{wrong}\n", 404)
+        return Response(found, media_type="audio/wav")
 
     async def _file(self, request: Request) -> Response:
         """A file of the folder; a report is served in a sandbox."""

@@ -76,6 +76,13 @@ def run_command(*words: str) -> str:
     return done.stdout
 
 
+def run_words(words: tuple[str, ...], progress: Progressed) -> str:
+    """Run a command of midair in a worker process; InputError with its message."""
+    progress(f"midair {words[0]}", 0, 1)
+    run_command(*words)
+    return words[-1]
+
+
 def _course(path: str, columns: int = 400) -> dict[str, Any]:
     """Least and greatest value of the strongest channel in each of at most `columns` equal parts."""
     samples = open_take(path, streamed=True).recording.samples

@@ -20,12 +20,29 @@ from midair.pipeline import calibrated_pressure
 from midair.rig import event_message
 from midair.settings import CHOICES, Settings, format_value, nearest_mode
 from midair.targets import frames_without_lead
-from midair.view import Kind, Section, encode_counts, fit_interpolation, pack, phase_counts
+from midair.view import (
+    Channels,
+    Kind,
+    Section,
+    channel_sound,
+    encode_counts,
+    fit_interpolation,
+    pack,
+    phase_counts,
+)
 
 Streams = Literal["samples", "wanted", "played", "phases", "original", "again"]
 
 LONGEST = 120.0
 """Longest take in s that a page can hold; of a longer one it shows the first part."""
+
+
+def stamp_of(path: str | Path) -> str:
+    """Return the modification time of a file as text; empty if there is no file."""
+    try:
+        return f"{Path(path).stat().st_mtime_ns:x}"
+    except FileNotFoundError:
+        return ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,17 +164,24 @@ def describe_settings(settings: Settings) -> dict[str, Any]:
     }
 
 
-def made_with(path: str, _: object = None) -> str:
-    """Return the settings of a drive in one line."""
+def made_with(paths: tuple[str, ...], _: object = None) -> list[dict[str, Any]]:
+    """Return mode, settings in one line, and mean E of drives; the mode is empty if it is not known."""
+    return [_made_with(path, stamp_of(path)) for path in paths]
+
+
+@lru_cache(maxsize=256)
+def _made_with(path: str, stamp: str) -> dict[str, Any]:
+    del stamp
     try:
-        known = _chosen_settings(load_solution(path, streamed=True).drive.provenance)
+        solution = load_solution(path, streamed=True)
     except MidairError:
-        return "a file that cannot be read"
-    return (
-        "made with settings that it does not contain"
-        if known is None
-        else f"made with {describe_settings(known)['line']}"
-    )
+        return {"mode": "", "made": "a file that cannot be read"}
+    error = solution.error[solution.plays]
+    said = {"error": round(float(error.mean()), 4) if len(error) else 0.0}
+    if (known := _chosen_settings(solution.drive.provenance)) is None:
+        return {**said, "mode": "", "made": "made with settings that it does not contain"}
+    shown = describe_settings(known)
+    return {**said, "mode": shown["mode"], "made": f"made with {shown['line']}"}
 
 
 def frames_of(order: tuple[TakeData, Streams, int], _: object = None) -> bytes:
@@ -226,6 +250,23 @@ def _compared(data: TakeData, stream: Streams, second: int) -> bytes:
     return (
         pack([encode_counts(part.reshape(len(part), -1), Kind.SAMPLES, first=first, rate=rate)]) if len(part) else b""
     )
+
+
+LOUDNESS = 0.1
+"""Rms of a sound as a share of full scale, the same for all."""
+
+
+def sound_of(order: tuple[TakeData, Streams], _: object = None) -> bytes:
+    """Return the sum of the cells as a WAV file: the original, or what came of a drive; all have the same rms."""
+    data, stream = order
+    if not data.comparison:
+        raise InputError(f"{stream}: expected a take that was compared; play and compare it first")
+    with np.load(data.comparison) as kept:
+        rate, pressure = float(kept["rate"]), kept[stream]
+    summed = pressure.reshape(len(pressure), -1).sum(axis=1, keepdims=True)
+    rms = float(summed.std()) or 1.0
+    channel = Channels(values=summed, unit="Pa", label=stream)
+    return channel_sound(channel, 0, rate, full_scale=rms / LOUDNESS).data
 
 
 @lru_cache(maxsize=4)

@@ -3,15 +3,16 @@
 import re
 import shutil
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 from typing import Any
 
 from midair.errors import InputError
 from midair.files import atomic_file, check_not_recording
+from midair.settings import MODES
 from midair.studio.demo_stroke import FIRST
 from midair.studio.folders import StudioFolder
-from midair.studio.take_data import TakeData
-from midair.studio.work import stamp_of
+from midair.studio.take_data import TakeData, stamp_of
 
 SAMPLE = "sample:"
 """Prefix of the names of samples, which are not files of the folder."""
@@ -24,6 +25,9 @@ _BESIDE = (".drive.h5", ".rerecorded.h5", ".report.html")
 
 BIN = "bin"
 """Name of the folder, in the studio's, of takes that were deleted."""
+
+_LABEL = re.compile(rf"(.+)([@.])((?:{'|'.join(MODES)})(?:-\d+)?)")
+"""A name with the label of a further drive: ``NAME@paper`` of a take, ``NAME.paper`` of the files beside it."""
 
 _IMPORTED = (".csv", ".wav", ".npz", ".npy", ".mat")
 """Endings of takes of other programs."""
@@ -42,14 +46,32 @@ class TakesList:
     """Folder of this session for samples and derived files; removed when the studio ends."""
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return one row per take, samples last."""
-        own = [name for name in self.folder.names(".h5") if not name.endswith(_ENDINGS)]
+        """Return one row per take, samples last; the row has those of its further drives."""
+        files = self.folder.names(".h5")
+        own = [name for name in files if not name.endswith(_ENDINGS)]
         own += [name for ending in _IMPORTED for name in self.folder.names(ending)]
         samples = [SAMPLE + path.stem for path in self._sample_files()]
-        rows = [self._row(name) for name in own]
+        labels = _labels([*files, *(SAMPLE + path.name for path in self.samples.glob("*.drive.h5"))])
+        rows = [self._row(name, labels) for name in own]
         if self.is_pending(SAMPLE + FIRST):
-            rows.append({**dict.fromkeys(_NOT_YET, False), "name": SAMPLE + FIRST, "sample": True, "stamp": "first"})
-        return [*rows, *(self._row(name) for name in samples)]
+            none = {**dict.fromkeys(_NOT_YET, False), "sample": True, "stamp": "first", "drives": []}
+            rows.append({**none, "name": SAMPLE + FIRST})
+        return [*rows, *(self._row(name, labels) for name in samples)]
+
+    def drives(self, name: str) -> list[str]:
+        """Return the names under which the drives of a take are opened: ``NAME``, ``NAME@paper``."""
+        take, drive = take_of(name), self.beside(take_of(name), ".drive.h5")
+        stem = drive.name.removesuffix(".drive.h5")
+        names = [path.name for path in drive.parent.glob(f"{escape(stem)}.*.drive.h5")]
+        labels = sorted(_labels(names).get(stem, []))
+        return [*([take] if drive.exists() else []), *(f"{take}@{label}" for label in labels)]
+
+    def free_drive(self, name: str, mode: str) -> str:
+        """Return the name of a further drive of a mode that does not exist yet."""
+        number, take = 1, take_of(name)
+        while self.beside(found := f"{take}@{mode}" + (f"-{number}" if number > 1 else ""), ".drive.h5").exists():
+            number += 1
+        return found
 
     def is_pending(self, name: str) -> bool:
         """True for the sample that the demo stroke replaces until its file exists."""
@@ -57,6 +79,7 @@ class TakesList:
 
     def path(self, name: str) -> Path:
         """Return the path of a recording; InputError or MissingFileError if the name is not valid."""
+        name = take_of(name)
         if name.startswith(SAMPLE):
             found = {SAMPLE + path.stem: path for path in self._sample_files()}
             if name not in found:
@@ -75,15 +98,18 @@ class TakesList:
         others = (path.with_suffix(kind) for kind in (".h5", *_IMPORTED) if kind != path.suffix)
         # Of several takes with one stem, the others keep their suffix.
         own = path.suffix != ".h5" and any(other.exists() for other in others)
-        return path.with_name((path.name if own else path.name.removesuffix(path.suffix)) + ending)
+        label = name.removeprefix(take_of(name)).replace("@", ".")
+        return path.with_name((path.name if own else path.name.removesuffix(path.suffix)) + label + ending)
 
     def family(self, name: str) -> dict[Path, str]:
         """Return the existing files of a take of the folder, and the ending that each adds to the take's stem."""
         if name.startswith(SAMPLE):
             raise InputError(f"{name}: expected a take of the folder, got a sample, which stays as it is")
-        path = self.path(name)
+        path, take = self.path(name), take_of(name)
         check_not_recording(path)
-        others = {self.beside(name, ending): ending for ending in _BESIDE}
+        labels = ["", *(each.removeprefix(take).replace("@", ".") for each in self.drives(name) if each != take)]
+        names = [label + ending for label in labels for ending in _BESIDE]
+        others = {self.beside(take, ending): ending for ending in names}
         return {path: path.suffix} | {other: ending for other, ending in others.items() if other.exists()}
 
     def rename(self, name: str, stem: str) -> str:
@@ -108,7 +134,7 @@ class TakesList:
     def delete(self, name: str) -> str:
         """Move a take and the files beside it into a folder of the bin; returns the name of that folder."""
         files, number = self.family(name), 1
-        while (place := self.folder.path / BIN / f"{Path(name).stem}-{number:02d}").exists():
+        while (place := self.folder.path / BIN / f"{Path(take_of(name)).stem}-{number:02d}").exists():
             number += 1
         place.mkdir(parents=True)
         for file in files:
@@ -149,10 +175,14 @@ class TakesList:
             stamp="-".join(f"{each.stat().st_mtime_ns:x}" for each in there),
         )
 
-    def _row(self, name: str) -> dict[str, Any]:
+    def _row(self, name: str, labels: dict[str, list[str]]) -> dict[str, Any]:
+        stem = SAMPLE * name.startswith(SAMPLE) + self.beside(name, "").name
+        found = [self._drive_row(f"{name}@{label}") for label in sorted(labels.get(stem, []))]
+        return {**self._drive_row(name), "sample": name.startswith(SAMPLE), "drives": found}
+
+    def _drive_row(self, name: str) -> dict[str, Any]:
         return {
             "name": name,
-            "sample": name.startswith(SAMPLE),
             "solved": bool(drive := stamp_of(self.beside(name, ".drive.h5"))),
             "drive": drive,
             "played": self.beside(name, ".rerecorded.h5").exists(),
@@ -165,3 +195,19 @@ class TakesList:
         order = {"towel": 0, "brush": 1, "sponge": 2}
         files = [path for path in self.samples.glob("*.h5") if not path.name.endswith(_ENDINGS)]
         return sorted((path for path in files if path.stem in order), key=lambda path: order[path.stem])
+
+
+def take_of(name: str) -> str:
+    """Name of a take without the label of a drive."""
+    found = _LABEL.fullmatch(name)
+    return found[1] if found and found[2] == "@" else name
+
+
+def _labels(names: list[str]) -> dict[str, list[str]]:
+    """Labels of the further drives among file names, by the stem of their take."""
+    found: dict[str, list[str]] = {}
+    for name in names:
+        part = _LABEL.fullmatch(name.removesuffix(".drive.h5"))
+        if part and part[2] == "." and name.endswith(".drive.h5"):
+            found.setdefault(part[1], []).append(part[3])
+    return found

@@ -34,6 +34,7 @@ from midair.settings import CHOICES, MODES, Mode, Settings
 from midair.solvers import METHODS, check_terms, takes
 from midair.studio.importing import run_command
 from midair.studio.jobs import Progressed
+from midair.studio.take_data import stamp_of
 from midair.study import StudyFolder, Template, prepare_drives, read_design, template_text
 from midair.targets import add_lead
 
@@ -61,14 +62,6 @@ class SolveRequest:
     """Stamp of the drive that may be replaced; empty if no drive may exist."""
     outdated: tuple[tuple[str, str], ...] = ()
     """Paths and stamps of files made from the replaced drive, which are removed with it."""
-
-
-def stamp_of(path: str | Path) -> str:
-    """Return the modification time of a file as text; empty if there is no file."""
-    try:
-        return f"{Path(path).stat().st_mtime_ns:x}"
-    except FileNotFoundError:
-        return ""
 
 
 def settings_of(order: SolveRequest) -> Settings:
@@ -328,8 +321,11 @@ def _spectra(before: PressureFrames, after: PressureFrames) -> dict[str, Any]:
     frames = min(before.frames, after.frames)
     found = [welch(np.asarray(each.pressure[:frames, row, column]), before.rate) for each in (before, after)]
     frequency = found[0][0]
-    kept = (frequency >= 10) & (frequency <= before.rate / 2)
-    said = [np.round(10 * np.log10(power[kept] + 1e-9), 2).ravel().tolist() for _, power in found]
+    levels = np.array([10 * np.log10(power.ravel() + 1e-9) for _, power in found])
+    # Up to the last frequency within 60 dB of the loudest: beyond it the picture would be empty.
+    last = frequency[(levels > levels.max() - 60).any(axis=0)].max()
+    kept = (frequency >= 10) & (frequency <= last)
+    said = np.round(levels[:, kept], 2).tolist()
     return {"channel": int(row * before.sensor.columns + column), "frequency": frequency[kept].tolist(), "db": said}
 
 

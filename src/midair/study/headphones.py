@@ -49,7 +49,7 @@ class Headphones:
             ) from wrong
         except sounddevice.PortAudioError as wrong:
             raise DeviceError(
-                f"headphones: expected a sound output, got: {str(wrong)[:120]}; name one with --noise, or --noise none"
+                f"headphones: expected a sound output, got: {str(wrong)[:120]}; connect one, or --noise none"
             ) from wrong
         return self
 

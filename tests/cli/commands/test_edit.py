@@ -47,6 +47,7 @@ def test_join_leaves_out_a_calibration_that_is_not_shared(take, answer):
             ["gain", "--by", "3", "--channels", "1,2"],
             lambda made, take: np.array_equal(made.samples[:, 0], take.samples[:, 0] * [1, 3, 3, 1]),
         ),
+        (["fade", "--end", "0s"], lambda made, take: np.array_equal(made.samples[50:], take.samples[50:])),
         (["mask", "--channels", "0, 5"], lambda made, take: (made.samples.reshape(-1, 16)[:, [0, 5]] == 0).all()),
         (
             ["mask", "--channels", "0", "--fill", "neighbours"],

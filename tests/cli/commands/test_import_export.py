@@ -1,5 +1,6 @@
 """The command mend, and import of what is packed, clipped or folded; the rest is in tests of what they share."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,8 @@ import soundfile
 
 from midair.calibration import calibrate
 from midair.cli import run
-from midair.files import load, open_take
+from midair.files import load, load_solution, open_take, save_solution
+from midair.model import Drive, Solution, TransducerArray
 
 RNG = np.random.default_rng(0)
 
@@ -29,6 +31,29 @@ def test_mend_fills_gaps_that_import_refuses_and_reports_them(answer, capsys):
     assert steps["events"]["mended"] == ((6, 100, 4),)
     kept = np.isfinite(samples)
     np.testing.assert_array_equal(take.recording.samples[kept], samples[kept])
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.json"])
+def test_a_drive_is_exported_with_phases_and_levels(answer, capsys, name):
+    array, drive = TransducerArray.autd3(columns=1, rows=1), Path("a.drive.h5")
+    phase, level = RNG.uniform(0, 6.28, (3, array.count)), RNG.uniform(0, 1, (3, array.count))
+    made = Drive(phase=phase, level=level, rate=1000.0, array=array)
+    save_solution(Solution(drive=made, error=np.zeros(3), iterations=np.ones(3), status=("converged",) * 3), drive)
+    assert answer("export", str(drive), name)["written"] == name
+    known = load_solution(drive).drive
+    made = dict(np.load(name)) if name.endswith("z") else json.loads(Path(name).read_text())
+    np.testing.assert_allclose(made["phase_rad"], known.phase, atol=1e-4)
+    np.testing.assert_allclose(made["level"], known.level, atol=1e-4)
+    np.testing.assert_allclose(made["position_m"], known.array.position)
+    assert (float(made["rate_hz"]), bool(made["simulated"])) == (known.rate, known.provenance.simulated)
+    assert run(["export", str(drive), "a.csv"]) == 1
+    assert "expected a name that ends in .npz or .json" in capsys.readouterr().err
+
+
+def test_a_very_short_file_is_imported_with_a_note(answer):
+    soundfile.write("a.wav", RNG.normal(size=10) / 9, 16000)
+    told = answer("import", "a.wav", "a.h5", "--scale", "30Pa", "--footprint", "circle:20mm")
+    assert "It lasts 0.625 ms: too short to be felt; is the file complete?" in told["notes"]
 
 
 def test_mend_refuses_a_long_gap_and_leaves_nothing(capsys):

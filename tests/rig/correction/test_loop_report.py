@@ -67,6 +67,7 @@ def test_the_page_has_all_sections(loop, page):
         "band",
     ):
         assert words in page
+    assert re.search(r"<details><summary><h2>Settings</h2>(?s:.*)numpy", page), "long tables are folded"
     made = loop.passes[-1].reproduction
     inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
     assert f"{100 * made.solution.error[inside].mean():.3g}" in page

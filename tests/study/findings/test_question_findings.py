@@ -69,6 +69,7 @@ def test_every_kind_of_question_is_in_the_report_wherever_it_is_asked(kind, plac
     listed = parts["Questions of the plan"]
     notes = dict(zip(listed.table["question"], listed.table["part"], strict=True))
     assert notes["which"] == "Identification"
+    assert listed.table["text"].tolist() == [one.text for one in design(kind, place).questions], "as it was asked"
     analysed = place in ("scored", "scored without truth", "form") and kind != "text"
     if analysed:
         title = "Question asked of the form" if place == "form" else "Question asked"

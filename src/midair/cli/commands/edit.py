@@ -1,4 +1,4 @@
-"""Commands that edit recordings: cut, join, resample, trim, gain, mask."""
+"""Commands that edit recordings: cut, join, resample, trim, gain, fade, mask."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -151,6 +151,32 @@ def gain_command(
         return recordings.gain(recording, factors.reshape(recording.sensor.shape) if channels else factor)
 
     _edit([source], output, louder, force=force, json=json)
+
+
+def fade_command(
+    source: Source,
+    output: Output,
+    /,
+    *,
+    start: Time = 0.05,
+    end: Time = 0.05,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Fade a recording in and out.
+
+    Parameters
+    ----------
+    start
+        Length of the fade in.
+    end
+        Length of the fade out.
+
+    Examples
+    --------
+    $ midair fade take.h5 soft.h5 --start 0.1s
+    """
+    _edit([source], output, lambda takes: recordings.fade(takes[0], start, end), force=force, json=json)
 
 
 def mask_command(

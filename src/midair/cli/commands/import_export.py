@@ -1,7 +1,11 @@
 """Commands that convert and repair recordings: import, mend, export, repair."""
 
 from dataclasses import replace
+from json import dumps
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from midair.cli.console import out, print_rows
 from midair.cli.import_options import FileOptions, calibration_from_options, import_recording, scale_by
@@ -17,7 +21,19 @@ from midair.cli.output import (
 )
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
-from midair.files import DRIVE_SUFFIX, OpenedTake, format_of, load_pressure, open_take, repair, save, writer_of
+from midair.files import (
+    DRIVE_SUFFIX,
+    OpenedTake,
+    atomic_file,
+    check_memory_for,
+    format_of,
+    load_pressure,
+    load_solution,
+    open_take,
+    repair,
+    save,
+    writer_of,
+)
 from midair.recordings import GapFill, Mending
 
 
@@ -155,13 +171,19 @@ def _convert(
         rows.append(("calibration", calibration_text(known)))
     figures = {"recording": str(target), **recording_figures(recording), "calibration": calibration_figures(known)}
     notes = (*notes, *imported.report)
+    if recording.duration < SHORT:
+        notes = (*notes, f"It lasts {1e3 * recording.duration:.3g} ms: too short to be felt; is the file complete?")
     print_written(rows, figures, notes, lost, simulated=recording.provenance.simulated, json=json)
+
+
+SHORT = 0.02
+"""Shortest recording that is imported without a note, in s: one period of the lowest frequency of the modes."""
 
 
 def export_command(
     source: Source, output: Path, /, *, pressure: bool = False, force: Force = False, json: Json = False
 ) -> None:
-    """Convert a recording to another file format.
+    """Convert a recording or a drive to another file format.
 
     The ending of the output selects the format; the command prints which data the format cannot hold.
 
@@ -169,13 +191,17 @@ def export_command(
     ----------
     output
         File to write: NAME.csv, .wav, .npz, .mat, .nc (NetCDF), .hjif (MPEG haptics), .ahap (Apple) or .h5.
+        For a drive NAME.npz or NAME.json: phase in rad and level of every transducer in every frame.
     pressure
         Write the calibrated pressure instead of the raw samples.
 
     Examples
     --------
     $ midair export take.h5 take.csv
+    $ midair export take.drive.h5 take.npz
     """
+    if source.name.lower().endswith(DRIVE_SUFFIX):
+        return _export_drive(source, output, force=force, json=json)
     writer_of(output)
     may_write(output, force)
     take = open_take(source, streamed=True)
@@ -187,7 +213,36 @@ def export_command(
         recording, calibration, made = as_recording(made), None, None
     lost = save(recording, output, calibration=calibration, pressure=made)
     rows = [("written", str(output)), ("format", format_of(output).name)]
-    print_written(rows, dict(rows), (), lost, simulated=recording.provenance.simulated, json=json)
+    return print_written(rows, dict(rows), (), lost, simulated=recording.provenance.simulated, json=json)
+
+
+def _export_drive(source: Path, output: Path, *, force: bool, json: bool) -> None:
+    """Write phases and levels of a drive for other programs, in SI units."""
+    may_write(output, force, ".npz", ".json")
+    drive = load_solution(source, streamed=True).drive
+    text = output.suffix.lower() == ".json"
+    check_memory_for((80 if text else 32) * drive.frames * drive.array.count, f"{source}, as {output.suffix}", "cut it")
+    plain: dict[str, Any] = {
+        "simulated": drive.provenance.simulated,
+        "source": drive.provenance.source,
+        "rate_hz": drive.rate,
+        "array": drive.array.name,
+        "position_m": np.asarray(drive.array.position),
+        "normal": np.asarray(drive.array.normal),
+        "phase_rad": np.round(np.asarray(drive.phase), 4),
+        "level": np.round(np.asarray(drive.level), 4),
+    }
+    with atomic_file(output) as partial:
+        if text:
+            partial.write_text(dumps(plain, default=np.ndarray.tolist))
+        else:
+            with partial.open("wb") as file:
+                np.savez_compressed(file, **plain)
+    rows = [
+        ("written", str(output)),
+        ("frames", f"{drive.frames} at {drive.rate:g} Hz, {drive.array.count} transducers"),
+    ]
+    print_written(rows, dict(rows), (), (), simulated=drive.provenance.simulated, json=json)
 
 
 def repair_command(source: Path, /) -> None:

@@ -29,7 +29,7 @@ from midair.cli.options import (
     options_from,
     settings_from,
 )
-from midair.cli.output import level_of_file, level_rows, may_write, solve_error, warn_level
+from midair.cli.output import level_of_file, level_rows, may_write, reserved, solve_error, warn_level
 from midair.cli.time_estimates import duration_text, is_speed_known, workload_of
 from midair.devices import ArrayDevice, ExposureClearance, PlayReport, check_exposure, stop_on_input
 from midair.errors import InputError
@@ -134,18 +134,19 @@ def solve_command(
     if tried:
         _estimate(pressure, transducers, settings, frames)
     used = settings
-    while True:
-        with progress_bars(kind, frames, estimated=tried) as stage:
-            wanted, parts = reproduce_stream(pressure, transducers, used, progress=stage("solve"))
-            save_solutions(parts, target, frames=wanted.frames, target=wanted)
-        # Read back from the file: the lazy frames would be computed again.
-        solution = load_solution(target, streamed=True)
-        weaker = weaker_settings(solution.drive, Settings.of(solution.drive.provenance) or used)
-        if weaker is None:
-            break
-        # A drive above the stated level does not stay if the next solve is interrupted.
-        target.unlink()
-        used = weaker
+    with reserved(target):
+        while True:
+            with progress_bars(kind, frames, estimated=tried) as stage:
+                wanted, parts = reproduce_stream(pressure, transducers, used, progress=stage("solve"))
+                save_solutions(parts, target, frames=wanted.frames, target=wanted)
+            # Read back from the file: the lazy frames would be computed again.
+            solution = load_solution(target, streamed=True)
+            weaker = weaker_settings(solution.drive, Settings.of(solution.drive.provenance) or used)
+            if weaker is None:
+                break
+            # A drive above the stated level does not stay if the next solve is interrupted.
+            target.unlink()
+            used = weaker
     made = Reproduction(pressure=pressure, target=load_target(target, streamed=True) or wanted, solution=solution)
     level = level_of(solution, made.target, band=settings.calibration.band)
     inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)

@@ -29,7 +29,7 @@ class Silencer:
 
     def __str__(self) -> str:
         spread = "off" if self.phase == 0 else f"phase {1e3 * self.phase:g} ms, intensity {1e3 * self.intensity:g} ms"
-        return f"{spread} ({self.reason})"
+        return f"{spread} ({self.reason})" if self.reason else spread
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

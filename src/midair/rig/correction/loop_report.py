@@ -219,6 +219,7 @@ def loop_figures(loop: Loop) -> Iterator[Picture]:
         title="Original and re-recorded pressure",
         caption="Calibrated pressure of every channel, arranged like the sensor's cells, all with the same scale.",
         data=png_bytes(traces_figure(loop.original, last.felt)),
+        lines=True,
     )
     yield Picture(
         title="Pressure map",
@@ -253,6 +254,7 @@ def loop_figures(loop: Loop) -> Iterator[Picture]:
     )
     yield Picture(
         title="Spectra of the channels with the highest pressure",
+        lines=True,
         caption="After calibration and half-wave rectification, as in the paper's Fig. 9."
         if rectified
         else "After calibration, both signs of the pressure.",
@@ -266,9 +268,11 @@ def loop_figures(loop: Loop) -> Iterator[Picture]:
         title="Error of each frame",
         caption="E = || |Gq| - p || / ||p||. The shaded range is what the paper reports for static patterns.",
         data=png_bytes(error_figure(solution, simulated=simulated)),
+        lines=True,
     )
     yield Picture(
         title="Gain of the beam",
+        lines=True,
         caption=f"A beating focus at {len(loop.beam.commanded)} levels on channel {loop.beam.channel}: measured "
         "pressure over the pressure commanded by the model.",
         data=png_bytes(
@@ -295,6 +299,7 @@ def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> Iterator[Pic
         errors = [one.comparison.waveform_error for one in loop.passes]
         yield Picture(
             title="Waveform error of each pass",
+            lines=True,
             caption="The first passes correct the amplitude, the others the waveform. "
             f"{loop.taken_back} steps increased the error and were taken back. It ended because {loop.end}.",
             data=png_bytes(passes_figure([("this loop", errors)], simulated=loop.passes[-1].comparison.simulated)),

@@ -11,12 +11,13 @@ from pydantic import Field
 from midair.errors import InputError
 from midair.model import HEIGHTS
 from midair.settings import EARS, Mode
-from midair.studio.importing import ImportForm, run_import
+from midair.studio.importing import ImportForm, run_import, run_words
 from midair.studio.jobs import StudioJob
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
-from midair.studio.take_data import describe_settings, facts, made_with
-from midair.studio.work import SolveRequest, make_sample, report_loop, settings_of, solve_take, stamp_of
+from midair.studio.take_data import describe_settings, facts, made_with, stamp_of
+from midair.studio.takes_list import take_of
+from midair.studio.work import SolveRequest, make_sample, report_loop, settings_of, solve_take
 
 
 class TakeNamed(Arguments):
@@ -45,6 +46,8 @@ class SolveForm(Arguments):
     guard_mm: float | None = Field(default=None, ge=0, le=100)
     visible_s: float | None = Field(default=None, ge=0)
     replaces: str = Field(default="", max_length=100)
+    beside: bool = False
+    """Keep the drive of this mode and make a further one."""
 
     def choices(self) -> tuple[tuple[str, Any], ...]:
         """Return the settings that differ from the mode, in their own units."""
@@ -58,6 +61,27 @@ class SolveForm(Arguments):
             "guard": None if self.guard_mm is None else self.guard_mm * 1e-3,
         }
         return tuple((name, value) for name, value in given.items() if value is not None)
+
+
+class EditForm(TakeNamed):
+    """The command that edits a take, and its options as they are typed; an empty one is not given."""
+
+    edit: Literal["cut", "trim", "gain", "fade"]
+    start: str = Field(default="", max_length=20)
+    end: str = Field(default="", max_length=20)
+    by: str = Field(default="", max_length=20)
+
+    def words(self) -> list[str]:
+        """Options of the command."""
+        taken = {"cut": ("start", "end"), "fade": ("start", "end"), "gain": ("by",), "trim": ()}[self.edit]
+        return [f"--{name}={value}" for name in taken if (value := getattr(self, name).replace(" ", ""))]
+
+
+class ExportForm(TakeNamed):
+    """A file to make of a take, of its drive, or of what was re-recorded."""
+
+    of: Literal["", "drive", "rerecorded"] = ""
+    ending: Literal[".csv", ".wav", ".npz", ".mat", ".nc", ".hjif", ".ahap", ".json", ".html", ".gif", ".mp4"]
 
 
 class JobNumber(Arguments):
@@ -74,13 +98,21 @@ class ReproducePanel(Panel):
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)
         self._jobs, self._reading, self._sampled = context.jobs, context.reading, False
+        self._edits: list[tuple[str, str]] = []  # take, and what was made of it
+        self._undone: list[tuple[str, str, str]] = []  # the same, and the folder of the bin
         store = context.store
         store.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
+        store.offer("reproduce", "drives", self.drives, TakeNamed, watchers=True)
         store.offer("reproduce", "solve", self.solve, SolveForm)
         store.offer("reproduce", "rename", self.rename, NewName)
         store.offer("reproduce", "duplicate", self.duplicate, TakeNamed)
         store.offer("reproduce", "delete", self.delete, TakeNamed)
         store.offer("reproduce", "restore", self.restore, TakeNamed)
+        store.offer("reproduce", "edit", self.edit, EditForm)
+        store.offer("reproduce", "undo", self.undo)
+        store.offer("reproduce", "redo", self.redo)
+        store.offer("reproduce", "export", self.export, ExportForm)
+        store.put(edits={"undo": "", "redo": ""}, exported="")
         store.offer("reproduce", "import", self.bring, ImportForm)
         store.offer("reproduce", "code", self.code, SolveForm, watchers=True)
         store.offer("compare", "report", self.report, SolveForm)
@@ -101,6 +133,16 @@ class ReproducePanel(Panel):
         found = await self._reading.result(f"reading {order.take}", facts, data)
         return {"stamp": data.stamp, "part": data.drive == self._takes.preview_path(order.take), **found}
 
+    async def drives(self, _: Page, order: TakeNamed) -> list[dict[str, Any]]:
+        """Return name, mode, settings and E of each drive of a take."""
+        names = self._takes.drives(order.take)
+        paths = tuple(str(self._takes.beside(name, ".drive.h5")) for name in names)
+        made = await self._reading.result(f"reading {order.take}", made_with, paths)
+        # A solver that another mode uses can make the settings those of that mode; the label stays that of the request.
+        labels = [name.removeprefix(take_of(name))[1:].partition("-")[0] for name in names]
+        found = zip(names, labels, made, strict=True)
+        return [{**each, "name": name, "mode": label or each["mode"]} for name, label, each in found]
+
     def rename(self, _: Page, order: NewName) -> str:
         """Rename a take and the files beside it."""
         self._check_idle(order.take)
@@ -119,8 +161,64 @@ class ReproducePanel(Panel):
         """Move a deleted take back."""
         return self._listed(self._takes.restore(order.take))
 
+    async def edit(self, _: Page, order: EditForm) -> str:
+        """Make an edited copy of a take, which stays as it is; returns the copy."""
+        path = self._takes.path(order.take)
+        made = self._takes.folder.free(re.sub(r"-\d+$", "", path.stem), ".h5")
+        words = (order.edit, *order.words(), str(path), str(made))
+        await self._reading.result(f"editing {order.take}", run_words, words)
+        self._edits.append((take_of(order.take), made.name))
+        self._undone.clear()
+        return self._edited(made.name)
+
+    def undo(self, _: Page, __: Arguments) -> str:
+        """Move the copy of the last edit to the bin; returns the take that it was made of."""
+        if not self._edits:
+            raise InputError("undo: expected an edit in this session, there is none")
+        self._check_idle(self._edits[-1][1])
+        take, made = self._edits.pop()
+        self._undone.append((take, made, self._takes.delete(made)))
+        return self._edited(take)
+
+    def redo(self, _: Page, __: Arguments) -> str:
+        """Move the copy of the edit that was undone last back; returns it."""
+        if not self._undone:
+            raise InputError("redo: expected an edit that was undone, there is none")
+        take, made, folder = self._undone.pop()
+        self._edits.append((take, self._takes.restore(folder)))
+        return self._edited(made)
+
+    def _edited(self, name: str) -> str:
+        undo, redo = (steps[-1][1] if steps else "" for steps in (self._edits, self._undone))
+        self._store.put(edits={"undo": undo, "redo": redo})
+        return self._listed(name)
+
+    def export(self, _: Page, order: ExportForm) -> dict[str, int]:
+        """Write a file of another format into the folder `exports`, as a job."""
+        path = self._takes.beside(order.take, f".{order.of}.h5") if order.of else self._takes.path(order.take)
+        if not path.exists():
+            raise InputError(
+                f"{path.name}: expected this file, found none; {'solve' if order.of == 'drive' else 'play'} first"
+            )
+        folder = self._takes.folder.path / "exports"
+        folder.mkdir(exist_ok=True)
+        stem = path.name.removesuffix(".h5") if path.suffix == ".h5" else path.name
+        number, target, due = 1, folder / (stem + order.ending), {job.title for job in self._jobs.unfinished()}
+        while target.exists() or f"export {target.name}" in due:
+            number, target = number + 1, folder / f"{stem}-{number}{order.ending}"
+        film = order.ending in (".html", ".gif", ".mp4")
+        words = (
+            ("show", str(path), "--no-browser", "--save", str(target)) if film else ("export", str(path), str(target))
+        )
+
+        def ended(job: StudioJob) -> None:
+            if job.state == "done":
+                self._context.later(lambda: self._store.put(exported=f"exports/{target.name}"))
+
+        return {"job": self._jobs.add(f"export {target.name}", run_words, words, room="reproduce", ended=ended).number}
+
     def _check_idle(self, take: str) -> None:
-        busy = [job.title for job in self._jobs.unfinished() if job.title.endswith(take)]
+        busy = [job.title for job in self._jobs.unfinished() if take_of(job.title).endswith(take_of(take))]
         if busy:
             raise InputError(f"{take}: expected no job on it, got {busy[0]!r}; cancel it or wait for its end")
 
@@ -142,27 +240,32 @@ class ReproducePanel(Panel):
 
     def code(self, _: Page, order: SolveForm) -> dict[str, Any]:
         """Return the settings of a form as commands and Python."""
-        return describe_settings(settings_of(self._request(order)))
+        return describe_settings(settings_of(self._request(order, order.take)))
 
-    async def solve(self, _: Page, order: SolveForm) -> dict[str, Any]:
-        """Add the solving of a take to the queue, the visible second first.
+    async def solve(self, page: Page, order: SolveForm) -> dict[str, Any]:
+        """Add the solving of a take to the queue, the visible second first; a mode has its own drive.
 
-        If a drive or a re-recording exists, the answer is a question instead; `replaces` with its stamp is the consent.
+        If it or a re-recording exists, the answer is a question instead; `replaces` with its stamp is the consent.
         """
-        request = self._request(order)
-        new = describe_settings(settings_of(request))["line"]  # raises now rather than in the job
+        new = describe_settings(settings_of(self._request(order, order.take)))["line"]  # raises now, not in the job
+        found = await self.drives(page, TakeNamed(take=order.take))
+        same = [each["name"] for each in found if each["mode"] == order.mode]
+        if order.beside or (found and not same):
+            name = self._takes.free_drive(order.take, order.mode)
+        else:
+            name = order.take if order.take in same or not found else same[0]
+        request = self._request(order, name)
         there = [path for path in (request.drive, *(path for path, _ in request.outdated)) if stamp_of(path)]
         stamp = "-".join(map(stamp_of, there))
         if there and order.replaces != stamp:
-            title = f"reading {order.take}"
-            made = await self._reading.result(title, made_with, request.drive) if request.replaces else ""
+            made = "".join(each["made"] for each in found if each["name"] == name)
             return {"asks": {"files": [Path(path).name for path in there], "made": made, "new": new, "replaces": stamp}}
-        return {"job": self._solve(order, request).number}
+        return {"job": self._solve(order, request, name).number, "take": name}
 
-    def _request(self, order: SolveForm) -> SolveRequest:
-        drive, again = (self._takes.beside(order.take, ending) for ending in (".drive.h5", ".rerecorded.h5"))
+    def _request(self, order: SolveForm, name: str) -> SolveRequest:
+        drive, again = (self._takes.beside(name, ending) for ending in (".drive.h5", ".rerecorded.h5"))
         return SolveRequest(
-            take=str(self._takes.path(order.take)),
+            take=str(self._takes.path(name)),
             drive=str(drive),
             mode=order.mode,
             choices=self._choices(order),
@@ -176,17 +279,17 @@ class ReproducePanel(Panel):
         """Return the settings that differ from the mode; a stated air of the room is one of them."""
         return (*order.choices(), *self._context.air.stated.items())
 
-    def _solve(self, order: SolveForm, whole: SolveRequest) -> StudioJob:
-        title, sight = f"solve {order.take}", f"solve the visible second of {order.take}"
+    def _solve(self, order: SolveForm, whole: SolveRequest, name: str) -> StudioJob:
+        title, sight = f"solve {name}", f"solve the visible second of {name}"
         for job in self._jobs.unfinished():
             if job.title in (title, sight):
                 self._jobs.cancel(job.number)
-        Path(self._takes.preview_path(order.take)).unlink(missing_ok=True)
-        if order.visible_s is not None:
-            part = self._takes.preview_path(order.take)
+        Path(self._takes.preview_path(name)).unlink(missing_ok=True)
+        if order.visible_s is not None and whole.replaces:
+            part = self._takes.preview_path(name)
             first = replace(whole, drive=part, start=order.visible_s, duration=1.0, replaces="", outdated=())
-            self._jobs.add(sight, solve_take, first, room="reproduce", ended=self._ended(order.take, title))
-        return self._jobs.add(title, solve_take, whole, room="reproduce", ended=self._ended(order.take, title))
+            self._jobs.add(sight, solve_take, first, room="reproduce", ended=self._ended(name, title))
+        return self._jobs.add(title, solve_take, whole, room="reproduce", ended=self._ended(name, title))
 
     def _made(self) -> None:
         """Show a new sample, and solve the first one, so that there is something to show and play at once."""
@@ -195,7 +298,7 @@ class ReproducePanel(Panel):
         if rows and not rows[0]["solved"] and not self._sampled:
             self._sampled = True
             sample = SolveForm(take=rows[0]["name"], mode="paper", method="live", level="auto")
-            self._solve(sample, self._request(sample))
+            self._solve(sample, self._request(sample, sample.take), sample.take)
 
     def report(self, _: Page, order: SolveForm) -> dict[str, int]:
         """Run the whole loop on the virtual rig and write its report, as a job."""

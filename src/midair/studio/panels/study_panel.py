@@ -16,7 +16,8 @@ from midair.studio.jobs import StudioJob
 from midair.studio.panels.page_presenter import PagePresenter
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
-from midair.studio.work import StudyRequest, analyse_study, draw_study, stamp_of
+from midair.studio.take_data import stamp_of
+from midair.studio.work import StudyRequest, analyse_study, draw_study
 from midair.study import (
     MarkedPresenter,
     Plan,

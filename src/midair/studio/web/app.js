@@ -131,6 +131,8 @@ by("stop").addEventListener("click", stop);
 listen({
   stop, help,
   room: (index) => { const name = Object.keys(ROOMS)[index]; if (name) location.hash = [...by("rooms").children].find((tab) => tab.dataset.room === name).hash; },
+  undo: (which) => studio.room?.undo?.(which),
+  swap: () => studio.room?.swap?.(),
   record: () => studio.room?.record?.(),
   transport: () => studio.room?.transport,
 });

@@ -5,7 +5,10 @@ import { make, openModal, tried } from "/web/dom.js";
 /** Solve a take. If a drive exists, ask the user before it is replaced; null if nothing was solved. */
 export async function solveTake(link, given) {
   let answer = await tried(link.order("reproduce", "solve", given));
-  while (answer?.asks) answer = (await mayReplace(link, answer.asks)) ? await tried(link.order("reproduce", "solve", { ...given, replaces: answer.asks.replaces })) : null;
+  while (answer?.asks) {
+    const said = await mayReplace(link, answer.asks);
+    answer = said ? await tried(link.order("reproduce", "solve", { ...given, ...(said === "both" ? { beside: true } : { replaces: answer.asks.replaces }) })) : null;
+  }
   return answer;
 }
 
@@ -16,9 +19,9 @@ function mayReplace(link, { files, made, new: settings }) {
   dialog.replaceChildren(make("h2", { id: "replace-title" }, made ? `Replace ${first}?` : `Remove ${first}?`),
     make("div", { id: "replace-words" }, make("p", {}, made ? `${first} exists, ${made}.` : `${first} exists, made from a drive that no longer exists.`),
       ...(again ? [make("p", {}, `${again}, its re-recording, is removed with it.`)] : []), make("p", {}, `The new drive: ${settings}.`)),
-    make("div.buttons", {}, button("yes", made ? "Replace" : "Remove and solve"), button("", "Cancel", { autofocus: true })));
+    make("div.buttons", {}, ...(made ? [button("both", "Keep both")] : []), button("yes", made ? "Replace" : "Remove and solve"), button("", "Cancel", { autofocus: true })));
   openModal(dialog, link);
-  return new Promise((resolve) => dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"), { once: true }));
+  return new Promise((resolve) => dialog.addEventListener("close", () => resolve(dialog.returnValue), { once: true }));
 }
 
 export function jobsShown(link) {

@@ -4,7 +4,7 @@ import { Track, TracesPicture, OverviewPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
 import { make, panel, rows, tried } from "/web/dom.js";
 import { solveTake } from "/web/jobs.js";
-import { chosen, sections } from "/web/take.js";
+import { chosen, driveButtons, drivesOf, leadOf, otherDrive, rowOf, sections, takeOf } from "/web/take.js";
 
 export default class Compare {
   constructor(studio) {
@@ -15,7 +15,12 @@ export default class Compare {
     this._offs = [this.link.on("takes", () => this._takes()), this.link.on("comparisons", () => this._takes()), this.link.on("palms", () => this.control()), this.link.on("budgets", () => this.control()), this.link.on("jobs", () => this.control())];
   }
   leave() { this.left = true; for (const off of this._offs) off(); this._close(); }
-  moved({ take }) { if (take && take !== this.name) { this.name = take; this.found = null; this._takes(); } }
+  moved({ take }) { if (take && take !== this.name) { this.before = takeOf(this.name) === takeOf(take) ? this.name : ""; this.name = take; this.found = null; this._takes(); } }
+  /** Key B: the other drive of the take, at the same time and with the same sound. */
+  swap() {
+    const other = otherDrive(this.link.state.takes, this.name, this.before);
+    if (other !== this.name) this.studio.go("compare", other);
+  }
   get transport() { return this._transport ?? null; }
   _build() {
     this.list = make("ul.takes");
@@ -28,6 +33,10 @@ export default class Compare {
     this.apply = make("button.main", { type: "button", onclick: () => this._apply() }, "Apply");
     this.shown = make("a", { target: "_blank", rel: "noopener", hidden: true, id: "to-report" }, "Open the report");
     this.suggested = make("div");
+    this.drives = make("div");
+    this.beside = make("div", { id: "side-by-side" });
+    this.sounds = Object.fromEntries([["original", "original"], ["again", "re-recorded"]].map(([name, words]) => [name, make("audio", { controls: true, preload: "none", "aria-label": `sum of the cells, ${words}` })]));
+    this.listen = panel("Listen", "sum of the cells, one level", ...Object.entries(this.sounds).map(([name, audio]) => make("div", {}, make("span.quiet", {}, name === "again" ? "re-recorded" : name), audio)));
     this.traces = make("div.box");
     this.spectrum = make("div.box");
     this.card = make("div");
@@ -35,31 +44,50 @@ export default class Compare {
     this.tracesPanel = panel("Cells, Pa", make("span.legend", {}, make("span", {}, "original"), make("span", {}, "re-recorded")), this.traces);
     this.spectrumPanel = panel("Spectrum", "", this.spectrum);
     this.studio.main.append(make("div.compare", {},
-      make("div.column.left", {}, Object.assign(panel("Takes", null, this.list), { className: "panel grow" }),
+      make("div.column.left", {}, Object.assign(panel("Takes", null, this.list, this.drives), { className: "panel grow" }), this.listen,
         panel("Correction", null, this.suggested, make("div.buttons", {}, this.apply)), panel("Report", null, make("div.buttons", {}, this.compare, this.budget, this.palm, this.report), this.shown)),
       make("div.middle", {}, this.tracesPanel, this.spectrumPanel),
-      panel("Differences", null, make("div.card", {}, this.other, this.spent, this.pressed, this.card))));
+      panel("Differences", null, make("div.card", { tabIndex: 0 }, this.other, this.beside, this.spent, this.pressed, this.card))));
   }
   control() {
-    const row = this.link.state.takes?.find((each) => each.name === this.name), controls = this.link.controls;
+    const row = rowOf(this.link.state.takes, this.name), controls = this.link.controls;
     this.compare.disabled = !controls || !row?.played;
     this.report.disabled = !controls || !row;
     this.palm.disabled = this.budget.disabled = !controls || !row?.solved;
     this._pressed(row);
     this.apply.disabled = !controls || !this.found?.suggested_gain;
     this.shown.hidden = !row?.report;
-    this.shown.href = row?.sample ? `/file/${encodeURI(this.name)}.report.html` : `/file/${encodeURI(this.name.replace(/\.\w+$/, ""))}.report.html`;
+    this.shown.href = row?.sample ? `/file/${encodeURI(this.name)}.report.html` : `/file/${encodeURI(this.name.replace(/\.\w+(?=@|$)/, "").replace("@", "."))}.report.html`;
   }
   _takes() {
     const takes = this.link.state.takes ?? [];
-    this.name ||= (takes.find((row) => row.compared) ?? takes.find((row) => row.played) ?? takes[0])?.name ?? "";
-    this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#compare/${encodeURI(row.name)}`, "aria-current": row.name === this.name ? "true" : null },
-      make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, row.compared ? "compared" : row.played ? "played" : "")))));
-    const row = takes.find((each) => each.name === this.name), found = row?.compared && this.link.state.comparisons?.[this.name];
+    const every = takes.flatMap((row) => [row, ...row.drives]);
+    this.name ||= (every.find((row) => row.compared) ?? every.find((row) => row.played) ?? (takes[0] && { name: leadOf(takes[0]) }))?.name ?? "";
+    this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#compare/${encodeURI(leadOf(row))}`, "aria-current": row.name === takeOf(this.name) ? "true" : null },
+      make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, ["compared", "played"].find((what) => [row, ...row.drives].some((each) => each[what])) ?? "")))));
+    const row = rowOf(takes, this.name), found = row?.compared && this.link.state.comparisons?.[this.name];
     if (found && found !== this.found) this._show(found);
     if (!found) { this.found = null; this._close(); this._empty(row); }
+    this._drives(row);
     this.other.hidden = !found || !row.drive || found.drive === row.drive;
     this.control();
+  }
+  /** The drives of the take, and the figures of those that were compared, side by side. */
+  _drives(row) {
+    const comparisons = this.link.state.comparisons ?? {}, label = (name) => name.slice(takeOf(name).length + 1) || "first";
+    this.drives.replaceChildren(...driveButtons(this.studio, this.name, ({ name, compared, played }) => [label(name), compared && comparisons[name] ? "" : played ? "played" : "not played", ""]));
+    const shown = drivesOf(rowOf(this.link.state.takes, takeOf(this.name))).filter((each) => each.compared && comparisons[each.name]);
+    this.beside.replaceChildren(...(shown.length < 2 ? [] : [make("h3", {}, "Side by side"), make("table", {}, make("thead", {}, make("tr", {}, make("th", { scope: "col" }, ""), ...shown.map((each) => make("th.number", { scope: "col" }, each.name === this.name ? make("strong", {}, label(each.name)) : label(each.name))))),
+      make("tbody", {}, ...comparisons[shown[0].name].figures.map(([name], i) => make("tr", {}, make("td", {}, name), ...shown.map((each) => make("td.number", {}, comparisons[each.name].figures[i]?.[1] ?? "–"))))))]));
+    for (const [name, audio] of Object.entries(this.sounds)) {
+      const src = row?.compared ? `/sound/${name}?take=${encodeURIComponent(this.name)}&stamp=${row.stamp}` : "", { currentTime, paused } = audio;
+      if (audio.getAttribute("src") === src) continue;
+      if (!src) { audio.removeAttribute("src"); audio.load(); continue; }
+      audio.src = src;
+      audio.currentTime = currentTime; // both sides of A/B go on from the same moment
+      if (!paused) audio.play().catch(() => {});
+    }
+    this.listen.hidden = !row?.compared;
   }
   _pressed(row) {
     const palm = this.link.state.palms?.[this.name], budget = this.link.state.budgets?.[this.name];
@@ -79,6 +107,8 @@ export default class Compare {
     this.suggested.replaceChildren(make("span.quiet", {}, "available after a comparison"));
   }
   async _show(found) {
+    const { frame, channel, span } = this.transport ?? {}, same = this.transport && takeOf(this.shownOf ?? "") === takeOf(this.name);
+    this.shownOf = this.name;
     this.found = found;
     this._close();
     this.card.replaceChildren(...(found.simulated ? [make("p", {}, make("strong.simulated", {}, "SIMULATED"))] : []), rows(found.figures),
@@ -91,6 +121,7 @@ export default class Compare {
     transport.channels = found.channel_correlation.length;
     transport.channel = found.spectrum.channel;
     transport.span = transport.whole = Math.min(0.5, found.frames / found.rate_hz);
+    if (same) { Object.assign(transport, { channel, span, playing: false }); transport.seek(frame); }
     this.traces.replaceChildren();
     this.spectrum.replaceChildren();
     const { footer } = this.studio, overview = make("div.box"), bar = make("div.row"), seek = (frame) => transport.seek(frame);
@@ -121,7 +152,8 @@ export default class Compare {
       pen.fillStyle = ink("--view-quiet");
       pen.strokeStyle = ink("--view-line");
       pen.lineWidth = ratio / 2;
-      for (let f = 0; f <= frequency.at(-1); f += 100) { if (f < frequency[0]) continue; pen.beginPath(); pen.moveTo(x(f), 0); pen.lineTo(x(f), base); pen.stroke(); pen.textAlign = "center"; pen.fillText(`${f}${f + 100 > frequency.at(-1) ? " Hz" : ""}`, Math.min(x(f), w - 18 * ratio), h - 5 * ratio); }
+      const widest = (64 * ratio * (frequency.at(-1) - frequency[0])) / (w - left), step = [10, 20, 50, 100, 200, 500, 1000, 2000].find((each) => each >= widest) ?? 5000;
+      for (let f = 0; f <= frequency.at(-1); f += step) { if (f < frequency[0]) continue; pen.beginPath(); pen.moveTo(x(f), 0); pen.lineTo(x(f), base); pen.stroke(); pen.textAlign = "center"; pen.fillText(`${f}${f + step > frequency.at(-1) ? " Hz" : ""}`, Math.min(x(f), w - 18 * ratio), h - 5 * ratio); }
       for (let level = Math.ceil(bottom / 20) * 20; level < top; level += 20) { pen.beginPath(); pen.moveTo(left, y(level)); pen.lineTo(w, y(level)); pen.stroke(); pen.textAlign = "right"; pen.fillText(`${level} dB`, left - 3 * ratio, y(level) + 4 * ratio); }
       db.forEach((levels, i) => {
         pen.strokeStyle = ink(i ? "--view-second" : "--view-trace");
@@ -139,7 +171,8 @@ export default class Compare {
   }
   async _apply() {
     const take = this.name, gain = this.found.suggested_gain, facts = await tried(this.link.order("reproduce", "open", { take }));
-    if (facts && (await solveTake(this.link, { take, ...chosen(facts.drive?.settings ?? {}), gain }))) this.studio.go("reproduce", take);
+    const answer = facts && (await solveTake(this.link, { take, ...chosen(facts.drive?.settings ?? {}), gain }));
+    if (answer) this.studio.go("reproduce", answer.take);
   }
   _close() {
     this._watch?.disconnect();

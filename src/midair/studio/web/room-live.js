@@ -94,9 +94,12 @@ export default class Live {
     this.refused = make("div.column");
     this.heat = make("p.quiet");
     this.drifted = warningBox("drift", make("button", { type: "button", id: "solve-again", title: "ends, and checks the exposure in the air of now", onclick: () => { this.again = true; tried(this.link.order("live", "end")); } }, "Solve again"));
-    this.share = make("input", { type: "range", min: 5, max: 100, step: 5, value: "100", "aria-label": "Loudness, per cent of the level", onchange: () => tried(this.link.order("live", "turn", { share: this.share.value / 100 })) });
+    this.loud = make("output", { id: "loud" }, "100 %");
+    this.share = make("input", { type: "range", min: 5, max: 100, step: 5, value: "100", "aria-label": "Loudness, per cent of the level", oninput: () => { this.loud.value = `${this.share.value} %`; }, onchange: () => tried(this.link.order("live", "turn", { share: this.share.value / 100 })) });
     this.end = make("button", { type: "button", id: "live-end", onclick: () => tried(this.link.order("live", "end")) }, "End");
-    this.running = make("div.column", { hidden: true }, field("Loudness", this.share), make("div.buttons", {}, this.end));
+    const loudness = field("Loudness", this.share);
+    loudness.append(this.loud);
+    this.running = make("div.column", { hidden: true }, loudness, make("div.buttons", {}, this.end));
     this.safety = make("div");
     const box = (name) => make("div.box", { id: `box-${name}` });
     this.boxes = Object.fromEntries(["touch", "sound", "phase", "bar", "traces", "array", "spectrogram", "overview"].map((name) => [name, box(name)]));
@@ -105,8 +108,9 @@ export default class Live {
     const { panels } = this;
     this.sum = make("strong.sum", {}, "– ms");
     this.parts = make("div.parts", { role: "img", "aria-label": "From touch to sound: nothing plays yet" });
+    this.named = make("p.quiet.named");
     this.counted = make("p.quiet.counted", {}, "nothing plays yet");
-    this.delay = panel("From touch to sound", "constant delay", make("div.latency", {}, this.sum, this.parts), this.counted,
+    this.delay = panel("From touch to sound", "constant delay", make("div.latency", {}, this.sum, this.parts), this.named, this.counted,
       make("p.quiet", {}, "Suitable for stroking, not for tapping: people notice a delay of 5.5 ms after a tap, and of 60 ms in a texture."));
     this.studio.main.append(make("div.live", {},
       make("div.column.left", {}, panel("Settings", null, this.form, make("div.buttons", {}, this.check, this.hold), this.verdict, this.drifted, this.heat, this.refused, this.running), panel("Safety", null, this.safety)),
@@ -336,9 +340,10 @@ export default class Live {
   _goes(goes) {
     if (!goes?.parts || !this.parts) return;
     this.sum.textContent = `${goes.latency.toFixed(1)} ms`;
-    this.parts.replaceChildren(...goes.parts.map(([name, value], i) => Object.assign(make("span", { title: `${name} ${value} ms` }, value / goes.latency > 0.12 ? `${PARTS[name] ?? name} ${value.toFixed(1)}` : value.toFixed(1)), { className: `part-${i}` })));
+    this.parts.replaceChildren(...goes.parts.map(([name, value], i) => Object.assign(make("span", { title: `${name} ${value} ms` }, value.toFixed(1)), { className: `part-${i}` })));
     this.parts.style.gridTemplateColumns = goes.parts.map(([, value]) => `minmax(1.9em, ${Math.max(value, 0.01)}fr)`).join(" ");
     this.parts.setAttribute("aria-label", `From touch to sound ${goes.latency.toFixed(1)} ms: ${goes.parts.map(([name, value]) => `${name} ${value.toFixed(1)}`).join(", ")} ms`);
+    this.named.textContent = goes.parts.map(([name, value]) => `${PARTS[name] ?? name} ${value.toFixed(1)}`).join(" + ") + " ms";
     const work = goes.work_ms, left = goes.left_ms, of = (value) => (value === null ? "–" : value.toFixed(2));
     this.counted.textContent = `${goes.frames} frames, ${goes.played} played; ${goes.late} late (previous frame held); ${goes.lost} lost (last good frame repeated); ${goes.hurried} hurried; ${goes.gaps} gaps`;
     this.counted.title = "late: ready after its deadline; lost: missing from the sensor; hurried: solved in half the time; gap: 20 ms without a frame, followed by a fade-out";

@@ -57,7 +57,7 @@ export default class Record {
         panel("Notes", null, ...Object.entries(this.notes).map(([name, input]) => field(name[0].toUpperCase() + name.slice(1), input))),
         panel("Recording", null, field("Start", this.begins), this.touched, field("Duration, s", this.duration), field("Takes", this.repeats), this.big, this.done)),
       make("div.middle", {}, this.tracesPanel, panel("Spectrogram", "selected channel", this.spectrum)),
-      make("div.column", {}, panel("Level of each cell", "rms, and clipping", this.meters), panel("Events", "lost frames, clipping, dead channels", this.events))));
+      make("div.column", {}, (this.metersPanel = panel("Level of each cell", "rms, and clipping", this.meters)), panel("Events", "lost frames, clipping, dead channels", this.events))));
     this._fields();
   }
   control() { this._record(this.link.state.record); }
@@ -100,7 +100,8 @@ export default class Record {
     this.pictures = [new TracesPicture(this.traces, { label: "Cells", track: this.track, head: false, choose: (channel) => { this.state.channel = channel; this.fresh = true; } }),
       new SpectrogramPicture(this.spectrum, { label: "Spectrogram", track: this.track, colours: inferno, head: false })];
     this.tracesPanel.querySelector("h2").textContent = `${about.rows * about.columns} cells, ${about.unit}`;
-    this.meters.style.gridTemplateColumns = `repeat(${about.columns}, 1fr)`;
+    this.metersPanel.aside.textContent = `rms in ${about.unit}, and clipping`;
+    this.meters.style.gridTemplateColumns = `repeat(${about.columns}, minmax(0, 1fr))`;
     this.meters.replaceChildren(...Array.from({ length: about.rows * about.columns }, (_, i) => make("div.meter", {}, make("i"), make("span", {}, String(i)))));
     if (this.link.state.levels) this._levels(this.link.state.levels);
   }

@@ -5,7 +5,7 @@ import { Transport, controls } from "/web/transport.js";
 import { choice, field, make, openModal, panel, playable, rows, tried } from "/web/dom.js";
 import { importFile } from "/web/import.js";
 import { solveTake } from "/web/jobs.js";
-import { TakeView, chosen, colours } from "/web/take.js";
+import { TakeView, chosen, colours, driveButtons, drivesOf, leadOf, otherDrive, rowOf, takeOf } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
 import { drift, warningBox } from "/web/warnings.js";
 
@@ -22,15 +22,17 @@ export default class Reproduce {
     this.studio = studio;
     this.link = studio.link;
     this.take = null;
+    this.views = new Map(); // of the drives of the take, so that A/B need not load them again
     this.wish = studio.address.take;
     this._build();
-    this._offs = [this.link.on("takes", (takes) => this._takes(takes)), this.link.on("player", () => this.control()), this.link.on("jobs", () => this.control()), this.link.on("air", () => this.control())];
+    this._offs = [this.link.on("takes", (takes) => this._takes(takes)), this.link.on("player", () => this.control()), this.link.on("jobs", () => this.control()), this.link.on("air", () => this.control()), this.link.on("edits", () => this.control()), this.link.on("exported", (name) => this._exported(name))];
     this._clock = setInterval(() => this._address(), 500);
   }
   leave() {
     for (const off of this._offs) off();
     clearInterval(this._clock);
     this._close();
+    this._forget();
     this.left = true;
   }
   get transport() { return this.take?.transport ?? null; }
@@ -45,10 +47,12 @@ export default class Reproduce {
     this.search = make("input", { type: "search", placeholder: "search", "aria-label": "search the takes", oninput: () => this._found() });
     const own = (words, act) => make("button", { type: "button", disabled: true, onclick: act }, words);
     this.own = [own("Rename", () => this._rename()), own("Duplicate", () => this._own("duplicate")), own("Delete", () => this._delete())];
+    this.editing = [own("Edit", () => this._edit()), own("Undo", () => this.undo("undo")), own("Redo", () => this.undo("redo")), own("Export", () => this._export())];
     this.solve = make("button.main", { type: "button", onclick: () => this._solve() }, "Solve");
     this.play = make("button", { type: "button", onclick: () => this._play() }, "Play on array");
     this.drifted = warningBox("room-drift", make("button", { type: "button", onclick: () => this._play(true) }, "Correct phases"), make("button", { type: "button", onclick: () => this._solve() }, "Solve again"));
     this.form = make("div.column");
+    this.drives = make("div", { id: "drives" });
     this.frame = make("div");
     this.about = make("div.quiet");
     const set = (name) => ({ target }) => {
@@ -61,8 +65,8 @@ export default class Reproduce {
     this.view = make("p.quiet", { id: "in-view", role: "status" });
     this.form.append(...Object.values(this.inputs).map((input, i) => field(["Mode", "Mapping", "Solver", "Level", "Gain", "Height", "Ears, at most"][i], input)), this.view);
     const left = make("div.column.left", {},
-      Object.assign(panel("Takes", this.add, this.search, this.list, make("div.buttons", {}, ...this.own), file), { className: "panel grow" }),
-      panel("Settings", null, this.form, this.drifted, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about));
+      Object.assign(panel("Takes", this.add, this.search, this.list, make("div.buttons", {}, ...this.own, ...this.editing), file), { className: "panel grow" }),
+      panel("Settings", null, this.drives, this.form, this.drifted, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about));
     const box = (name) => make("div.box", { id: `box-${name}` });
     this.boxes = Object.fromEntries(["wanted", "played", "bar", "traces", "phase", "array", "spectrogram", "overview"].map((name) => [name, box(name)]));
     const { boxes } = this;
@@ -101,18 +105,40 @@ export default class Reproduce {
     this.drifted.tell(drift(this.link, facts?.drive?.air_c));
     this.add.disabled = !controls;
     for (const button of this.own) { button.disabled = !controls || !row || row.sample; button.title = row?.sample ? "samples stay as they are" : ""; }
+    const [edit, undo, redo, out] = this.editing, edits = this.link.state.edits ?? {};
+    edit.disabled = out.disabled = !controls || !row || comes;
+    for (const [button, name] of [[undo, edits.undo], [redo, edits.redo]]) { button.disabled = !controls || !name; button.title = name ?? ""; }
     const solving = (this.link.state.jobs ?? []).find((job) => job.room === "reproduce" && ["runs", "waits"].includes(job.state) && this.take && job.title.endsWith(this.take.name));
     if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : comes ? "available in a moment" : "not solved yet: press Solve";
   }
-  _row(name) { return this.link.state.takes?.find((row) => row.name === name); }
+  _row(name) { return rowOf(this.link.state.takes, name); }
+  /** Show the drives of the take in view; their settings are read once for each state of the files. */
+  async _drives() {
+    const name = this.take?.name, all = drivesOf(this._row(name && takeOf(name))), key = name && `${takeOf(name)} ${all.map((each) => each.drive)}`;
+    if (all.length > 1 && this.asked !== key) {
+      this.asked = key;
+      this.known = (await tried(this.link.order("reproduce", "drives", { take: name }))) ?? [];
+      if (this.left) return;
+    }
+    const shown = this.take?.name;
+    this.drives.replaceChildren(...(shown ? driveButtons(this.studio, shown, ({ name: one }) => {
+      const found = this.known?.find((each) => each.name === one), label = one.slice(takeOf(one).length + 1) || found?.mode || "drive";
+      return [label, found?.error === undefined ? "" : `E ${(100 * found.error).toFixed(1)} %`, found?.made];
+    }) : []));
+  }
+  swap() {
+    const other = this.take && otherDrive(this.link.state.takes, this.take.name, this.before);
+    if (other && other !== this.take.name) this.studio.go("reproduce", other);
+  }
   _takes(takes) {
-    this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#reproduce/${encodeURI(row.name)}`, "aria-current": row.name === this.wish ? "true" : null, onclick: () => { if (row.name === this.wish && !this.take) { this._opening = ""; this._open(row.name); } } },
-      make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, row.sample ? "sample" : row.compared ? "compared" : row.played ? "played" : row.solved ? "solved" : "")))));
+    this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#reproduce/${encodeURI(leadOf(row))}`, "data-take": row.name, "aria-current": row.name === takeOf(this.wish) ? "true" : null, onclick: () => { if (row.name === takeOf(this.wish) && !this.take) { this._opening = ""; this._open(row.name); } } },
+      make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, row.sample ? "sample" : ["compared", "played", "solved"].find((what) => [row, ...row.drives].some((each) => each[what])) ?? "")))));
     this._found();
-    const name = this.wish || (takes.find((row) => row.sample) ?? takes[0])?.name, row = this._row(name);
+    const first = takes.find((row) => row.sample) ?? takes[0], name = this.wish || (first && leadOf(first)), row = this._row(name);
     if (name && (row ? this.take?.name !== name || this.take.stamp !== row.stamp : takes.length && !this.take && !name.startsWith("sample:"))) this._open(name, this.transport ? this.transport.time : this.studio.address.time);
     if (!takes.length) this.about.textContent = "computing the samples …";
     this.control();
+    this._drives();
   }
   /** Hide the takes without the searched words. */
   _found() {
@@ -124,17 +150,57 @@ export default class Reproduce {
     if (take) this.studio.go("reproduce", take);
   }
   _rename() {
-    const dialog = document.getElementById("replace"), name = make("input", { type: "text", value: shortly(this.take.name), maxLength: 100, required: true });
-    dialog.replaceChildren(make("h2", { id: "replace-title" }, `Rename ${shortly(this.take.name)}`), make("form", { method: "dialog", onsubmit: () => this._own("rename", { name: name.value }) },
-      make("div", { id: "replace-words" }, field("New name", name)), make("div.buttons", {}, make("button.main", { type: "submit" }, "Rename"), make("button", { type: "button", onclick: () => dialog.close() }, "Cancel"))));
-    openModal(dialog, this.link);
+    const name = make("input", { type: "text", value: shortly(takeOf(this.take.name)), maxLength: 100, required: true });
+    this._ask(`Rename ${shortly(takeOf(this.take.name))}`, "", { name: ["New name", name] }, "Rename", (given) => this._own("rename", given));
     name.select();
   }
+  /** A dialog with a form; `act` is called with the values of its inputs. */
+  _ask(title, words, inputs, button, act) {
+    const dialog = document.getElementById("replace");
+    dialog.replaceChildren(make("h2", { id: "replace-title" }, title), make("form", { method: "dialog", onsubmit: () => act(Object.fromEntries(Object.entries(inputs).map(([name, [, input]]) => [name, input.value]))) },
+      make("div.column", { id: "replace-words" }, make("p.quiet", {}, words), ...Object.values(inputs).map(([label, input]) => field(label, input))),
+      make("div.buttons", {}, make("button.main", { type: "submit" }, button), make("button", { type: "button", onclick: () => dialog.close() }, "Cancel"))));
+    openModal(dialog, this.link);
+  }
+  /** Edit a take: the result is another take, and the loop states the part. */
+  _edit() {
+    const { loop, rate, last } = this.transport, text = (value) => make("input", { type: "text", value, autocomplete: "off" }), seconds = (frame) => `${(frame / rate).toFixed(4).replace(/0+$/, "").replace(/\.$/, "")}s`;
+    const inputs = { edit: ["Edit", choice([["cut", "cut: keep a part"], ["trim", "trim silence at both ends"], ["gain", "gain"], ["fade", "fade in and out"]], "cut", () => fit())], start: ["", text("")], end: ["", text("")], by: ["By", text("6dB")] };
+    const fit = () => {
+      const what = inputs.edit[1].value, shown = { cut: ["start", "end"], fade: ["start", "end"], gain: ["by"], trim: [] }[what];
+      for (const name of ["start", "end", "by"]) inputs[name][1].closest(".field").hidden = !shown.includes(name);
+      for (const [name, words, value] of [["start", what === "fade" ? "Fade in" : "From", what === "fade" ? "50ms" : seconds(loop.from)], ["end", what === "fade" ? "Fade out" : "To", what === "fade" ? "50ms" : seconds(loop.to >= last ? last + 1 : loop.to)]]) { inputs[name][1].value = value; inputs[name][1].labels[0].textContent = words; }
+    };
+    this._ask(`Edit ${shortly(takeOf(this.take.name))}`, "The result is another take; this one stays as it is. Keys I and O choose the part to cut.", inputs, "Make the take", async (given) => {
+      const take = await tried(this.link.order("reproduce", "edit", { take: this.take.name, ...given }));
+      if (take) this.studio.go("reproduce", take);
+    });
+    fit();
+  }
+  async undo(which) {
+    if (!this.link.state.edits?.[which]) return;
+    const take = await tried(this.link.order("reproduce", which));
+    if (take) this.studio.go("reproduce", take);
+  }
+  _export() {
+    const row = this._row(this.take.name), of = [["", "the recording"], ...(row?.solved ? [["drive", "the drive"]] : []), ...(row?.played ? [["rerecorded", "the re-recording"]] : [])];
+    const WAVES = [[".html", "page with pictures"], [".gif", "film, GIF"], [".mp4", "film, MP4"], [".csv", "CSV"], [".wav", "WAV"], [".npz", "NumPy"], [".mat", "MATLAB"], [".nc", "NetCDF"], [".hjif", "MPEG haptics"], [".ahap", "AHAP"]], DRIVE = [...WAVES.slice(0, 3), [".npz", "NumPy: phases and levels"], [".json", "JSON: phases and levels"]];
+    const ending = choice(WAVES, ".html"), fit = (drive) => ending.replaceChildren(...(drive ? DRIVE : WAVES).map(([value, words]) => make("option", { value }, words)));
+    this._ask(`Export ${shortly(this.take.name)}`, "The file is written into the folder exports of this studio.", { of: ["Of", choice(of, "", ({ target }) => fit(target.value === "drive"))], ending: ["As", ending] }, "Export",
+      (given) => tried(this.link.order("reproduce", "export", { take: this.take.name, ...given })));
+  }
+  _exported(name) {
+    if (!name || name === this.out) return;
+    this.out = name;
+    const note = make("div.toast", {}, "written: ", make("a", { href: `/file/${encodeURI(name)}`, id: "exported", download: name.split("/").at(-1) }, name));
+    document.getElementById("toasts").append(note);
+    setTimeout(() => note.remove(), 20000);
+  }
   async _delete() {
-    const { name } = this.take, folder = await tried(this.link.order("reproduce", "delete", { take: name }));
+    const name = takeOf(this.take.name), folder = await tried(this.link.order("reproduce", "delete", { take: name }));
     if (!folder) return;
     const undo = make("button", { type: "button", id: "undo", onclick: async () => { const take = await tried(this.link.order("reproduce", "restore", { take: folder })); if (take) { note.remove(); this.studio.go("reproduce", take); } } }, "Undo");
-    const note = make("div.toast", {}, `${name} and its drive are in the folder bin/${folder} `, undo);
+    const note = make("div.toast", {}, `${name} and its drives are in the folder bin/${folder} `, undo);
     document.getElementById("toasts").append(note);
     setTimeout(() => note.remove(), 20000);
     this._nothing("");
@@ -147,12 +213,14 @@ export default class Reproduce {
     if (this.left || opening === this._opening) return;
     this._opening = opening;
     this.wish = name;
-    for (const link of this.list.querySelectorAll("a")) if (link.hash === `#reproduce/${encodeURI(name)}`) link.setAttribute("aria-current", "true"); else link.removeAttribute("aria-current");
+    for (const link of this.list.querySelectorAll("a")) if (link.dataset.take === takeOf(name)) link.setAttribute("aria-current", "true"); else link.removeAttribute("aria-current");
     // Never show pictures of another take, not even while the named one loads.
-    if (this.take?.name !== name) this._nothing(`opening ${shortly(name)} …`);
-    let facts, inferno, twilight;
+    const sibling = this.take && takeOf(this.take.name) === takeOf(name);
+    if (!sibling) { this._nothing(`opening ${shortly(name)} …`); this._forget(); }
+    let facts, inferno, twilight, kept = this.views.get(name);
+    if (kept && kept.stamp !== this._row(name)?.stamp) kept = null;
     try {
-      facts = await this.link.order("reproduce", "open", { take: name });
+      facts = kept?.facts ?? await this.link.order("reproduce", "open", { take: name });
       [inferno, twilight] = await Promise.all([colours("inferno"), colours("twilight")]);
     } catch (wrong) {
       if (over()) return;
@@ -160,14 +228,18 @@ export default class Reproduce {
       return;
     }
     if (over()) return;
-    const before = this.transport, same = before && this.take.name === name, was = JSON.stringify(this.take?.facts.drive?.settings);
+    const before = this.transport, same = before && sibling, was = JSON.stringify(this.take?.facts.drive?.settings);
+    if (this.take && this.take.name !== name) this.before = this.take.name;
     this._nothing("");
-    const view = new TakeView(name, facts, () => this._came());
+    if (this.views.get(name) !== kept) this.views.get(name)?.close();
+    const view = kept ?? new TakeView(name, facts, () => this._came());
+    this.views.set(name, view);
     const transport = new Transport({ frames: facts.frames, rate: facts.rate_hz });
     if (same) Object.assign(transport, { playing: before.playing, speed: before.speed, loop: before.loop, marks: before.marks, channel: before.channel, span: before.span });
     else transport.channel = facts.rows > 2 ? 10 : 0;
     transport.channels = facts.rows * facts.columns;
     this.take = Object.assign(view, { stamp: facts.stamp, transport, pictures: [] });
+    if (same && !Number.isFinite(time)) ({ time } = before);
     if (Number.isFinite(time)) { const plays = transport.playing; transport.seek(time * transport.rate); if (!same) transport.playing = plays && !this.studio.address.time; }
     if (!same || (facts.drive && JSON.stringify(facts.drive.settings) !== was)) this._fill({ ...facts.drive?.settings, ...(facts.drive?.settings?.mode === "" ? USUAL : {}) });
     this._pictures(inferno, twilight);
@@ -175,7 +247,10 @@ export default class Reproduce {
     transport.addEventListener("change", () => { if (!transport.playing) this._address(); this._frame(); });
     transport.run((state) => this._draw(state));
     this._takes(this.link.state.takes ?? []);
+    if (kept) this._came();
   }
+  /** Close the loaded drives of a take. */
+  _forget() { for (const view of this.views.values()) view.close(); this.views.clear(); this.before = ""; }
   /** Remove pictures and texts of the previous take. */
   _nothing(words) {
     this._close();
@@ -279,13 +354,15 @@ export default class Reproduce {
   _close() {
     if (!this.take) return;
     this.take.transport.stop();
-    this.take.close();
     for (const picture of [...this.take.pictures, this.phase]) picture?.remove();
     for (const box of Object.values(this.boxes)) box.replaceChildren();
     this.take.pictures = [];
     this.take = null;
   }
-  _solve() { return solveTake(this.link, { take: this.take.name, ...chosen(this.made), ...(this.take.seconds > 1.5 && this.take.facts.drive ? { visible_s: Math.max(0, Math.min(this.take.seconds - 1, this.transport.time - 0.5)) } : {}) }); }
+  async _solve() {
+    const answer = await solveTake(this.link, { take: this.take.name, ...chosen(this.made), ...(this.take.seconds > 1.5 && this.take.facts.drive ? { visible_s: Math.max(0, Math.min(this.take.seconds - 1, this.transport.time - 0.5)) } : {}) });
+    if (answer && this.take && answer.take !== this.take.name) this.studio.go("reproduce", answer.take);
+  }
   _play(correct = false) { askToPlay(this.studio, this.take.name, () => this._solve(), correct); }
   async _upload(file) {
     if (!file) return;
@@ -297,13 +374,13 @@ export default class Reproduce {
   }
   /** Show the code for the drive in view or, without one, for the settings of the form. */
   async _code() {
-    const { name, facts } = this.take, device = facts.drive?.array_calibration ? ` --device ${this.link.state.player?.device}` : "", sample = name.startsWith("sample:"), file = sample ? `${name.slice(7)}.h5` : name, stem = file.replace(/\.\w+$/, ""), seconds = (facts.frames / facts.rate_hz).toFixed(1);
+    const { name, facts } = this.take, device = facts.drive?.array_calibration ? ` --device ${this.link.state.player?.device}` : "", take = takeOf(name), sample = take.startsWith("sample:"), file = sample ? `${take.slice(7)}.h5` : take, label = name.slice(take.length + 1), stem = file.replace(/\.\w+$/, "") + (label && `.${label}`), seconds = (facts.frames / facts.rate_hz).toFixed(1);
     const made = facts.drive?.settings ?? (await tried(this.link.order("reproduce", "code", { take: name, ...chosen(this.made) })));
     if (!made) return;
-    const first = sample ? `midair record virtual:${name.slice(7)} ${file} --duration ${seconds}s\n` : "";
-    this.studio.code("The same, as code", `${first}midair solve ${file} ${made.options || `--settings ${stem}.drive.h5`}${device}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
-      `import midair\nfrom midair.pipeline import calibrated_pressure, required_lead, reproduce\nfrom midair.settings import ${made.python.startsWith("MODES") ? "MODES" : "Settings"}\nfrom midair.targets import add_lead\n\ntake = ${sample ? `midair.record("virtual:${name.slice(7)}", ${seconds})` : `midair.open_take("${file}")`}\nsettings = ${made.python}\npressure = add_lead(calibrated_pressure(take.recording, take.calibration, settings), required_lead(settings))\nmade = reproduce(pressure, midair.TransducerArray.autd3(), settings)\nplayed = midair.play(made.solution, "virtual")\nprint(made, played)`);
+    const first = sample ? `midair record virtual:${take.slice(7)} ${file} --duration ${seconds}s\n` : "";
+    this.studio.code("The same, as code", `${first}midair solve ${file}${label && ` ${stem}.drive.h5`} ${made.options || `--settings ${stem}.drive.h5`}${device}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
+      `import midair\nfrom midair.pipeline import calibrated_pressure, required_lead, reproduce\nfrom midair.settings import ${made.python.startsWith("MODES") ? "MODES" : "Settings"}\nfrom midair.targets import add_lead\n\ntake = ${sample ? `midair.record("virtual:${take.slice(7)}", ${seconds})` : `midair.open_take("${file}")`}\nsettings = ${made.python}\npressure = add_lead(calibrated_pressure(take.recording, take.calibration, settings), required_lead(settings))\nmade = reproduce(pressure, midair.TransducerArray.autd3(), settings)\nplayed = midair.play(made.solution, "virtual")\nprint(made, played)`);
   }
 }
 
-const shortly = (name) => name.replace(/^sample:/, "").replace(/\.h5$/, "");
+const shortly = (name) => name.replace(/^sample:/, "").replace(/\.h5(?=@|$)/, "");

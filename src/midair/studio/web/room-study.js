@@ -5,6 +5,9 @@ import { drift } from "/web/warnings.js";
 
 const TEMPLATES = [["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"], ["own", "my takes"]];
 
+/** Name of a study and its title: studies from one template have the same title. */
+const titled = ({ name, title }) => (title && title !== name ? `${name}: ${title}` : name);
+
 export default class Study {
   constructor(studio) {
     this.studio = studio;
@@ -50,7 +53,7 @@ export default class Study {
       const mine = make("div.column", { id: "own-study", hidden: true }, field("Takes", takes), field("Question", question), field("Answer", answer), field("Repetitions", often));
       template.addEventListener("change", () => { mine.hidden = template.value !== "own"; });
       const given = () => (template.value === "own" ? { template: "paper", takes: [...takes.selectedOptions].map((one) => one.value), question: question.value, scale: answer.value === "scale", repetitions: Number(often.value) || 1 } : { template: template.value });
-      left.append(panel("Studies", null, ...(studies.length ? [choice(studies.map((each) => [each.name, each.title]), study.name, ({ target }) => { this.chosen = target.value; this.shown = ""; this._show(); })] : [make("p.quiet", {}, "no studies in this folder yet")])),
+      left.append(panel("Studies", null, ...(studies.length ? [choice(studies.map((each) => [each.name, titled(each)]), study.name, ({ target }) => { this.chosen = target.value; this.shown = ""; this._show(); })] : [make("p.quiet", {}, "no studies in this folder yet")])),
         panel("New study", null, field("Name", name), field("Kind", template), field("Participants", people), mine,
           make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "new-study", onclick: async () => { if (await tried(this.link.order("study", "new", { name: name.value.trim(), ...given(), participants: Number(people.value) || 1 }))) this.chosen = name.value.trim(); } }, "Draw the plan"))));
     } else {
@@ -73,7 +76,7 @@ export default class Study {
       const pilot = make("input", { type: "checkbox", id: "pilot", checked: kept.pilot, onchange: () => { kept.pilot = pilot.checked; } });
       const noise = choice([["default", "this computer's sound output"], ["none", "none (the array may be audible)"]], kept.noise), answers = make("input", { type: "text", maxLength: 200, autocomplete: "off", placeholder: "name", value: kept.answers, oninput: () => { kept.answers = answers.value; } });
       noise.addEventListener("change", () => { kept.noise = noise.value; });
-      right.append(panel(study.title, study.name, make("p.quiet", {}, "Pilot runs have a coloured frame and are stored in pilot/, which no analysis reads."), make("div", {}, pilot, " ", make("label", { htmlFor: "pilot" }, "pilot run")),
+      right.append(panel(titled(study), "", make("p.quiet", {}, "Pilot runs have a coloured frame and are stored in pilot/, which no analysis reads."), make("div", {}, pilot, " ", make("label", { htmlFor: "pilot" }, "pilot run")),
         ...(this.said ? [make(`p${this.wrong ? ".bad" : ".quiet"}`, { id: "begins", role: "status" }, this.said)] : []),
         ...(study.drives ? [field("Person responsible for playing above the exposure profile", answers)] : []),
         ...(study.noise ? [field("Noise in the headphones", noise), make("p.quiet", {}, `During each presentation: ${study.noise}.`)] : []),
@@ -94,7 +97,7 @@ export default class Study {
   }
 
   _forParticipant() {
-    const { session } = this, step = session?.step, key = JSON.stringify([step, session?.busy, session?.cue, session?.media]);
+    const { session } = this, step = session?.step, key = JSON.stringify([step, session?.busy, session?.cue, session?.media, Boolean(session?.due)]);
     if (key === this.shown) return;
     this.shown = key;
     this.answers = [];
@@ -110,7 +113,9 @@ export default class Study {
       main.append(make("p", {}, "Please rest."), go);
     } else if (step.kind === "ask") main.append(...this._question(step));
     else main.append(make("p", {}, step.kind === "done" ? "That was all. Thank you." : "Stopped. Thank you."), make("a", { href: "#study" }, "experimenter's page"));
-    const foot = make("div.row", {}, make("span.quiet", {}, step?.total ? `Trial ${step.number} of ${step.total}` : ""), ...(session?.pilot ? [make("strong.simulated", {}, "PILOT")] : []), ...(this.link.state.player?.simulated ? [make("strong.simulated", {}, "SIMULATED")] : []), stop);
+    // Without the name of the object, which the participant must not read.
+    const due = session?.due ? [make("a", { href: "#study", id: "to-confirm" }, "Experimenter: confirm the presentation here")] : [];
+    const foot = make("div.row", {}, make("span.quiet", {}, step?.total ? `Trial ${step.number} of ${step.total}` : ""), ...due, ...(session?.pilot ? [make("strong.simulated", {}, "PILOT")] : []), ...(this.link.state.player?.simulated ? [make("strong.simulated", {}, "SIMULATED")] : []), stop);
     foot.style.justifyContent = "space-between";
     this.studio.footer.hidden = false;
     this.studio.footer.replaceChildren(foot);

@@ -1,5 +1,6 @@
 /* A take in the page: its facts and its frames, loaded second by second. */
 
+import { make } from "/web/dom.js";
 import { Track, Colours, decode } from "/web/view.js";
 
 const tables = new Map();
@@ -40,6 +41,34 @@ export class TakeView {
       return phases.values.subarray(slot * phases.width, (slot + 1) * phases.width);
     } };
   }
+}
+
+/** The name of a take without the label of one of its drives: NAME@paper is the drive of another mode. */
+export const takeOf = (name) => name.replace(/@[a-z]+(-\d+)?$/, "");
+
+/** The row of a take, or of one of its drives; a drive that does not exist yet has a row of its own. */
+export function rowOf(takes, name = "") {
+  const row = takes?.find((each) => each.name === takeOf(name));
+  return !row || row.name === name ? row : { ...row, solved: false, drive: "", played: false, compared: false, report: false, ...(row.drives.find((each) => each.name === name) ?? { name, stamp: "" }) };
+}
+
+/** Every drive of a row, and the name under which a take is opened. */
+export const drivesOf = (row) => [...(row?.solved ? [row] : []), ...(row?.drives ?? [])];
+export const leadOf = (row) => (drivesOf(row)[0] ?? row).name;
+
+/** Buttons for the drives of a take, with a figure each; none for a single one. */
+export function driveButtons(studio, name, figure) {
+  const row = rowOf(studio.link.state.takes, takeOf(name)), all = drivesOf(row);
+  return all.length < 2 ? [] : [make("p.quiet", {}, "Drives of this take ", make("kbd", {}, "B")), make("div.drives", { role: "group", "aria-label": "Drives of this take" }, ...all.map((each) => {
+    const [label, said, title] = figure(each);
+    return make("button", { type: "button", title, "aria-pressed": each.name === name ? "true" : "false", onclick: () => studio.go(studio.name, each.name) }, make("strong", {}, label), ...(said ? [` ${said}`] : []));
+  }))];
+}
+
+/** The drive that was in view before, or else the next one: the other side of A/B. */
+export function otherDrive(takes, name, before) {
+  const all = drivesOf(rowOf(takes, takeOf(name))).map((each) => each.name), at = all.indexOf(name);
+  return all.includes(before) && before !== name ? before : all[(at + 1) % all.length] ?? name;
 }
 
 /** The settings that differ from the mode, as a request needs them. */

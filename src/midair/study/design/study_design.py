@@ -133,7 +133,7 @@ class MaskingNoise:
         """The level as text."""
         words = f"white noise at {self.level_dbfs:g} dB (rms, relative to a full-scale sine)"
         if self.full_scale_db is None:
-            return f"{words}; sound pressure level unknown: measure the headphones and state full_scale_db"
+            return f"{words}; sound pressure level unknown: state it in the plan (full_scale_db)"
         return f"{words}, {self.level_dbfs + self.full_scale_db:g} dB SPL"
 
 

@@ -147,6 +147,7 @@ MEANING: Mapping[str, str] = {
     "stimulus": "presented stimulus",
     "answer": "given answer",
     "question": "question of the plan",
+    "text": "words of the question",
     "kind": "kind of answers",
     "given": "number of answers",
     "analysed": "number of analysed answers",

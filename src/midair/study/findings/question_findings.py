@@ -45,7 +45,7 @@ def every_question(questions: DataFrame) -> Finding:
     notes = [row["part"] or f"not analysed, because {_reason(row)}" for row in rows]
     silent = [f"{row['question']}: {note}." for row, note in zip(rows, notes, strict=True) if not row["part"]]
     words = " ".join(silent) or "Every question of the plan is analysed; the table names the part of the report."
-    table = DataFrame(questions, columns=["question", "kind", "given", "analysed"])
+    table = DataFrame(questions, columns=["question", "text", "kind", "given", "analysed"])
     return Finding(title="Questions of the plan", words=words, table=table.assign(part=notes))
 
 
