@@ -45,8 +45,8 @@ class StudyData:
     form: DataFrame | None = None
     """Answers to the form of analysed participants, with the same columns."""
     questions: DataFrame | None = None
-    """Every question of the plan: columns question, text, kind, private, asked, given and analysed (numbers of answers),
-    and part (section of the report with its analysis; empty if there is none)."""
+    """Every question of the plan: columns question, text, kind, private, asked, given and analysed (numbers of
+    answers), and part (section of the report with its analysis; empty if there is none)."""
     strengths: DataFrame | None = None
     """Columns participant, level, correct (0 or 1), guess, lapse_most: answers to stimuli with numeric strength."""
     thresholds: DataFrame | None = None
