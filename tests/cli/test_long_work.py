@@ -31,6 +31,7 @@ LINES = {
     "trim take.h5 part.h5": NOTHING,
     "join take.h5 take.h5 both.h5": NOTHING,
     "gain take.h5 loud.h5 --by 2": NOTHING,
+    "fade take.h5 soft.h5 --start 0.1s": NOTHING,
     "mask take.h5 masked.h5 --channels 3": NOTHING,
     "resample take.h5 slow.h5 --rate 500Hz": NOTHING,
     "export take.h5 take.csv": NOTHING,

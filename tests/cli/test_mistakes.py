@@ -103,7 +103,7 @@ MISTAKES = (
         ".npz, .mat, .nc, .hjif, .ahap; got 'no ending'",
     ),
     ("export take.h5 take.mp3", 1, "MP3 can be read, not written; writable formats are .h5, .hdf5, .csv"),
-    ("export there.drive.h5 x.npz", 1, "for a drive: midair solve writes it, midair play and show read it"),
+    ("export there.drive.h5 x.wav", 1, "expected a name that ends in .npz or .json"),
     ("show there.drive.h5 x.gif", 1, "a file to write is --save x.gif"),
     ("cut take.h5 x.h5 --end 0.1s --duration 0.1s", 1, "expected --end or --duration, got both"),
     ("export take.h5 take.xlsx", 1, "expected a name that ends in .h5,"),

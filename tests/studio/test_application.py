@@ -104,7 +104,7 @@ def test_page_and_files_are_served(client):
 
 
 def test_all_files_of_a_page_are_small_and_preloaded(client):
-    """The page preloads every module, so that no module waits for another one to import it."""
+    """The page preloads every module, so that none waits for another; a line of 1 Mbit/s loads it within a second."""
     page = client.get("/").text
     wanted = set(re.findall(r'(?:href|src)="(/web/[^"]+)"', page))
     scripts = {name for name in wanted if name.endswith(".js")}
@@ -117,7 +117,7 @@ def test_all_files_of_a_page_are_small_and_preloaded(client):
         with client.stream("GET", name, headers={"accept-encoding": "gzip"}) as answer:
             assert answer.headers["content-encoding"] == "gzip"
             received += sum(map(len, answer.iter_raw()))
-    assert received < 70_000
+    assert received < 100_000
 
 
 def test_demo_stroke_is_shown_until_the_sample_exists(studio, client, talk):

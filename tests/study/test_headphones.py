@@ -177,7 +177,7 @@ def test_levels_that_would_be_clipped_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("full_scale", "said"), [(None, "unknown: measure the headphones"), (105.0, "at -20 dB .*, 85 dB SPL$")]
+    ("full_scale", "said"), [(None, "unknown: state it in the plan"), (105.0, "at -20 dB .*, 85 dB SPL$")]
 )
 def test_the_level_is_stated(full_scale, said):
     assert re.search(said, MaskingNoise(level_dbfs=-20, full_scale_db=full_scale).said)
