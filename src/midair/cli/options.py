@@ -143,6 +143,14 @@ class _SettingsOptions:
             made = made.but(jobs=_cores())
         return made
 
+    def settings_in(self, temperature: float | None, humidity: float | None) -> Settings:
+        """The settings in the stated air of the room, as options of midair solve would state it."""
+        made = self.settings()
+        for choice in CHOICES:
+            value = {"temperature": temperature, "humidity": humidity}.get(choice.name)
+            made = made if value is None else choice.put(made, value)
+        return made
+
     def refuse_idle_palm(self) -> None:
         """Raise InputError for --palm without a quiet palm, where the command would ignore it."""
         if getattr(self, "palm", None) is not None and not QuietPalm.number(self.settings().solver.quiet_palm):
@@ -283,9 +291,15 @@ if TYPE_CHECKING:
     class SolveOptions(_SettingsOptions):
         """How pressure becomes sound."""
 
+    class PlaySolveOptions(_SettingsOptions):
+        """How a recording is solved while it plays."""
+
 else:
     BandOptions = _options("BandOptions", "Which part of a recording counts.", ("band", "rate", "inverse"))
     SolveOptions = _options("SolveOptions", "How pressure becomes sound.", modes=True)
+    # The room's air is an option of playing.
+    _solved = [choice.name for choice in CHOICES if choice.name not in ("temperature", "humidity")]
+    PlaySolveOptions = _options("PlaySolveOptions", "How a recording is solved while it plays.", _solved, modes=True)
 
 
 _SHARED = ("band", "height", "pitch", "points", "temperature", "humidity", "directivity")

@@ -1,6 +1,7 @@
 """The commands `solve` and `play`."""
 
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from midair.cli.options import (
     Json,
     Lead,
     PartLength,
+    PlaySolveOptions,
     SolveOptions,
     StartAt,
     StopInput,
@@ -35,6 +37,7 @@ from midair.devices import ArrayDevice, ExposureClearance, PlayReport, check_exp
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
 from midair.files import (
+    DRIVE_SUFFIX,
     check_memory_for,
     load_placement,
     load_solution,
@@ -68,6 +71,7 @@ from midair.rig import (
     open_tracker,
     play_cleared,
     play_followed,
+    play_pressure,
     rerecord,
     tracker_name,
 )
@@ -120,9 +124,7 @@ def solve_command(
     transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force, ".drive.h5")
-    piece = calibrated_part(source, settings, start_at, duration, streamed=True)
-    piece = with_unreproduced(source, piece, settings.calibration.band)
-    pressure = add_lead(piece, required_lead(settings) if lead is None else lead)
+    pressure = _led_pressure(source, settings, start_at, duration, lead)
     transducers, settings, pressure = with_array_calibration(
         array_calibration, transducers, settings, pressure, device=device
     )
@@ -177,6 +179,15 @@ def solve_command(
         ]
     )
     return None
+
+
+def _led_pressure(
+    source: Path, settings: Settings, start_at: float, duration: float | None, lead: float | None
+) -> PressureFrames:
+    """The pressure of a part of a recording, with its lead, in lazy frames."""
+    piece = calibrated_part(source, settings, start_at, duration, streamed=True)
+    piece = with_unreproduced(source, piece, settings.calibration.band)
+    return add_lead(piece, required_lead(settings) if lead is None else lead)
 
 
 TRIAL = 8
@@ -245,16 +256,23 @@ def play_command(
     air: AirOptions | None = None,
     heat: HeatOptions | None = None,
     stop_input: StopInput = None,
+    solve: PlaySolveOptions | None = None,
+    start_at: StartAt = 0.0,
+    duration: PartLength = None,
+    lead: Lead = None,
+    drive: Path | None = None,
 ) -> None:
-    """Play a drive on an array; on the virtual array, re-record the pressure.
+    """Play a drive or a recording on an array; on the virtual array, re-record the pressure.
 
+    A recording is solved while it plays, with the options of midair solve. If this computer is too slow for that, the
+    first sound waits until no gap will follow.
     Refuses drives above the exposure profile on arrays and emulators, unless --override-exposure is given.
     Ctrl-C stops, and so does midair stop in another terminal.
 
     Parameters
     ----------
     source
-        Drive to play, NAME.drive.h5.
+        Drive to play, NAME.drive.h5, or recording with a calibration, NAME.h5.
     output
         Re-recording of the virtual device. [default: NAME.rerecorded.h5]
     correct_air
@@ -262,11 +280,14 @@ def play_command(
     air
         Air of the room. A virtual device plays in the drive's own air if it is not stated. The exposure check takes the
         maximum over 2 degrees around it; if not stated, over 14 to 30 degrees.
+    drive
+        Drive to write of a recording, NAME.drive.h5, the same as by midair solve.
 
     Examples
     --------
     $ midair play take.drive.h5
     $ midair play take.drive.h5 --device autd3
+    $ midair play take.h5 --device autd3 --mode quick --drive take.drive.h5
     """
     air = air or AirOptions()
     room = air.medium()
@@ -278,25 +299,41 @@ def play_command(
         cooling=(heat or HeatOptions()).cooling(),
     )
     device = settings.device
+    solve = solve or PlaySolveOptions()
+    solved = source.name.lower().endswith(DRIVE_SUFFIX)
+    if solved and (solve.typed() or drive is not None or start_at or duration is not None or lead is not None):
+        raise InputError(f"options of midair solve, --drive: expected a recording with them, got the drive {source}")
     if device == "virtual":
         if stop_input is not None:
             raise InputError("--stop-input: expected an array, got --device virtual, which is silent; leave it out")
         if settings.delay:
             raise InputError("--delay: expected an array, got --device virtual, which plays at once; leave it out")
-        load_solution(source, streamed=True)  # a recording is refused as one, whatever stands beside it
         target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
         may_write(target, force)
-        return _play_on_virtual(source, target, settings, air, correct=correct_air)
-    if settings.array_calibration is not None:
+    elif settings.array_calibration is not None:
         raise InputError(
             f"--array-calibration: expected --device virtual, got {device}; "
             "for a real array use midair solve --array-calibration"
         )
-    if output is not None or force or settings.seed or settings.spread != "default":
+    elif output is not None or (force and drive is None) or settings.seed or settings.spread != "default":
         raise InputError(
             f"--output, --force, --seed, --spread: expected --device virtual, got {device}; "
             "midair loop re-records a real array"
         )
+    else:
+        target = None
+    if not solved:
+        if drive is not None:
+            may_write(drive, force, DRIVE_SUFFIX)
+        if correct_air:
+            raise InputError("--correct-air: expected a drive, got a recording; it is solved for --temperature")
+        solving = solve.settings_in(air.temperature, air.humidity)
+        solve.refuse_idle_palm()
+        with stop_on_input(stop_input):
+            pressure = _led_pressure(source, solving, start_at, duration, lead)
+            return _play_recording(source, pressure, solving, settings, air, drive, target)
+    if target is not None:
+        return _play_on_virtual(source, target, settings, air, correct=correct_air)
     with stop_on_input(stop_input):
         if settings.follow is not None:
             return _follow_on_array(source, settings, air, correct=correct_air)
@@ -333,6 +370,48 @@ def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: Ai
             ("measured in", admission.exposure.measured_in),
         ]
     )
+
+
+def _play_recording(
+    source: Path,
+    pressure: PressureFrames,
+    solving: Settings,
+    settings: PlaySettings,
+    air: AirOptions,
+    drive: Path | None,
+    heard: Path | None,
+) -> None:
+    """Solve a pressure while it plays, and print the result."""
+    grid, device = solving.target.grid, settings.device
+    if heard is not None:
+        settings = settings.but(height=grid.height, cells=pressure.sensor, band=solving.calibration.band)
+    rig = open_rig(settings=settings)
+    if rig.measured is not None:
+        print_note(f"array calibration: {rig.measured.described(solving)}")
+    print_air(solving.acoustics.medium, stated=air.temperature is not None)
+    watched = air_watched(air.temperature, solving.acoustics.medium, advice=PLAY_AGAIN, device="" if heard else device)
+    with watched, progress_bars() as stage, reserved(drive or source) if drive else nullcontext():
+        banner(rig.array.simulated or pressure.provenance.simulated)
+        played = play_pressure(
+            pressure, solving, rig, path=drive, source=source, report=print_note, progress=stage("play")
+        )
+    found, error = played.clearance, played.error
+    rows = [] if played.report is None else _played_rows(played.report, played.drive, device)
+    if heard is not None and played.take is not None:
+        save(played.take.recording, heard, calibration=played.take.calibration)
+        rows = [("re-recorded", f"{heard}, {played.take.recording.frames} frames at {pressure.rate:g} Hz")]
+    if found is not None and error is not None:
+        exposed = f"on a real array: {found.exposure.verdict()}" if heard else found.verdict()
+        rows = [
+            *unreproduced_rows(pressure.provenance),
+            ("exposure", exposed),
+            ("measured in", found.exposure.measured_in),
+            ("heat", found.exposure.heat),
+            ("solver", f"{solving.solver.name}, E {100 * error.mean():.1f} %, mean of all frames"),
+            *([] if drive is None else [("drive", str(drive))]),
+            *rows,
+        ]
+    print_rows(rows)
 
 
 def _admitted(drive: Drive, device: ArrayDevice, settings: PlaySettings) -> ExposureClearance:

@@ -3,6 +3,7 @@
 from .device_locks import device_lock as device_lock
 from .play_log import Ending as Ending
 from .play_log import close_orders as close_orders
+from .play_log import exposed as exposed
 from .play_log import log_drift as log_drift
 from .play_log import log_end as log_end
 from .play_log import log_order as log_order

@@ -1,0 +1,63 @@
+"""Lazy frames that another thread appends while they are read."""
+
+from threading import Condition
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.streaming.lazy_frames import LazyFrames
+from midair.streaming.temp_frames import TempFrames
+
+
+class ArrivingFrames(LazyFrames):
+    """Lazy frames of `shape` that come in order; a read waits for its frames.
+
+    They are kept in a temporary file as whole steps, of which `steps` are 1: as bytes, or as they are if `steps` is
+    None.
+    """
+
+    def __init__(self, shape: tuple[int, ...], *, steps: float | None = None) -> None:
+        super().__init__(self._arrived, shape)
+        self._spool = TempFrames(*shape[1:], kind=np.float64 if steps is None else np.uint8)
+        self._steps, self._news = steps, Condition()
+        self._error: BaseException | None = None
+
+    @property
+    def there(self) -> int:
+        """Number of frames that have come; raises the error of `fail`."""
+        if self._error is not None:
+            raise self._error
+        return self._spool.frames
+
+    @property
+    def whole(self) -> bool:
+        """Whether all frames have come."""
+        return self._spool.frames == len(self)
+
+    def append(self, block: NDArray[Any]) -> None:
+        """Append frames, as bytes if they are kept so."""
+        with self._news:
+            self._spool.append(block)
+            self._news.notify_all()
+
+    def fail(self, error: BaseException) -> None:
+        """End with an error, which every later read raises."""
+        with self._news:
+            self._error = error
+            self._news.notify_all()
+
+    def wait(self, last: int, timeout: float | None = None) -> bool:
+        """Wait until the frames before `last` have come, or for `timeout` s; return whether they have."""
+        with self._news:
+            return self._news.wait_for(lambda: self.there >= last, timeout)
+
+    def _arrived(self, first: int, last: int) -> NDArray[np.float64]:
+        self.wait(last)
+        return self.kept(first, last)
+
+    def kept(self, first: int, last: int) -> NDArray[np.float64]:
+        """Frames that have come, also after an error."""
+        with self._news:
+            read = self._spool.read(first, last)
+        return read if self._steps is None else read / self._steps
