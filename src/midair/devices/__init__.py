@@ -19,6 +19,7 @@ from .exposure_check import check_exposure_level as check_exposure_level
 from .exposure_check import check_exposure_steered as check_exposure_steered
 from .exposure_check import felt_pressure_text as felt_pressure_text
 from .exposure_check import measure_exposure as measure_exposure
+from .frame_bytes import PHASE_STEPS as PHASE_STEPS
 from .frame_bytes import TICK as TICK
 from .frame_bytes import amplitude_of as amplitude_of
 from .frame_bytes import divider as divider

@@ -4,6 +4,7 @@ import time
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,7 @@ from midair.files import (
     save_solutions,
 )
 from midair.headroom import level_of
-from midair.model import Acoustics, Drive, Medium, PressureFrames, TransducerArray
+from midair.model import Acoustics, AmplitudeFrames, Drive, Medium, PressureFrames, Solution, TransducerArray
 from midair.pipeline import (
     Reproduction,
     check_size,
@@ -60,6 +61,7 @@ from midair.rig import (
     ArrayKind,
     PlaySettings,
     array_of_kind,
+    can_solve_ahead,
     check_air,
     checkup_line,
     clear_followed,
@@ -135,20 +137,7 @@ def solve_command(
     tried = settings.solver.name in ("lm", "exact") and not is_speed_known(kind) and frames > TRIAL
     if tried:
         _estimate(pressure, transducers, settings, frames)
-    used = settings
-    with reserved(target):
-        while True:
-            with progress_bars(kind, frames, estimated=tried) as stage:
-                wanted, parts = reproduce_stream(pressure, transducers, used, progress=stage("solve"))
-                save_solutions(parts, target, frames=wanted.frames, target=wanted)
-            # Read back from the file: the lazy frames would be computed again.
-            solution = load_solution(target, streamed=True)
-            weaker = weaker_settings(solution.drive, Settings.of(solution.drive.provenance) or used)
-            if weaker is None:
-                break
-            # A drive above the stated level does not stay if the next solve is interrupted.
-            target.unlink()
-            used = weaker
+    wanted, solution = _solve_into(target, pressure, transducers, settings, estimated=tried)
     made = Reproduction(pressure=pressure, target=load_target(target, streamed=True) or wanted, solution=solution)
     level = level_of(solution, made.target, band=settings.calibration.band)
     inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
@@ -179,6 +168,27 @@ def solve_command(
         ]
     )
     return None
+
+
+def _solve_into(
+    target: Path, pressure: PressureFrames, transducers: TransducerArray, used: Settings, *, estimated: bool = False
+) -> tuple[AmplitudeFrames, Solution]:
+    """Solve a pressure into a file, with a bar, again with less gain while it exceeds its level at the ears."""
+    frames = round(pressure.frames / pressure.rate * used.target.rate)
+    kind = f"solve {workload_of(used, transducers.count)}"
+    with reserved(target):
+        while True:
+            with progress_bars(kind, frames, estimated=estimated) as stage:
+                wanted, parts = reproduce_stream(pressure, transducers, used, progress=stage("solve"))
+                save_solutions(parts, target, frames=wanted.frames, target=wanted)
+            # Read back from the file: the lazy frames would be computed again.
+            solution = load_solution(target, streamed=True)
+            weaker = weaker_settings(solution.drive, Settings.of(solution.drive.provenance) or used)
+            if weaker is None:
+                return wanted, solution
+            # A drive above the stated level does not stay if the next solve is interrupted.
+            target.unlink()
+            used = weaker
 
 
 def _led_pressure(
@@ -287,7 +297,7 @@ def play_command(
     --------
     $ midair play take.drive.h5
     $ midair play take.drive.h5 --device autd3
-    $ midair play take.h5 --device autd3 --mode quick --drive take.drive.h5
+    $ midair play part.h5 --mode quick --drive felt.drive.h5
     """
     air = air or AirOptions()
     room = air.medium()
@@ -331,13 +341,27 @@ def play_command(
         solve.refuse_idle_palm()
         with stop_on_input(stop_input):
             pressure = _led_pressure(source, solving, start_at, duration, lead)
-            return _play_recording(source, pressure, solving, settings, air, drive, target)
-    if target is not None:
-        return _play_on_virtual(source, target, settings, air, correct=correct_air)
+            rig = open_rig(settings=settings)
+            if settings.follow is None and can_solve_ahead(rig.array, solving, settings.exposure):
+                return _play_recording(source, pressure, solving, settings, air, drive, target)
+            with TemporaryDirectory() as folder:
+                made = drive or Path(folder) / f"{source.stem}{DRIVE_SUFFIX}"
+                known = with_array_calibration(None, rig.array.array, solving, pressure, device=device)
+                _solve_into(made, known[2], known[0], known[1])
+                return _play_drive(made, target, settings, air)
     with stop_on_input(stop_input):
-        if settings.follow is not None:
-            return _follow_on_array(source, settings, air, correct=correct_air)
-        return _play_on_array(source, settings, air, correct=correct_air)
+        return _play_drive(source, target, settings, air, correct=correct_air)
+
+
+def _play_drive(
+    source: Path, target: Path | None, settings: PlaySettings, air: AirOptions, *, correct: bool = False
+) -> None:
+    """Play the drive of a file; `target` is the re-recording of the virtual array."""
+    if target is not None:
+        return _play_on_virtual(source, target, settings, air, correct=correct)
+    if settings.follow is not None:
+        return _follow_on_array(source, settings, air, correct=correct)
+    return _play_on_array(source, settings, air, correct=correct)
 
 
 def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> None:

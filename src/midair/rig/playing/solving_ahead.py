@@ -10,7 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from midair.array_types import Array
-from midair.devices import ArrayDevice, ExposureChoices, ExposureClearance, ExposureStream, measure_exposure
+from midair.devices import (
+    PHASE_STEPS,
+    ArrayDevice,
+    ExposureChoices,
+    ExposureClearance,
+    ExposureStream,
+    measure_exposure,
+)
 from midair.errors import InputError, StoppedError
 from midair.files import save_solutions
 from midair.model import Drive, PressureFrames, Solution, TransducerArray
@@ -147,6 +154,16 @@ class SolvedAhead(threading.Thread):
         self.join()
 
 
+def can_solve_ahead(device: ArrayDevice, settings: Settings, choices: ExposureChoices) -> bool:
+    """False if the whole drive is needed before its first sound.
+
+    So it is for a level at the ears, for attenuation, and for an array that does not stream or has other phase steps
+    than AUTD3 units.
+    """
+    alike = device.streams and device.steps_a_turn == PHASE_STEPS
+    return alike and settings.target.ears is None and not choices.attenuate
+
+
 @contextmanager
 def solved_ahead(
     pressure: PressureFrames,
@@ -174,13 +191,12 @@ def solved_ahead(
     Raises
     ------
     InputError
-        If the settings or the choices need the whole drive before the first sound: a level at the ears, attenuation,
-        or an array that does not stream.
+        If the whole drive is needed first, see `can_solve_ahead`.
     """
-    if settings.target.ears is not None or choices.attenuate or not device.streams:
+    if not can_solve_ahead(device, settings, choices):
         raise InputError(
-            "play while solving: expected no level at the ears, no attenuation and an array that streams, got one that "
-            "needs the whole drive; solve first"
+            "play while solving: expected AUTD3 units, no level at the ears and no attenuation, got some of these; "
+            "solve first"
         )
     with one_blas_thread():
         solver = SolvedAhead(

@@ -1,0 +1,197 @@
+"""A pressure is solved while it plays: nothing sounds unchecked, and an error anywhere ends in silence."""
+
+import json
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from tests.waiting import wait_until
+
+from midair.devices import ExposureChoices, VirtualArray, measure_exposure
+from midair.errors import ExposureError, InputError
+from midair.files import load_solution, profile_named, save_solutions
+from midair.model import PressureFrames, SensorGrid, TransducerArray
+from midair.pipeline import reproduce_stream
+from midair.rig import PlaySettings, open_rig, play, play_pressure
+from midair.rig.opening import OpenRig
+from midair.settings import Settings
+from midair.solvers import Glide
+
+ARRAY = TransducerArray.autd3()
+QUICK = Settings().but(
+    method=Glide(cold=(10, 4, 10), bent=(4, 4, 4), rough=(6, 4, 4), block=256, jobs=1), rate=20.0, gain=1e-4
+)
+"""With 20 frames in a second, the first part of 257 frames lasts longer than everything else takes to solve."""
+SURE = ExposureChoices(profile=profile_named("occupational-110"), override="A Person")
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MIDAIR_STATE", "state")
+
+
+@pytest.fixture(name="at_once")
+def _at_once(monkeypatch):
+    """The play begins with the first part, whatever the speed."""
+    monkeypatch.setattr("midair.rig.playing.solving_ahead.SolvedAhead._lacks", lambda _: (0.0, np.inf))
+
+
+class Loud(VirtualArray):
+    """A virtual array that is treated as one with sound."""
+
+    gated = True
+
+
+def pressure(frames=800):
+    rng = np.random.default_rng(0)
+    smooth = np.cumsum(rng.normal(size=(frames, 4, 4)), axis=0)
+    # The touch moves to a corner, where the sound at one ear is louder.
+    smooth[:300, [0, -1]], smooth[300:, 1:] = 0, 0
+    return PressureFrames(pressure=smooth, rate=QUICK.target.rate, sensor=SensorGrid())
+
+
+def loud(exposure, device=None, **more):
+    return OpenRig(array=device or Loud(ARRAY), sensor=None, settings=PlaySettings(exposure=exposure, **more))
+
+
+def log():
+    return [json.loads(line) for line in Path("state/played.jsonl").read_text(encoding="utf-8").splitlines()]
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """The file that `midair solve` writes."""
+    path = tmp_path_factory.mktemp("solved") / "a.drive.h5"
+    target, parts = reproduce_stream(pressure(), ARRAY, QUICK)
+    save_solutions(parts, path, frames=target.frames, target=target)
+    return path
+
+
+def test_the_drive_is_that_of_a_solve_to_the_last_bit(solved):
+    played = play_pressure(pressure(), QUICK, loud(SURE), path="b.drive.h5")
+    with h5py.File("b.drive.h5") as one, h5py.File(solved) as other:
+        assert set(one) == set(other)
+        for name in one:
+            np.testing.assert_array_equal(one[name][()], other[name][()], err_msg=name)
+    assert (played.report.frames, len(played.error), played.outcome) == (800, 800, "overridden")
+    end = log()[-1]
+    assert (end["outcome"], end["checked"]["frames"]) == ("played", 800)
+    whole = measure_exposure(load_solution(solved).drive, ARRAY, SURE.profile)
+    assert end["checked"]["places"]["left ear"]["peak_db"] == pytest.approx(whole.peak[0], abs=0.02)
+
+
+@pytest.mark.long
+def test_the_virtual_rig_rerecords_what_it_would_of_the_file():
+    touch, fast = replace(pressure(400), rate=1000.0), QUICK.but(rate=1000.0)
+    played = play_pressure(touch, fast, open_rig(), path="b.drive.h5")
+    heard = play(load_solution("b.drive.h5")).take.recording
+    np.testing.assert_allclose(played.take.recording.samples, heard.samples, atol=1e-9)
+
+
+@pytest.mark.usefixtures("at_once")
+def test_an_inadmissible_later_part_ends_the_play_in_silence_and_leaves_no_file(solved):
+    levels = measure_exposure(load_solution(solved).drive, ARRAY, SURE.profile).level
+    first, rest = levels[:257].max(axis=0), levels[257:].max(axis=0)
+    # Only the place that gets louder later is limited.
+    louder = int((rest - first)[:3].argmax())
+    assert rest[louder] > first[louder] + 0.2, "the case needs a later part that is louder"
+    places = [
+        replace(each, limit=first[number] + 0.1 if number == louder else 200.0)
+        for number, each in enumerate(SURE.profile.places)
+    ]
+    choices = ExposureChoices(profile=replace(SURE.profile, places=tuple(places)))
+    device = Loud(ARRAY)
+    with pytest.raises(ExposureError, match=r"is exceeded.* in frame \d{3} "):
+        play_pressure(pressure(), QUICK, loud(choices, device), path="b.drive.h5")
+    assert not device.emitting
+    assert list(Path().glob("*drive*")) == []
+    assert (log()[-1]["outcome"], log()[-1]["checked"]["frames"]) == ("failed", 257)
+
+
+@pytest.mark.usefixtures("at_once")
+def test_an_error_of_the_solver_silences_the_array(monkeypatch):
+    """The second part fails after the first one sounds."""
+    device, sounds = Loud(ARRAY), threading.Event()
+
+    def parts(*arguments, **how):
+        target, made = reproduce_stream(*arguments, **how)
+
+        def failing():
+            yield next(made)
+            assert sounds.wait(60)
+            raise InputError("the solver: expected to go on, got an error")
+
+        return target, failing()
+
+    real = device.emit
+
+    def emit(*arguments, **how):
+        sounds.set()
+        return real(*arguments, **how)
+
+    monkeypatch.setattr(device, "emit", emit)
+    monkeypatch.setattr("midair.rig.playing.solving_ahead.reproduce_stream", parts)
+    with pytest.raises(InputError, match="expected to go on"):
+        play_pressure(pressure(), QUICK, loud(SURE, device), path="b.drive.h5")
+    assert not device.emitting
+    assert (log()[-1]["outcome"], log()[-1]["checked"]["frames"]) == ("failed", 257)
+    assert list(Path().glob("*drive*")) == []
+
+
+def test_a_slow_computer_is_told_before_the_first_sound(monkeypatch):
+    """A part that lasts .13 s takes .3 s: the play waits, and says for how long."""
+    fast, lines = QUICK.but(rate=2000.0), []
+
+    def parts(*arguments, **how):
+        target, made = reproduce_stream(*arguments, **how)
+
+        def slow():
+            for part in made:
+                yield part
+                time.sleep(0.3)
+
+        return target, slow()
+
+    monkeypatch.setattr("midair.rig.playing.solving_ahead.reproduce_stream", parts)
+    touch = replace(pressure(1500), rate=2000.0)
+    play_pressure(touch, fast, loud(SURE), report=lines.append)
+    (line,) = lines
+    assert line.startswith("this computer solves 0.")
+    assert "so that there is no gap" in line
+
+
+def test_what_needs_the_whole_drive_is_refused():
+    for settings, choices in ((QUICK.but(ears=110.0), SURE), (QUICK, replace(SURE, override=None, attenuate=True))):
+        with pytest.raises(InputError, match="solve first"):
+            play_pressure(pressure(), settings, loud(choices))
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("at_once")
+def test_a_play_that_waits_for_frames_is_silent_and_goes_on(monkeypatch):
+    """Frames that come too late on emulated units: a gap, no repeated frame, and all frames are played."""
+    pytest.importorskip("autd3")
+
+    def parts(*arguments, **how):
+        target, made = reproduce_stream(*arguments, **how)
+
+        def late():
+            yield next(made)
+            wait_until(Path("state/played.jsonl").exists)
+            time.sleep(2.0)
+            yield from made
+
+        return target, late()
+
+    monkeypatch.setattr("midair.rig.playing.solving_ahead.reproduce_stream", parts)
+    fast = QUICK.but(rate=1000.0)
+    rig = open_rig("autd3:emulator", exposure=SURE)
+    played = play_pressure(replace(pressure(), rate=1000.0), fast, rig)
+    assert played.report.frames == 800
+    assert played.report.gap > 1.0
+    assert played.report.late > 0
