@@ -59,7 +59,7 @@ def test_a_user_profile():
         ("[0, 0, 500]", "[0, 0]", "position_mm"),
         ('evidence = "e"', "", "evidence"),
         ('evidence = "e"', 'evidence = "e"\nduty = 1.5', "at most 1"),
-        ('evidence = "e"', 'evidence = "e"\nwarming_k = -1', "above 0 K"),
+        ('evidence = "e"', 'evidence = "e"\nwarming_k = nan', "above 0 K"),
         ("[[profile]]", "[[profile]", "TOML"),
         ("[[profile]]\n", "[[profiles]]\n", "profile"),
     ],

@@ -4,6 +4,8 @@ import os
 from dataclasses import dataclass
 from importlib import resources
 
+import numpy as np
+
 from midair.errors import InputError
 from midair.files.text_files import LARGEST_TOML, read_text, toml_of
 from midair.files.toml.plain import from_plain
@@ -82,7 +84,7 @@ def _profile(keys: ProfileSheet) -> ExposureProfile:
     if not any(place.enforced for place in places):
         raise InputError(f"profile {keys.name}: expected at least one enforced limit, got none")
     heat = {name: value for name, value in (("duty", keys.duty), ("warming", keys.warming_k)) if value is not None}
-    if not all(limit > 0 for limit in heat.values()) or heat.get("duty", 1) > 1:
+    if not all(0 < limit < np.inf for limit in heat.values()) or heat.get("duty", 1) > 1:
         raise InputError(f"profile {keys.name}: expected a duty above 0 and at most 1, and warming_k above 0 K")
     return ExposureProfile(
         name=keys.name, title=keys.title, source=keys.source, evidence=keys.evidence, places=places, **heat
@@ -90,8 +92,8 @@ def _profile(keys: ProfileSheet) -> ExposureProfile:
 
 
 def _place(keys: PlaceSheet) -> Place:
-    if keys.reach_mm < 0:
-        raise InputError(f"place {keys.name}: expected reach_mm from 0 on, got {keys.reach_mm:g}")
+    if not np.isfinite([*keys.position_mm, keys.reach_mm, keys.limit_db]).all() or keys.reach_mm < 0:
+        raise InputError(f"place {keys.name}: expected finite numbers, and reach_mm from 0 on")
     x, y, z = (each * 1e-3 for each in keys.position_mm)
     return Place(
         name=keys.name,

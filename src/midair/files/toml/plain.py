@@ -67,7 +67,7 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         if not isinstance(value, list):
             raise InputError(f"{where}: expected tables [[{where}]], got {value!r}")
         return tuple(_value(get_args(hint)[0], each, f"{where} {number}") for number, each in enumerate(value))
-    from pydantic import ConfigDict, TypeAdapter, ValidationError
+    from pydantic import TypeAdapter, ValidationError
 
     # Dataclasses are excluded, because pydantic does not support those with arrays.
     plain = tuple(each for each in _alternatives(hint) if not is_dataclass(each))
@@ -75,8 +75,7 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         raise InputError(f"{where}: expected a table, got {value!r}")
     try:
         # Strict, so that true and "4" are no numbers; from JSON, whose lists become tuples.
-        known = TypeAdapter[Any](reduce(or_, plain), config=ConfigDict(allow_inf_nan=False))
-        return known.validate_json(dumps(value, default=str), strict=True)
+        return TypeAdapter[Any](reduce(or_, plain)).validate_json(dumps(value, default=str), strict=True)
     except ValidationError as wrong:
         raise InputError(f"{where}: expected {_kinds(plain)}, got {value!r} ({wrong.errors()[0]['msg']})") from None
 
