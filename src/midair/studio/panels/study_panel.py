@@ -145,7 +145,7 @@ class StudyPanel(Panel):
         return {"job": job.number}
 
     def simulate(self, _: Page, order: StudyNamed) -> dict[str, int]:
-        """Simulate the answers of all participants of a study that nobody has begun, as a job."""
+        """Simulate the answers of all participants of a study without answers, as a job."""
         path = self._folder.find(order.study)
         if any(state.trials for state in StudyFolder(path).sessions()):
             raise InputError(f"{order.study}: expected a study without answers; draw another plan and simulate that")
