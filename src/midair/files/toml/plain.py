@@ -37,7 +37,9 @@ def from_plain(kind: type[Any], values: Mapping[str, Any], *, where: str = "") -
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:
-    """Validate one value against its annotation."""
+    """Validate one value against its annotation; dataclasses, and tuples of them, were made from text before."""
+    if all(is_dataclass(each) for each in (value if isinstance(value, tuple) and value else (value,))):
+        return value
     if isinstance(value, Mapping):
         kinds = [each for each in _alternatives(hint) if is_dataclass(each) and isinstance(each, type)]
         if kinds:
