@@ -105,8 +105,6 @@ class ExposureClearance:
     """Phase steps per turn of the device."""
     later: "Callable[[], ExposureClearance] | None" = None
     """Returns the clearance of the frames up to now, of a drive that is still being checked; see `ExposureStream`."""
-    digest: str = ""
-    """SHA-256 of the frames of a drive that was checked in parts, as `hash_of_drive`."""
     _key: InitVar[object] = None
 
     def __post_init__(self, _key: object) -> None:
@@ -319,19 +317,8 @@ class ExposureStream:
     A part that passes can be read in the drive of `clearance`; no other frames can. For all frames the verdict is that
     of `check_exposure`. Phases, and levels of single transducers, are kept in the steps of AUTD3 units.
 
-    Parameters
-    ----------
-    first : Drive
-        The first part; all others have its rate, array and shape of level.
-    frames : int
-        Number of frames of the whole drive.
-    device, choices, repeats
-        As in `check_exposure`; `choices` without `attenuate`, which needs the whole drive.
-
-    Raises
-    ------
-    MismatchError, ExposureError, InputError
-        As in `check_exposure`.
+    `first` is the first part, and `frames` the number of all frames. The other parameters, and the errors, are those of
+    `check_exposure`; InputError for `choices` with `attenuate`, which needs the whole drive.
     """
 
     def __init__(
@@ -350,8 +337,6 @@ class ExposureStream:
         airs = airs_of_room(choices.room, choices.profile.places, device.array)
         self._heat = heat_so_far(frames, choices.profile, airs, repeats=repeats)
         self._measured: list[Exposure] = []
-        self._digest = hashlib.sha256()
-        self._passed = (0, self._digest)
         self.add(first)
 
     def add(self, part: Drive) -> None:
@@ -375,12 +360,10 @@ class ExposureStream:
         )
         if found.excess > 0:
             _decide(_joined([*self._measured, found]), self._device, self._choices)
-        self._digest.update(np.ascontiguousarray(own.phase).data)
         # Phases come last: with them a frame is there.
         self._level.append(level)
         self.phase.append(phase)
         self._measured.append(found)
-        self._passed = (len(self._measured), self._digest.copy())
 
     def fail(self, error: BaseException) -> None:
         """End with an error, which every later read of the drive raises."""
@@ -398,12 +381,10 @@ class ExposureStream:
         return self._cleared(self._measured, drive=self._drive, later=self._so_far)
 
     def _so_far(self) -> ExposureClearance:
-        parts, digest = self._passed[0], self._passed[1].copy()
-        done = sum(len(each.level) for each in self._measured[:parts])
-        level = self._level.kept(0, done)
-        digest.update(level.data)
-        drive = replace(self._drive, phase=self.phase[:done], level=level)
-        return self._cleared(self._measured[:parts], drive=drive, digest=digest.hexdigest())
+        parts = list(self._measured)
+        done = sum(len(each.level) for each in parts)
+        drive = replace(self._drive, phase=self.phase.kept(done), level=self._level.kept(done))
+        return self._cleared(parts, drive=drive)
 
     def _cleared(self, parts: list[Exposure], **rest: Any) -> ExposureClearance:
         found = _joined(parts)

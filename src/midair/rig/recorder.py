@@ -16,6 +16,7 @@ from midair.rig.names import VirtualRig, open_tracker, sensor_named
 from midair.rig.opening import OpenRig, open_rig
 from midair.rig.playing import (
     PlaySettings,
+    SolvedAhead,
     clear_followed,
     follow_as_set,
     grid_of,
@@ -23,7 +24,6 @@ from midair.rig.playing import (
     play_cleared,
     play_followed,
     rerecord,
-    solved_ahead,
     tracker_name,
 )
 from midair.rig.signals import signals_end_the_program
@@ -239,46 +239,22 @@ def play_pressure(
 ) -> Played:
     """Solve a pressure and play it at the same time: the first sound comes as soon as no gap will follow.
 
-    Every part is checked before it sounds. An error, also an exposure above the profile in a later part, silences the
-    array. On the virtual array, the re-recording is that of the solved drive.
+    Every part is checked before it sounds; an error, also an exposure above the profile in a later part, silences the
+    array. The drive is that of `midair.pipeline.reproduce_stream`, to the last bit.
 
-    Parameters
-    ----------
-    pressure : PressureFrames
-        A calibrated recording, with its lead (`add_lead`).
-    settings : Settings
-        As in `midair.pipeline.reproduce_stream`; the drive is bit-identical.
-    rig : OpenRig
-        From `open_rig`, not entered; its own exposure limits and repeats count.
-    path : str or Path, optional
-        Drive to write, NAME.drive.h5: complete, or not at all after an error.
-    report : callable, optional
-        Called with one line if this computer is too slow to begin at once.
-    source, progress
-        As in `play`.
-
-    Raises
-    ------
-    InputError
-        If the whole drive is needed before the first sound, as for a level at the ears.
-    ExposureError, MismatchError, DeviceError
-        As in `play`.
+    `pressure` is a calibrated recording with its lead (`add_lead`); `rig`, from `open_rig`, is not entered; `path` is a
+    drive to write, complete or not at all; `report` is called with one line if this computer is too slow to begin at
+    once. `source`, `progress` and the errors are those of `play`; InputError as in `SolvedAhead`.
     """
-    chosen, usual = rig.settings, TransducerArray.autd3()
     # Without a placement the numbers are those of `midair solve`, to the last digit.
-    transducers = usual if usual.same_as(rig.array.array) else rig.array.array
-    if chosen.follow is not None:
-        raise InputError("follow: expected a drive, got a pressure; solve it first")
+    transducers = one if (one := TransducerArray.autd3()).same_as(rig.array.array) else rig.array.array
     if rig.measured is not None:
         transducers, settings, pressure = rig.measured.applied(transducers, settings, pressure)
-    solving = solved_ahead(
-        pressure, transducers, rig.array, settings, chosen.exposure, repeats=chosen.repeats, path=path
-    )
-    with signals_end_the_program(), solving as solver, rig:
-        admission = solver.in_time(report)
-        played = _play(admission, rig, chosen, source=source, progress=progress)
-        whole = solver.finish()
-        return replace(played, clearance=whole, outcome=whole.outcome, error=np.concatenate(solver.error))
+    solving = SolvedAhead(pressure, transducers, rig.array, settings, rig.settings, path)
+    with signals_end_the_program(), solving, rig:
+        played = _play(solving.in_time(report), rig, rig.settings, source=source, progress=progress)
+        whole = solving.finish()
+        return replace(played, clearance=whole, outcome=whole.outcome, error=np.concatenate(solving.error))
 
 
 def _play_following(drive: Drive, settings: PlaySettings, *, source: str | Path, progress: Progress | None) -> Played:

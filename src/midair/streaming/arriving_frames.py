@@ -52,12 +52,15 @@ class ArrivingFrames(LazyFrames):
         with self._news:
             return self._news.wait_for(lambda: self.there >= last, timeout)
 
+    def kept(self, frames: int) -> LazyFrames:
+        """The first frames, all of which have come; they can be read also after an error."""
+        return LazyFrames(self._kept, (frames, *self.shape[1:]))
+
     def _arrived(self, first: int, last: int) -> NDArray[np.float64]:
         self.wait(last)
-        return self.kept(first, last)
+        return self._kept(first, last)
 
-    def kept(self, first: int, last: int) -> NDArray[np.float64]:
-        """Frames that have come, also after an error."""
+    def _kept(self, first: int, last: int) -> NDArray[np.float64]:
         with self._news:
             read = self._spool.read(first, last)
         return read if self._steps is None else read / self._steps

@@ -4,7 +4,6 @@ import time
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -47,7 +46,7 @@ from midair.files import (
     save_solutions,
 )
 from midair.headroom import level_of
-from midair.model import Acoustics, AmplitudeFrames, Drive, Medium, PressureFrames, Solution, TransducerArray
+from midair.model import Acoustics, Drive, Medium, PressureFrames, TransducerArray
 from midair.pipeline import (
     Reproduction,
     check_size,
@@ -61,7 +60,6 @@ from midair.rig import (
     ArrayKind,
     PlaySettings,
     array_of_kind,
-    can_solve_ahead,
     check_air,
     checkup_line,
     clear_followed,
@@ -137,7 +135,20 @@ def solve_command(
     tried = settings.solver.name in ("lm", "exact") and not is_speed_known(kind) and frames > TRIAL
     if tried:
         _estimate(pressure, transducers, settings, frames)
-    wanted, solution = _solve_into(target, pressure, transducers, settings, estimated=tried)
+    used = settings
+    with reserved(target):
+        while True:
+            with progress_bars(kind, frames, estimated=tried) as stage:
+                wanted, parts = reproduce_stream(pressure, transducers, used, progress=stage("solve"))
+                save_solutions(parts, target, frames=wanted.frames, target=wanted)
+            # Read back from the file: the lazy frames would be computed again.
+            solution = load_solution(target, streamed=True)
+            weaker = weaker_settings(solution.drive, Settings.of(solution.drive.provenance) or used)
+            if weaker is None:
+                break
+            # A drive above the stated level does not stay if the next solve is interrupted.
+            target.unlink()
+            used = weaker
     made = Reproduction(pressure=pressure, target=load_target(target, streamed=True) or wanted, solution=solution)
     level = level_of(solution, made.target, band=settings.calibration.band)
     inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
@@ -168,27 +179,6 @@ def solve_command(
         ]
     )
     return None
-
-
-def _solve_into(
-    target: Path, pressure: PressureFrames, transducers: TransducerArray, used: Settings, *, estimated: bool = False
-) -> tuple[AmplitudeFrames, Solution]:
-    """Solve a pressure into a file, with a bar, again with less gain while it exceeds its level at the ears."""
-    frames = round(pressure.frames / pressure.rate * used.target.rate)
-    kind = f"solve {workload_of(used, transducers.count)}"
-    with reserved(target):
-        while True:
-            with progress_bars(kind, frames, estimated=estimated) as stage:
-                wanted, parts = reproduce_stream(pressure, transducers, used, progress=stage("solve"))
-                save_solutions(parts, target, frames=wanted.frames, target=wanted)
-            # Read back from the file: the lazy frames would be computed again.
-            solution = load_solution(target, streamed=True)
-            weaker = weaker_settings(solution.drive, Settings.of(solution.drive.provenance) or used)
-            if weaker is None:
-                return wanted, solution
-            # A drive above the stated level does not stay if the next solve is interrupted.
-            target.unlink()
-            used = weaker
 
 
 def _led_pressure(
@@ -297,7 +287,7 @@ def play_command(
     --------
     $ midair play take.drive.h5
     $ midair play take.drive.h5 --device autd3
-    $ midair play part.h5 --mode quick --drive felt.drive.h5
+    $ midair play take.h5 --duration 0.1s --mode quick --drive felt.drive.h5
     """
     air = air or AirOptions()
     room = air.medium()
@@ -341,27 +331,13 @@ def play_command(
         solve.refuse_idle_palm()
         with stop_on_input(stop_input):
             pressure = _led_pressure(source, solving, start_at, duration, lead)
-            rig = open_rig(settings=settings)
-            if settings.follow is None and can_solve_ahead(rig.array, solving, settings.exposure):
-                return _play_recording(source, pressure, solving, settings, air, drive, target)
-            with TemporaryDirectory() as folder:
-                made = drive or Path(folder) / f"{source.stem}{DRIVE_SUFFIX}"
-                known = with_array_calibration(None, rig.array.array, solving, pressure, device=device)
-                _solve_into(made, known[2], known[0], known[1])
-                return _play_drive(made, target, settings, air)
+            return _play_recording(source, pressure, solving, settings, air, drive, target)
     with stop_on_input(stop_input):
-        return _play_drive(source, target, settings, air, correct=correct_air)
-
-
-def _play_drive(
-    source: Path, target: Path | None, settings: PlaySettings, air: AirOptions, *, correct: bool = False
-) -> None:
-    """Play the drive of a file; `target` is the re-recording of the virtual array."""
-    if target is not None:
-        return _play_on_virtual(source, target, settings, air, correct=correct)
-    if settings.follow is not None:
-        return _follow_on_array(source, settings, air, correct=correct)
-    return _play_on_array(source, settings, air, correct=correct)
+        if target is not None:
+            return _play_on_virtual(source, target, settings, air, correct=correct_air)
+        if settings.follow is not None:
+            return _follow_on_array(source, settings, air, correct=correct_air)
+        return _play_on_array(source, settings, air, correct=correct_air)
 
 
 def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> None:
@@ -406,35 +382,30 @@ def _play_recording(
     heard: Path | None,
 ) -> None:
     """Solve a pressure while it plays, and print the result."""
-    grid, device = solving.target.grid, settings.device
     if heard is not None:
-        settings = settings.but(height=grid.height, cells=pressure.sensor, band=solving.calibration.band)
-    rig = open_rig(settings=settings)
+        target, band = solving.target, solving.calibration.band
+        settings = settings.but(height=target.grid.height, cells=pressure.sensor, band=band)
+    rig, device, medium = open_rig(settings=settings), settings.device, solving.acoustics.medium
     if rig.measured is not None:
         print_note(f"array calibration: {rig.measured.described(solving)}")
-    print_air(solving.acoustics.medium, stated=air.temperature is not None)
-    watched = air_watched(air.temperature, solving.acoustics.medium, advice=PLAY_AGAIN, device="" if heard else device)
-    with watched, progress_bars() as stage, reserved(drive or source) if drive else nullcontext():
-        banner(rig.array.simulated or pressure.provenance.simulated)
-        played = play_pressure(
-            pressure, solving, rig, path=drive, source=source, report=print_note, progress=stage("play")
-        )
-    found, error = played.clearance, played.error
+    print_air(medium, stated=air.temperature is not None)
+    banner(rig.array.simulated or pressure.provenance.simulated)
+    watched = air_watched(air.temperature, medium, advice=PLAY_AGAIN, device="" if heard else device)
+    with watched, progress_bars() as stage, nullcontext() if drive is None else reserved(drive):
+        how: Any = {"path": drive, "source": source, "report": print_note, "progress": stage("play")}
+        played = play_pressure(pressure, solving, rig, **how)
     rows = [] if played.report is None else _played_rows(played.report, played.drive, device)
     if heard is not None and played.take is not None:
         save(played.take.recording, heard, calibration=played.take.calibration)
-        rows = [("re-recorded", f"{heard}, {played.take.recording.frames} frames at {pressure.rate:g} Hz")]
-    if found is not None and error is not None:
+        rows = [("re-recorded", f"{heard}, {played.take.recording.frames} frames")]
+    if (found := played.clearance) is not None and played.error is not None:
         exposed = f"on a real array: {found.exposure.verdict()}" if heard else found.verdict()
-        rows = [
-            *unreproduced_rows(pressure.provenance),
-            ("exposure", exposed),
-            ("measured in", found.exposure.measured_in),
-            ("heat", found.exposure.heat),
-            ("solver", f"{solving.solver.name}, E {100 * error.mean():.1f} %, mean of all frames"),
-            *([] if drive is None else [("drive", str(drive))]),
-            *rows,
+        rows += [("exposure", exposed), ("measured in", found.exposure.measured_in), ("heat", found.exposure.heat)]
+        rows += [
+            ("E", f"{100 * played.error.mean():.1f} %, mean of all frames"),
+            ("drive", str(drive or "not written")),
         ]
+    rows += unreproduced_rows(pressure.provenance)
     print_rows(rows)
 
 

@@ -77,7 +77,7 @@ def exposed(admission: ExposureClearance) -> dict[str, object]:
     found, drive = admission.exposure, admission.drive
     medium = found.airs[-1].medium
     return {
-        "sha256": None if drive is None else admission.digest or hash_of_drive(drive),
+        "sha256": None if drive is None else hash_of_drive(drive),
         "frames": None if drive is None else drive.frames,
         "level": admission.level if drive is None else max(float(part.max()) for part in blocks(drive.level)),
         "exposure": admission.outcome,

@@ -22,5 +22,3 @@ from .play_settings import default_exposure as default_exposure
 from .rerecording import play_cleared as play_cleared
 from .rerecording import rerecord as rerecord
 from .solving_ahead import SolvedAhead as SolvedAhead
-from .solving_ahead import can_solve_ahead as can_solve_ahead
-from .solving_ahead import solved_ahead as solved_ahead
