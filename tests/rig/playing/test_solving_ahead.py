@@ -167,7 +167,7 @@ def test_a_slow_computer_is_told_before_the_first_sound(monkeypatch):
 
 def test_what_needs_the_whole_drive_is_refused():
     for settings, choices in ((QUICK.but(ears=110.0), SURE), (QUICK, replace(SURE, override=None, attenuate=True))):
-        with pytest.raises(InputError, match="solve first"):
+        with pytest.raises(InputError, match="use midair solve"):
             play_pressure(pressure(), settings, loud(choices))
 
 
