@@ -23,7 +23,7 @@ from midair.devices import check_exposure
 from midair.dsp import resample
 from midair.errors import InputError, MissingExtraError
 from midair.evaluate import THIRD_OCTAVES
-from midair.evaluate.timbre import third_octave_power
+from midair.evaluate.spectrum import third_octave_power
 from midair.figures import png_bytes
 from midair.figures.style import STYLE, new_figure
 from midair.files import contents, open_take
