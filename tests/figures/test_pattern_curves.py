@@ -1,6 +1,6 @@
 import numpy as np
 
-from midair.figures.pattern_curves import Curve, Example, curve_figure, examples_figure, histogram_figure
+from midair.figures.paper_figures import Curve, Example, curve_figure, examples_figure, histogram_figure
 from midair.model import ControlGrid, SensorGrid
 
 PUBLISHED = (0.05, 0.15)

@@ -7,9 +7,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.model import ControlGrid
-from midair.paper.figure3 import PATTERNS, figure_3
-from midair.paper.figure4 import StimuliPlan, figure_4
-from midair.paper.figure9 import figure_9
+from midair.paper.figures import PATTERNS, StimuliPlan, figure_3, figure_4, figure_9
 from midair.paper.modes_compared import FidelityPlan, at_strength, fidelity_table, original_of, target_strength
 from midair.paper.result import PaperResult
 from midair.settings import Settings
