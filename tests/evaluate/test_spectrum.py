@@ -68,7 +68,7 @@ def test_the_bands_are_those_of_the_standard_within_the_band_of_touch():
     assert pytest.approx(named, rel=0.01) == THIRD_OCTAVES
 
 
-@pytest.mark.parametrize("slope", [0.0, 1.0, 2.0])
+@pytest.mark.parametrize("slope", [1.0, 2.0])
 def test_the_texture_of_noise_with_a_known_slope(slope):
     """Closed forms: the balance is the ratio of the integrals of f^-s from 100 to 470 and from 20 to 100 Hz."""
     frequency = np.fft.rfftfreq(2**15, 1e-3)

@@ -8,7 +8,7 @@ perception of noisy vibrations, 2023).
 import numpy as np
 
 from midair.array_types import Array
-from midair.dsp import band_energy
+from midair.dsp import band_energies
 from midair.model import BAND
 from midair.streaming import LazyFrames, read_frames
 
@@ -64,6 +64,9 @@ def dominant_frequency(samples: Array | LazyFrames, rate: float) -> float:
 THIRD_OCTAVES = tuple(float(1000 * 10 ** (number / 10)) for number in range(-16, -3))
 """Centre frequencies of the third octaves completely within 20 to 470 Hz, 25 to 398 Hz (base ten, IEC 61260-1)."""
 
+OCTAVE_BANDS = tuple((middle / 10**0.05, middle * 10**0.05) for middle in THIRD_OCTAVES)
+"""Ends of the third octaves in Hz."""
+
 SPLIT = 100.0
 """Frequency in Hz between the low and the high band of the balance, near the middle of the band in octaves."""
 
@@ -94,15 +97,16 @@ def texture(pressure: Array, rate: float) -> dict[str, Array]:
             return np.asarray(10 * np.log10(_with_all(part) / _with_all(whole)), np.float64)
 
     centred = np.log10(THIRD_OCTAVES) - np.mean(np.log10(THIRD_OCTAVES))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        octaves = 10 * np.log10([_with_all(each) for each in third_octave_power(x, rate)])
-        slope = 1 - centred @ octaves / 10 / (centred @ centred)
     low, high = BAND[0], min(BAND[1], rate / 2)
+    *octave, above, below = band_energies(x, rate, [*OCTAVE_BANDS, (SPLIT, high), (low, SPLIT)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        octaves = 10 * np.log10([_with_all(each) for each in octave])
+        slope = 1 - centred @ octaves / 10 / (centred @ centred)
     envelope = _envelope(x, rate, (low, high))
     mean = envelope.mean(axis=0)
     spectrum = np.abs(np.fft.rfft(envelope - mean, axis=0)) ** 2 * 2 / len(x) ** 2
     at = np.fft.rfftfreq(len(x), 1 / rate)
-    found = {_SLOPE: slope, _BALANCE: level(band_energy(x, rate, (SPLIT, high)), band_energy(x, rate, (low, SPLIT)))}
+    found = {_SLOPE: slope, _BALANCE: level(above, below)}
     for name, (first, last) in zip(_ENVELOPE, MODULATION, strict=True):
         swings = level(spectrum[(at >= first) & (at < last)].sum(axis=0), mean**2)
         found[name] = swings if first * len(x) / rate >= 2 else np.full_like(swings, np.nan)
@@ -111,12 +115,6 @@ def texture(pressure: Array, rate: float) -> dict[str, Array]:
 
 def _with_all(power: Array) -> Array:
     return np.append(power, power.sum())
-
-
-def third_octave_power(x: Array, rate: float) -> Array:
-    """Power in each of `THIRD_OCTAVES`, shape (octave, ...)."""
-    half = 10**0.05
-    return np.stack([band_energy(x, rate, (middle / half, middle * half)) for middle in THIRD_OCTAVES])
 
 
 def _envelope(x: Array, rate: float, band: tuple[float, float]) -> Array:
