@@ -190,7 +190,7 @@ def test_a_flipped_bit_in_a_chunk_is_reported_and_a_lost_chunk_is_missing(tmp_pa
     right, chunk = load_sweep(path), path / "error" / "c" / "0" / "1"
     whole, rng = chunk.read_bytes(), np.random.default_rng(5)
     reported = 0
-    for place in rng.integers(8 * len(whole), size=40):
+    for place in rng.integers(8 * len(whole), size=16):
         spoilt = bytearray(whole)
         spoilt[place // 8] ^= 1 << place % 8
         chunk.write_bytes(spoilt)
@@ -199,7 +199,7 @@ def test_a_flipped_bit_in_a_chunk_is_reported_and_a_lost_chunk_is_missing(tmp_pa
         except BrokenFileError as wrong:
             assert "chunk error/c/0/1 is damaged" in str(wrong)
             reported += 1
-    assert reported >= 35
+    assert reported >= 14
     chunk.unlink()
     assert load_sweep(path).known == right.known - 4
     with open_sweep(path, SWEEP) as store:
