@@ -87,8 +87,16 @@ def found(report, begin):
     return next(one for one in report.findings if one.title.startswith(begin))
 
 
-def test_complete_data_give_all_findings():
-    report = analyse(data_of_columns(choices(), **NAMES), draws=500)
+@pytest.fixture(scope="module")
+def reports():
+    """Reports of choices and of ratings."""
+    return tuple(
+        analyse(data_of_columns(table, **names), draws=500) for table, names in ((choices(), NAMES), (ratings(), RATED))
+    )
+
+
+def test_complete_data_give_all_findings(reports):
+    report, rated = reports
     titles = [one.title for one in report.findings]
     assert titles == [
         "Participants",
@@ -101,7 +109,6 @@ def test_complete_data_give_all_findings():
     assert "better than chance" in found(report, "Identification: plain").words
     assert not any("Not computed" in one.words or "nan" in one.words for one in report.findings)
     assert [one.name for one in report.choices] == ["plain", "grooved"]
-    rated = analyse(data_of_columns(ratings(), **RATED), draws=500)
     assert "Ratings depend on object" in found(rated, "Ratings: analysis").words
     assert len(rated.ratings) == 6
     assert (rated.ratings["low"] < rated.ratings["mean"]).all()
@@ -228,9 +235,8 @@ def test_limits_are_over_people_or_are_not_given():
     assert "Kappa" in words[1]
 
 
-def test_every_column_of_a_table_is_explained():
-    report = analyse(data_of_columns(choices(), **NAMES), draws=200)
-    rated = analyse(data_of_columns(ratings(), **RATED), draws=200)
+def test_every_column_of_a_table_is_explained(reports):
+    report, rated = reports
     tables = [one for one in (*report.findings, *rated.findings) if one.table is not None]
     assert len(tables) >= 5
     for one in tables:
