@@ -21,9 +21,10 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.errors import BrokenFileError, InputError
-from midair.files import check_memory_for, from_plain, read_toml, to_plain
-from midair.model import HEIGHT, HEIGHTS
-from midair.patterns.drawing import Foci
+from midair.files import check_memory_for, from_plain, read_text, read_toml, save_solutions, to_plain
+from midair.model import HEIGHT, HEIGHTS, Acoustics, Medium, Progress, Provenance, TransducerArray
+from midair.patterns.adaptics import AdapticsPattern, load_adaptics
+from midair.patterns.drawing import Foci, check_reach, draw_parts, drawn_settings, wanted_amplitude
 from midair.patterns.shapes import SHAPES, Points, Shape
 from midair.validation import Declared, check_settings, setting
 
@@ -123,6 +124,22 @@ class Spot(Declared):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """A named number of a pattern's file, which stands there as "$NAME" in place of a number."""
+
+    default: float
+    min: float = -np.inf
+    max: float = np.inf
+
+    def chosen(self, name: str, value: float | None) -> float:
+        """The value, the default if None. Raises InputError if it is out of range."""
+        number = self.default if value is None else value
+        if not self.min <= number <= self.max:
+            raise InputError(f"{name}: expected {self.min:g} to {self.max:g}, got {number:g}")
+        return number
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Pattern(Declared):
     """Spots that are drawn at once."""
 
@@ -157,6 +174,7 @@ class Pattern(Declared):
             position=position + np.array([0, 0, 1e-3 * self.height_mm]),
             pressure=np.stack([spot.pressure(time) for spot in self.spot], axis=1),
             rate=self.rate_hz,
+            height=1e-3 * self.height_mm,
         )
 
     def plain(self) -> dict[str, Any]:
@@ -168,9 +186,20 @@ class Pattern(Declared):
         return made
 
     @classmethod
-    def from_plain(cls, values: Mapping[str, Any]) -> "Pattern":
-        """Build a pattern from the dicts of its TOML file. Raises InputError that names the invalid key."""
-        tables: Any = values.get("spot", [])
+    def from_plain(cls, values: Mapping[str, Any], chosen: Mapping[str, float] | None = None) -> "Pattern":
+        """Build a pattern from the dicts of its TOML file, with `chosen` values of its parameters.
+
+        Raises InputError that names the invalid key.
+        """
+        tables: Any = values.get("parameters", {})
+        if not isinstance(tables, Mapping) or not all(isinstance(each, Mapping) for each in tables.values()):
+            raise InputError(f"parameters: expected tables such as size = {{ default = 12.0 }}, got {tables!r}")
+        known: dict[str, Parameter] = {name: from_plain(Parameter, tables[name], where=f"{name}.") for name in tables}
+        if unknown := sorted(set(chosen or {}) - set(known)):
+            raise InputError(f"parameter: expected one of {', '.join(known) or 'none'}, got {', '.join(unknown)}")
+        numbers = {f"${name}": one.chosen(name, (chosen or {}).get(name)) for name, one in known.items()}
+        values = _filled({name: value for name, value in values.items() if name != "parameters"}, numbers)
+        tables = values.get("spot", [])
         if not (isinstance(tables, list) and tables and all(isinstance(table, Mapping) for table in tables)):
             raise InputError("spot: expected one table [[spot]] or more, got none")
         spots: list[Spot] = []
@@ -182,6 +211,15 @@ class Pattern(Declared):
         return from_plain(cls, dict(values) | {"spot": tuple(spots)})
 
 
+def _filled(value: Any, numbers: Mapping[str, float]) -> Any:
+    """The same dicts and lists with numbers in place of the names of parameters."""
+    if isinstance(value, Mapping):
+        return {name: _filled(each, numbers) for name, each in value.items()}  # pyright: ignore[reportUnknownVariableType]
+    if isinstance(value, list):
+        return [_filled(each, numbers) for each in value]  # pyright: ignore[reportUnknownVariableType]
+    return numbers.get(value, value) if isinstance(value, str) else value
+
+
 def _shape(table: Any) -> Shape:
     given: dict[str, Any] = dict(table) if isinstance(table, Mapping) else {"name": table}
     name = given.pop("name", None)
@@ -190,10 +228,49 @@ def _shape(table: Any) -> Shape:
     return from_plain(SHAPES[name], given, where="shape.")
 
 
-def load_pattern(path: str | os.PathLike[str]) -> Pattern:
-    """Read a pattern from a TOML file. Raises MissingFileError, or BrokenFileError if a key or a value is invalid."""
+PATTERN_ENDINGS = (".toml", ".adaptics")
+
+
+def load_pattern(
+    path: str | os.PathLike[str], chosen: Mapping[str, float] | None = None, *, pressure: float = 50.0
+) -> Pattern | AdapticsPattern:
+    """Read a pattern from a TOML file, or from one of the AdapTics Designer.
+
+    `chosen` are values of its parameters, and `pressure` is that of intensity 1 of the AdapTics Designer in Pa. Raises
+    MissingFileError, or BrokenFileError if a key or a value is invalid.
+    """
+    if os.fspath(path).lower().endswith(".adaptics"):
+        return load_adaptics(path, chosen or {}, pressure=pressure)
     content = read_toml(path, "a pattern in TOML")
     try:
-        return Pattern.from_plain(content)
+        return Pattern.from_plain(content, chosen)
     except InputError as wrong:
         raise BrokenFileError(f"{path}: {wrong}") from wrong
+
+
+def draw_file(
+    foci: Foci,
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    array: TransducerArray,
+    *,
+    chosen: Mapping[str, float] | None = None,
+    medium: Medium | None = None,
+    progress: Progress | None = None,
+) -> float:
+    """Write the drive of foci, and the largest part of the reachable pressure that they ask for; see `draw_parts`.
+
+    The text of the pattern's file `source` and the `chosen` values of its parameters become part of the provenance.
+    Raises the errors of `check_reach`, before the file is begun.
+    """
+    acoustics = Acoustics(medium=medium or Medium.at())
+    used, settings = check_reach(foci, array, acoustics), drawn_settings(foci, acoustics)
+    text = {"pattern": read_text(source, "a pattern")} | {
+        f"parameter {name}": each for name, each in (chosen or {}).items()
+    }
+    life = settings.noted(Provenance(source=os.path.basename(source)).then("draw", text))
+    method = "closed form" if foci.pressure.shape[1] == 1 else "gs-pat, lm"
+    solved = life.then("solve", {"method": method, "array_calibration": array.calibration_id})
+    parts = draw_parts(foci, array, acoustics=acoustics, provenance=solved, progress=progress)
+    save_solutions(parts, target, frames=foci.frames, target=wanted_amplitude(foci, array, settings, life))
+    return used
