@@ -52,7 +52,7 @@ class Evaluated:
 
 @dataclass(frozen=True, slots=True)
 class _Timed:
-    """What a key frame states: a place, the name and numbers of a brush, or the ends of an intensity."""
+    """A place, the name and numbers of a brush, or both ends of an intensity, as a key frame states them."""
 
     time: float
     value: tuple[float, ...]
