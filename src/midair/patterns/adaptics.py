@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import accumulate
 from math import cos, fmod, inf, isfinite, pi, sin
 from operator import add, ge, gt, le, lt, mul, sub, truediv
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,18 +36,14 @@ _INTENSITIES = {"constant": ("value",), "random": ("min", "max")}
 Values = Mapping[str, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Evaluated:
-    """The point of a pattern at one time."""
+class Evaluated(NamedTuple):
+    """The point of a pattern at one time; `state` is where the next evaluation goes on."""
 
-    place: tuple[float, float, float]
-    """In mm; z from the array."""
+    place: tuple[float, float, float]  # in mm; z from the array
     intensity: float
-    time: float
-    """Time on the pattern's own time line, in ms."""
+    time: float  # on the pattern's own time line, in ms
     stop: bool
-    state: tuple[float, float]
-    """Last time on that time line, and its offset, both in ms: where the next evaluation goes on."""
+    state: tuple[float, float]  # last time on that time line, and its offset, in ms
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,13 +115,8 @@ class AdapticsPattern:
         x, y, turn = x * x_scale, y * y_scale, degrees / 180 * pi
         x, y = x * cos(turn) - y * sin(turn), x * sin(turn) + y * cos(turn)
         dx, dy, am = _brushed(time, now, before.brush, after.brush)
-        return Evaluated(
-            place=(x + x_to + dx, y + y_to + dy, z * z_scale + z_to),
-            intensity=factor * level * am,
-            time=now,
-            stop=before.kind == "stop",
-            state=(last, offset),
-        )
+        place = (x + x_to + dx, y + y_to + dy, z * z_scale + z_to)
+        return Evaluated(place, factor * level * am, now, before.kind == "stop", (last, offset))
 
     def foci(self, duration: float | None = None) -> Foci:
         """The foci of every frame until the pattern ends, or for `duration` in s at most.
@@ -148,13 +139,9 @@ class AdapticsPattern:
                 raise InputError(f"{self.name}: expected a pattern that ends within {LONGEST:g} s; give --duration")
         if not points:
             raise InputError(f"{self.name}: expected a pattern longer than one frame, got one that ends at once")
-        level = np.clip([point.intensity for point in points], 0, 1)
-        return Foci(
-            position=1e-3 * np.array([point.place for point in points])[:, None],
-            pressure=self.pressure * level[:, None],
-            rate=self.rate,
-            height=1e-3 * self.transform[6],
-        )
+        position = 1e-3 * np.array([point.place for point in points])[:, None]
+        pressure = self.pressure * np.clip([[point.intensity] for point in points], 0, 1)
+        return Foci(position=position, pressure=pressure, rate=self.rate, height=1e-3 * self.transform[6])
 
 
 def _mixed(now: float, before: _Timed | None, after: _Timed | None, none: Sequence[float]) -> Sequence[float]:
@@ -205,8 +192,7 @@ def _pattern_of(content: Any, values: Values, pressure: float) -> AdapticsPatter
     if content["$DATA_FORMAT"] != "MidAirHapticsAnimationFileFormat" or content["$REVISION"] not in REVISIONS:
         raise ValueError(f"revision {content['$REVISION']!r}; known are {', '.join(REVISIONS)}")
     known = content["user_parameter_definitions"]
-    if unknown := sorted(set(values) - set(known)):
-        raise InputError(f"parameter: expected one of {', '.join(known) or 'none'}, got {', '.join(unknown)}")
+    check_parameters(values, known)
     chosen: dict[str, float] = {}
     for name, one in known.items():
         least, most = (far if one.get(end) is None else _finite(one[end]) for end, far in (("min", -inf), ("max", inf)))
@@ -218,13 +204,15 @@ def _pattern_of(content: Any, values: Values, pressure: float) -> AdapticsPatter
     moved = whole["geometric_transforms"]
     numbers = [*(moved["scale"][axis] for axis in "xyz"), moved["rotation"]]
     numbers += [*(moved["translate"][axis] for axis in "xyz"), whole["intensity_factor"], whole["playback_speed"]]
-    return AdapticsPattern(
-        name=str(content["name"]),
-        keys=keys,
-        spans=tuple(zip(before, reversed(after), strict=True)),
-        transform=tuple(_number(each, chosen) for each in numbers),
-        pressure=pressure,
-    )
+    spans, transform = zip(before, reversed(after), strict=True), (_number(each, chosen) for each in numbers)
+    name = str(content["name"])
+    return AdapticsPattern(name=name, keys=keys, spans=tuple(spans), transform=tuple(transform), pressure=pressure)
+
+
+def check_parameters(given: Values, known: Mapping[str, Any]) -> None:
+    """Raise InputError for a value of a parameter that is not known."""
+    if unknown := sorted(set(given) - set(known)):
+        raise InputError(f"parameter: expected one of {', '.join(known) or 'none'}, got {', '.join(unknown)}")
 
 
 def _finite(value: Any) -> float:

@@ -2,14 +2,11 @@
 
 ::
 
-    rate_hz = 4000
     duration_s = 1.0            # leave it out for a loop
 
     [[spot]]
     shape = { name = "circle", radius_mm = 15 }
     draw_hz = 50
-    pressure_pa = 60
-    am = { frequency_hz = 150, depth = 1.0 }
 """
 
 import os
@@ -21,26 +18,23 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.errors import BrokenFileError, InputError
-from midair.files import check_memory_for, from_plain, read_text, read_toml, save_solutions, to_plain
+from midair.files import check_memory_for, from_plain, read_text, read_toml, save_solutions
 from midair.model import HEIGHT, HEIGHTS, Acoustics, Medium, Progress, Provenance, TransducerArray
-from midair.patterns.adaptics import AdapticsPattern, load_adaptics
+from midair.patterns.adaptics import AdapticsPattern, check_parameters, load_adaptics
 from midair.patterns.drawing import Foci, check_reach, draw_parts, drawn_settings, wanted_amplitude
-from midair.patterns.shapes import SHAPES, Points, Shape
-from midair.validation import Declared, check_settings, setting
+from midair.patterns.shapes import SHAPES, Checked, Points, Shape, on_circle
+from midair.validation import setting
 
 FASTEST = 8000.0
 """Highest frame rate in Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AmplitudeModulation(Declared):
+class AmplitudeModulation(Checked):
     """Factor 1 - depth / 2 + depth / 2 cos(2 pi f t) on the pressure: its line at f is depth / 2 of the peak."""
 
     frequency_hz: float = setting(150.0, "Frequency of the pressure.", unit="Hz", limits=(0, FASTEST / 2), above=True)
     depth: float = setting(1.0, "Part of the pressure that vibrates; 1 goes down to silence.", limits=(0, 1))
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
     def factor(self, time: Array) -> Array:
         """Factor on the pressure at times in s."""
@@ -48,7 +42,7 @@ class AmplitudeModulation(Declared):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LateralModulation(Declared):
+class LateralModulation(Checked):
     """A small orbit around the moving place, in equal steps.
 
     Foci on an orbit at 5 to 15 Hz in steps below 1 mm are felt as static pressure (Morisaki et al., IEEE Trans.
@@ -59,21 +53,17 @@ class LateralModulation(Declared):
     radius_mm: float = setting(3.0, "Radius of the orbit.", unit="mm", limits=(0, 20), above=True)
     step_mm: float = setting(0.0, "Longest step along the orbit; 0 moves with every frame.", unit="mm", limits=(0, 20))
 
-    def __post_init__(self) -> None:
-        check_settings(self)
-
     def offset(self, time: Array) -> Array:
         """Way from the centre at times in s, shape (frame, 2), in mm."""
         turns = self.frequency_hz * time
         if self.step_mm:
             steps = np.ceil(2 * np.pi * self.radius_mm / self.step_mm)
             turns = np.floor(turns * steps + 1e-6) / steps
-        angle = 2 * np.pi * turns
-        return self.radius_mm * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        return on_circle(self.radius_mm, turns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spot(Declared):
+class Spot(Checked):
     """One focus: where it moves, and how hard it presses."""
 
     shape: Shape = setting(Points, "Path around the centre.")
@@ -90,7 +80,7 @@ class Spot(Declared):
     stop_s: float = setting(np.inf, "Time at which it ends.", unit="s", limits=(0, np.inf), above=True)
 
     def __post_init__(self) -> None:
-        check_settings(self)
+        Checked.__post_init__(self)
         if self.draw_hz and self.speed_m_s:
             raise InputError("speed_m_s: expected draw_hz or speed_m_s, got both; leave out one of them")
         if not np.isfinite(self.centre_mm).all():
@@ -140,7 +130,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pattern(Declared):
+class Pattern(Checked):
     """Spots that are drawn at once."""
 
     spot: tuple[Spot, ...] = (Spot(),)
@@ -152,7 +142,7 @@ class Pattern(Declared):
     )
 
     def __post_init__(self) -> None:
-        check_settings(self)
+        Checked.__post_init__(self)
         for number, spot in enumerate(self.spot, 1):
             for name, asked in (("draw_hz", spot.rate()), ("am.frequency_hz", spot.am.frequency_hz if spot.am else 0)):
                 if asked > self.rate_hz / 2:
@@ -177,28 +167,19 @@ class Pattern(Declared):
             height=1e-3 * self.height_mm,
         )
 
-    def plain(self) -> dict[str, Any]:
-        """Nested dicts and lists for TOML; `from_plain` reads them."""
-        made: dict[str, Any] = to_plain(self)
-        names = {SHAPES[name]: name for name in SHAPES}
-        for table, spot in zip(made["spot"], self.spot, strict=True):
-            table["shape"] = {"name": names[type(spot.shape)]} | table["shape"]
-        return made
-
     @classmethod
     def from_plain(cls, values: Mapping[str, Any], chosen: Mapping[str, float] | None = None) -> "Pattern":
         """Build a pattern from the dicts of its TOML file, with `chosen` values of its parameters.
 
         Raises InputError that names the invalid key.
         """
-        tables: Any = values.get("parameters", {})
+        given, tables = dict(values), values.get("parameters", {})
+        given.pop("parameters", None)
         if not isinstance(tables, Mapping) or not all(isinstance(each, Mapping) for each in tables.values()):
             raise InputError(f"parameters: expected tables such as size = {{ default = 12.0 }}, got {tables!r}")
+        check_parameters(chosen or {}, tables)
         known: dict[str, Parameter] = {name: from_plain(Parameter, tables[name], where=f"{name}.") for name in tables}
-        if unknown := sorted(set(chosen or {}) - set(known)):
-            raise InputError(f"parameter: expected one of {', '.join(known) or 'none'}, got {', '.join(unknown)}")
-        numbers = {f"${name}": one.chosen(name, (chosen or {}).get(name)) for name, one in known.items()}
-        values = _filled({name: value for name, value in values.items() if name != "parameters"}, numbers)
+        values = _filled(given, {f"${name}": one.chosen(name, (chosen or {}).get(name)) for name, one in known.items()})
         tables = values.get("spot", [])
         if not (isinstance(tables, list) and tables and all(isinstance(table, Mapping) for table in tables)):
             raise InputError("spot: expected one table [[spot]] or more, got none")
