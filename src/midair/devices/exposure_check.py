@@ -255,7 +255,7 @@ def measure_exposure(
     room : Medium, optional
         As in `ExposureChoices`.
     heat : callable, optional
-        Returns duty and warming for the drive as it is played, in place of those of these frames alone.
+        Returns duty and warming, given the drive as it is played.
 
     Raises
     ------
@@ -331,7 +331,7 @@ class ExposureStream:
         self._level_steps = None if first.level.ndim == 1 else 255.0
         level = ArrivingFrames((frames, *first.level.shape[1:]), steps=self._level_steps)
         self.phase = ArrivingFrames((frames, device.array.count), steps=_TURN)
-        """The phases that passed; its `there`, `wait` and `whole` are those of the stream."""
+        """The phases that passed; its `there` is that of the stream."""
         self._level = level
         self._drive = replace(first, phase=cast("Array", self.phase), level=cast("Array", level), array=device.array)
         airs = airs_of_room(choices.room, choices.profile.places, device.array)

@@ -11,29 +11,22 @@ from midair.streaming.temp_frames import TempFrames
 
 
 class ArrivingFrames(LazyFrames):
-    """Lazy frames of `shape` that come in order; a read waits for its frames.
+    """Lazy frames of `shape` that come in order and are kept in a temporary file; a read waits for its frames.
 
-    They are kept in a temporary file as whole steps, of which `steps` are 1: as bytes, or as they are if `steps` is
-    None.
+    They are kept as bytes, of which `steps` are 1, or as they are if `steps` is None.
     """
 
     def __init__(self, shape: tuple[int, ...], *, steps: float | None = None) -> None:
         super().__init__(self._arrived, shape)
         self._spool = TempFrames(*shape[1:], kind=np.float64 if steps is None else np.uint8)
-        self._steps, self._news = steps, Condition()
-        self._error: BaseException | None = None
+        self._steps, self._news, self._error = steps, Condition(), list[BaseException]()
 
     @property
     def there(self) -> int:
         """Number of frames that have come; raises the error of `fail`."""
-        if self._error is not None:
-            raise self._error
+        if self._error:
+            raise self._error[0]
         return self._spool.frames
-
-    @property
-    def whole(self) -> bool:
-        """Whether all frames have come."""
-        return self._spool.frames == len(self)
 
     def append(self, block: NDArray[Any]) -> None:
         """Append frames, as bytes if they are kept so."""
@@ -44,20 +37,16 @@ class ArrivingFrames(LazyFrames):
     def fail(self, error: BaseException) -> None:
         """End with an error, which every later read raises."""
         with self._news:
-            self._error = error
+            self._error.append(error)
             self._news.notify_all()
-
-    def wait(self, last: int, timeout: float | None = None) -> bool:
-        """Wait until the frames before `last` have come, or for `timeout` s; return whether they have."""
-        with self._news:
-            return self._news.wait_for(lambda: self.there >= last, timeout)
 
     def kept(self, frames: int) -> LazyFrames:
         """The first frames, all of which have come; they can be read also after an error."""
         return LazyFrames(self._kept, (frames, *self.shape[1:]))
 
     def _arrived(self, first: int, last: int) -> NDArray[np.float64]:
-        self.wait(last)
+        with self._news:
+            self._news.wait_for(lambda: self.there >= last)
         return self._kept(first, last)
 
     def _kept(self, first: int, last: int) -> NDArray[np.float64]:

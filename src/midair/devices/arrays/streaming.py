@@ -58,9 +58,9 @@ class DriveStream:
 
     def ready(self, first: int, size: int) -> int:
         """Number of frames of the next block; 0 while too few are there. Raises the error of the frames to come."""
-        if self.arriving is None or self.arriving.whole:
-            return size
         frame = first % len(self.phases)
+        if self.arriving is None or self.arriving.there == len(self.phases):
+            return size
         count = min(self.arriving.there - frame, size)
         # A short block needs as many messages as a long one.
         return count if count >= min(size // 4, len(self.phases) - frame) else 0
