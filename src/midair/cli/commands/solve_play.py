@@ -292,11 +292,8 @@ def play_command(
     --------
     $ midair play take.drive.h5
     $ midair play take.drive.h5 --device autd3
-<<<<<<< HEAD
-    $ midair play take.h5 --duration 0.1s --mode quick --drive felt.drive.h5
-=======
     $ midair play circle.toml
->>>>>>> main
+    $ midair play take.h5 --duration 0.1s --mode quick --drive felt.drive.h5
     """
     air = air or AirOptions()
     room = air.medium()
@@ -308,12 +305,6 @@ def play_command(
         cooling=(heat or HeatOptions()).cooling(),
     )
     device = settings.device
-<<<<<<< HEAD
-    solve = solve or PlaySolveOptions()
-    solved = source.name.lower().endswith(DRIVE_SUFFIX)
-    if solved and (solve.typed() or drive is not None or start_at or duration is not None or lead is not None):
-        raise InputError(f"options of midair solve, --drive: expected a recording with them, got the drive {source}")
-=======
     if source.suffix.lower() in PATTERN_ENDINGS:
         with TemporaryDirectory() as folder:
             drawn = _drawn_into(Path(folder), source, settings)
@@ -322,7 +313,10 @@ def play_command(
             return play_command(
                 drawn, output=again, force=force, correct_air=correct_air, stop_input=stop_input, **more
             )
->>>>>>> main
+    solve = solve or PlaySolveOptions()
+    solved = source.name.lower().endswith(DRIVE_SUFFIX)
+    if solved and (solve.typed() or drive is not None or start_at or duration is not None or lead is not None):
+        raise InputError(f"options of midair solve, --drive: expected a recording with them, got the drive {source}")
     if device == "virtual":
         if stop_input is not None:
             raise InputError("--stop-input: expected an array, got --device virtual, which is silent; leave it out")
