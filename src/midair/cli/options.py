@@ -261,15 +261,9 @@ def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: 
             help="Preset that other options override; quiet: under --ears.",
             show_default=_constant_default("best"),
         )
-        path = Parameter(
-            name="--settings",
-            help="Read settings from a TOML file or a drive.",
-            show_default=False,
-        )
+        path = Parameter(name="--settings", help="Read settings from a TOML file or a drive.", show_default=False)
         palm = Parameter(
-            name="--palm",
-            help="TOML file with a palm's outline. [default: disc of 85 mm]",
-            show_default=False,
+            name="--palm", help="TOML file with a palm's outline. [default: disc of 85 mm]", show_default=False
         )
         first = [
             ("mode", Annotated[Mode | None, mode], field(default=None)),

@@ -518,15 +518,7 @@ def _follow_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, c
         _print_room_air(drive, source, room)
         banner(array.simulated)
         done = play_followed(
-            drive,
-            array,
-            tracker,
-            settings,
-            admission,
-            grid,
-            source=source,
-            report=print_note,
-            progress=stage("play"),
+            drive, array, tracker, settings, admission, grid, source=source, report=print_note, progress=stage("play")
         )
     middle, most = (1e3 * each for each in done.reaction)
     print_rows(

@@ -23,14 +23,7 @@ from midair.model import Progress
 from midair.solvers.backend import Backend, backend
 from midair.solvers.field_operators import FieldOperators
 from midair.solvers.glide.bisection_step import BisectionStep, Effort
-from midair.solvers.glide.blocks import (
-    BlockRange,
-    FrameBlock,
-    Indices,
-    SolvedFrames,
-    blocks,
-    solve_marks,
-)
+from midair.solvers.glide.blocks import BlockRange, FrameBlock, Indices, SolvedFrames, blocks, solve_marks
 from midair.solvers.phases import hold
 from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 
@@ -204,11 +197,7 @@ def evenly_spread(position: NDArray[np.float64] | None, *, every: int, count: in
 
 
 def _solve_block(
-    bisection: BisectionStep,
-    frames: Indices,
-    block: BlockRange,
-    before: SolvedFrames | None,
-    marks: SolvedFrames,
+    bisection: BisectionStep, frames: Indices, block: BlockRange, before: SolvedFrames | None, marks: SolvedFrames
 ) -> SolvedFrames:
     """Solve all frames of a block, from its marks and the last mark of the block before it."""
     block_frames, index = FrameBlock(bisection, frames), block.marks - block.first
