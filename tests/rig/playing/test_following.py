@@ -20,6 +20,7 @@ from midair.errors import ExposureError, InputError, SilentFramesError, UnknownD
 from midair.files import DEFAULT_PROFILE, load_solution, profile_named, save_palm_path, save_solution
 from midair.model import Acoustics, ControlGrid, Drive, PalmPath, Placement, Solution, TransducerArray
 from midair.physics import (
+    PalmFit,
     PoseBox,
     aims_of,
     exposure,
@@ -220,18 +221,23 @@ def steered(monkeypatch) -> list:
     return blocks
 
 
-def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int) -> int:
+def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int, lines: str) -> int:
     """Count the frames of the wire; each equals the phases for the predicted palm, linear since the block before."""
     aims, before, found = aims_of(drive, GRID), None, 0
+    fit = None if "too slow" in lines else PalmFit(drive.array, drive.acoustics, GRID)
     for frames, pose in blocks:
-        end = None
+        end, beside = None, 0.0
         if pose is not None:
             aim = aims[frames.stop - 1]
-            end = steering_phase(drive.array, AIR.medium, SOLVED, pose, aim=aim)[0]
+            end = held = steering_phase(drive.array, AIR.medium, SOLVED, pose, aim=aim)[0]
+            if fit is not None:
+                fit.move(pose)
+        if fit is not None and (end is not None or before is not None):
+            beside = np.angle(fit(drive.phase[frames], drive.phase[frames] + held))
         if before is not None and end is not None:
             count = frames.stop - frames.start
             share = (np.arange(count) + 1)[:, None] / count
-            phase = drive.phase[frames] + before + share * (end - before)
+            phase = drive.phase[frames] + before + share * (end - before) + beside
             moved = replace(drive, phase=phase, level=drive.level[frames])
             for number, exact in enumerate(phase_bytes(moved, drive.array.count // 249), frames.start):
                 if (got := sent.get(first + number * period)) is not None:
@@ -253,7 +259,7 @@ def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(in_time, 
         done = play_followed(drive, array, tracker, settings, admission, GRID, report=lines.append)
     assert lines[0].startswith("follow: the palm is followed")
     sent = {instant: phases for phases, _, instant in units.put_frames}
-    assert assert_bytes(sent, steered, drive, 1_000_000, done.report.start) > 200
+    assert assert_bytes(sent, steered, drive, 1_000_000, done.report.start, str(lines)) > 200
     # The palm is that of the moment at which the frames sound, by 1.5 mm.
     for frames, pose in steered[30:]:
         true = poses_at(swaying(0.8), np.array([(frames.stop - 1) / 1000]))
@@ -284,7 +290,7 @@ def test_each_tracker_steers_four_emulated_units_and_the_wire_has_the_steered_by
         parts.setdefault(instant, {})[port] = np.frombuffer(datagram[20:269], np.uint8)
     sent = {at: np.stack([each[port] for port in ports]) for at, each in parts.items() if len(each) == len(ports) == 4}
     first = int(re.search(r"first frame +(\d+) ns", out)[1])
-    assert assert_bytes(sent, steered, drive, 1_000_000, first) > 400
+    assert assert_bytes(sent, steered, drive, 1_000_000, first, err) > 400
 
 
 class Silenced(AllFrames):

@@ -25,7 +25,7 @@ from midair.devices import (
 )
 from midair.errors import InputError, SilentFramesError, UnknownDeviceError
 from midair.model import ControlGrid, Drive, PalmPath, Progress
-from midair.physics import PoseBox, aims_of, middle_of, steering_phase, wavenumber
+from midair.physics import PalmFit, PoseBox, aims_of, middle_of, steering_phase, wavenumber
 from midair.rig.names import open_tracker
 from midair.rig.playing.play_settings import PlaySettings
 from midair.rig.signals import signals_end_the_program
@@ -46,6 +46,8 @@ class FollowRules:
     """Time in s over which sound fades, and rises again."""
     block: float = 4e-3
     """Time in s for which frames are steered at once; phases are linear within it."""
+    fit: bool = True
+    """Whether phases are also fitted to the palm, a thousand times a second; phases are linear between."""
 
 
 class Follower:
@@ -77,6 +79,8 @@ class Follower:
         self._gain, self._audible, self._inside = 0.0, False, False
         self._pose: PalmPath | None = None
         self._phase = np.zeros(drive.array.count)
+        self._fit = PalmFit(drive.array, drive.acoustics, grid) if self.rules.fit else None
+        self._fitted = np.ones(drive.array.count, np.complex64)
         self._columns = np.ascontiguousarray(drive.array.position.T)
         self._k = wavenumber(drive.array, drive.acoustics.medium)
 
@@ -103,7 +107,45 @@ class Follower:
         turned = share * (self._phase - begin)
         turned += begin
         turned += phase
+        if self._fit is not None:
+            turned += self._beside(self._fit, phase)
         return replace(self._drive, phase=turned, level=level), self._pose
+
+    def _beside(self, fit: PalmFit, phase: Array) -> Array:
+        """Phases of the fit for a block of steered frames, linear between those that are fitted."""
+        if self._pose is not None:
+            fit.move(self._pose)
+        stride = max(1, round(1e-3 * self._drive.rate))
+        at = np.arange(len(phase))[::-stride][::-1]
+        # The fit is that of the pose at the end of the block, to which all of its frames are steered here.
+        factors = np.concatenate([self._fitted[None], fit(phase[at], phase[at] + self._phase)])
+        steps = np.angle(factors[1:] * factors[:-1].conj())
+        begin = np.angle(self._fitted)
+        angles = begin + np.concatenate([0 * begin[None], np.cumsum(steps, axis=0)])
+        self._fitted = factors[-1]
+        before = np.searchsorted(at, np.arange(len(phase)))
+        ends = np.concatenate([[-1], at])
+        share = (np.arange(len(phase)) - ends[before]) / (ends[before + 1] - ends[before])
+        return angles[before] + share[:, None] * (angles[before + 1] - angles[before])
+
+    def steer_alone_if_slow(self, admission: ExposureClearance) -> None:
+        """Leave out the fit if this computer needs more than two thirds of the time of a block for it and the check."""
+        if self._fit is None:
+            return
+        frames = slice(0, min(max(1, round(self.rules.block * self._drive.rate)), self._drive.frames))
+        part = replace(self._drive, phase=self._drive.phase[frames], level=self._drive.level[frames])
+        still = _still(self.solved)
+        spent = []
+        for _ in range(3):
+            begin = time.perf_counter()
+            self._pose = still
+            self._beside(self._fit, part.phase)
+            admission.steered(part, still)
+            spent.append(time.perf_counter() - begin)
+        self._pose, self._fitted = None, np.ones_like(self._fitted)
+        if min(spent) > self.rules.block * 2 / 3:
+            self._fit = None
+            self._report("follow: this computer is too slow to fit frames to the tilt of the palm; they are steered")
 
     def _steering(self, pose: PalmPath, aim: Array) -> Array:
         """`steering_phase` of one pose, ten times as fast."""
@@ -147,6 +189,12 @@ class Follower:
         if self._confidence < self.rules.confidence:
             return f"confidence {self._confidence:.2f} of the pose, silent below {self.rules.confidence:g}"
         return "the palm left the box of admitted poses, silent"
+
+
+def _still(solved: Array) -> PalmPath:
+    """The pose that frames were solved for."""
+    down, ahead = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 1.0, 0.0]])
+    return PalmPath(time=np.zeros(1), centre=solved[None], normal=down, fingers=ahead, confidence=np.ones(1))
 
 
 TRIPS = 5
@@ -293,6 +341,7 @@ def play_followed(
     follower = Follower(tracker, drive, grid, rules=FollowRules(confidence=settings.confidence), report=report)
     block, total = max(1, round(follower.rules.block * drive.rate)), drive.frames * settings.repeats
     ahead, before, reactions = round(array.hold * 1e9), units.told(), list[float]()
+    follower.steer_alone_if_slow(admission)
     with signals_end_the_program(), array.frames_to_come(admission, source=source, room=settings.exposure.room) as put:
         # The first block needs longer than the others.
         first = -(-(units.now() + round(settings.delay * 1e9) + 50_000_000) // period) * period
