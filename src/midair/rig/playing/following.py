@@ -25,7 +25,7 @@ from midair.devices import (
 )
 from midair.errors import InputError, SilentFramesError, UnknownDeviceError
 from midair.model import ControlGrid, Drive, PalmPath, Progress
-from midair.physics import PalmFit, PoseBox, aims_of, middle_of, steering_phase, wavenumber
+from midair.physics import PalmFit, PoseBox, aims_of, middle_of, pose_of, steering_phase, wavenumber
 from midair.rig.names import open_tracker
 from midair.rig.playing.play_settings import PlaySettings
 from midair.rig.signals import signals_end_the_program
@@ -299,7 +299,10 @@ def clear_followed(
     samples: int = 2048,
     seed: int = 0,
 ) -> ExposureClearance:
-    """Check the exposure of a drive for the box of poses: as it was solved, and frames steered to random poses."""
+    """Check the exposure of a drive for the box of poses: as it was solved, and frames steered to random poses.
+
+    An eighth of them are fitted, too.
+    """
     box, solved, rng = FollowRules().box, middle_of(grid), np.random.default_rng(seed)
     frames = np.sort(rng.integers(0, drive.frames, samples))
     down = np.array([0.0, 0.0, -1.0]) + np.tan(box.tilt) * rng.uniform(-0.7, 0.7, (samples, 3)) * [1, 1, 0]
@@ -317,7 +320,13 @@ def clear_followed(
     aims = aims_of(drive, grid)[frames]
     some = replace(drive, phase=drive.phase[frames], level=drive.level[frames])
     added = steering_phase(array.array, drive.acoustics.medium, solved, poses, aim=aims)
-    steered = replace(some, phase=some.phase + added)
+    phase = some.phase + added
+    # Every eighth one is fitted as well, which takes twenty times as long as the check of it.
+    fit = PalmFit(array.array, drive.acoustics, grid)
+    for number in range(0, samples, 8):
+        fit.move(pose_of(poses, number))
+        phase[number] += np.angle(fit(some.phase[[number]], phase[[number]])[0])
+    steered = replace(some, phase=phase)
     return check_exposure_steered(drive, array, settings.exposure, box=box, solved=solved, samples=steered)
 
 
