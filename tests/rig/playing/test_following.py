@@ -221,10 +221,10 @@ def steered(monkeypatch) -> list:
     return blocks
 
 
-def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int, lines: str) -> int:
+def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int, *, fitted: bool = False) -> int:
     """Count the frames of the wire; each equals the phases for the predicted palm, linear since the block before."""
     aims, before, found = aims_of(drive, GRID), None, 0
-    fit = None if "too slow" in lines else PalmFit(drive.array, drive.acoustics, GRID)
+    fit = PalmFit(drive.array, drive.acoustics, GRID) if fitted else None
     for frames, pose in blocks:
         end, beside = None, 0.0
         if pose is not None:
@@ -248,18 +248,21 @@ def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int
 
 
 @pytest.mark.long
-def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(in_time, steered, tmp_path) -> None:
+@pytest.mark.parametrize("fit", [False, True])
+def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(fit, in_time, steered, tmp_path) -> None:
     file = tmp_path / "hand.csv"
     save_palm_path(swaying(0.8), file)
-    settings = PlaySettings(follow=f"replay:{file}", tracker_latency=0.01)
+    settings = PlaySettings(follow=f"replay:{file}", tracker_latency=0.01, steer_only=not fit)
     units, array = rig_of()
     drive, lines = focus(300), []
     with array, open_tracker(tracker_name(f"replay:{file}", 0.01)) as tracker:
         admission = clear_followed(drive, array, settings, GRID, samples=4)
         done = play_followed(drive, array, tracker, settings, admission, GRID, report=lines.append)
+    if fit and "too slow" in str(lines):
+        pytest.skip("this computer is too slow now to fit frames in time, and said so")
     assert lines[0].startswith("follow: the palm is followed")
     sent = {instant: phases for phases, _, instant in units.put_frames}
-    assert assert_bytes(sent, steered, drive, 1_000_000, done.report.start, str(lines)) > 200
+    assert assert_bytes(sent, steered, drive, 1_000_000, done.report.start, fitted=fit) > 200
     # The palm is that of the moment at which the frames sound, by 1.5 mm.
     for frames, pose in steered[30:]:
         true = poses_at(swaying(0.8), np.array([(frames.stop - 1) / 1000]))
@@ -281,7 +284,7 @@ def test_each_tracker_steers_four_emulated_units_and_the_wire_has_the_steered_by
     drive = load_solution(tmp_path / "x.drive.h5").drive
     with closing(sender()) as made, Hand(made, lambda values, stamp, _: (values, stamp, 1.0)):
         line = ["play", str(tmp_path / "x.drive.h5"), "--follow", made.name, "--device", f"autd3:{tap.address}"]
-        assert run([*line, "--override-exposure", "a test"]) == 0
+        assert run([*line, "--override-exposure", "a test", "--steer-only"]) == 0
     out, err = capsys.readouterr()
     assert "the palm is followed" in err
     ports, parts = list(dict.fromkeys(port for _, port, _, _ in tap.frames())), {}
@@ -290,7 +293,7 @@ def test_each_tracker_steers_four_emulated_units_and_the_wire_has_the_steered_by
         parts.setdefault(instant, {})[port] = np.frombuffer(datagram[20:269], np.uint8)
     sent = {at: np.stack([each[port] for port in ports]) for at, each in parts.items() if len(each) == len(ports) == 4}
     first = int(re.search(r"first frame +(\d+) ns", out)[1])
-    assert assert_bytes(sent, steered, drive, 1_000_000, first, err) > 400
+    assert assert_bytes(sent, steered, drive, 1_000_000, first) > 400
 
 
 class Silenced(AllFrames):

@@ -80,7 +80,7 @@ class Follower:
         self._pose: PalmPath | None = None
         self._phase = np.zeros(drive.array.count)
         self._fit = PalmFit(drive.array, drive.acoustics, grid) if self.rules.fit else None
-        self._fitted = np.ones(drive.array.count, np.complex64)
+        self._fitted = np.full(drive.array.count, self._fit is not None, np.complex64)
         self._columns = np.ascontiguousarray(drive.array.position.T)
         self._k = wavenumber(drive.array, drive.acoustics.medium)
 
@@ -109,6 +109,10 @@ class Follower:
         turned += phase
         if self._fit is not None:
             turned += self._beside(self._fit, phase)
+        elif self._fitted.any():
+            # The fit was left out; its phases fade within this block.
+            turned += (1 - share) * np.angle(self._fitted)
+            self._fitted[:] = 0
         return replace(self._drive, phase=turned, level=level), self._pose
 
     def _beside(self, fit: PalmFit, phase: Array) -> Array:
@@ -144,6 +148,11 @@ class Follower:
             spent.append(time.perf_counter() - begin)
         self._pose, self._fitted = None, np.ones_like(self._fitted)
         if min(spent) > self.rules.block * 2 / 3:
+            self.steer_alone()
+
+    def steer_alone(self) -> None:
+        """Leave out the fit from the next block on, since it takes too long."""
+        if self._fit is not None:
             self._fit = None
             self._report("follow: this computer is too slow to fit frames to the tilt of the palm; they are steered")
 
@@ -221,7 +230,7 @@ def follow_as_set(drive: Drive, settings: PlaySettings, report: Callable[[str], 
     if settings.follow is None:
         return drive, settings
     tracker = tracker_name(settings.follow, settings.tracker_latency)
-    rules = FollowRules(confidence=settings.confidence)
+    rules = FollowRules(confidence=settings.confidence, fit=not settings.steer_only)
     steered = follow_simulated(drive, tracker, grid_of(drive), rules=rules, repeats=settings.repeats, report=report)
     return steered, settings.but(repeats=1)
 
@@ -323,7 +332,7 @@ def clear_followed(
     phase = some.phase + added
     # Every eighth one is fitted as well, which takes twenty times as long as the check of it.
     fit = PalmFit(array.array, drive.acoustics, grid)
-    for number in range(0, samples, 8):
+    for number in range(0, 0 if settings.steer_only else samples, 8):
         fit.move(pose_of(poses, number))
         phase[number] += np.angle(fit(some.phase[[number]], phase[[number]])[0])
     steered = replace(some, phase=phase)
@@ -347,7 +356,8 @@ def play_followed(
     A frame that is not ready at its instant is not played; the units keep the one before it.
     """
     units, period = array.units, divider(drive.rate) * TICK
-    follower = Follower(tracker, drive, grid, rules=FollowRules(confidence=settings.confidence), report=report)
+    rules = FollowRules(confidence=settings.confidence, fit=not settings.steer_only)
+    follower = Follower(tracker, drive, grid, rules=rules, report=report)
     block, total = max(1, round(follower.rules.block * drive.rate)), drive.frames * settings.repeats
     ahead, before, reactions = round(array.hold * 1e9), units.told(), list[float]()
     follower.steer_alone_if_slow(admission)
@@ -371,6 +381,8 @@ def play_followed(
             times = np.asarray((first + numbers * period - offset) * 1e-9, np.float64)
             part, poses = follower.steered(slice(at, at + len(numbers)), times)
             part = admission.steered(part, poses)
+            if units.now() > first + begin * period - ahead:
+                follower.steer_alone()
             phases = phase_bytes(part, array.placement.units)
             intensities = intensity_bytes(part, array.placement.units)
             if np.isfinite(follower.newest):
