@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Single
-from midair.model import Acoustics, TransducerArray
+from midair.model import Acoustics, Medium, TransducerArray
 from midair.physics.exposure_places import Place
-from midair.physics.exposure_search.exposure_grid import bands, slow_field, stacks
-from midair.physics.exposure_search.exposure_mirror import Halves, Pair, mirrored, pair_of
+from midair.physics.exposure_search.exposure_grid import bands, middle, slow_field, stacks
 from midair.physics.exposure_search.exposure_modes import FieldByModes, field_by_modes
 from midair.physics.exposure_search.exposure_products import Product, Workspace, power_of
 from midair.physics.propagation import transfer_matrix
@@ -95,55 +94,24 @@ class Searches:
     """The searches of several places in some airs at once."""
 
     each: tuple[CubeSearch | PointSearch, ...]  # The search of each place
-    modes: Product  # From the drive to the modes of all places except a pair: one large product is faster than many
-    pair: tuple[int, ...] = ()  # Indices of two places that mirror each other; empty if there are none
-    halves: Halves | None = None  # From the drive to the modes of these two
+    modes: Product  # From the drive to the modes of all places: one large product is faster than many
 
     @classmethod
     def of(cls, *each: CubeSearch | PointSearch) -> Self:
-        """Searches for one array, each by itself."""
+        """Searches for one array."""
         return cls(each=each, modes=Product.of(np.concatenate([one.modes for one in each]).T))
-
-    @classmethod
-    def with_pair(cls, each: tuple[CubeSearch | PointSearch, ...], pair: Pair, halves: Halves) -> Self:
-        """Searches for one array, two of them by its symmetry."""
-        rest = [one.modes for number, one in enumerate(each) if number not in pair.numbers]
-        none = np.empty((0, len(halves.order)), np.complex64)
-        together = np.concatenate([none, *rest])[:, halves.order]
-        return cls(each=each, modes=Product.of(together.T), pair=pair.numbers, halves=halves)
-
-    @property
-    def airs(self) -> int:
-        """Number of airs."""
-        return self.each[0].airs
-
-    @property
-    def order(self) -> NDArray[np.intp] | None:
-        """Order of the transducers in `loudest`; None for their own."""
-        return None if self.halves is None else self.halves.order
 
     def loudest(self, parts: Single, space: Workspace) -> Array:
         """Amplitude at each place in each air, shape (air, frame, place), in Pa, without `left_out`.
 
-        `parts` is float32 (3, frame, transducer), from `drive_parts` with `order`.
+        `parts` is float32 (3, frame, transducer), from `drive_parts`.
         """
         frames = parts.shape[1]
-        found = np.empty((self.airs, frames, len(self.each)))
-        rest = [number for number in range(len(self.each)) if number not in self.pair]
-        if rest:
-            modes = space.array("modes", 3, frames, self.modes.width)
-            self.modes.into(modes, parts, space)
-            np.add(modes[0], modes[1], out=modes[2])
-            own = np.split(modes, np.cumsum([len(self.each[number].modes) for number in rest])[:-1], axis=2)
-            for number, its in zip(rest, own, strict=True):
-                found[..., number] = self.each[number].loudest(its, space)
-        if self.halves is not None:
-            width = self.halves.common.width
-            both = space.array("modes of a pair", 2, 3, frames, width)
-            self.halves.into(both[0], both[1], parts, space)
-            for number, its in zip(self.pair, both, strict=True):
-                found[..., number] = self.each[number].loudest(its, space)
-        return found
+        modes = space.array("modes", 3, frames, self.modes.width)
+        self.modes.into(modes, parts, space)
+        np.add(modes[0], modes[1], out=modes[2])
+        own = np.split(modes, np.cumsum([len(each.modes) for each in self.each])[:-1], axis=2)
+        return np.stack([each.loudest(its, space) for each, its in zip(self.each, own, strict=True)], axis=2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,17 +143,7 @@ def searches_of(places: tuple[Place, ...], array: TransducerArray, airs: Airs) -
 
 @lru_cache(maxsize=4)
 def _searches_of(places: tuple[Place, ...], key: _ArrayKey, airs: Airs) -> Searches:
-    array, pair = key.array, pair_of(places, key.array)
-    shared = None if pair is None else _cube_search(pair.box, _ArrayKey(pair.array), airs)
-    if pair is None or not isinstance(shared, CubeSearch):
-        return Searches.of(*(_cube_search(place, key, airs) for place in places))
-    each = tuple(
-        replace(shared, ceiling=ceiling(place, array, airs))
-        if number in pair.numbers
-        else _cube_search(place, key, airs)
-        for number, place in enumerate(places)
-    )
-    return Searches.with_pair(each, pair, Halves.of(shared.modes, pair.partner, array.count))
+    return Searches.of(*(_cube_search(place, key, airs) for place in places))
 
 
 @lru_cache(maxsize=16)
@@ -234,17 +192,59 @@ def point_search(points: Array, array: TransducerArray, airs: Airs) -> PointSear
     return PointSearch(modes=field.astype(np.complex64), ceiling=np.abs(field).max(axis=0), airs=len(airs))
 
 
-def searched_points(place: Place, array: TransducerArray, airs: Airs, *, among: tuple[Place, ...] = ()) -> Array:
-    """The points of a place's cube at which a drive is evaluated in every air, shape (point, 3), in m.
-
-    `among` are all places that are evaluated at once, this one included: mirrored places share their points.
-    """
-    pair = pair_of(among, array)
-    if pair is not None and place in (beside := [among[number] for number in pair.numbers]):
-        points = searched_points(pair.box, pair.array, airs)
-        return points if place == beside[0] else mirrored(points, pair.middle)
+def searched_points(place: Place, array: TransducerArray, airs: Airs) -> Array:
+    """The points of a place's cube at which a drive is evaluated in every air, shape (point, 3), in m."""
     if not place.enforced or place.reach == 0:
         return place.points
     wide = _bands(place, array, airs)
     share = np.concatenate([each.points.reshape(-1, 3) for each in stacks(wide, inside=INSIDE, faces=FACES)])
     return np.array(place.position) + place.reach * share
+
+
+UNKNOWN = (14.0, 30.0)
+"""Temperature range in degrees Celsius if no temperature is stated; 14 is the paper's 340 m/s."""
+
+AROUND = 2.0
+"""Maximum deviation of the room from its stated temperature, in degrees Celsius."""
+
+HUMID = 0.2
+"""Maximum deviation of the relative humidity from the stated one, 0 to 1."""
+
+ANY_HUMIDITY = (0.1, 0.9)
+"""Range of the relative humidity if none is stated, 0 to 1."""
+
+STEP = 2.6
+"""Largest change of phase over the array from one air to the next, in rad."""
+
+
+def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: TransducerArray) -> tuple[Acoustics, ...]:
+    """The airs that a room may have, from the coldest to the warmest.
+
+    They are 2 degrees and 20 % of humidity around the stated air; 14 to 30 degrees if `room` is None. A humidity of 50
+    % is that of `Medium.at` by default, and counts as not stated: 10 to 90 %.
+    """
+    cold, warm = UNKNOWN if room is None else (max(room.degrees - AROUND, 0.0), min(room.degrees + AROUND, 50.0))
+    humidity = 0.5 if room is None or room.humidity is None else room.humidity
+    dry, damp = ANY_HUMIDITY if humidity == 0.5 else (max(humidity - HUMID, 0.0), min(humidity + HUMID, 1.0))
+    # An attenuation that was measured, or computed for another air pressure, counts where it is lower.
+    most = np.inf if room is None else room.attenuation
+    slow, fast = (Medium.at(temperature=t, humidity=wet).speed for t, wet in ((cold, dry), (warm, damp)))
+    turns = 2 * np.pi * array.frequency * (1 / slow - 1 / fast)
+    count = 1 + max(2, int(np.ceil(turns * max(_path_difference(place, array) for place in places) / STEP)))
+    return tuple(
+        Acoustics(medium=_air(float(degrees), float(wet), (dry, damp), most, array.frequency))
+        for degrees, wet in zip(np.linspace(cold, warm, count), np.linspace(dry, damp, count), strict=True)
+    )
+
+
+def _air(degrees: float, humidity: float, ends: tuple[float, float], most: float, frequency: float) -> Medium:
+    """Air with the lowest attenuation between two humidities, where it has no minimum, and at most `most` Np/m."""
+    airs = [Medium.at(temperature=degrees, humidity=each, frequency=frequency) for each in (humidity, *ends)]
+    return replace(airs[0], attenuation=min(most, *(air.attenuation for air in airs)))
+
+
+def _path_difference(place: Place, array: TransducerArray) -> float:
+    """Largest difference between the path from a transducer to a place and that from the middle of the array, in m."""
+    points = place.points
+    path = np.linalg.norm(points[:, None] - array.position, axis=2)
+    return float(np.abs(path - np.linalg.norm(points - middle(array), axis=1)[:, None]).max())
