@@ -11,6 +11,7 @@ from midair.model import Medium, Progress
 from midair.rig import play_cleared
 from midair.study.design import Stimulus
 from midair.study.event_markers import EventMarkers
+from midair.study.headphones import Headphones
 
 
 class Presenter(Protocol):
@@ -104,16 +105,6 @@ class ArrayPresenter:
         self.by_hand.silence()
 
 
-class Masking(Protocol):
-    """Masking noise."""
-
-    def on(self) -> None:
-        """Fade the noise in; return when it has its full level."""
-
-    def off(self) -> None:
-        """Fade the noise out."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MaskedPresenter:
     """Presenter with masking noise in the headphones during drives and silent stimuli (paper, 5.3).
@@ -123,7 +114,7 @@ class MaskedPresenter:
 
     inner: Presenter
     """Presents the stimuli."""
-    noise: Masking
+    noise: Headphones
     """An open source of noise."""
 
     def present(self, stimulus: Stimulus) -> None:
