@@ -143,14 +143,6 @@ class _SettingsOptions:
             made = made.but(jobs=_cores())
         return made
 
-    def settings_in(self, temperature: float | None, humidity: float | None) -> Settings:
-        """The settings in the stated air of the room, as options of midair solve would state it."""
-        made = self.settings()
-        for choice in CHOICES:
-            value = {"temperature": temperature, "humidity": humidity}.get(choice.name)
-            made = made if value is None else choice.put(made, value)
-        return made
-
     def refuse_idle_palm(self) -> None:
         """Raise InputError for --palm without a quiet palm, where the command would ignore it."""
         if getattr(self, "palm", None) is not None and not QuietPalm.number(self.settings().solver.quiet_palm):
@@ -261,9 +253,15 @@ def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: 
             help="Preset that other options override; quiet: under --ears.",
             show_default=_constant_default("best"),
         )
-        path = Parameter(name="--settings", help="Read settings from a TOML file or a drive.", show_default=False)
+        path = Parameter(
+            name="--settings",
+            help="Read settings from a TOML file or a drive.",
+            show_default=False,
+        )
         palm = Parameter(
-            name="--palm", help="TOML file with a palm's outline. [default: disc of 85 mm]", show_default=False
+            name="--palm",
+            help="TOML file with a palm's outline. [default: disc of 85 mm]",
+            show_default=False,
         )
         first = [
             ("mode", Annotated[Mode | None, mode], field(default=None)),
@@ -285,15 +283,9 @@ if TYPE_CHECKING:
     class SolveOptions(_SettingsOptions):
         """How pressure becomes sound."""
 
-    class PlaySolveOptions(_SettingsOptions):
-        """How a recording is solved while it plays."""
-
 else:
     BandOptions = _options("BandOptions", "Which part of a recording counts.", ("band", "rate", "inverse"))
     SolveOptions = _options("SolveOptions", "How pressure becomes sound.", modes=True)
-    # The room's air is an option of playing.
-    _solved = [choice.name for choice in CHOICES if choice.name not in ("temperature", "humidity")]
-    PlaySolveOptions = _options("PlaySolveOptions", "How a recording is solved while it plays.", _solved, modes=True)
 
 
 _SHARED = ("band", "height", "pitch", "points", "temperature", "humidity", "directivity")
