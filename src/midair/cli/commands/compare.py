@@ -144,6 +144,8 @@ def compare_command(
 
 def _in_order(first: Path, second: Path) -> tuple[Path, Path]:
     """The original and its reproduction, whichever was named first."""
+    if first.exists() and second.exists() and first.samefile(second):
+        raise InputError(f"{second.name}: expected a recording and its reproduction, got the same file twice")
 
     def made(path: Path) -> bool:
         drive = path.name.lower().endswith(DRIVE_SUFFIX)
