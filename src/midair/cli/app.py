@@ -174,7 +174,7 @@ def _status(tokens: Sequence[str]) -> int:
 
 
 def _usage(wrong: CycloptsError, tokens: Sequence[str]) -> str:
-    """What is wrong with a command line, in one sentence."""
+    """The message for a command line that cannot be parsed."""
     if isinstance(wrong, UnusedCliTokensError) and wrong.unused_tokens:
         return f"unexpected: {' '.join(wrong.unused_tokens)}; options begin with --, a value with a space needs quotes"
     if isinstance(wrong, MissingArgumentError) and wrong.keyword in tokens[:-1]:
