@@ -11,6 +11,7 @@ from midair.model import Medium
 from midair.rig import play_cleared
 from midair.study.design import Stimulus
 from midair.study.event_markers import EventMarkers
+from midair.study.headphones import Headphones
 
 
 class Presenter(Protocol):
@@ -94,16 +95,6 @@ class ArrayPresenter:
         self.by_hand.silence()
 
 
-class Masking(Protocol):
-    """Masking noise."""
-
-    def on(self) -> None:
-        """Fade the noise in; return when it has its full level."""
-
-    def off(self) -> None:
-        """Fade the noise out."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MaskedPresenter:
     """Presenter with masking noise in the headphones during drives and silent stimuli (paper, 5.3).
@@ -113,7 +104,7 @@ class MaskedPresenter:
 
     inner: Presenter
     """Presents the stimuli."""
-    noise: Masking
+    noise: Headphones
     """An open source of noise."""
 
     def present(self, stimulus: Stimulus) -> None:

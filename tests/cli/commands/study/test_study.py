@@ -37,26 +37,20 @@ def done(tmp_path_factory):
 
 
 def test_ten_simulated_participants_from_plan_to_report(done, capsys):
-    study("analyse", done, "--draws", 1000)
-    said = capsys.readouterr()
-    assert "SIMULATED: no person was asked. 10 participant(s), 1080 answers analysed, 240" in said.out
-    assert "Identification: plain" in said.out
-    page = (done / "report.html").read_text(encoding="utf-8")
-    assert "SIMULATED" in page
-    assert page.count("data:image/png;base64,") == 6  # three matrices, F-measures, ratings of two surfaces
-    assert (done / "report.ipynb").is_file()
-    assert "surface:object:rated" in page
-    assert "Not computed" not in page
-    assert "nan" not in page.lower().split("base64")[0]
-
-
-def test_json_is_for_programs(done, capsys):
     study("analyse", done, "--draws", 200, "--json")
     found = json.loads(capsys.readouterr().out)
     assert found["simulated"] is True
     anova = next(one for one in found["findings"] if one["title"] == "Ratings: analysis of variance")
     assert len(anova["table"]) == 7
     assert {"effect", "F", "p_GG", "ges"} <= set(anova["table"][0])
+    page = (done / "report.html").read_text(encoding="utf-8")
+    assert "SIMULATED: no person was asked. 10 participant(s), 1080 answers analysed, 240" in page
+    assert "Identification: plain" in page
+    assert page.count("data:image/png;base64,") == 6  # three matrices, F-measures, ratings of two surfaces
+    assert (done / "report.ipynb").is_file()
+    assert "surface:object:rated" in page
+    assert "Not computed" not in page
+    assert "nan" not in page.lower().split("base64")[0]
 
 
 @pytest.mark.long
