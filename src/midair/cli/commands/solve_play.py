@@ -230,7 +230,7 @@ def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, 
 @options_from(
     PlaySettings,
     *("device", "array_calibration", "placement", "silencer", "repeats", "delay", "participant", "spread", "seed"),
-    *("follow", "tracker_latency", "confidence", "palm_path"),
+    *("follow", "tracker_latency", "confidence", "steer_only", "palm_path"),
     array_calibration="Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.",
 )
 class PlayOptions:

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from threading import Event
 from typing import Protocol
 
-from midair.devices import ArrayDevice, ExposureClearance
-from midair.errors import InputError, SilentFramesError
-from midair.model import Medium
+from midair.devices import ArrayDevice, ExposureClearance, PlayReport
+from midair.errors import InputError, SilentFramesError, StoppedError
+from midair.model import Medium, Progress
 from midair.rig import play_cleared
 from midair.study.design import Stimulus
 from midair.study.event_markers import EventMarkers
@@ -56,6 +56,8 @@ class ArrayPresenter:
     """Air for the log of played drives; None if unknown."""
     silence_s: float = 0.0
     """Duration of a silent stimulus, in s; equal to that of the drives, so that it does not reveal the silence."""
+    followed: Callable[[Stimulus, str, Progress], PlayReport] | None = None
+    """Plays a stimulus, named so in the log, while it follows a palm; None to play without."""
     ended: Event = field(default_factory=Event)
     """Set when silence is requested."""
 
@@ -77,9 +79,12 @@ class ArrayPresenter:
         if stimulus.kind == "silence":
             self.ended.wait(self.silence_s)
         elif stimulus.kind == "drive":
-            admission = self.admitted(stimulus)
             share = "" if stimulus.share == 1 else f" at {stimulus.share:g} of its pressure"
-            report = play_cleared(admission, self.array, source=stimulus.source + share, room=self.room)
+            if self.followed is not None:
+                report = self.followed(stimulus, stimulus.source + share, self._go_on)
+            else:
+                admission = self.admitted(stimulus)
+                report = play_cleared(admission, self.array, source=stimulus.source + share, room=self.room)
             if report.gap:
                 raise SilentFramesError(
                     f"array: expected every frame in time, got {report.late} late frames and {report.gap:.3f} s of "
@@ -87,6 +92,11 @@ class ArrayPresenter:
                 )
         else:
             self.by_hand.present(stimulus)
+
+    def _go_on(self, done: int, total: int) -> None:
+        """Raise StoppedError if silence was requested."""
+        if self.ended.is_set():
+            raise StoppedError(f"{self.array.name}: stopped after {done} of {total} frames")
 
     def silence(self) -> None:
         """Silence the array, then instruct the experimenter."""
