@@ -19,12 +19,6 @@ from midair.model import Calibration, Provenance, Recording, SensorGrid
 from midair.recordings import Footprint, Mending, Path, Shape, Turn, footprint_field, resample, suspicious
 from midair.streaming import LazyFrames, medians, moments
 
-RESAMPLED = (40.0, 1e6)
-"""Rates in Hz of a resampled recording: from twice the lowest frequency in use."""
-
-HIGHEST_PEAK = 1e5
-"""Highest pressure of --peak in Pa: that of the atmosphere."""
-
 Patch = tuple[str, float]
 """Shape and size (m) of a footprint."""
 
@@ -42,7 +36,7 @@ def parse_patch(text: str) -> Patch:
 
 def resampled(recording: Recording, rate: float) -> Recording:
     """A recording at another rate; InputError for one that its use does not need."""
-    low, high = RESAMPLED
+    low, high = 40.0, 1e6
     if 0 < rate < low:
         raise InputError(f"rate: expected {low:g} Hz or more, twice the lowest frequency in use, got {rate:g} Hz")
     if rate > high:
@@ -164,9 +158,9 @@ def calibration_from_options(recording: Recording, sensitivity: str | None, peak
         return None
     rest, found = medians(recording.samples), moments(recording.samples)
     change = np.maximum(found.greatest - rest, rest - found.least).max()
-    if change == 0 or not 0 < peak <= HIGHEST_PEAK:
+    if change == 0 or not 0 < peak <= 1e5:
         raise InputError(
-            f"--peak: expected a pressure above 0 and at most {HIGHEST_PEAK:g} Pa, and a recording that changes, "
+            f"--peak: expected a pressure above 0 and at most 100000 Pa, and a recording that changes, "
             f"got {peak:g} Pa, {change:g}"
         )
     flat = Calibration.flat(recording.sensor, sensitivity=float(change / peak), unit=recording.unit)
