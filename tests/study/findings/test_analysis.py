@@ -192,6 +192,7 @@ def test_missing_cells_follow_the_plan():
     assert [one.name for one in report.choices] == ["plain"]
 
 
+@pytest.mark.long
 def test_answers_that_were_never_presented_follow_the_plan():
     table = choices()
     table = table | {"right": np.where(table["right"] == "towel", "brush", table["right"])}
@@ -217,6 +218,7 @@ def test_trials_without_a_right_answer_are_no_object():
     assert report.choices[0].confusion.labels == ("brush", "sponge", "towel")
 
 
+@pytest.mark.long
 def test_people_in_groups():
     table = ratings(people=9) | {"hand": np.repeat(np.where(np.arange(9) < 4, "left", "right"), 6)}
     report = analyse(data_of_columns(table, between=["hand"], **RATED), draws=200)
