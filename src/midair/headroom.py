@@ -126,11 +126,7 @@ class PressureLevel:
 
 
 def headroom(
-    array: TransducerArray,
-    grid: ControlGrid,
-    acoustics: Acoustics | None = None,
-    *,
-    sensor: SensorGrid | None = None,
+    array: TransducerArray, grid: ControlGrid, acoustics: Acoustics | None = None, *, sensor: SensorGrid | None = None
 ) -> Headroom:
     """Largest pressures of `array` at the height of `grid`, cached; `sensor` (4 x 4 if None) has the cells."""
     key = array.position.tobytes() + array.normal.tobytes()

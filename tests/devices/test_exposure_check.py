@@ -9,14 +9,15 @@ import pytest
 
 from midair.devices import (
     ExposureChoices,
+    ExposureStream,
     VirtualArray,
     amplitude_of,
     check_exposure,
     check_exposure_level,
-    check_exposure_parts,
     felt_pressure_text,
     intensity_bytes,
     measure_exposure,
+    phase_bytes,
 )
 from midair.devices.exposure_check import ExposureClearance, with_checked_reading
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
@@ -116,7 +117,6 @@ def test_phases_are_measured_as_the_firmware_rounds_them(steps):
     for found in (
         measure_exposure(told, ARRAY, PROFILE, steps=steps).level,
         check_exposure(told, Rounds(ARRAY), CHOICES).exposure.level,
-        check_exposure_parts([told], Rounds(ARRAY), CHOICES).exposure.level,
     ):
         assert found == pytest.approx(sounds, abs=1e-3)
     assert abs(exposure(told, PROFILE, acoustics=airs).level - sounds).max() > 0.05
@@ -150,7 +150,7 @@ def test_the_air_of_a_file_changes_no_level(medium):
     claims = replace(focus(), acoustics=Acoustics(medium=medium))
     for check in (
         lambda: check_exposure(claims, Loud(ARRAY), CHOICES),
-        lambda: check_exposure_parts([claims], Loud(ARRAY), CHOICES),
+        lambda: ExposureStream(claims, Loud(ARRAY), CHOICES, frames=3),
     ):
         with pytest.raises(ExposureError):
             check()
@@ -205,9 +205,7 @@ def test_the_loudest_air_is_named():
     found = measure_exposure(hiding(colder, warm, ear + np.array([0.04, -0.04, 0.04])), ARRAY, PROFILE)
     assert found.loudest_air.degrees == pytest.approx(29.5, abs=2.5)
     assert f"in air of {found.loudest_air.degrees:.0f} °C" in found.verdict()
-    stated = check_exposure_parts(
-        [focus(), focus()], Loud(ARRAY), replace(WEAKER, room=Medium.at(temperature=22.0))
-    ).exposure
+    stated = check_exposure(focus(), Loud(ARRAY), replace(WEAKER, room=Medium.at(temperature=22.0))).exposure
     assert [round(each.medium.degrees) for each in stated.airs][:: len(stated.airs) - 1] == [20, 24]
     assert stated.measured_in.startswith("20 to 24 °C")
     assert stated.air.shape == stated.level.shape
@@ -237,34 +235,67 @@ def test_another_drive_cannot_replace_the_cleared_one():
         replace(honest, drive=focus())
 
 
-def test_only_the_checked_parts_are_cleared():
-    parts = [focus(level=level) for level in (0.01, 0.005)]
-    device = Loud(ARRAY)
-    admission = check_exposure_parts(iter(parts), device, CHOICES)
-    whole = Drive(
-        phase=np.concatenate([part.phase for part in parts]),
-        level=np.concatenate([part.level for part in parts]),
-        rate=1000.0,
-        array=ARRAY,
-    )
-    np.testing.assert_allclose(admission.exposure.level, measure_exposure(whole, ARRAY, PROFILE).level, atol=1e-3)
-    with device:
-        assert sum(device.play(admission.frames(part)).frames for part in parts) == 6
-        with pytest.raises(ExposureError, match="got another one"):
-            admission.frames(focus(level=0.02))
-        with pytest.raises(MismatchError, match="expected some at 1000 Hz, got some at 2000 Hz"):
-            admission.frames(replace(parts[0], rate=2000.0))
-        with pytest.raises(DeviceStateError, match="frames to come"):
-            device.play(admission)
+def piece(drive, first, last):
+    return replace(drive, phase=drive.phase[first:last], level=drive.level[first:last])
 
 
-def test_parts_are_weakened_alike():
-    parts = [focus(level=level) for level in (1.0, 0.5)]
-    admission = check_exposure_parts(parts, Loud(ARRAY), WEAKER)
-    one, two = (admission.frames(part).drive.level.max() for part in parts)
-    assert admission.outcome == "attenuated"
-    assert two == pytest.approx(one / 2, abs=2 / 255)
-    assert exposure(admission.frames(parts[0]).drive, PROFILE).excess <= 0
+def streamed(drive, ends, device=None, choices=CHOICES, **how):
+    """The stream of a drive that comes in parts."""
+    made, device = None, device or Loud(ARRAY)
+    for first, last in zip([0, *ends[:-1]], ends, strict=True):
+        if made is None:
+            made = ExposureStream(piece(drive, first, last), device, choices, frames=drive.frames, **how)
+        else:
+            made.add(piece(drive, first, last))
+    return made
+
+
+@pytest.mark.parametrize("own", [False, True], ids=["a level a frame", "a level each"])
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_a_stream_finds_what_the_check_of_the_whole_drive_finds(own, repeats):
+    rng, frames = np.random.default_rng(1), 700
+    phase = focus_phase(ARRAY, np.array([0, 0, 0.2])) + rng.normal(scale=0.5, size=(frames, ARRAY.count))
+    level = rng.uniform(0, 0.01, (frames, ARRAY.count) if own else frames)
+    drive = Drive(phase=phase, level=level, rate=1000.0, array=ARRAY)
+    made = streamed(drive, [90, 350, 351, 700], repeats=repeats)
+    found, whole = made.clearance(), check_exposure(drive, Loud(ARRAY), CHOICES, repeats=repeats)
+    assert (found.outcome, found.repeats) == (whole.outcome, repeats)
+    np.testing.assert_allclose(found.exposure.level, whole.exposure.level, atol=0.02)
+    np.testing.assert_allclose(found.exposure.duty, whole.exposure.duty, rtol=0.2 if own else 1e-9)
+    assert found.exposure.warming == pytest.approx(whole.exposure.warming, rel=0.01)
+    assert found.exposure.pressure == pytest.approx(whole.exposure.pressure, rel=0.02)
+    np.testing.assert_array_equal(phase_bytes(found.drive, 4), phase_bytes(drive, 4))
+    with Loud(ARRAY) as device:
+        assert device.play(found).frames == repeats * frames
+
+
+def test_only_the_checked_parts_of_a_stream_are_read():
+    drive = replace(focus(frames=6), level=np.array([0.01, 0.01, 0.01, 0.01, 1.0, 1.0]))
+    made = streamed(drive, [2, 4])
+    cleared = made.clearance()
+    assert cleared.drive.phase.read(0, 4).shape == (4, ARRAY.count)
+    assert made.phase.there == 4
+    with pytest.raises(ExposureError, match=r"in frame 4 .*limit 110 dB") as wrong:
+        made.add(piece(drive, 4, 6))
+    made.fail(wrong.value)
+    with pytest.raises(ExposureError, match="frame 4"):
+        cleared.drive.phase.read(4, 6)
+    assert cleared.later().drive.frames == 4
+
+
+@pytest.mark.parametrize("repeats", [1, 40])
+def test_heat_adds_up_over_the_parts_of_a_stream(repeats):
+    """No part alone warms the palm too much, nor do all of them once; the whole check says the same."""
+    profile = replace(PROFILE, places=tuple(replace(each, limit=170.0) for each in PROFILE.places))
+    drive = replace(focus(frames=60), rate=10.0)
+    once = check_exposure(drive, VirtualArray(ARRAY), replace(CHOICES, profile=profile)).exposure.warming
+    limit = once * (0.9 if repeats == 1 else 1.1)
+    choices = replace(CHOICES, profile=replace(profile, warming=limit))
+    with pytest.raises(ExposureError, match="palm warms"):
+        check_exposure(drive, Loud(ARRAY), choices, repeats=repeats)
+    with pytest.raises(ExposureError, match="palm warms"):
+        streamed(drive, [20, 40, 60], choices=choices, repeats=repeats)
+    assert streamed(drive, [20, 40], choices=choices, repeats=repeats).clearance().outcome == "kept"
 
 
 def test_own_levels_keep_the_profile_after_attenuation_and_rounding():
@@ -279,23 +310,20 @@ def test_own_levels_keep_the_profile_after_attenuation_and_rounding():
     weaker = replace(WEAKER, profile=profile)
     found = check_exposure(drive, Loud(ARRAY), weaker)
     assert found.exposure.excess <= 0
-    parts = check_exposure_parts([drive], Loud(ARRAY), weaker)
-    with pytest.raises(ExposureError, match="after attenuation"):
-        parts.frames(drive)
 
 
 @pytest.mark.parametrize(
-    ("parts", "error", "says"),
+    ("parts", "choices", "error", "says"),
     [
-        ([], InputError, "one or more"),
-        ([focus(), replace(focus(), rate=2000.0)], MismatchError, "all at 1000 Hz"),
-        ([focus(array=TransducerArray.autd3(columns=1, rows=1))], MismatchError, "solve the target again"),
-        ([focus()], ExposureError, "limit 110 dB"),
+        ([focus(level=0.01), replace(focus(), rate=2000.0)], CHOICES, MismatchError, "all at 1000 Hz"),
+        ([focus(array=TransducerArray.autd3(columns=1, rows=1))], CHOICES, MismatchError, "solve the target again"),
+        ([focus()], CHOICES, ExposureError, "limit 110 dB"),
+        ([focus()], WEAKER, InputError, "no attenuation"),
     ],
 )
-def test_parts_that_do_not_do_are_refused(parts, error, says):
+def test_parts_that_do_not_do_are_refused(parts, choices, error, says):
     with pytest.raises(error, match=says):
-        check_exposure_parts(parts, Loud(ARRAY), CHOICES)
+        ExposureStream(parts[0], Loud(ARRAY), choices, frames=6).add(parts[-1])
 
 
 def test_a_level_is_cleared_by_the_worst_case_of_phases():
@@ -331,15 +359,6 @@ def test_the_pressure_left_after_attenuation_is_reported():
     assert "felt" not in kept.verdict()
     with pytest.raises(ExposureError, match=r"--attenuate \(-3\d\.\d dB, and nothing will be felt\)"):
         check_exposure(focus(), Loud(ARRAY), CHOICES)
-
-
-def test_measuring_in_parts_and_at_once_agree_on_felt_pressure():
-    whole = focus(frames=600)
-    parts = [
-        replace(whole, phase=whole.phase[part], level=whole.level[part]) for part in (slice(0, 300), slice(300, 600))
-    ]
-    admission = check_exposure_parts(parts, Loud(ARRAY), WEAKER)
-    assert admission.exposure.pressure == pytest.approx(measure_exposure(whole, ARRAY, PROFILE).pressure)
 
 
 def test_what_is_read_again_is_what_was_measured():

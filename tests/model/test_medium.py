@@ -23,6 +23,8 @@ def test_no_attenuation_and_no_reflection_are_possible():
     [
         {"density": 0.0},
         {"speed": -340.0},
+        {"speed": 340e3},
+        {"speed": "340"},
         {"speed": float("nan")},
         {"attenuation": -0.1},
         {"attenuation": float("inf")},

@@ -21,6 +21,7 @@ def test_iterations_and_start_reach_those_that_have_them():
     [
         ({"method": "ml"}, "method: expected one of lm, exact, fast"),
         ({"method": "lm", "iterations": (3, 0)}, "iterations: expected 1 or more"),
+        ({"method": "lm", "iterations": "20"}, "iterations: expected 1 or more, got '20'"),
         ({"method": "fast", "iterations": (3, 2)}, "since fast solves all frames alike"),
         ({"method": "lm", "start": "one"}, "start: expected previous or zero"),
     ],

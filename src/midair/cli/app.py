@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import signal
 import sys
 import time
@@ -12,7 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
 
 from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of, summary_of
 from midair.cli.console import busy_bar, err, parse_flags, verbosity, with_verbosity
@@ -160,7 +161,7 @@ def _status(tokens: Sequence[str]) -> int:
             with busy_bar(name, PASSES[name]) if name else nullcontext():
                 status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
         except CycloptsError as wrong:
-            return _print_line(f"{str(wrong).strip()} (see midair --help)", 2)
+            return _print_line(f"{_usage(wrong, tokens)} (see midair --help)", 2)
         except MidairError as wrong:
             return _print_line(str(wrong), 2 if isinstance(wrong, UnknownDeviceError) else 1)
         except KeyboardInterrupt:
@@ -170,6 +171,17 @@ def _status(tokens: Sequence[str]) -> int:
         except Exception as wrong:  # noqa: BLE001  # the last resort: one line, whatever happened
             return _report_unexpected(wrong)
         return status if isinstance(status, int) else 0
+
+
+def _usage(wrong: CycloptsError, tokens: Sequence[str]) -> str:
+    """The message for a command line that cannot be parsed."""
+    if isinstance(wrong, UnusedCliTokensError) and wrong.unused_tokens:
+        return f"unexpected: {' '.join(wrong.unused_tokens)}; options begin with --, a value with a space needs quotes"
+    if isinstance(wrong, MissingArgumentError) and wrong.keyword in tokens[:-1]:
+        given = tokens[tokens.index(wrong.keyword) + 1]
+        if re.match(r"-[\d.]", given):
+            return f"{wrong.keyword}: expected a value, got {given}; none below 0 is allowed"
+    return str(wrong).strip()
 
 
 def _kept_files(files: Sequence[Path]) -> str:

@@ -94,12 +94,7 @@ class ExposureOptions:
 
 
 def print_check_time(
-    drive: Drive,
-    profile: ExposureProfile,
-    *,
-    room: Medium | None = None,
-    few: float = 3.0,
-    sample: int = 1024,
+    drive: Drive, profile: ExposureProfile, *, room: Medium | None = None, few: float = 3.0, sample: int = 1024
 ) -> None:
     """Print the time of the exposure check of a drive if it is above `few` seconds; `sample` frames are timed twice."""
     if drive.frames < 10 * sample:

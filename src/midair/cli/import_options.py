@@ -34,6 +34,16 @@ def parse_patch(text: str) -> Patch:
     return shape, length
 
 
+def resampled(recording: Recording, rate: float) -> Recording:
+    """A recording at another rate; InputError for one that its use does not need."""
+    low, high = 40.0, 1e6
+    if 0 < rate < low:
+        raise InputError(f"rate: expected {low:g} Hz or more, twice the lowest frequency in use, got {rate:g} Hz")
+    if rate > high:
+        raise InputError(f"rate: expected at most {high / 1e6:g} MHz, got {rate / 1e6:g} MHz; is the unit right?")
+    return resample(recording, rate)
+
+
 def parse_layout(text: str) -> SensorGrid:
     """Sensor grid of a text such as ``4x4:11mm``: rows, columns, pitch."""
     found = re.fullmatch(r"([1-9]\d{0,3})x([1-9]\d{0,3}):(\S+)", text)
@@ -111,7 +121,7 @@ def _read_with_options(file: File, options: FileOptions, *, streamed: bool, mend
     if isinstance(recording.samples, LazyFrames):
         report = (*report, *suspicious(recording))
     if options.resample is not None:
-        recording = resample(recording, options.resample)
+        recording = resampled(recording, options.resample)
     if options.footprint is not None:
         recording, more = _field(recording, options, options.footprint)
         report = (*report, *more)
@@ -148,9 +158,10 @@ def calibration_from_options(recording: Recording, sensitivity: str | None, peak
         return None
     rest, found = medians(recording.samples), moments(recording.samples)
     change = np.maximum(found.greatest - rest, rest - found.least).max()
-    if change == 0 or peak <= 0:
+    if change == 0 or not 0 < peak <= 1e5:
         raise InputError(
-            f"--peak: expected a pressure above 0 and a recording that changes, got {peak:g} Pa, {change:g}"
+            f"--peak: expected a pressure above 0 and at most 100000 Pa, and a recording that changes, "
+            f"got {peak:g} Pa, {change:g}"
         )
     flat = Calibration.flat(recording.sensor, sensitivity=float(change / peak), unit=recording.unit)
     stated = f"stated: the largest change of any channel, {change:.4g} {recording.unit}, is {peak:g} Pa"

@@ -11,14 +11,7 @@ from midair.cli.console import banner, out, print_json, print_note, print_rows
 from midair.cli.quantities import format_quantity
 from midair.errors import InputError
 from midair.evaluate import SolveError, error_by_energy
-from midair.files import (
-    FormatLoss,
-    check_not_recording,
-    load_solution,
-    load_target,
-    lock_or_raise,
-    writable_path,
-)
+from midair.files import FormatLoss, check_not_recording, load_solution, load_target, lock_or_raise, writable_path
 from midair.headroom import PressureLevel, band_of, level_of
 from midair.model import AmplitudeFrames, ArrayCalibration, Calibration, PressureFrames, Recording, SensorGrid, Solution
 from midair.recordings import dead_channels
@@ -29,11 +22,7 @@ from midair.targets import frames_without_lead
 def as_recording(pressure: PressureFrames) -> Recording:
     """Calibrated pressure as a recording in Pa."""
     return Recording(
-        samples=pressure.pressure,
-        rate=pressure.rate,
-        sensor=pressure.sensor,
-        unit="Pa",
-        provenance=pressure.provenance,
+        samples=pressure.pressure, rate=pressure.rate, sensor=pressure.sensor, unit="Pa", provenance=pressure.provenance
     )
 
 

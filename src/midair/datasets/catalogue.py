@@ -128,11 +128,7 @@ def _generated(about: Sample) -> Recording:
     """Generate a synthetic sample."""
     pressure = stroke(about.stroke or "towel", peak=about.peak)
     return Recording(
-        samples=pressure.pressure,
-        rate=pressure.rate,
-        sensor=pressure.sensor,
-        unit="Pa",
-        provenance=pressure.provenance,
+        samples=pressure.pressure, rate=pressure.rate, sensor=pressure.sensor, unit="Pa", provenance=pressure.provenance
     )
 
 

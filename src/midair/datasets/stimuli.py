@@ -15,12 +15,7 @@ Stimulus = Literal["i", "ii", "iii"]
 
 
 def am_stimulus(
-    kind: Stimulus,
-    *,
-    peak: float = 60.0,
-    duration: float = 0.5,
-    rate: float = RATE,
-    sensor: SensorGrid | None = None,
+    kind: Stimulus, *, peak: float = 60.0, duration: float = 0.5, rate: float = RATE, sensor: SensorGrid | None = None
 ) -> PressureFrames:
     """Pressure of the modulated foci of the paper's section 5.2, 0 or more, as an array can present it.
 

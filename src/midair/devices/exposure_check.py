@@ -5,14 +5,14 @@ an `ExposureClearance`, the only type that `ArrayDevice.play` accepts, and only 
 """
 
 import hashlib
-from collections.abc import Iterable
-from dataclasses import InitVar, dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import InitVar, dataclass, replace
 from typing import Any, Literal, Protocol, cast
 
 import numpy as np
 
 from midair.array_types import Array
-from midair.devices.frame_bytes import PHASE_STEPS, actual_level, amplitude_of
+from midair.devices.frame_bytes import PHASE_STEPS, actual_level, amplitude_of, intensity_bytes, phase_bytes
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.evaluate import SkinModel
 from midair.model import Drive, Medium, PalmPath, TransducerArray
@@ -24,12 +24,16 @@ from midair.physics import (
     exposure,
     exposure_levels,
     greatest_exposure,
+    heat_so_far,
 )
-from midair.streaming import LazyFrames, cached_blocks, each_frame
+from midair.streaming import ArrivingFrames, LazyFrames, cached_blocks, concatenate_lazy, each_frame
 
 Outcome = Literal["kept", "attenuated", "overridden", "exceeded"]
 """Within the limits; attenuated to meet them; above them under the responsibility of a named person; above them on a
 device without sound."""
+
+_TURN = PHASE_STEPS / (2 * np.pi)
+"""Phase steps per radian."""
 
 _KEY = object()  # Key to the constructor of ExposureClearance, private to this module.
 
@@ -99,7 +103,8 @@ class ExposureClearance:
     """Centre of the palm that they were solved for, shape (3,), in m."""
     steps: int = PHASE_STEPS
     """Phase steps per turn of the device."""
-    _known: frozenset[bytes] = field(default=frozenset(), repr=False)
+    later: "Callable[[], ExposureClearance] | None" = None
+    """Returns the clearance of the frames up to now, of a drive that is still being checked; see `ExposureStream`."""
     _key: InitVar[object] = None
 
     def __post_init__(self, _key: object) -> None:
@@ -148,40 +153,25 @@ class ExposureClearance:
         return int(np.flatnonzero(np.maximum(steps / 255, amplitude_of(steps)) <= self.level * (1 + 1e-9))[-1])
 
     def frames(self, drive: Drive) -> "ExposureClearance":
-        """Clear frames that were read or computed after the check.
-
-        Parameters
-        ----------
-        drive : Drive
-            One of the parts that `check_exposure_parts` measured, or frames within the level of `check_exposure_level`.
+        """Clear frames within the level of `check_exposure_level`, computed after the check.
 
         Raises
         ------
         MismatchError
             If array or rate differ.
         ExposureError
-            If the frames were not measured, or exceed the cleared level or, after attenuation, the profile.
+            If the frames exceed the cleared level.
         """
         if not self.array.same_as(drive.array):
             raise MismatchError(f"frames: expected some for {self.array.name}, got some for {drive.array.name}")
         if drive.rate != self.exposure.rate:
             raise MismatchError(f"frames: expected some at {self.exposure.rate:g} Hz, got some at {drive.rate:g} Hz")
-        if self._known and _fingerprint(drive) not in self._known:
-            raise ExposureError("frames: expected a part that was checked, got another one; check it again")
         # The firmware rounds to 255 steps; the check of the level includes this rounding.
-        if not self._known and drive.level.max(initial=0.0) > self.level + 1e-9:
+        if drive.level.max(initial=0.0) > self.level + 1e-9:
             raise ExposureError(
                 f"frames: expected a level of at most {self.level:g} of full drive, got {drive.level.max():g}"
             )
-        own = replace(drive, array=self.array)
-        weaker = own if self.factor == 1 else _weakened(own, self.factor, self.exposure.profile.name)
-        # Rounding the level of each transducer changes the pattern, and can make it louder at a place.
-        if weaker is not own and weaker.level.ndim > 1:
-            steps = replace(weaker, level=each_frame(weaker.level, actual_level))
-            found = exposure(steps, self.exposure.profile, acoustics=self.exposure.airs, steps=PHASE_STEPS)
-            if found.excess > 0:
-                raise ExposureError(f"frames: {found.verdict()} after attenuation; reduce the level of the drive")
-        return replace(self, drive=weaker, _key=_KEY)
+        return replace(self, drive=replace(drive, array=self.array), _key=_KEY)
 
     def steered(self, frames: Drive, poses: PalmPath | None) -> Drive:
         """Clear frames that were steered to these poses; None for silent ones.
@@ -249,6 +239,7 @@ def measure_exposure(
     repeats: int = 1,
     steps: int = PHASE_STEPS,
     room: Medium | None = None,
+    heat: Callable[[Drive], tuple[Array, float]] | None = None,
 ) -> Exposure:
     """Exposure on a given array; the source strength and air that the drive's file states are ignored.
 
@@ -263,6 +254,8 @@ def measure_exposure(
         Number of phase steps per turn of the device.
     room : Medium, optional
         As in `ExposureChoices`.
+    heat : callable, optional
+        Returns duty and warming, given the drive as it is played.
 
     Raises
     ------
@@ -279,7 +272,9 @@ def measure_exposure(
         )
     own = replace(drive, array=array, level=each_frame(drive.level, actual_level))
     airs = airs_of_room(room, profile.places, array)
-    return exposure(own, profile, repeats=repeats, acoustics=airs, steps=steps)
+    return exposure(
+        own, profile, repeats=repeats, acoustics=airs, steps=steps, heat=None if heat is None else heat(own)
+    )
 
 
 def check_exposure(drive: Drive, device: ArrayInfo, choices: ExposureChoices, *, repeats: int = 1) -> ExposureClearance:
@@ -316,48 +311,98 @@ def check_exposure(drive: Drive, device: ArrayInfo, choices: ExposureChoices, *,
     return _clearance(device, choices, found, outcome, drive=own, repeats=repeats)
 
 
-def check_exposure_parts(
-    parts: Iterable[Drive], device: ArrayInfo, choices: ExposureChoices, *, repeats: int = 1
-) -> ExposureClearance:
-    """Check a drive that is read in parts, so that it need not fit into memory.
+class ExposureStream:
+    """Checks and keeps the frames of a drive that is still being solved, part by part, ahead of their sound.
 
-    `ExposureClearance.frames` then accepts these parts, read once more, and no others.
+    A part that passes can be read in the drive of `clearance`; no other frames can. For all frames the verdict is that
+    of `check_exposure`. Phases, and levels of single transducers, are kept in the steps of AUTD3 units.
 
-    Parameters
-    ----------
-    parts : iterable of Drive
-        Consecutive parts of one rate.
-    device, choices, repeats
-        As in `check_exposure`.
-
-    Raises
-    ------
-    MismatchError
-        If a part is for another array, or has another rate.
-    ExposureError
-        If a part exceeds the profile and there is no override.
-    InputError
-        If there are no parts.
+    `first` is the first part, and `frames` the number of all frames. The other parameters, and the errors, are those of
+    `check_exposure`; InputError for `choices` with `attenuate`, which needs the whole drive.
     """
-    _check_repeats(repeats)
-    known: set[bytes] = set()
-    measured: list[Exposure] = []
-    for part in parts:
-        if measured and part.rate != measured[0].rate:
-            raise MismatchError(f"parts: expected all at {measured[0].rate:g} Hz, got one at {part.rate:g} Hz")
-        known.add(_fingerprint(part))
-        measured.append(_measured(part, device, choices, repeats))
-    if not measured:
-        raise InputError("parts: expected one or more, got none")
-    found = replace(
-        measured[0],
-        level=np.concatenate([each.level for each in measured]),
-        air=np.concatenate([each.air for each in measured]),
-        nonlinearity=max(each.nonlinearity for each in measured),
-        pressure=max(each.pressure for each in measured),
+
+    def __init__(
+        self, first: Drive, device: ArrayInfo, choices: ExposureChoices, *, frames: int, repeats: int = 1
+    ) -> None:
+        if choices.attenuate:
+            raise InputError("exposure of a stream: expected no attenuation, which needs the whole drive, got it")
+        _check_repeats(repeats)
+        self._device, self._choices, self._repeats = device, choices, repeats
+        self._level_steps = None if first.level.ndim == 1 else 255.0
+        level = ArrivingFrames((frames, *first.level.shape[1:]), steps=self._level_steps)
+        self.phase = ArrivingFrames((frames, device.array.count), steps=_TURN)
+        """The phases that passed; its `there` is that of the stream."""
+        self._level = level
+        self._drive = replace(first, phase=cast("Array", self.phase), level=cast("Array", level), array=device.array)
+        airs = airs_of_room(choices.room, choices.profile.places, device.array)
+        self._heat = heat_so_far(frames, choices.profile, airs, repeats=repeats)
+        self._measured: list[Exposure] = []
+        self.add(first)
+
+    def add(self, part: Drive) -> None:
+        """Check the next frames, and let them be read; raises ExposureError if the play up to them exceeds."""
+        done = self.phase.there
+        if part.rate != self._drive.rate:
+            raise MismatchError(f"parts: expected all at {self._drive.rate:g} Hz, got one at {part.rate:g} Hz")
+        phase = phase_bytes(part, 1)[:, 0]
+        level = part.level if self._level_steps is None else intensity_bytes(part, 1)[:, 0]
+        scaled = level if self._level_steps is None else level / self._level_steps
+        # The steps are checked that will sound.
+        own = replace(part, phase=phase / _TURN, level=scaled)
+        found = measure_exposure(
+            own,
+            self._device.array,
+            self._choices.profile,
+            repeats=self._repeats,
+            steps=self._device.steps_a_turn,
+            room=self._choices.room,
+            heat=lambda played: self._heat.add(self._with_earlier(played, done)),
+        )
+        if found.excess > 0:
+            _decide(_joined([*self._measured, found]), self._device, self._choices)
+        # Phases come last: with them a frame is there.
+        self._level.append(level)
+        self.phase.append(phase)
+        self._measured.append(found)
+
+    def fail(self, error: BaseException) -> None:
+        """End with an error, which every later read of the drive raises."""
+        self._level.fail(error)
+        self.phase.fail(error)
+
+    def _with_earlier(self, part: Drive, done: int) -> Drive:
+        """The frames that passed, followed by a part, all at the levels that sound."""
+        phase = concatenate_lazy([self.phase[:done], part.phase])
+        earlier = each_frame(self._level[:done], actual_level) if done else part.level[:0]
+        return replace(part, phase=phase, level=concatenate_lazy([earlier, part.level]))
+
+    def clearance(self) -> ExposureClearance:
+        """Permission to play all frames, with the exposure of those up to now; a read waits until its frames passed."""
+        return self._cleared(self._measured, drive=self._drive, later=self._so_far)
+
+    def _so_far(self) -> ExposureClearance:
+        parts = list(self._measured)
+        done = sum(len(each.level) for each in parts)
+        drive = replace(self._drive, phase=self.phase.kept(done), level=self._level.kept(done))
+        return self._cleared(parts, drive=drive)
+
+    def _cleared(self, parts: list[Exposure], **rest: Any) -> ExposureClearance:
+        found = _joined(parts)
+        outcome, _ = _decide(found, self._device, self._choices)
+        # Later parts may exceed the profile, for which the person is responsible from the beginning.
+        outcome = outcome if self._choices.override is None else "overridden"
+        return _clearance(self._device, self._choices, found, outcome, repeats=self._repeats, **rest)
+
+
+def _joined(parts: list[Exposure]) -> Exposure:
+    """Exposure of consecutive parts of a drive, the last of which has the heat of all."""
+    return replace(
+        parts[-1],
+        level=np.concatenate([each.level for each in parts]),
+        air=np.concatenate([each.air for each in parts]),
+        nonlinearity=max(each.nonlinearity for each in parts),
+        pressure=max(each.pressure for each in parts),
     )
-    outcome, factor = _decide(found, device, choices)
-    return _clearance(device, choices, found, outcome, repeats=repeats, factor=factor, _known=frozenset(known))
 
 
 def check_exposure_steered(
@@ -506,11 +551,6 @@ def _strongest_below(level: Array) -> Array:
     steps = np.arange(256, dtype=np.uint8)
     strength = np.maximum(steps / 255, amplitude_of(steps))
     return np.maximum(np.searchsorted(strength, level, side="right") - 1, 0) / 255
-
-
-def _fingerprint(drive: Drive) -> bytes:
-    """Hash of all phases and levels."""
-    return hashlib.sha256(drive.phase.tobytes() + drive.level.tobytes()).digest()
 
 
 def with_checked_reading(drive: Drive) -> Drive:

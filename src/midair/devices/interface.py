@@ -6,7 +6,7 @@ silenced first. To add a device, write a subclass in its own file and implement 
 
 import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from midair.devices.exposure_check import ExposureClearance
 from midair.devices.frame_bytes import PHASE_STEPS
-from midair.devices.safety import Ending, StopGuard, log_end, log_order, log_pause
+from midair.devices.safety import Ending, StopGuard, exposed, log_end, log_order, log_pause
 from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.model import Calibration, Drive, Medium, Progress, SensorGrid, SensorWiring, TransducerArray, Unit
 from midair.streaming import Stored
@@ -274,7 +274,7 @@ class ArrayDevice(ABC):
 
     @contextmanager
     def _logged(
-        self, admission: ExposureClearance, source: str | Path, room: Medium | None, said: Mapping[str, object]
+        self, admission: ExposureClearance, source: str | Path, room: Medium | None, said: dict[str, object]
     ) -> Generator[None]:
         """Log the order on entry and its end on exit, with the contents of `said`; `midair stop` reaches it inside."""
         with self._order.held(self.name, self.exclusive, self.silence):
@@ -288,10 +288,12 @@ class ArrayDevice(ABC):
                 # A stop during the last block is not noticed inside `emit`.
                 self._order.check(self.name)
             except BaseException as end:
-                log_end(number, source, self.name, *self._log_outcome(end))
+                said |= {"checked": exposed(admission.later())} if admission.later else {}
+                log_end(number, source, self.name, *self._log_outcome(end), report=said)
                 raise
             finally:
                 self._log = log_nothing
+            said |= {"checked": exposed(admission.later())} if admission.later else {}
             log_end(number, source, self.name, "played", report=said)
 
     @contextmanager

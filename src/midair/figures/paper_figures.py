@@ -135,10 +135,7 @@ def fields_figure(rows: Sequence[FieldRow], sensor: SensorGrid, *, quantity: str
 
 
 def stimuli_figure(
-    stimuli: Mapping[str, Mapping[str, PressureFrames]],
-    *,
-    channels: Sequence[int] = (0, 15),
-    shown: float = 0.08,
+    stimuli: Mapping[str, Mapping[str, PressureFrames]], *, channels: Sequence[int] = (0, 15), shown: float = 0.08
 ) -> Figure:
     """Draw rms map and traces of each stimulus (column pairs), for the original and each mode (rows).
 
@@ -179,9 +176,7 @@ def _traces(axis: Axes, frames: PressureFrames, channels: Sequence[int], shown: 
 
 
 def objects_figure(
-    rows: Mapping[str, Mapping[str, PressureFrames]],
-    *,
-    channels: Sequence[int] = (2, 6, 10, 14),
+    rows: Mapping[str, Mapping[str, PressureFrames]], *, channels: Sequence[int] = (2, 6, 10, 14)
 ) -> Figure:
     """Draw power spectra of objects at some channels, one row per surface and mode, as in the paper's Fig. 9.
 

@@ -31,13 +31,7 @@ def traces_figure(original: PressureFrames, reproduced: PressureFrames | None = 
         axis.plot(original.time, original.pressure[:, row, column], label="original", **wide)
         if reproduced is not None:
             shown = reproduced.pressure[: original.frames, row, column]
-            axis.plot(
-                reproduced.time[: len(shown)],
-                shown,
-                color=STYLE.reproduced,
-                linewidth=0.6,
-                label="re-recorded",
-            )
+            axis.plot(reproduced.time[: len(shown)], shown, color=STYLE.reproduced, linewidth=0.6, label="re-recorded")
         axis.set_title(f"channel {channel}", fontsize=8, color=STYLE.ink, loc="left", pad=2)
         axis.margins(x=0)
     figure.supxlabel("time (s)", fontsize=9)
@@ -49,10 +43,7 @@ def traces_figure(original: PressureFrames, reproduced: PressureFrames | None = 
 
 
 def spectra_figure(
-    series: Sequence[tuple[str, PressureFrames]],
-    *,
-    channels: Sequence[int] = (2, 6, 10, 14),
-    rectified: bool = True,
+    series: Sequence[tuple[str, PressureFrames]], *, channels: Sequence[int] = (2, 6, 10, 14), rectified: bool = True
 ) -> Figure:
     """Draw power spectra of the calibrated pressure of named recordings at some channels.
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 from midair.errors import InputError
-from midair.validation import positive
+from midair.validation import number, positive
 
 STANDARD_PRESSURE = 101.325e3
 """One standard atmosphere, in Pa."""
@@ -123,7 +123,8 @@ class Medium:
 
     def __post_init__(self) -> None:
         positive(self.density, "density", "kg/m3")
-        positive(self.speed, "speed", "m/s")
+        if not 100 <= number(self.speed, "speed", "m/s") <= 2000:
+            raise InputError(f"speed: expected 100 to 2000 m/s, got {self.speed:g}; air has about 340")
         if not 0 <= self.attenuation < float("inf"):
             raise InputError(f"attenuation: expected 0 Np/m or more, got {self.attenuation:g}")
         if not 1 <= self.alpha <= 2:

@@ -102,9 +102,5 @@ class TrackerPlacement:
         """Poses of the tracker in array coordinates."""
         normal, fingers = path.normal @ self.rotation.T, path.fingers @ self.rotation.T
         return PalmPath(
-            time=path.time,
-            centre=self.points(path.centre),
-            normal=normal,
-            fingers=fingers,
-            confidence=path.confidence,
+            time=path.time, centre=self.points(path.centre), normal=normal, fingers=fingers, confidence=path.confidence
         )

@@ -177,14 +177,7 @@ def reproduced(original: PressureFrames, plan: StimuliPlan, settings: Settings, 
     """Run the loop for one stimulus in one mode."""
     skin = plan.rig.skin()
     with OpenRig(array=plan.rig.array_device(skin), sensor=plan.rig.sensor(skin)) as rig:
-        return loop(
-            original,
-            settings,
-            rig,
-            corrections=plan.corrections,
-            iterate=iterate,
-            stage=stage,
-        )
+        return loop(original, settings, rig, corrections=plan.corrections, iterate=iterate, stage=stage)
 
 
 def _row(thing: str, mode: str, loop: Loop) -> Row:

@@ -15,17 +15,7 @@ from midair.model import BAND, PressureFrames
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude
 from midair.pipeline import calibrated_pressure, required_lead, target_amplitude
-from midair.rig import (
-    BudgetPlan,
-    Loop,
-    OpenRig,
-    Stage,
-    VirtualRig,
-    error_budget,
-    loop,
-    no_progress,
-    record,
-)
+from midair.rig import BudgetPlan, Loop, OpenRig, Stage, VirtualRig, error_budget, loop, no_progress, record
 from midair.settings import Mode, Settings, paper_mode, with_fewer_points, with_paper_mode
 from midair.targets import add_lead
 
@@ -166,14 +156,7 @@ def iterated_loop(plan: FidelityPlan, settings: Settings, stage: Stage = no_prog
     original = original_of("noise", plan, settings)
     skin = plan.rig.skin()
     with OpenRig(array=plan.rig.array_device(skin), sensor=plan.rig.sensor(skin)) as rig:
-        return loop(
-            original,
-            settings,
-            rig,
-            corrections=1,
-            iterate=plan.passes,
-            stage=stage,
-        )
+        return loop(original, settings, rig, corrections=1, iterate=plan.passes, stage=stage)
 
 
 def _row(thing: str, mode: str, budget: Budget) -> Row:

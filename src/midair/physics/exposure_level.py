@@ -17,7 +17,7 @@ from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics.exposure_places import ExposureProfile, Place
 from midair.physics.exposure_search import Searches, Workspace, ceiling, drive_parts, point_search, searches_of
-from midair.physics.heating import BIN, PUBLISHED_TIME, palm_warming, unit_duty, unit_levels
+from midair.physics.heating import PUBLISHED_TIME, HeatSoFar, palm_warming
 from midair.physics.propagation import transfer_matrix
 from midair.physics.radiation import radiation_pressure
 from midair.progress import report_progress
@@ -176,11 +176,13 @@ def exposure(
     repeats: int = 1,
     acoustics: Acoustics | tuple[Acoustics, ...] | None = None,
     steps: int | None = None,
+    heat: tuple[Array, float] | None = None,
 ) -> Exposure:
     """Compute the sound levels of a drive, played `repeats` times, at the places of a profile, for every frame.
 
     The acoustics are by default those of the drive; for several airs the highest level of each frame counts. `steps` is
-    the number of phase steps per turn to which units round; no rounding if None.
+    the number of phase steps per turn to which units round; no rounding if None. `heat` is that of `heat_so_far`, if it
+    is known.
     """
     airs = acoustics if isinstance(acoustics, tuple) else (acoustics or drive.acoustics,)
     # Only these two arrays grow with the length of the drive.
@@ -198,7 +200,7 @@ def exposure(
         )
     # The palm's limit is not enforced: the first, the middle and the last air suffice. The coldest distorts most.
     few = airs[:: max(1, len(airs) // 2)]
-    every = max(1, round(BIN * drive.rate))
+    duty, warming = heat or heat_so_far(drive.frames, profile, airs, repeats=repeats).add(drive)
     return Exposure(
         profile=profile,
         level=level,
@@ -208,11 +210,14 @@ def exposure(
         repeats=repeats,
         nonlinearity=_nonlinearity(drive, profile, airs[0], level),
         pressure=max(_pressure(drive, profile, air) for air in few),
-        duty=unit_duty(
-            unit_levels(drive, every=every), drive.rate / every, duration=drive.frames / drive.rate, repeats=repeats
-        ),
-        warming=palm_warming(drive, _palm_points(profile), acoustics=airs[len(airs) // 2], repeats=repeats),
+        duty=duty,
+        warming=warming,
     )
+
+
+def heat_so_far(frames: int, profile: ExposureProfile, airs: tuple[Acoustics, ...], *, repeats: int = 1) -> HeatSoFar:
+    """Heat of a drive of this number of frames that comes in parts, on the palm of a profile."""
+    return HeatSoFar(_palm_points(profile), frames, acoustics=airs[len(airs) // 2], repeats=repeats)
 
 
 def exposure_levels(

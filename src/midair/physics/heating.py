@@ -1,5 +1,7 @@
 """Heat of a drive: mean level of the array's units, and an estimate of how much the palm warms."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,18 +76,50 @@ def skin_warming(intensity: Array, step: float) -> Array:
 
 def palm_warming(drive: Drive, points: Array, *, acoustics: Acoustics, repeats: int = 1) -> float:
     """Estimate the highest warming of the palm in K at `points`, shape (point, 3) in m, during all repeats."""
-    matrix = transfer_matrix(points, drive.array, acoustics=acoustics).T.astype(np.complex64)
-    impedance = acoustics.medium.density * acoustics.medium.speed
-    size = max(1, round(BIN * drive.rate))
-    means = [
-        np.mean(np.abs(_frames(drive, each) @ matrix) ** 2, axis=0) / (2 * impedance)
-        for each in _sampled(drive.frames, size)
-    ]
-    intensity = np.asarray(means)
-    step = size / drive.rate
-    times = min(repeats, int(np.ceil(MINUTE / (step * len(intensity)))) + 1)
-    # One point after the other, which needs less memory.
-    return max(float(skin_warming(np.tile(each, times), step).max(initial=0.0)) for each in intensity.T)
+    return HeatSoFar(points, drive.frames, acoustics=acoustics, repeats=repeats).add(drive)[1]
+
+
+class HeatSoFar:
+    """Heat of the first frames of a drive that comes in parts and is played `repeats` times.
+
+    `points`, shape (point, 3) in m, are those of the palm, and `frames` is the number of all frames. For all of them
+    the heat is exactly that of the whole drive.
+    """
+
+    def __init__(self, points: Array, frames: int, *, acoustics: Acoustics, repeats: int = 1) -> None:
+        self._points, self._frames, self._acoustics, self._repeats = points, frames, acoustics, repeats
+        self._intensity = np.zeros((0, len(points)))
+        self._levels = np.zeros((0, 0))
+        self._matrix = np.zeros((0, len(points)), np.complex64)
+        self._sampled: list[NDArray[np.intp]] = []
+        self._warming = 0.0
+
+    def add(self, drive: Drive) -> tuple[Array, float]:
+        """Duty of each unit, as `unit_duty`, and warming of the palm in K; `drive` are the frames up to now."""
+        size, done = max(1, round(BIN * drive.rate)), drive.frames
+        step, times = size / drive.rate, self._repeats if done == self._frames else 1
+        if not self._sampled:
+            self._matrix = transfer_matrix(self._points, drive.array, acoustics=self._acoustics).T.astype(np.complex64)
+            self._sampled = _sampled(self._frames, size)
+        # The last bin may have been incomplete.
+        whole, end = max(0, len(self._levels) - 1), -(-done // size)
+        rest = replace(drive, phase=drive.phase[whole * size :], level=drive.level[whole * size :])
+        levels = unit_levels(rest, every=size)
+        means = [self._intensity_of(drive, bins[bins < done]) for bins in self._sampled[whole:end]]
+        self._levels = np.concatenate([self._levels[:whole], levels]) if whole else levels
+        self._intensity = np.concatenate([self._intensity[:whole], means])
+        # Earlier heat adds up for a minute.
+        recent = self._intensity[max(0, whole - round(MINUTE / step)) :] if times == 1 else self._intensity
+        again = min(times, int(np.ceil(MINUTE / (step * len(recent)))) + 1)
+        # One point after the other, which needs less memory.
+        warming = max(float(skin_warming(np.tile(each, again), step).max(initial=0.0)) for each in recent.T)
+        self._warming = max(self._warming, warming)
+        return unit_duty(self._levels, 1 / step, duration=done / drive.rate, repeats=times), self._warming
+
+    def _intensity_of(self, drive: Drive, frames: NDArray[np.intp]) -> Array:
+        """Mean intensity at each point in W/m2; that of the last frame without frames."""
+        field = _drive(drive, frames if len(frames) else np.array([drive.frames - 1])) @ self._matrix
+        return np.mean(np.abs(field) ** 2, axis=0) / (2 * self._acoustics.medium.density * self._acoustics.medium.speed)
 
 
 def _sampled(frames: int, size: int) -> list[NDArray[np.intp]]:
@@ -101,7 +135,7 @@ def _sampled(frames: int, size: int) -> list[NDArray[np.intp]]:
     ]
 
 
-def _frames(drive: Drive, which: NDArray[np.intp]) -> NDArray[np.complex64]:
+def _drive(drive: Drive, which: NDArray[np.intp]) -> NDArray[np.complex64]:
     phase = np.asarray(drive.phase[which])
     level = np.asarray(drive.level[which]).reshape(len(phase), -1)
     return np.asarray(level * np.exp(1j * phase), np.complex64)

@@ -120,12 +120,7 @@ def channel_response(model: SensorModel, frequency: Array) -> Complex:
 
 
 def sense(
-    model: SensorModel,
-    pressure: Array,
-    rate: float,
-    *,
-    rng: np.random.Generator | None = None,
-    oversample: int = 1,
+    model: SensorModel, pressure: Array, rate: float, *, rng: np.random.Generator | None = None, oversample: int = 1
 ) -> Array:
     """Output of the sensor for a pressure on its cells.
 
@@ -221,11 +216,7 @@ Between = Literal["steps", "lines", "waves"]
 
 
 def cell_weights(
-    model: SensorModel,
-    points: ControlGrid,
-    *,
-    centre: tuple[float, float] = (0.0, 0.0),
-    between: Between = "steps",
+    model: SensorModel, points: ControlGrid, *, centre: tuple[float, float] = (0.0, 0.0), between: Between = "steps"
 ) -> Array:
     """Weights that average the pressure at the points of a grid over each cell, shape (channel, point).
 

@@ -20,7 +20,7 @@ from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model import Recording, SensorGrid, Setting
 from midair.streaming import LazyFrames
-from midair.validation import positive
+from midair.validation import length
 
 Shape = Literal["circle", "square", "line"]
 """Disc of diameter `size`, square of side `size` parallel to the cells, or long bar of width `size` across the path."""
@@ -56,7 +56,7 @@ class Footprint:
                 raise InputError(
                     f"footprint, {name}: expected one of {', '.join(get_args(known))}, got {getattr(self, name)!r}"
                 )
-        positive(self.size, "size of the footprint", "m")
+        length(self.size, "size of the footprint", (1e-6, 1.0))
         if not np.isfinite(self.speed):
             raise InputError(f"speed of the footprint: expected a finite number in m/s, got {self.speed:g}")
         if abs(self.speed) > FASTEST:

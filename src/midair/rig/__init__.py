@@ -31,6 +31,7 @@ from .correction import PlayedPair as PlayedPair
 from .correction import Stage as Stage
 from .correction import aligned_pair as aligned_pair
 from .correction import band_power_share as band_power_share
+from .correction import check_passes as check_passes
 from .correction import comparison_rows as comparison_rows
 from .correction import error_budget as error_budget
 from .correction import laboratory_of_loop as laboratory_of_loop

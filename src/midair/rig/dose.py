@@ -66,7 +66,9 @@ def dose_report(participant: str | None = None) -> DoseReport:
     events, unreadable = read_log()
     ends = {each["order"]: each for each in events if each["event"] == "end"}
     active = {entry["process"] for entry in playing_now()}
-    orders = [each for each in events if each.get("event") == "play"]
+    # A drive that was checked while it played is described at its end.
+    checked = {order: end.get("checked", {}) for order, end in ends.items()}
+    orders = [each | checked.get(each["order"], {}) for each in events if each.get("event") == "play"]
     known = sorted({str(each.get("participant", "")) for each in orders})
     if participant is not None and participant not in known:
         named = ", ".join(name for name in known if name) or "none"

@@ -11,6 +11,7 @@ from .choices import format_value as format_value
 from .choices import nearest_mode as nearest_mode
 from .settings import EARS as EARS
 from .settings import MODES as MODES
+from .settings import MOST_GAIN as MOST_GAIN
 from .settings import CalibrationSettings as CalibrationSettings
 from .settings import CompensationSettings as CompensationSettings
 from .settings import Mode as Mode

@@ -81,17 +81,8 @@ CHOICES: tuple[Choice, ...] = (
     ),
     Choice(name="interpolate", path="target.interpolate", help="Quantity interpolated between cells."),
     Choice(name="gain", path="target.gain", help="Factor that multiplies the pressure."),
-    Choice(
-        name="strength",
-        path="target.strength",
-        help="Target peak over one focus; replaces --gain.",
-    ),
-    Choice(
-        name="ears",
-        path="target.ears",
-        unit="dB",
-        help="Highest level at the ears.",
-    ),
+    Choice(name="strength", path="target.strength", help="Target peak over one focus; replaces --gain."),
+    Choice(name="ears", path="target.ears", unit="dB", help="Highest level at the ears."),
     Choice(name="height", path="target.grid.height", unit="m", help="Palm height above the array."),
     Choice(name="pitch", path="target.grid.pitch", unit="m", help="Pitch of the control points."),
     Choice(name="points", path="target.grid.rows", help="Rows and columns of control points."),
@@ -122,11 +113,7 @@ CHOICES: tuple[Choice, ...] = (
         Choice(name=term.option(), path=f"solver.{term.path or keyword}", unit=term.unit, help=term.help, term=term)
         for keyword, term in registered_terms().items()
     ),
-    Choice(
-        name="backend",
-        path="solver.backend",
-        help="Array library: numpy, torch, torch:cuda or cupy.",
-    ),
+    Choice(name="backend", path="solver.backend", help="Array library: numpy, torch, torch:cuda or cupy."),
     Choice(name="jobs", path="solver.jobs", help="Blocks that glide solves at once; default: cores."),
     Choice(
         name="temperature",

@@ -28,6 +28,9 @@ class CalibrationSettings:
 EARS = (80.0, 160.0)
 """Smallest and largest level at the ears that can be asked for, in dB."""
 
+MOST_GAIN = 1000.0
+"""Highest gain of a target."""
+
 STRONGEST = 10.0
 """Largest allowed strength: ten times the maximum of any array."""
 
@@ -58,6 +61,8 @@ class TargetSettings:
 
     def __post_init__(self) -> None:
         low, high = EARS
+        if not 0 < self.gain <= MOST_GAIN:
+            raise InputError(f"gain: expected above 0 and at most {MOST_GAIN:g}, got {self.gain:g}")
         if self.ears is not None and not low <= self.ears <= high:
             raise InputError(f"ears: expected a level of {low:g} to {high:g} dB, got {self.ears:g}; typical value: 110")
         if self.strength is not None and not 0 < self.strength <= STRONGEST:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, replace
+from numbers import Integral
 from types import MappingProxyType
 from typing import Any
 
@@ -136,9 +137,9 @@ def solver(
 
 
 def _iterations(method: str, iterations: int | tuple[int, int], warm: bool) -> dict[str, int]:
-    first, later = (iterations, iterations) if isinstance(iterations, int) else iterations
-    if first < 1 or later < 1:
-        raise InputError(f"iterations: expected 1 or more, got {iterations}")
+    first, later = iterations if isinstance(iterations, tuple) else (iterations, iterations)
+    if not all(isinstance(each, Integral) and each >= 1 for each in (first, later)):
+        raise InputError(f"iterations: expected 1 or more, got {iterations!r}")
     if warm:
         return {"iterations": first, "warm_iterations": later}
     if first != later:

@@ -16,7 +16,7 @@ from midair.solvers.device import phases_and_errors
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.free import Free
-from midair.solvers.glide import Glide
+from midair.solvers.glide import Glide, frames_in_block
 from midair.solvers.methods import Method, check_terms
 from midair.solvers.phases import spreading_phase
 from midair.solvers.problem import Problem, WarmStart, error_of
@@ -33,7 +33,7 @@ def frames_per_part(solver: Method) -> int:
     A batch cut at the end of a part would have matrix products of another size, and so differ in the last digit.
     """
     if isinstance(solver, Glide):
-        return solver.coarse * max(-(-solver.block_on() // solver.coarse), 1) * solver.jobs
+        return frames_in_block(solver.coarse, solver.block_on()) * solver.jobs
     if isinstance(solver, Free):
         # Few parts, since each computes its matrices again.
         return 4 * solver.block
@@ -155,8 +155,11 @@ class SolvePlan:
     def joint(self, amplitude: Array, *, first: bool) -> int:
         """Number of next frames that form a part; 0 while there are too few."""
         sounding = np.flatnonzero(amplitude.any(axis=1))
-        # With bisection, the first part also contains the first mark.
-        wanted = frames_per_part(self.solver) + (self.leads and first)
+        wanted = frames_per_part(self.solver)
+        if first and isinstance(self.solver, Glide):
+            # The short first block also contains the first mark.
+            block = frames_in_block(self.solver.coarse, self.solver.block_on())
+            wanted = min(frames_in_block(self.solver.coarse, self.solver.opening), block) + 1
         return int(sounding[wanted - 1]) + 1 if len(sounding) >= wanted else 0
 
     def end_of(self, marks: AmplitudeFrames) -> WarmStart:

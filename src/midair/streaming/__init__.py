@@ -1,5 +1,6 @@
 """Frames longer than memory: arrays whose frames are read or computed on access, their filters and their storage."""
 
+from .arriving_frames import ArrivingFrames as ArrivingFrames
 from .by_channel import channels as channels
 from .by_channel import medians as medians
 from .lazy_filters import convolve_lazily as convolve_lazily

@@ -4,9 +4,10 @@ import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from types import TracebackType
-from typing import IO, Self
+from typing import IO, Any, Self
 
 import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
 from midair.array_types import Array
 from midair.errors import FileError
@@ -31,10 +32,10 @@ def _unnamed_file() -> IO[bytes]:
 
 
 class _Numbers:
-    """Numbers in an unnamed file."""
+    """Numbers of one type in an unnamed file."""
 
-    def __init__(self) -> None:
-        self._file = _unnamed_file()
+    def __init__(self, kind: DTypeLike = np.float64) -> None:
+        self._file, self._kind = _unnamed_file(), np.dtype(kind)
 
     def __del__(self) -> None:
         # Lazy frames may hold the last reference to it.
@@ -46,22 +47,22 @@ class _Numbers:
         with suppress(OSError):
             self._file.close()
 
-    def _write(self, at: int, block: Array) -> None:
+    def _write(self, at: int, block: NDArray[Any]) -> None:
         with _disk_errors():
-            self._file.seek(8 * at)
-            self._file.write(np.ascontiguousarray(block, np.float64).data)
+            self._file.seek(self._kind.itemsize * at)
+            self._file.write(np.ascontiguousarray(block, self._kind).data)
             self._file.flush()
 
-    def _read(self, at: int, count: int) -> Array:
-        self._file.seek(8 * at)
-        return np.frombuffer(self._file.read(8 * count), np.float64)
+    def _read(self, at: int, count: int) -> Any:
+        self._file.seek(self._kind.itemsize * at)
+        return np.frombuffer(self._file.read(self._kind.itemsize * count), self._kind)
 
 
 class TempFrames(_Numbers):
     """Frames of one shape on disk, which can be appended and read."""
 
-    def __init__(self, *shape: int) -> None:
-        super().__init__()
+    def __init__(self, *shape: int, kind: DTypeLike = np.float64) -> None:
+        super().__init__(kind)
         self.shape, self.frames, self._size = shape, 0, int(np.prod(shape, dtype=np.int64))
 
     def __enter__(self) -> Self:
@@ -72,13 +73,13 @@ class TempFrames(_Numbers):
     ) -> None:
         self.close()
 
-    def append(self, block: Array) -> None:
+    def append(self, block: NDArray[Any]) -> None:
         """Append frames, shape (frame, ...); raises FileError if the disk is full."""
         self._write(self.frames * self._size, block)
         self.frames += len(block)
 
-    def read(self, first: int, last: int) -> Array:
-        """Frames from `first` up to `last`, shape (last - first, ...)."""
+    def read(self, first: int, last: int) -> Any:
+        """Frames from `first` up to `last`, shape (last - first, ...), of their own type."""
         return self._read(first * self._size, (last - first) * self._size).reshape(-1, *self.shape)
 
     def reel(self, frames: int | None = None) -> LazyFrames:

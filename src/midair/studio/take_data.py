@@ -20,16 +20,7 @@ from midair.pipeline import calibrated_pressure
 from midair.rig import event_message
 from midair.settings import CHOICES, Settings, format_value, nearest_mode
 from midair.targets import frames_without_lead
-from midair.view import (
-    Channels,
-    Kind,
-    Section,
-    channel_sound,
-    encode_counts,
-    fit_interpolation,
-    pack,
-    phase_counts,
-)
+from midair.view import Channels, Kind, Section, channel_sound, encode_counts, fit_interpolation, pack, phase_counts
 
 Streams = Literal["samples", "wanted", "played", "phases", "original", "again"]
 

@@ -32,7 +32,6 @@ from midair.rig import (
 )
 from midair.settings import CHOICES, MODES, Mode, Settings
 from midair.solvers import METHODS, check_terms, takes
-from midair.studio.importing import run_command
 from midair.studio.jobs import Progressed
 from midair.studio.take_data import describe_settings, stamp_of
 from midair.study import StudyFolder, Template, prepare_drives, read_design, template_text
@@ -305,13 +304,6 @@ def draw_study(request: StudyRequest, progress: Progressed) -> str:
 
     StudyFolder.create(path, text, design, drives=drives)
     return path.name
-
-
-def analyse_study(path: str, progress: Progressed) -> str:
-    """Run `midair study analyse` on a folder, which writes its report; InputError with the message of the command."""
-    progress("analysing", 0, 1)
-    run_command("study", "analyse", path)
-    return Path(path).name
 
 
 def methods_of_modes() -> dict[Mode, list[str]]:

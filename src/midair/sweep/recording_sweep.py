@@ -81,12 +81,7 @@ class PieceJob:
         asked, error, rounded, first = self.target, list[Array](), list[Array](), 0
         acoustics = self.settings.acoustics
         parts = solve_piece(
-            asked,
-            self.array,
-            self.settings.solver,
-            marks=self.marks,
-            loudest=self.loudest,
-            acoustics=acoustics,
+            asked, self.array, self.settings.solver, marks=self.marks, loudest=self.loudest, acoustics=acoustics
         )
         for part in parts:
             wanted_here = asked.amplitude[first : first + len(part.error)]

@@ -138,12 +138,7 @@ class MappingStream:
     """
 
     def __init__(
-        self,
-        mapping: str,
-        rate: float,
-        *,
-        offset: Array | float | None = None,
-        band: tuple[float, float] | None = None,
+        self, mapping: str, rate: float, *, offset: Array | float | None = None, band: tuple[float, float] | None = None
     ) -> None:
         chosen = mapping_of(mapping, band)
         if (mapping == "constant-offset") != (offset is not None):

@@ -94,7 +94,9 @@ def test_options_without_an_effect_are_refused(capsys):
 
 def test_a_recording_that_was_never_played_is_compared_unchanged(capsys):
     assert run(["compare", "take.h5", "take.h5", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["figures"]["signal to distortion"]["value"] > 150
+    told = capsys.readouterr()
+    assert json.loads(told.out)["figures"]["signal to distortion"]["value"] > 150
+    assert "it is compared with itself" in told.err
 
 
 @pytest.mark.long

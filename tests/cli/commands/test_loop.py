@@ -113,7 +113,7 @@ def test_budget_as_json_and_as_a_figure(capsys):
     [
         (["--device", "virtual", "--sensor", "lsl:Skin"], "since it has its own"),
         (["--device", "pyautd3:audit"], "--sensor"),
-        (["--iterate", "-1"], "0 or more"),
+        (["--iterate", "-1"], "0 to 100"),
         (["--lead", "20s"], "lead"),
     ],
 )

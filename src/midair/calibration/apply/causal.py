@@ -163,12 +163,7 @@ class CausalInverse:
 
 
 def _checked(
-    calibration: Calibration,
-    rate: float,
-    band: Band,
-    edges: tuple[float, float] | None,
-    delay: float,
-    taps: int,
+    calibration: Calibration, rate: float, band: Band, edges: tuple[float, float] | None, delay: float, taps: int
 ) -> tuple[Band, tuple[float, float]]:
     band = check_band(band, rate)
     check_band_covered(calibration, band)

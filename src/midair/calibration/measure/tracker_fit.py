@@ -1,7 +1,7 @@
 """Rotation and offset between a tracker and the array, from places that both measured (Kabsch 1976)."""
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from midair.array_types import Array
 from midair.errors import InputError
@@ -43,5 +43,5 @@ def fit_tracker(held: Array, places: Array) -> TrackerPlacement:
             f"tracker: expected the held places to fit the marked ones, they scatter by {1e3 * scatter:.0f} mm; hold "
             "the palm where the focus is felt, and check the order of the places"
         )
-    wider = student.ppf(0.975, freedom) / 1.96
+    wider = stdtrit(freedom, 0.975) / 1.96
     return TrackerPlacement(rotation=rotation, offset=offset, uncertainty=scatter * np.sqrt(2 / count) * wider)

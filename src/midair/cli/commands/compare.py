@@ -144,6 +144,8 @@ def compare_command(
 
 def _in_order(first: Path, second: Path) -> tuple[Path, Path]:
     """The original and its reproduction, whichever was named first."""
+    if first.exists() and second.exists() and first.samefile(second):
+        print_note(f"{second.name} is the original too: it is compared with itself")
 
     def made(path: Path) -> bool:
         drive = path.name.lower().endswith(DRIVE_SUFFIX)

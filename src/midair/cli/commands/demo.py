@@ -114,12 +114,7 @@ def demo_command(
     print_laboratory(laboratory)
 
 
-def _outcome(
-    take: OpenedTake,
-    options: SolveOptions,
-    piece: _StrokePart,
-    stage: Callable[[str], Progress],
-) -> Outcome:
+def _outcome(take: OpenedTake, options: SolveOptions, piece: _StrokePart, stage: Callable[[str], Progress]) -> Outcome:
     """Run the loop once with these options."""
     settings = options.settings()
     original = calibrated_pressure(take.recording, take.calibration, settings).cut(piece.start_at, piece.duration)
@@ -164,12 +159,7 @@ def _write_files(
     save_solution(last.reproduction.solution, output / f"{piece.object_name}.drive.h5", target=last.reproduction.target)
     save(last.rerecorded, output / "rerecorded.h5")
     shown = write_report(
-        loop,
-        output / "report.html",
-        commands=commands,
-        beside=outcomes,
-        laboratory=laboratory,
-        progress=progress,
+        loop, output / "report.html", commands=commands, beside=outcomes, laboratory=laboratory, progress=progress
     )
     for name, title in (("palm.png", PALM_TITLE), ("field.png", FIELD_TITLE)):
         with atomic_file(output / name) as partial:

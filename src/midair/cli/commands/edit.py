@@ -10,15 +10,13 @@ import numpy as np
 from cyclopts import Parameter
 
 from midair import recordings
-from midair.cli.import_options import parse_names, parsed
+from midair.cli.import_options import parse_names, parsed, resampled
 from midair.cli.options import Force, Frequency, Json, OptionalTime, Output, Source, Time
 from midair.cli.output import may_write, print_written, recording_figures, recording_rows
 from midair.errors import InputError
 from midair.files import contents, open_take, save
 from midair.model import Calibration, Recording
-
-HIGHEST = 1e6
-"""Highest rate that `resample` accepts, in Hz."""
+from midair.settings import MOST_GAIN
 
 Names = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
 
@@ -88,9 +86,7 @@ def resample_command(
     --------
     $ midair resample take.h5 fine.h5 --rate 4kHz
     """
-    if rate > HIGHEST:
-        raise InputError(f"--rate: expected at most {HIGHEST / 1e6:g} MHz, got {rate / 1e6:g} MHz; is the unit right?")
-    _edit([source], output, lambda takes: recordings.resample(takes[0], rate), force=force, json=json)
+    _edit([source], output, lambda takes: resampled(takes[0], rate), force=force, json=json)
 
 
 def trim_command(
@@ -259,4 +255,8 @@ def _factor(text: str) -> float:
         value = math.nan
     if not math.isfinite(value) or (decibels and abs(value) > 200):
         raise InputError(f"--by: expected a factor such as 2 or decibels such as 6dB, got {text!r}")
-    return 10 ** (value / 20) if decibels else value
+    factor = 10 ** (value / 20) if decibels else value
+    if (factor <= 0 and factor != -1) or factor > MOST_GAIN:
+        weaker = "" if factor >= 0 else f"; {text}dB weakens"
+        raise InputError(f"--by: expected a factor other than 0, up to {MOST_GAIN:g} or 60dB, got {text}{weaker}")
+    return factor

@@ -22,7 +22,7 @@ from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
 from midair.headroom import level_of
 from midair.pipeline import required_lead
-from midair.rig import Loop, PlaySettings, metrics_of_loop, open_rig, write_report
+from midair.rig import Loop, PlaySettings, check_passes, metrics_of_loop, open_rig, write_report
 from midair.rig import loop as go_round
 
 
@@ -96,6 +96,7 @@ def loop_command(
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     lead = required_lead(settings) if lead is None else lead
     # Every pass plays another drive, whose exposure is checked first.
+    check_passes(corrections, iterate)
     frames = (corrections + 1 + iterate) * round((original.frames / original.rate + 2 * lead) * settings.target.rate)
     watched = air_watched(
         getattr(options, "temperature", None),

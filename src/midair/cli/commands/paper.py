@@ -10,15 +10,7 @@ from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.options import Force, Json, Seed, Time
 from midair.cli.output import may_write
 from midair.model import Acoustics
-from midair.paper import (
-    FidelityPlan,
-    PaperResult,
-    StimuliPlan,
-    fidelity_table,
-    figure_3,
-    figure_4,
-    figure_9,
-)
+from midair.paper import FidelityPlan, PaperResult, StimuliPlan, fidelity_table, figure_3, figure_4, figure_9
 from midair.progress import report_to
 from midair.rig import VirtualRig
 from midair.settings import Mode, paper_mode
@@ -102,13 +94,7 @@ def paper_command(
         if fidelity or everything:
             _check(folder, "fidelity", force)
             plan = FidelityPlan(
-                things=things,
-                strength=strength,
-                duration=duration,
-                passes=iterate,
-                rig=rig,
-                mode=mode,
-                paper=paper,
+                things=things, strength=strength, duration=duration, passes=iterate, rig=rig, mode=mode, paper=paper
             )
             results.append(fidelity_table(plan, stage=stage))
     for result in results:

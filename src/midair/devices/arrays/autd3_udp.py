@@ -11,17 +11,7 @@ import time
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from typing import TypeVar
 
-from autd3 import (
-    Autd3Error,
-    Client,
-    ClientConfig,
-    Duration,
-    Interface,
-    ServerLink,
-    Telemetry,
-    UdpEmulator,
-    UdpOption,
-)
+from autd3 import Autd3Error, Client, ClientConfig, Duration, Interface, ServerLink, Telemetry, UdpEmulator, UdpOption
 from autd3.commands import CpuConfig, ReleaseFailsafe, SetCpuConfig
 
 from midair.devices.arrays import autd3_commands as commands

@@ -10,6 +10,7 @@ from midair.devices.frame_bytes import divider, intensity_bytes, phase_bytes
 from midair.devices.interface import PlayReport
 from midair.errors import DeviceError, TooHotError
 from midair.model import Drive, Placement, Progress
+from midair.streaming import ArrivingFrames
 
 
 class BankedArray(UnitsArray[Banks]):
@@ -49,7 +50,11 @@ class BankedArray(UnitsArray[Banks]):
         banks, ticks = self.units, divider(drive.rate)
         phases = phase_bytes(drive, self.placement.units)
         intensity = intensity_bytes(drive, self.placement.units)
-        silencer = choose_silencer(self.silencer, drive)
+        arriving = drive.phase if isinstance(drive.phase, ArrivingFrames) else None
+        known = drive
+        if arriving is not None:
+            known = replace(drive, phase=drive.phase[: arriving.there], level=drive.level[: arriving.there])
+        silencer = choose_silencer(self.silencer, known)
         paused: list[float] = []
 
         def check() -> None:
@@ -75,7 +80,13 @@ class BankedArray(UnitsArray[Banks]):
         banks.set_silencer(silencer)
 
         stream = DriveStream(
-            phases=phases, intensity=intensity, divider=ticks, repeats=repeats, delay=delay, block=self.block
+            phases=phases,
+            intensity=intensity,
+            divider=ticks,
+            repeats=repeats,
+            delay=delay,
+            block=self.block,
+            arriving=arriving,
         )
         report = play_stream(stream, banks, progress=progress, switch=switch, cool=cool)
         return replace(report, silencer=str(silencer), paused=sum(paused))

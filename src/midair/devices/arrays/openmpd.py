@@ -19,14 +19,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from midair.devices.arrays.openmpd_frames import (
-    PERIOD,
-    STEPS,
-    FramesAhead,
-    off_frame,
-    off_frames,
-    rate_divider,
-)
+from midair.devices.arrays.openmpd_frames import PERIOD, STEPS, FramesAhead, off_frame, off_frames, rate_divider
 from midair.devices.arrays.silencer import SilencerChoice
 from midair.devices.interface import ArrayDevice, PlayReport
 from midair.devices.safety import PortGuard

@@ -38,9 +38,7 @@ from pyautd3 import (
     WithSegment,
     transition_mode,
 )
-from pyautd3 import (
-    Silencer as SetSilencer,
-)
+from pyautd3 import Silencer as SetSilencer
 from pyautd3.autd_error import AUTDError
 from pyautd3.driver.datagram.gain import Gain
 from pyautd3.link import remote

@@ -15,7 +15,7 @@ from midair.devices.frame_bytes import TICK, Bytes
 from midair.devices.interface import PlayReport
 from midair.errors import DeviceError, SilentFramesError, StoppedError, TooHotError
 from midair.model import Progress
-from midair.streaming import read_frames
+from midair.streaming import ArrivingFrames, read_frames
 
 MS = 1_000_000
 QUERY_INTERVAL = 50 * MS
@@ -39,6 +39,8 @@ class DriveStream:
     """Time from the order to the first frame, in s."""
     block: float = 0.25
     """Maximum length of a block, in s; after a stall at most two blocks still sound."""
+    arriving: ArrivingFrames | None = None
+    """Frames that are still being solved: no block is begun before its frames are there."""
 
     @property
     def total(self) -> int:
@@ -53,6 +55,15 @@ class DriveStream:
     def frames_in_block(self, frames_max: int) -> int:
         """Frames per block; one place of the bank is reserved for the silent pattern."""
         return max(1, min(frames_max - 1, int(self.block * 1e9 / self.period)))
+
+    def ready(self, first: int, size: int) -> int:
+        """Number of frames of the next block; 0 while too few are there. Raises the error of the frames to come."""
+        frame = first % len(self.phases)
+        if self.arriving is None or self.arriving.there == len(self.phases):
+            return size
+        count = min(self.arriving.there - frame, size)
+        # A short block needs as many messages as a long one.
+        return count if count >= min(size // 4, len(self.phases) - frame) else 0
 
     def part(self, first: int, count: int) -> tuple[Bytes, Bytes]:
         """Phases and intensities of `count` frames from `first` on, counted across repeats."""
@@ -197,7 +208,11 @@ def play_stream(
 def _play(stream: DriveStream, banks: Banks, capture: FrameCapture, progress: Progress | None, switch: Switch) -> None:
     size, bank, planned = stream.frames_in_block(banks.frames_max), 1, None
     while (done := capture.ordered) < stream.total:
-        phases, intensity = stream.part(done, size)
+        while not (count := stream.ready(done, size)):
+            # Silent: the block before ended. The units' failsafe needs messages.
+            capture.query()
+            banks.wait_until(banks.now() + QUERY_INTERVAL)
+        phases, intensity = stream.part(done, count)
         banks.load(bank, phases, intensity, stream.divider)
         if planned is None:
             # The delay counts from the order, before the first block was written.

@@ -5,6 +5,7 @@ from .lock_files import make_state_folder as make_state_folder
 from .lock_files import state_folder as state_folder
 from .play_log import Ending as Ending
 from .play_log import close_orders as close_orders
+from .play_log import exposed as exposed
 from .play_log import log_drift as log_drift
 from .play_log import log_end as log_end
 from .play_log import log_order as log_order

@@ -52,8 +52,9 @@ def log_order(
     the drive's file cannot be used, since nothing plays without a log.
     """
     close_orders()
-    found, drive, order = admission.exposure, admission.drive, token()
-    medium = found.airs[-1].medium
+    found, order = admission.exposure, token()
+    # A drive that is still being solved and checked is described when the order ends.
+    known: dict[str, object] = {"exposure": admission.outcome, "override_by": admission.by}
     _append(
         {
             "event": "play",
@@ -67,33 +68,42 @@ def log_order(
             "simulated": simulated,
             "drive": str(source),
             "file_sha256": _hash_of_file(source) if isinstance(source, Path) else None,
-            "sha256": None if drive is None else hash_of_drive(drive),
-            "frames": None if drive is None else drive.frames,
-            "level": admission.level if drive is None else max(float(part.max()) for part in blocks(drive.level)),
             "rate_hz": found.rate,
             "repeats": admission.repeats,
             "room": None if room is None else {"temperature_c": room.temperature, "humidity": room.humidity},
             "profile": found.profile.name,
             "profile_sha256": hash_of_profile(found.profile),
-            "exposure": admission.outcome,
-            "override_by": admission.by,
-            "excess_db": _number(found.excess),
-            "palm_pa": found.pressure,
-            # Radiation pressure of a plane wave is alpha times its intensity over the speed of sound.
-            "palm_w_m2": found.pressure * medium.speed / medium.alpha,
-            "palm_warming_k": found.warming,
-            "places": {
-                place.name: {
-                    "peak_db": _number(peak),
-                    "mean_db": _number(mean),
-                    "limit_db": place.limit,
-                    "enforced": place.enforced,
-                }
-                for place, peak, mean in zip(found.profile.places, found.peak, found.mean, strict=True)
-            },
         }
+        | (known if admission.later else exposed(admission))
     )
     return order
+
+
+def exposed(admission: ExposureClearance) -> dict[str, object]:
+    """The drive of a clearance and its exposure, for the log."""
+    found, drive = admission.exposure, admission.drive
+    medium = found.airs[-1].medium
+    return {
+        "sha256": None if drive is None else hash_of_drive(drive),
+        "frames": None if drive is None else drive.frames,
+        "level": admission.level if drive is None else max(float(part.max()) for part in blocks(drive.level)),
+        "exposure": admission.outcome,
+        "override_by": admission.by,
+        "excess_db": _number(found.excess),
+        "palm_pa": found.pressure,
+        # Radiation pressure of a plane wave is alpha times its intensity over the speed of sound.
+        "palm_w_m2": found.pressure * medium.speed / medium.alpha,
+        "palm_warming_k": found.warming,
+        "places": {
+            place.name: {
+                "peak_db": _number(peak),
+                "mean_db": _number(mean),
+                "limit_db": place.limit,
+                "enforced": place.enforced,
+            }
+            for place, peak, mean in zip(found.profile.places, found.peak, found.mean, strict=True)
+        },
+    }
 
 
 def log_end(
@@ -105,7 +115,7 @@ def log_end(
     *,
     report: Mapping[str, object] | None = None,
 ) -> None:
-    """Log how playback ended; `report` holds the fields of the `PlayReport`."""
+    """Log how playback ended; `report` holds the fields of the `PlayReport`, and what was checked while it played."""
     units = {"duration": "duration_s", "start": "start_ns", "gap": "gap_s", "paused": "paused_s"}
     said = {units.get(name, name): value for name, value in (report or {}).items()}
     entry = {"event": "end", "order": order, "drive": str(source), "device": device, "outcome": outcome}

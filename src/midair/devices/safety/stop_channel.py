@@ -44,10 +44,7 @@ class Stopped:
 
 @contextmanager
 def open_stop_channel(
-    device: str,
-    silence: Callable[[], None],
-    *,
-    afterwards: Callable[[], None] = lambda: None,
+    device: str, silence: Callable[[], None], *, afterwards: Callable[[], None] = lambda: None
 ) -> Generator[Path]:
     """While inside, a stop request of another terminal calls `silence`; yields the path of the lock file.
 

@@ -32,10 +32,7 @@ class VirtualSkin:
         self.rate = rate
         pitch, margin = model.grid.pitch / 4, 2
         self.points = ControlGrid(
-            rows=4 * (model.grid.rows + margin),
-            columns=4 * (model.grid.columns + margin),
-            pitch=pitch,
-            height=height,
+            rows=4 * (model.grid.rows + margin), columns=4 * (model.grid.columns + margin), pitch=pitch, height=height
         )
         self._weights = cell_weights(model, self.points, between="waves")
         self.clear()

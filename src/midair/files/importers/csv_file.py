@@ -136,11 +136,7 @@ def _of_fabricslide(table: TextTable, path: Path, given: ImportOptions) -> Impor
         sensor=SensorGrid(name="CPM-finger of FabricSlide"),
         notes={**_notes(path), **layout},
         settings={"left_out": FABRICSLIDE[1:3], "rate_hz": even.rate, "interpolation": "linear"},
-        report=(
-            *even.report,
-            "Columns proximity1 and proximity2 were left out: not taxels.",
-            *layout.values(),
-        ),
+        report=(*even.report, "Columns proximity1 and proximity2 were left out: not taxels.", *layout.values()),
     )
 
 

@@ -70,11 +70,7 @@ def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: A
 
 
 def save_solutions(
-    parts: Iterable[Solution],
-    path: str | os.PathLike[str],
-    *,
-    frames: int,
-    target: AmplitudeFrames | None = None,
+    parts: Iterable[Solution], path: str | os.PathLike[str], *, frames: int, target: AmplitudeFrames | None = None
 ) -> None:
     """Write a drive block by block as it is solved; the file gets its name after the last block.
 

@@ -77,11 +77,7 @@ def practice_bench(seed: int = 0) -> CalibrationBench:
     # The error is drawn from the uncertainty that the certificate states.
     error = 0.005 * float(rng.standard_normal())
     return CalibrationBench(
-        model=model.with_spread(seed=seed),
-        reference_uncertainty=0.005,
-        reference_error=error,
-        seating=0.002,
-        seed=seed,
+        model=model.with_spread(seed=seed), reference_uncertainty=0.005, reference_error=error, seating=0.002, seed=seed
     )
 
 

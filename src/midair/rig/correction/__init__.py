@@ -6,6 +6,7 @@ from .budget_stages import band_power_share as band_power_share
 from .budget_stages import error_budget as error_budget
 from .budget_stages import level_trade as level_trade
 from .correction_loop import Loop as Loop
+from .correction_loop import check_passes as check_passes
 from .correction_loop import loop as loop
 from .drive_rerecording import DriveRerecording as DriveRerecording
 from .drive_rerecording import PlayedPair as PlayedPair

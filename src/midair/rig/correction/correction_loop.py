@@ -177,6 +177,14 @@ def beam_test(
     return BeamTest(channel=channel, commanded=commanded, measured=measured, line=beam_gain(commanded, measured))
 
 
+def check_passes(corrections: int, iterate: int) -> None:
+    """Raise InputError unless both numbers of passes are 0 to 100."""
+    if not (0 <= corrections <= 100 and 0 <= iterate <= 100):
+        raise InputError(
+            f"corrections: expected 0 to 100 amplitude and waveform corrections, got {corrections} and {iterate}"
+        )
+
+
 def loop(
     original: OpenedTake | PressureFrames | str | Path,
     settings: Settings | Mode = "paper",
@@ -230,10 +238,7 @@ def loop(
         height, band = chosen.target.grid.height, chosen.calibration.band
         with open_rig(rig, height=height, cells=original.sensor, band=band) as opened:
             return loop(original, chosen, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
-    if corrections < 0 or iterate < 0:
-        raise InputError(
-            f"corrections: expected 0 or more amplitude and waveform corrections, got {corrections} and {iterate}"
-        )
+    check_passes(corrections, iterate)
     if chosen.target.ears is not None:
         raise InputError(
             f"ears: expected none in a loop, which finds the level itself, got {chosen.target.ears:g}; use --profile "

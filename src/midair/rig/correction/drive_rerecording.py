@@ -8,17 +8,7 @@ from midair.devices import check_exposure, choose_silencer
 from midair.errors import InputError
 from midair.evaluate import PalmFidelity, PalmFrames, apply_band_twice, palm_fidelity, palm_frames
 from midair.files import OpenedTake
-from midair.model import (
-    BAND,
-    Acoustics,
-    Calibration,
-    Drive,
-    Palm,
-    PressureFrames,
-    Progress,
-    Provenance,
-    Recording,
-)
+from midair.model import BAND, Acoustics, Calibration, Drive, Palm, PressureFrames, Progress, Provenance, Recording
 from midair.physics import PlaybackChain, simulate, transfer_matrix
 from midair.pipeline import calibrated_pressure
 from midair.rig.correction.correction_loop import Loop

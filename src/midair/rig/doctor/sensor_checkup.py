@@ -13,10 +13,7 @@ from midair.rig.names import SENSORS, source_sensor
 
 def sensor_findings() -> list[Check]:
     """Check the virtual sensor, and the package, library and connected devices of each kind of live sensor."""
-    return [
-        ok("virtual sensor", "always available, as is replay:FILE"),
-        *(_kind(kind) for kind in SENSORS),
-    ]
+    return [ok("virtual sensor", "always available, as is replay:FILE"), *(_kind(kind) for kind in SENSORS)]
 
 
 def is_live_sensor(name: str) -> bool:

@@ -44,11 +44,7 @@ class LiveSettings(Declared):
         "virtual:towel",
         "Sensor: lsl:NAME, serial:PORT, ni:CHANNELS; or virtual:towel (brush, sponge ...), replay:FILE, which repeat.",
     )
-    device: str = setting(
-        "virtual",
-        "Array: virtual, autd3, autd3:INTERFACE or autd3:emulator.",
-        stored="device",
-    )
+    device: str = setting("virtual", "Array: virtual, autd3, autd3:INTERFACE or autd3:emulator.", stored="device")
     calibration: Calibration | None = setting(
         None, "Calibration of the sensor, a file of midair calibrate.", load=load_calibration
     )
@@ -128,8 +124,7 @@ class LiveSettings(Declared):
     participant: str = setting("", "Code of the person at the array, for midair log export.")
     seed: int = setting(0, "Random seed of a virtual sensor.")
     listen: str | None = setting(
-        None,
-        "Receive frames on HOST:PORT instead of reading a sensor, such as 0.0.0.0:5005. Needs --key.",
+        None, "Receive frames on HOST:PORT instead of reading a sensor, such as 0.0.0.0:5005. Needs --key."
     )
     key: Path | None = setting(
         None, "Key file that both computers share; packets that fail authentication are dropped.", load=Path

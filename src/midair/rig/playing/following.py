@@ -300,13 +300,7 @@ def immediate_array(settings: PlaySettings, rate: float) -> ImmediateArray:
 
 
 def clear_followed(
-    drive: Drive,
-    array: ArrayInfo,
-    settings: PlaySettings,
-    grid: ControlGrid,
-    *,
-    samples: int = 2048,
-    seed: int = 0,
+    drive: Drive, array: ArrayInfo, settings: PlaySettings, grid: ControlGrid, *, samples: int = 2048, seed: int = 0
 ) -> ExposureClearance:
     """Check the exposure of a drive for the box of poses: as it was solved, and frames steered to random poses.
 

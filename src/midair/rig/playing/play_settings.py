@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from midair.devices import Cooling, ExposureChoices, SilencerChoice
 from midair.errors import InputError
 from midair.files import (
@@ -74,7 +72,7 @@ class PlaySettings(Declared):
         "auto",
         "How the array smooths phase steps; auto: least simulated pressure error; default: the firmware's 1 ms.",
     )
-    repeats: int = setting(1, "Number of times to play the drive, without gaps.", limits=(1, np.inf), playback=True)
+    repeats: int = setting(1, "Number of times to play the drive, without gaps.", limits=(1, 100_000), playback=True)
     delay: float = setting(0.0, "Time before the first frame.", unit="s", limits=(0, 3600), playback=True)
     participant: str = setting(
         "",

@@ -36,15 +36,21 @@ class BlockRange:
         return self.first == int(self.marks[0])
 
 
-def blocks(frames: int, *, coarse: int, size: int) -> Iterator[BlockRange]:
+def frames_in_block(coarse: int, size: int) -> int:
+    """Frames of a block: `size` rounded up to whole distances between marks."""
+    return coarse * max(-(-size // coarse), 1)
+
+
+def blocks(frames: int, *, coarse: int, size: int, opening: int = 0) -> Iterator[BlockRange]:
     """Yield all blocks of this number of sounding frames, in order.
 
-    `coarse` is the distance between marks (the last frame is a mark, too), `size` the frames of a block, rounded up to
-    whole distances.
+    `coarse` is the distance between marks (the last frame is a mark, too), `size` the frames of a block, and `opening`
+    those of the first one where it is shorter; both are rounded up to whole distances.
     """
-    size = coarse * max(-(-size // coarse), 1)
-    for first in range(0, max(frames - 1, 1), size):
-        last = min(first + size, frames - 1)
+    size = frames_in_block(coarse, size)
+    begin = min(frames_in_block(coarse, opening), size) if opening else size
+    for first in [0, *range(begin, max(frames - 1, 1), size)]:
+        last = min(first + (size if first else begin), frames - 1)
         start = first if first == 0 else first + coarse
         marks = np.unique(np.minimum(np.arange(start, last + coarse, coarse), last))
         yield BlockRange(first=first, last=last, marks=marks)
@@ -81,7 +87,8 @@ def pieces(solver: "Glide", sounds: NDArray[np.bool_], *, together: int) -> Iter
         False for silent frames.
     """
     audible = np.flatnonzero(sounds)
-    every = list(blocks(len(audible), coarse=solver.coarse, size=solver.block_on())) if len(audible) else []
+    how = {"coarse": solver.coarse, "size": solver.block_on(), "opening": solver.opening}
+    every = list(blocks(len(audible), **how)) if len(audible) else []
     first = 0
     for number in range(0, max(len(every), 1), together):
         ends = number + together >= len(every)

@@ -23,14 +23,7 @@ from midair.model import Progress
 from midair.solvers.backend import Backend, backend
 from midair.solvers.field_operators import FieldOperators
 from midair.solvers.glide.bisection_step import BisectionStep, Effort
-from midair.solvers.glide.blocks import (
-    BlockRange,
-    FrameBlock,
-    Indices,
-    SolvedFrames,
-    blocks,
-    solve_marks,
-)
+from midair.solvers.glide.blocks import BlockRange, FrameBlock, Indices, SolvedFrames, blocks, solve_marks
 from midair.solvers.phases import hold
 from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 
@@ -92,6 +85,8 @@ class Glide:
     """Frames per batch; if None, the backend decides."""
     block: int | None = None
     """Frames per block, solved by one job; other blocks only share a mark with it. If None, see `block_on`."""
+    opening: int = 256
+    """Frames of the first block, which is short so that a play can begin while the others are solved."""
     jobs: int = field(default=1, compare=False)
     """Number of blocks solved at once; the phases are bit-identical for any number."""
     faintest: float = 1e-12
@@ -142,7 +137,8 @@ class Glide:
         self, bisection: BisectionStep, audible: Indices, before: SolvedFrames | None
     ) -> Iterator[tuple[Indices, SolvedFrames]]:
         """Yield frames and solutions of each block in order; `before` is the solution of the first frame, if known."""
-        every = list(blocks(len(audible), coarse=self.coarse, size=self.block_on()))
+        opening = self.opening if before is None else 0
+        every = list(blocks(len(audible), coarse=self.coarse, size=self.block_on(), opening=opening))
         if before is not None:
             every[0] = replace(every[0], marks=every[0].marks[every[0].marks > 0])
         with ThreadPoolExecutor(self.jobs) as pool:
@@ -201,11 +197,7 @@ def evenly_spread(position: NDArray[np.float64] | None, *, every: int, count: in
 
 
 def _solve_block(
-    bisection: BisectionStep,
-    frames: Indices,
-    block: BlockRange,
-    before: SolvedFrames | None,
-    marks: SolvedFrames,
+    bisection: BisectionStep, frames: Indices, block: BlockRange, before: SolvedFrames | None, marks: SolvedFrames
 ) -> SolvedFrames:
     """Solve all frames of a block, from its marks and the last mark of the block before it."""
     block_frames, index = FrameBlock(bisection, frames), block.marks - block.first

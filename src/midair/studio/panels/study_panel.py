@@ -18,7 +18,7 @@ from midair.studio.panels.page_presenter import PagePresenter
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
 from midair.studio.take_data import stamp_of
-from midair.studio.work import StudyRequest, analyse_study, draw_study
+from midair.studio.work import StudyRequest, draw_study
 from midair.study import (
     MarkedPresenter,
     Plan,
@@ -141,7 +141,7 @@ class StudyPanel(Panel):
         """Analyse a study and write its report, as a job."""
         path = self._folder.find(order.study)
         title = f"analyse the study {order.study}"
-        job = self._context.jobs.add(title, analyse_study, str(path), room="study", ended=self._drawn)
+        job = self._context.jobs.add(title, run_words, ("study", "analyse", str(path)), room="study", ended=self._drawn)
         return {"job": job.number}
 
     def simulate(self, _: Page, order: StudyNamed) -> dict[str, int]:

@@ -200,14 +200,14 @@ export default class Reproduce {
   async _delete() {
     const name = takeOf(this.take.name), folder = await tried(this.link.order("reproduce", "delete", { take: name }));
     if (!folder) return;
-    const undo = make("button", { type: "button", id: "undo", onclick: async () => { const take = await tried(this.link.order("reproduce", "restore", { take: folder })); if (take) { note.remove(); this.studio.go("reproduce", take); } } }, "Undo");
+    const undo = make("button", { type: "button", id: "undo", onclick: async () => { const take = await tried(this.link.order("reproduce", "restore", { take: folder })); if (take) { note.remove(); this.wish = this._opening = ""; this.studio.go("reproduce", take); } } }, "Undo");
     const note = make("div.toast", {}, `${name} and its drives are in the folder bin/${folder} `, undo);
     document.getElementById("toasts").append(note);
     setTimeout(() => note.remove(), 20000);
     this._nothing("");
-    this.wish = this.take = null;
+    [this.wish, this.take] = ["", null];
     this.studio.go("reproduce");
-    this._takes(this.link.state.takes ?? []);
+    this._takes((this.link.state.takes ?? []).filter((row) => row.name !== name)); // the list without it may still be on its way
   }
   async _open(name, time) {
     const opening = `${name} ${this._row(name)?.stamp}`, over = () => opening !== this._opening || this.left;

@@ -47,8 +47,7 @@ def confusions(data: StudyData) -> tuple[tuple[Choices, ...], list[Finding]]:
     failed: list[Finding] = []
     for name, rows in parts:
         failed += attempt(
-            f"Identification: {name}",
-            lambda name=name, rows=rows: found.append(_confusion(name, rows, data)) or [],
+            f"Identification: {name}", lambda name=name, rows=rows: found.append(_confusion(name, rows, data)) or []
         )
     return tuple(found), failed
 

@@ -65,11 +65,7 @@ class RightAnswers:
 
 
 def logistic_mixed(
-    table: DataFrame | Mapping[str, Any],
-    *,
-    correct: str,
-    participant: str,
-    within: Sequence[str],
+    table: DataFrame | Mapping[str, Any], *, correct: str, participant: str, within: Sequence[str]
 ) -> DataFrame:
     """Test each effect on the probability of a correct answer in a logistic mixed model.
 

@@ -9,10 +9,7 @@ from .measure import beam_command, bench_command, measure_command, tone_command
 from .measure_array import array_command
 from .tracker import tracker_command
 
-calibrate_app = App(
-    name="calibrate",
-    help_epilogue=epilogue(examples_of(apply_command)),
-)
+calibrate_app = App(name="calibrate", help_epilogue=epilogue(examples_of(apply_command)))
 calibrate_app.default(apply_command)
 add_command(calibrate_app, show_command, "show")
 add_command(calibrate_app, measure_command, "measure")

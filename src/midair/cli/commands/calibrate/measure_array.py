@@ -14,13 +14,7 @@ from midair.cli.output import array_rows, may_write, print_result
 from midair.cli.quantities import quantity
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import InputError, MissingFileError
-from midair.files import (
-    ARRAY_SUFFIX,
-    load_array_calibration,
-    load_calibration,
-    load_placement,
-    save_array_calibration,
-)
+from midair.files import ARRAY_SUFFIX, load_array_calibration, load_calibration, load_placement, save_array_calibration
 from midair.model import HEIGHT, RATE, Acoustics, Medium
 from midair.model import Placement as UnitPlacement
 from midair.rig import (

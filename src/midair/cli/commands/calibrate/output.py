@@ -104,12 +104,7 @@ def prepare_page(page: Path | None, force: bool) -> None:
 
 
 def print_calibration(
-    calibration: Calibration,
-    rows: list[tuple[str, str]],
-    *,
-    page: Path | None,
-    json: bool,
-    notes: Sequence[str] = (),
+    calibration: Calibration, rows: list[tuple[str, str]], *, page: Path | None, json: bool, notes: Sequence[str] = ()
 ) -> None:
     """Print a calibration, and write its page if requested."""
     if page is not None:

@@ -9,10 +9,7 @@ from .planning import new_command, plan_command, withdraw_command
 from .running import markers_command, run_command
 from .study import analyse_command, export_command, verify_command
 
-study_app = App(
-    name="study",
-    help_epilogue=epilogue(("midair study new touch --participants 3",)),
-)
+study_app = App(name="study", help_epilogue=epilogue(("midair study new touch --participants 3",)))
 add_command(study_app, new_command, "new")
 add_command(study_app, plan_command, "plan")
 add_command(study_app, run_command, "run")
