@@ -206,7 +206,7 @@ class SolvePlan:
         if name == "numpy" or name.startswith("torch:mps"):
             phase = np.mod(turned, 2 * np.pi) if self.bits is None else quantise_phase(turned, bits=self.bits)
             if isinstance(self.solver, Fast | Glide) and self.solver.precision == "single":
-                # A quarter of the time; E differs by less than 1e-7, or 1e-4 of it.
+                # A quarter of the time; E differs by less than 1e-6, or 1e-4 of it.
                 return phase, phases_and_errors(backend_of("numpy"), own, phase, part, None)[1]
             return phase, error_of(own, phase, part)
         return phases_and_errors(backend_of(name, precision="double"), own, turned, part, self.bits)
