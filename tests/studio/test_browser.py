@@ -696,7 +696,7 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
         button("Check and play again").click()
         page.until("!document.querySelector('#hold').disabled && !document.querySelector('#to-compare')", timeout=60)
         button("Close").click()
-        page.page.get_by_role("link", name="Compare").click()
+        page.page.get_by_role("link", name="Compare", exact=True).click()
         page.until(f"studio.room.name === {take!r} && !!studio.room.found", timeout=120)
 
     page.until("studio.room?.add && !studio.room.add.disabled")
