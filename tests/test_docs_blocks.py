@@ -25,6 +25,7 @@ from midair.files import (
     save_palm_path,
 )
 from midair.model import Crosstalk, PalmPath, Recording
+from midair.patterns import load_pattern
 from midair.recordings import cut
 from midair.settings import Settings
 
@@ -141,8 +142,13 @@ def settings(path):
     assert Settings.load(path).target.grid.height == 0.18
 
 
+def pattern(path):
+    assert load_pattern(path).foci().frames > 0
+
+
 TOMLS = {
     "docs/build-a-sensor.md": [sensor],
+    "docs/draw.md": [pattern, pattern],
     "docs/follow.md": [tracker],
     "docs/palm.md": [palm],
     "docs/play-on-your-array.md": [placement],
@@ -222,10 +228,18 @@ def with_settings():
     Settings().save("take.toml")
 
 
+def patterns():
+    circle, sized = (text for language, text in fenced("docs/draw.md") if language == "toml")
+    for name, text in (("circle.toml", circle), ("sized.toml", sized)):
+        Path(name).write_text(text.replace("_s = 1.0 ", "_s = 0.1 "), encoding="utf-8")
+    copyfile(ROOT / "tests" / "patterns" / "adaptics" / "Rain.adaptics", "rain.adaptics")
+
+
 PREPARED = {
     "docs/air.md": take,
     "docs/bring-your-own.md": a_fabric,
     "docs/calibrate.md": a_bench,
+    "docs/draw.md": patterns,
     "docs/error-budget.md": take,
     "docs/fidelity.md": take,
     "docs/install.md": None,

@@ -14,8 +14,8 @@ NAMES = {
     "Settings Solution TransducerArray",
     "functions": "calibrate compare live load load_calibration loop open_rig open_take open_tracker play prepare "
     "propagate record save solve",
-    "modules": "calibration correct datasets devices dsp errors evaluate figures files model paper physics pipeline "
-    "recordings rig settings solvers studio study sweep targets view",
+    "modules": "calibration correct datasets devices dsp errors evaluate figures files model paper patterns physics "
+    "pipeline recordings rig settings solvers studio study sweep targets view",
 }
 
 

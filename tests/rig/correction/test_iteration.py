@@ -124,7 +124,7 @@ def test_the_target_is_limited_to_playable_pressure():
 
 
 def test_numbers_below_zero_are_refused():
-    with pytest.raises(InputError, match="0 or more"):
+    with pytest.raises(InputError, match="0 to 100"):
         loop(COARSE, -1)
     with pytest.raises(InputError, match="lead"):
         run_loop(original(COARSE), COARSE, open_rig(), lead=-1.0)
