@@ -35,8 +35,8 @@ def on_the_wire(pattern):
     device = firmware.autd3_firmware(Placement.grid(), silencer="off")
     with device:
         report = device.play(clear_any_exposure(drive, device))
-        device.banks.wait_until(device.banks.now() + 5_000_000)
-        out = device.banks.put_out()
+        device.units.wait_until(device.units.now() + 5_000_000)
+        out = device.units.put_out()
     assert (report.frames, report.late, report.gap) == (drive.frames, 0, 0)
     ticks = round(40e3 / drive.rate)
     rows = out.row(report.start) + ticks * np.arange(drive.frames) + ticks - 1

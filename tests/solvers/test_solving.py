@@ -169,7 +169,8 @@ def test_robust_phases_hold_over_the_range(method, amplitudes):
     before, after = over_the_range(plain, wanted), over_the_range(robust, wanted)
     assert (after[[0, 4]] < 0.9 * before[[0, 4]]).all()
     assert (after**2).sum() < 0.8 * (before**2).sum()
-    assert robust.error.mean() == pytest.approx(after[2], rel=1e-6)
+    # E is reported in single precision.
+    assert robust.error.mean() == pytest.approx(after[2], rel=1e-4)
     assert robust.drive.acoustics == ROOM
 
 

@@ -205,7 +205,8 @@ class ReproducePanel(Panel):
         stem = path.name.removesuffix(".h5") if path.suffix == ".h5" else path.name
         number, target, due = 1, folder / (stem + order.ending), {job.title for job in self._jobs.unfinished()}
         while target.exists() or f"export {target.name}" in due:
-            number, target = number + 1, folder / f"{stem}-{number}{order.ending}"
+            number += 1
+            target = folder / f"{stem}-{number}{order.ending}"
         film = order.ending in (".html", ".gif", ".mp4")
         words = (
             ("show", str(path), "--no-browser", "--save", str(target)) if film else ("export", str(path), str(target))
