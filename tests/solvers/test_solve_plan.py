@@ -62,12 +62,15 @@ def test_methods_get_the_positions_of_the_transducers(monkeypatch):
     solve_as_it_is = Glide.solve
 
     def solve_and_look(self, problem, **rest):
-        seen.append(problem.position)
+        seen.append(problem)
         return solve_as_it_is(self, problem, **rest)
 
     monkeypatch.setattr(Glide, "solve", solve_and_look)
     solve(target(wave()), UNIT, method="glide")
-    np.testing.assert_array_equal(seen[0], UNIT.position)
+    np.testing.assert_array_equal(seen[0].position, UNIT.position)
+    # Folded by its mirrors, the array has a place for each transducer.
+    solve(target(wave()), UNIT, method="glide", fit="cells")
+    np.testing.assert_allclose(seen[1].position[seen[1].lattice.place], UNIT.position, atol=1e-9)
 
 
 @pytest.mark.parametrize(("peak", "level"), [(0.05, 0.5), (0.1, 1.0), (3.0, 1.0), (1e-4, 0.05), (0.0, 0.05)])

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from midair.solvers.backend import Backend, Numbers, Rows, squares
 from midair.solvers.device import RingLBFGS
-from midair.solvers.lbfgs import LBFGS, Function, RowsState
+from midair.solvers.lbfgs import LBFGS, CompiledLBFGS, Function, RowsState
+from midair.solvers.mirror_symmetry import Product, by_kind, modes_by_kind
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
 from midair.solvers.problem import Problem
@@ -47,10 +48,9 @@ class FieldOperators:
 
     backend: Backend
     problem: Problem
-    field: Rows  # (U diag(s) A)^T, from V^H q to the field, shape (mode, listener)
-    drive: Rows  # V transposed, shape (mode, transducer)
-    field_back: Rows  # Adjoint of `field`
-    drive_back: Rows  # Adjoint of `drive`
+    field: Product  # (U diag(s) A)^T, from V^H q to the field, shape (mode, listener)
+    points: Product  # Its columns of the control points
+    drive: Product  # V transposed, shape (mode, transducer)
     root: Numbers  # Square roots of A s, shape (mode,)
     strongest: float  # Largest singular value times A
     psi: Numbers  # exp j psi, initial phases of the field, shape (point,)
@@ -72,21 +72,31 @@ class FieldOperators:
         if problem.guard is not None:
             listeners = np.concatenate([problem.G, problem.guard.G])
             weighted = np.concatenate([problem.G, outside * problem.guard.G])
-        kept = modes(weighted, tolerance=tolerance)
-        s, psi = problem.level * kept.s, np.exp(1j * problem.first_psi)
-        first_drive = (psi @ kept.U[: problem.points].conj() / np.where(s > 0, s, 1)) @ kept.V.T
-        field, drive = backend.put(problem.level * (listeners @ kept.V).T), backend.put(kept.V.T)
+        lattice = problem.lattice
+        if lattice is not None and (found := modes_by_kind(weighted, tolerance)) is not None:
+            s, V = found
+            drive = Product.of(backend, V, lattice.weight)
+            across = np.concatenate(np.matmul(V, by_kind(listeners).transpose(1, 2, 0)))
+        else:
+            if lattice is not None:
+                listeners, weighted = lattice.weight * listeners, lattice.weight * weighted
+            kept = modes(weighted, tolerance=tolerance)
+            s, drive, across = kept.s, Product.of(backend, kept.V.T), (listeners @ kept.V).T
+        s, psi = problem.level * s, np.exp(1j * problem.first_psi)
+        field = Product.of(backend, np.asarray(problem.level * across, np.complex128))
+        points = field.columns(np.arange(problem.points))
+        inverse = 1 / np.where(s > 0, s, 1)
+        initial = drive.of_modes(backend.put(inverse**2) * points.to_modes(backend.put(psi[None])))
         return cls(
             backend=backend,
             problem=problem,
             field=field,
+            points=points,
             drive=drive,
-            field_back=backend.adjoint(field),
-            drive_back=backend.adjoint(drive),
             root=backend.put(np.sqrt(s)),
-            strongest=float(s[0]),
+            strongest=float(s.max()),
             psi=backend.put(psi),
-            initial_drive=backend.put(rippled(first_drive)[None, :]),
+            initial_drive=backend.put(rippled(backend.host(initial)[0])[None, :]),
             weights=None if problem.cells is None else backend.put(problem.cells.weights.T),
             ceiling=None if problem.guard is None else backend.put(problem.guard.ceilings[None, :]),
             memory=memory,
@@ -106,7 +116,8 @@ class FieldOperators:
 
     def best_field(self, batch: Batch, iterations: int, *, loudness: float, floor: float, every: int) -> Rows:
         """Coordinates V^H q of the best field with free amplitudes, (row, mode)."""
-        move = self.field_move(loudness=loudness, floor=floor, sampled=np.arange(0, self.problem.transducers, every))
+        sampled = np.arange(0, self.drive.matrix.shape[2], every)
+        move = self.field_move(loudness=loudness, floor=floor, sampled=sampled)
         one = self.backend.xp.ones_like(batch.gain[:, 0])
         state = move.run(batch, move.first(batch.p * self.psi), one / self.strongest, iterations)
         return move.coordinates(batch, state)
@@ -114,19 +125,16 @@ class FieldOperators:
     def field_move(
         self, *, loudness: float, floor: float, sampled: NDArray[np.int64], effort: float = 0.0
     ) -> "FieldMove":
-        """The field step; `loudness` is the weight of amplitudes above full drive at the `sampled` transducers.
+        """The field step; `loudness` is the weight of amplitudes above full drive at the `sampled` columns of `drive`.
 
         `effort` is the weight of the squared length of V^H q, in units of a target in the strongest mode.
         """
         # Convergence is best in z = sqrt(s) a, for strong and weak modes; a and s a are both slower.
-        heard_at = self.backend.xp.take(self.drive, self.backend.put(sampled), axis=1)
-        out, loud = self.field / self.root[:, None], heard_at / self.root[:, None]
+        loud = self.drive.columns(sampled).scaled(1 / self.root)
         return FieldMove(
             operators=self,
-            out=out,
+            out=self.field.scaled(1 / self.root),
             loud=loud,
-            out_back=self.backend.adjoint(out),
-            loud_back=self.backend.adjoint(loud),
             loudness=loudness / loud.shape[1],
             pseudo=self.root / (self.root**4 + (floor * self.strongest) ** 2),
             effort=effort * (self.strongest / self.root) ** 2 if effort else None,
@@ -134,7 +142,9 @@ class FieldOperators:
 
     @property
     def descent(self) -> LBFGS:
-        """The implementation for the backend: `LBFGS` for NumPy, `RingLBFGS` for others."""
+        """The implementation for the backend: `CompiledLBFGS` or `LBFGS` for NumPy, `RingLBFGS` for others."""
+        if self.backend.kernel is not None:
+            return CompiledLBFGS(memory=self.memory, kernel=self.backend.kernel)
         method = LBFGS if self.backend.xp is np else RingLBFGS
         return method(memory=self.memory, xp=self.backend.xp)
 
@@ -145,7 +155,7 @@ class FieldOperators:
         """
         xp, q = self.backend.xp, self.initial_drive
         for _ in range(iterations):
-            q = self.backend.unit(q + relaxation * ((a - q @ self.drive_back) @ self.drive))
+            q = self.backend.unit(q + relaxation * self.drive.of_modes(a - self.drive.to_modes(q)))
         q = xp.broadcast_to(q, (a.shape[0], q.shape[1]))
         return xp.atan2(xp.imag(q), xp.real(q))
 
@@ -166,18 +176,18 @@ class FieldOperators:
         initial field, q (row, transducer) a drive of magnitude 1 close to it; `stiffness` is the penalty relative to
         the strongest mode, `relaxation` 1 to 2 applies to the step towards q. Returns q.
         """
-        backend, s, points = self.backend, self.root**2, batch.p.shape[1]
+        backend, s = self.backend, self.root**2
         weight = (stiffness * self.strongest * batch.gain) ** 2
         inverse = 1 / ((s * batch.gain) ** 2 + weight)
-        b, u = q @ self.drive_back, 0 * a
+        b, u = self.drive.to_modes(q), 0 * a
         for _ in range(iterations):
-            y = ((batch.gain * a) @ self.field)[:, :points]
-            wanted = (batch.gain * (batch.p * backend.unit(y))) @ self.field_back[:points, :]
+            y = self.points.of_modes(batch.gain * a)
+            wanted = self.points.to_modes(batch.gain * (batch.p * backend.unit(y)))
             a = (wanted + weight * (b - u)) * inverse
             # Less than the full step of the dual, which at few iterations overshoots.
             u = u + 0.8 * (a - b)
-            q = backend.unit(q + relaxation * ((a + u - b) @ self.drive))
-            b = q @ self.drive_back
+            q = backend.unit(q + relaxation * self.drive.of_modes(a + u - b))
+            b = self.drive.to_modes(q)
         return q
 
     def refine(self, theta: Rows, batch: Batch, iterations: int, *, more: int) -> Rows:
@@ -229,23 +239,20 @@ class FieldOperators:
 
         With r the slope of the cost by the field, its gradient by theta_n is Im(conj(q_n) (G^H r)_n).
         """
-        xp, gain = self.backend.xp, batch.gain
+        gain = batch.gain
 
         def function(theta: Rows) -> tuple[Numbers, Rows]:
-            q = self.backend.phasor(theta)
-            cost, slope = self.cost_and_slope(batch, (gain * (q @ self.drive_back)) @ self.field)
-            back = (gain * (slope @ self.field_back)) @ self.drive
-            if xp is not np:
-                return cost, xp.real(q) * xp.imag(back) - xp.imag(q) * xp.real(back)
-            back *= xp.conj(q)
-            # NumPy's imaginary part is a strided view that would keep the whole product in memory.
-            return cost, xp.asarray(xp.imag(back), copy=True)
+            q, a = self.drive.phasors(theta)
+            cost, slope = self.cost_and_slope(batch, self.field.of_modes(gain * a))
+            return cost, self.drive.turning(q, gain * self.field.to_modes(slope))
 
         return function
 
     def cost_and_slope(self, batch: Batch, y: Rows) -> tuple[Numbers, Rows]:
         """Cost of the field y (row, listener), which may be overwritten, and its slope by y."""
         xp, guard, points = self.backend.xp, self.problem.guard, batch.p.shape[1]
+        if batch.cells is not None and (kernel := self.backend.kernel) is not None:
+            return self._compiled(kernel, batch, y)
         square = y if guard is None else y[:, :points]
         if batch.cells is None:
             cost, slope = misfit(xp, square, batch.p)
@@ -255,6 +262,18 @@ class FieldOperators:
             return cost, slope
         extra, outside = excess(xp, y[:, points:], self.ceiling * batch.peak, guard.weight)
         return cost + extra, xp.concat([slope, outside], axis=1)
+
+    def _compiled(self, kernel: Any, batch: Batch, y: Rows) -> tuple[Numbers, Rows]:
+        """`cost_and_slope` of cells by `batch_kernel`; the slope takes the place of y."""
+        points, guard = batch.p.shape[1], self.problem.guard
+        square, cost = np.empty((len(y), points), np.float32), np.empty(len(y), np.float32)
+        kernel.squared(y[:, None], points, square)
+        missed = square @ self.weights
+        kernel.missing(batch.cells, batch.cell_scale, missed, cost)
+        ceiling = np.zeros(0, np.float32) if self.ceiling is None else self.ceiling[0]
+        weight = np.float32(0 if guard is None else guard.weight)
+        kernel.pulled(missed @ self.weights.T, ceiling, batch.peak, weight, y[:, None], cost)
+        return cost, y
 
 
 def in_order(backend: Backend, parts: list[tuple[NDArray[np.int64], Rows]]) -> Rows:
@@ -273,19 +292,15 @@ class FieldMove:
     """
 
     operators: FieldOperators
-    out: Rows  # From z to the listeners, shape (mode, listener)
-    out_back: Rows  # Adjoint of `out`
-    # From z to the sampled transducers, shape (mode, sampled): drives of r modes are smooth, so a sample is
-    # enough
-    loud: Rows
-    loud_back: Rows  # Adjoint of `loud`
+    out: Product  # From z to the listeners
+    loud: Product  # From z to the sampled transducers: drives of r modes are smooth, so a sample is enough
     loudness: float  # Weight of amplitudes above full drive, per sampled transducer
     pseudo: Numbers  # Damped inverse from the field at the points to z, shape (mode,)
     effort: Numbers = None  # Weight of |z|^2 / 2, shape (mode,), or None
 
     def first(self, y: Rows) -> Rows:
         """The z whose field at the control points comes close to y, (row, point): root s U^H y / (s^2 + floor^2)."""
-        return (y @ self.operators.field_back[: y.shape[1], :]) * self.pseudo
+        return self.operators.points.to_modes(y) * self.pseudo
 
     def run(self, batch: Batch, z: Rows, scale: Numbers, iterations: int) -> RowsState:
         """L-BFGS from z on; `scale` (row,) is the inverse curvature, 1 / s of the strongest mode if unknown."""
@@ -302,12 +317,12 @@ class FieldMove:
 
         def function(x: Rows) -> tuple[Numbers, Rows]:
             z = backend.as_complex(x)
-            cost, slope = self.operators.cost_and_slope(batch, z @ self.out)
-            gradient = slope @ self.out_back
+            cost, slope = self.operators.cost_and_slope(batch, self.out.of_modes(z))
+            gradient = self.out.to_modes(slope)
             if weight:
-                q = inverse * (z @ self.loud)
+                q = inverse * self.loud.of_modes(z)
                 above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
-                gradient = gradient + heavy * ((above * q) @ self.loud_back)
+                gradient = gradient + heavy * self.loud.to_modes(above * q)
                 cost = cost + 0.25 * weight * squares(xp, above)
             if self.effort is not None:
                 pull = self.effort * z

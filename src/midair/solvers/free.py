@@ -24,6 +24,7 @@ from midair.solvers.backend import Backend, Rows, backend
 from midair.solvers.field_operators import Batch, FieldMove, FieldOperators
 from midair.solvers.glide import evenly_spread
 from midair.solvers.lbfgs import RowsState
+from midair.solvers.mirror_symmetry import Product
 from midair.solvers.phases import hold
 from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 from midair.solvers.terms import GuardField
@@ -111,7 +112,7 @@ class _Moves:
 
     def drive(self, batch: Batch, state: RowsState) -> NDArray[np.complex64]:
         """Drives of a state, (row, transducer), relative to the level of the problem."""
-        return self.operators.backend.host(self.free.coordinates(batch, state) @ self.operators.drive)
+        return self.operators.backend.host(self.operators.drive.of_modes(self.free.coordinates(batch, state)))
 
 
 def _moves(settings: Free, problem: Problem, array_backend: Backend) -> _Moves:
@@ -127,7 +128,8 @@ def _moves(settings: Free, problem: Problem, array_backend: Backend) -> _Moves:
         changed, array_backend, tolerance=settings.tolerance, memory=settings.memory, outside=settings.outside
     )
     operators = replace(operators, psi=_phases_of_even_field(settings, operators))
-    own = replace(operators, drive=operators.drive @ array_backend.put(root.T))
+    drive = array_backend.host(operators.drive.matrix[0]) @ root.T
+    own = replace(operators, drive=Product.of(array_backend, drive))
     sampled = evenly_spread(problem.position, every=4, count=problem.transducers)
     free, bounded = (
         own.field_move(loudness=weight, floor=settings.floor, sampled=sampled, effort=settings.effort)
@@ -148,7 +150,7 @@ def _phases_of_even_field(settings: Free, operators: FieldOperators) -> Rows:
     batch, backend = alone.batch(np.zeros(1, np.int64), faintest=settings.faintest), alone.backend
     one = backend.xp.ones_like(batch.gain[:, 0]) / alone.strongest
     state = move.run(batch, move.first(batch.p * alone.psi), one, iterations)
-    return backend.unit((backend.as_complex(state.x) @ move.out)[0, : even.points])
+    return backend.unit(move.out.of_modes(backend.as_complex(state.x))[0, : even.points])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.model import Progress, Status
 from midair.physics import relative_error
+from midair.solvers.mirror_symmetry import Lattice
 from midair.solvers.terms import CellTarget, GuardField, PhaseTerm
 
 Complex = NDArray[np.complex128]
@@ -47,6 +48,8 @@ class Problem:
     """Costs of the phases of successive frames; see `terms.smooth`."""
     position: Array | None = None
     """Positions of the transducers in m, shape (transducer, 3), for methods that sample them evenly."""
+    lattice: Lattice | None = None
+    """If given, the columns of G are its places, as if there were a transducer of strength 1 at each."""
 
     def with_quiet(self, rows: Complex, weight: float) -> "Problem":
         """Add rows (row, transducer) whose field shall be minimal, with their weight."""
@@ -75,7 +78,8 @@ class Problem:
 
     def field(self, theta: Array) -> Complex:
         """G q, shape (point,) for theta of shape (transducer,), or (frame, point) for (frame, transducer)."""
-        return (self.level * np.exp(1j * theta)) @ self.G.T
+        q = self.level * np.exp(1j * theta)
+        return (q if self.lattice is None else self.lattice.weight * q) @ self.G.T
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

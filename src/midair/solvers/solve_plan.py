@@ -18,6 +18,7 @@ from midair.solvers.fast import Fast
 from midair.solvers.free import Free
 from midair.solvers.glide import Glide
 from midair.solvers.methods import Method, check_terms
+from midair.solvers.mirror_symmetry import Lattice
 from midair.solvers.phases import spreading_phase
 from midair.solvers.problem import Problem, WarmStart, error_of
 from midair.solvers.solver_settings import MethodSettings, settings_type
@@ -69,6 +70,8 @@ class NormalisedSetup:
     G: list[NDArray[np.complex128]]  # One matrix for each air, the nominal air first
     focus: float  # The strongest focus in the nominal air
 
+    lattice: Lattice | None = None  # That of a symmetric array, whose whole array is then `array`
+
     @classmethod
     def of(cls, target: AmplitudeFrames, array: TransducerArray, airs: tuple[Acoustics, ...]) -> "NormalisedSetup":
         """Compute the matrix for each air, divided by the strongest focus in the first."""
@@ -77,6 +80,11 @@ class NormalisedSetup:
         for each in G:
             each /= focus
         return cls(target=target, array=array, airs=airs, G=G, focus=focus)
+
+    def folded(self, lattice: Lattice, airs: tuple[Acoustics, ...]) -> "NormalisedSetup":
+        """The same setup on the places of the array's lattice, in these airs."""
+        G = [transfer_matrix(self.target.grid, lattice.array, acoustics=each) / self.focus for each in airs]
+        return replace(self, array=lattice.array, airs=airs, G=G, lattice=lattice)
 
     def problem(self, level: float, terms: tuple[Term, ...] = ()) -> Problem:
         """The problem for a solver: the target in all airs, and the terms."""
@@ -87,6 +95,7 @@ class NormalisedSetup:
             level=level,
             psi=psi_at_temperatures(self.G, spreading_phase(self.target.grid, self.array, self.airs[0].medium)),
             position=self.array.position,
+            lattice=self.lattice,
         )
         for term in terms:
             problem = term.added(problem, self)
@@ -134,15 +143,22 @@ class SolvePlan:
                 "with --correct-air"
             )
         airs = settings.airs(acoustics)
-        own = NormalisedSetup.of(target, array, (acoustics,))
+        own = scene = NormalisedSetup.of(target, array, (acoustics,))
         if level == "auto":
             level = automatic_level(np.array((target.amplitude.max() if loudest is None else loudest) / own.focus))
+        # Beside the lattice's middle the fields of kinds overlap: with points alone, rough frames end at a larger E
+        # (docs/decisions/0048-folding.md). Bounded amplitudes have two transducers at each place.
+        folds = isinstance(solver, Glide) and "cells" in settings.asked and settings.amplitudes == "equal"
+        if folds and (lattice := Lattice.of(array)) is not None:
+            scene = own.folded(lattice, airs)
+        elif len(airs) > 1:
+            scene = NormalisedSetup.of(target, array, airs)
         return cls(
             settings=settings,
             solver=solver,
             terms=settings.terms(),
             own=own,
-            scene=own if len(airs) == 1 else NormalisedSetup.of(target, array, airs),
+            scene=scene,
             level=level,
             bits=bits,
         )
@@ -174,13 +190,15 @@ class SolvePlan:
         self, target: AmplitudeFrames, after: WarmStart | None, progress: Progress | None
     ) -> tuple[Solution, WarmStart | None]:
         """Solve a part from the end of the part before it; returns the solution and its own end."""
-        own = problem = replace(self.own, target=target).problem(self.level, self.terms)
-        if self.scene is not self.own:
-            problem = replace(self.scene, target=target).problem(self.level, self.terms)
+        problem = replace(self.scene, target=target).problem(self.level, self.terms)
+        # Mean pressures are never asked for in several airs, see `SolvePlan.of`.
+        own = replace(replace(self.own, target=target).problem(self.level), cells=problem.cells)
         with one_blas_thread():
             answer = self.solver.solve(self._asked(problem), after=after, progress=progress)
             for term in self.terms:
                 answer = term.answered(answer)
+            if self.scene.lattice is not None:
+                answer = replace(answer, phase=self.scene.lattice.phase(answer.phase))
             # The error is computed after rounding, so that it is the error of the phases that are played.
             phase, error = self._played(own, answer.phase, answer.level)
         audible = np.array([status != "silent" for status in answer.status], float)
@@ -202,6 +220,9 @@ class SolvePlan:
         # Metal has no double precision.
         if name == "numpy" or name.startswith("torch:mps"):
             phase = np.mod(turned, 2 * np.pi) if self.bits is None else quantise_phase(turned, bits=self.bits)
+            if isinstance(self.solver, Fast | Glide) and self.solver.precision == "single":
+                # A quarter of the time; E differs by less than 1e-7, or 1e-4 of it.
+                return phase, phases_and_errors(backend_of("numpy"), own, phase, part, None)[1]
             return phase, error_of(own, phase, part)
         return phases_and_errors(backend_of(name, precision="double"), own, turned, part, self.bits)
 

@@ -77,6 +77,6 @@ def test_a_frame_that_asks_for_too_much_gets_the_long_polish_and_keeps_its_place
 def test_the_field_that_is_kept_is_the_one_that_the_phases_make(bisection, around, batch):
     operators = bisection.operators
     solved = bisection.refine_mean(batch, around, bisection.begin(batch, around), 10)
-    heard = (solved.z @ bisection.field.out)[0, : operators.problem.points]
-    made = (np.exp(1j * solved.theta) @ operators.drive_back @ operators.field)[0, : operators.problem.points]
+    heard = bisection.field.out.of_modes(solved.z)[0, : operators.problem.points]
+    made = operators.field.of_modes(operators.drive.to_modes(np.exp(1j * solved.theta)))[0, : operators.problem.points]
     np.testing.assert_allclose(heard, made * batch.gain[0, 0], rtol=1e-9)

@@ -86,7 +86,7 @@ class BisectionStep:
         for _ in range(iterations):
             method.step(function, state)
         q = self.operators.backend.phasor(state.x)
-        z = batch.gain * (q @ self.operators.drive_back) * self.operators.root
+        z = batch.gain * self.operators.drive.to_modes(q) * self.operators.root
         return self._solved(batch, state, z, around.field_scale)
 
     def from_field(self, batch: Batch, around: Neighbours, effort: Effort, *, rough: bool) -> FrameSolution:
@@ -95,14 +95,15 @@ class BisectionStep:
         `rough` adds ADMM between phase fit and refinement.
         """
         operators, backend = self.operators, self.operators.backend
-        y = (around.z @ self.field.out)[:, : batch.p.shape[1]]
+        y = self.field.out.of_modes(around.z)[:, : batch.p.shape[1]]
         # The phases of the mean field; where it is nearly silent, the initial phases.
         even = self.settings.towards * backend.xp.max(around.p, axis=1, keepdims=True)
         u = backend.unit(backend.unit(y) * around.p + even * operators.psi)
         z = around.part * around.z + self.field.first(around.missed * u)
         state = self.field.run(batch, z, around.field_scale, effort[0])
         a = self.field.coordinates(batch, state)
-        q = self._phase_fit(a, around.q, effort[1])
+        settings = self.settings
+        q = operators.drive.fitted(a, around.q, effort[1], step=settings.step, momentum=settings.momentum)
         scale = around.scale / batch.gain[:, 0] ** 2
         polished = (
             self._refine_with_admm(batch, a, q, scale, effort[2])
@@ -124,19 +125,6 @@ class BisectionStep:
     def _solved(self, batch: Batch, state: RowsState, z: Rows, field_scale: Numbers) -> FrameSolution:
         scale = state.scale * batch.gain[:, 0] ** 2
         return FrameSolution(theta=state.x, z=z, scale=scale, field_scale=field_scale)
-
-    def _phase_fit(self, a: Rows, q: Rows, iterations: int) -> Rows:
-        """Drive of magnitude 1 with V^H q close to a, by a heavy ball on the phases starting at q; see `live`."""
-        operators, backend = self.operators, self.operators.backend
-        xp = backend.xp
-        speed = xp.zeros_like(xp.real(q))
-        for _ in range(iterations):
-            change = (a - q @ operators.drive_back) @ operators.drive
-            uphill = xp.real(q) * xp.imag(change) - xp.imag(q) * xp.real(change)
-            speed = self.settings.momentum * speed + self.settings.step * uphill
-            # Rotate by the angle whose tangent is the speed, which needs no sine.
-            q = backend.unit(backend.complex(xp.real(q) - speed * xp.imag(q), xp.imag(q) + speed * xp.real(q)))
-        return q
 
     def _refine_with_admm(self, batch: Batch, a: Rows, q: Rows, scale: Numbers, iterations: int) -> RowsState:
         """Refine all rows: after ADMM where equal amplitudes can reach the field, with more iterations elsewhere."""

@@ -177,7 +177,9 @@ class Glide:
         operators = FieldOperators.of(
             problem, array_backend, tolerance=self.tolerance, memory=self.memory, outside=self.outside
         )
-        sampled = evenly_spread(problem.position, every=self.every, count=problem.transducers)
+        columns = operators.drive.matrix.shape[2]
+        position = None if problem.position is None else problem.position[:columns]
+        sampled = evenly_spread(position, every=self.every, count=columns)
         return BisectionStep(
             operators=operators,
             field=operators.field_move(loudness=self.loudness, floor=self.floor, sampled=sampled),

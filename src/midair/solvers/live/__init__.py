@@ -2,4 +2,3 @@
 
 from .live import FrameTracker as FrameTracker
 from .live import Live as Live
-from .mirror_symmetry import symmetric_modes as symmetric_modes

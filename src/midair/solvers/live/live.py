@@ -20,7 +20,7 @@ import numpy as np
 from midair.array_types import Array
 from midair.errors import MissingExtraError
 from midair.model import Progress, Status
-from midair.solvers.live.mirror_symmetry import SymmetricModes, full_phase
+from midair.solvers.mirror_symmetry import SymmetricModes, full_phase
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
 from midair.solvers.problem import Answer, Problem, WarmStart
@@ -106,20 +106,18 @@ class FrameTracker:
         images, each, places = kept.V.shape
         s = problem.level * kept.s
         root = np.sqrt(s)
-        # Modes of strength 0, which only pad their kind, get no inverse.
-        whole, inverse, least = kept.U * root, _inverse(root), _inverse(s)
-        self._root = np.where(s > 0, root, 1).astype(np.float32)
-        self._out = np.ascontiguousarray(whole.T, np.complex64)
+        self._root = root.astype(np.float32)
+        self._out = np.ascontiguousarray((kept.U * root).T, np.complex64)
         self._V, self._place = np.ascontiguousarray(kept.V, np.complex64), kept.place
-        some = kept.V[:, :, :: settings.every] * inverse.reshape(images, each, 1)
+        some = kept.V[:, :, :: settings.every] / root.reshape(images, each, 1)
         self._drive = np.ascontiguousarray(some, np.complex64)
         self._weight = np.float32(settings.loudness / (images * some.shape[2]))
         # p of norm 1 -> initial coordinates of the field p exp(j psi), as in the batch solver.
         smooth = root * s / (s**2 + (settings.floor * s.max()) ** 2)
         self._psi = np.exp(1j * problem.first_psi).astype(np.complex64)
         self._first = smooth[:, None] * kept.U.conj().T * np.exp(1j * problem.first_psi)
-        self._weak = (smooth * inverse).astype(np.float32)
-        lens = kept.drive(least * (kept.U.conj().T @ np.exp(1j * problem.first_psi)))
+        self._weak = (smooth / root).astype(np.float32)
+        lens = kept.drive(kept.U.conj().T @ np.exp(1j * problem.first_psi) / s)
         self._q = np.zeros((images, places), np.complex64)
         self._q.reshape(-1)[kept.place] = rippled(lens)
         rank = len(s)
@@ -168,8 +166,3 @@ class FrameTracker:
             field,
             lift,
         )
-
-
-def _inverse(x: Array) -> Array:
-    """1 / x; 0 where x is 0."""
-    return np.where(x > 0, 1 / np.where(x > 0, x, 1), 0)

@@ -1,0 +1,178 @@
+"""Element-wise loops of the batch solvers on NumPy in single precision, compiled by Numba.
+
+One pass over each row in place of several over the whole batch; the matrix products between them are NumPy's. Import
+this module late, as `live_kernel`.
+"""
+
+# pyright: basic
+
+import numpy as np
+from numba import njit
+
+# Not "nnan" and "ninf": a step that overflows is found by its cost.
+_fused = njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "arcp", "nsz"})
+
+
+@_fused
+def mirror(x, y):
+    """Write into y twice the even and odd parts of x under the mirrors, both (image or kind, number); see `Product`."""
+    if len(x) == 1:
+        y[:] = x
+        return
+    for n in range(x.shape[1]):
+        a, b, c, d = x[0, n], x[1, n], x[2, n], x[3, n]
+        y[0, n], y[1, n] = (a + b) + (c + d), (a - b) + (c - d)
+        y[2, n], y[3, n] = (a + b) - (c + d), (a - b) - (c - d)
+
+
+@_fused
+def spread(cosine, sine, weight, kinds):
+    """Write into kinds (row, kind, place) the parts of drives of these angles (row, image, place) and weights."""
+    images, places = cosine.shape[1:]
+    q = np.empty((images, 2 * places), np.float32)
+    K = kinds.view(np.float32)
+    for row in range(len(cosine)):
+        for i in range(images):
+            for n in range(places):
+                q[i, 2 * n] = weight[i, n] * cosine[row, i, n]
+                q[i, 2 * n + 1] = weight[i, n] * sine[row, i, n]
+        mirror(q, K[row])
+
+
+@_fused
+def turning(kinds, cosine, sine, weight, slope):
+    """Write into slope (row, image, place) the imaginary part of conj(q) v, with v given by its parts `kinds`."""
+    images, places = cosine.shape[1:]
+    v = np.empty((images, 2 * places), np.float32)
+    K = kinds.view(np.float32)
+    for row in range(len(cosine)):
+        mirror(K[row], v)
+        for i in range(images):
+            for n in range(places):
+                across = cosine[row, i, n] * v[i, 2 * n + 1] - sine[row, i, n] * v[i, 2 * n]
+                slope[row, i, n] = weight[i, n] * across
+
+
+@_fused
+def turned(kinds, weight, momentum, step, speed, q, new):
+    """One step of the heavy ball (see `live`) for drives q (row, image, place); `new` becomes their parts by kind."""
+    images, places = q.shape[1:]
+    v = np.empty((images, 2 * places), np.float32)
+    K, Q, N = kinds.view(np.float32), q.view(np.float32), new.view(np.float32)
+    for row in range(len(q)):
+        mirror(K[row], v)
+        for i in range(images):
+            for n in range(places):
+                re, im = Q[row, i, 2 * n], Q[row, i, 2 * n + 1]
+                uphill = weight[i, n] * (re * v[i, 2 * n + 1] - im * v[i, 2 * n])
+                t = momentum * speed[row, i, n] + step * uphill
+                speed[row, i, n] = t
+                re, im = re - t * im, im + t * re
+                part = np.float32(1) / np.sqrt(re * re + im * im)
+                Q[row, i, 2 * n], Q[row, i, 2 * n + 1] = part * re, part * im
+                v[i, 2 * n], v[i, 2 * n + 1] = weight[i, n] * part * re, weight[i, n] * part * im
+        mirror(v, N[row])
+
+
+@_fused
+def directed(x, gradient, S, Y, inverse, count, scale, length, trial, slope):
+    """The two loops of L-BFGS (Nocedal & Wright, algorithm 7.4) row by row: trial = x + length times direction.
+
+    S and Y (row, pair, unknown) and inverse (row, pair) are ring buffers of `count` pairs; slope (row,) becomes the
+    slope of the cost along the direction.
+    """
+    memory, unknowns = S.shape[1:]
+    d, held = np.empty(unknowns, np.float32), np.empty(memory, np.float32)
+    for row in range(len(x)):
+        for i in range(unknowns):
+            d[i] = -gradient[row, i]
+        for j in range(count - 1, max(count - memory, 0) - 1, -1):
+            s, y, total = S[row, j % memory], Y[row, j % memory], np.float32(0)
+            for i in range(unknowns):
+                total += s[i] * d[i]
+            held[j % memory] = inverse[row, j % memory] * total
+            for i in range(unknowns):
+                d[i] -= held[j % memory] * y[i]
+        for i in range(unknowns):
+            d[i] *= scale[row]
+        for j in range(max(count - memory, 0), count):
+            s, y, total = S[row, j % memory], Y[row, j % memory], np.float32(0)
+            for i in range(unknowns):
+                total += y[i] * d[i]
+            weight = held[j % memory] - inverse[row, j % memory] * total
+            for i in range(unknowns):
+                d[i] += weight * s[i]
+        total = np.float32(0)
+        for i in range(unknowns):
+            total += d[i] * gradient[row, i]
+            trial[row, i] = x[row, i] + length[row] * d[i]
+        slope[row] = total
+
+
+@_fused
+def accepted(trial, new, pull, slope, x, cost, gradient, S, Y, inverse, at, scale, length, settings):
+    """Keep the pair at `at`, and each row's trial with cost `new` and gradient `pull` if it passes the Armijo test."""
+    armijo, shrink, grow, slack = settings
+    for row in range(len(x)):
+        s, y, sy, yy = S[row, at], Y[row, at], np.float32(0), np.float32(0)
+        for i in range(x.shape[1]):
+            a, b = trial[row, i] - x[row, i], pull[row, i] - gradient[row, i]
+            s[i], y[i] = a, b
+            sy += a * b
+            yy += b * b
+        curved = yy > 0 and sy > np.float32(1e-10) * yy
+        inverse[row, at] = np.float32(1) / sy if curved else np.float32(0)
+        if curved:
+            scale[row] = sy / yy
+        if new[row] <= (np.float32(1) + slack) * cost[row] + armijo * length[row] * slope[row]:
+            cost[row], length[row] = new[row], min(grow * length[row], np.float32(1))
+            for i in range(x.shape[1]):
+                x[row, i], gradient[row, i] = trial[row, i], pull[row, i]
+        else:
+            length[row] *= shrink
+
+
+@_fused
+def squared(y, points, square):
+    """Write into square (row, image * point) the squared magnitude of the first `points` of each image of y."""
+    Y = y.view(np.float32)
+    for row in range(len(y)):
+        for i in range(y.shape[1]):
+            for m in range(points):
+                square[row, i * points + m] = Y[row, i, 2 * m] ** 2 + Y[row, i, 2 * m + 1] ** 2
+
+
+@_fused
+def missing(wanted, scale, missed, cost):
+    """The cost of mean squares `missed` (row, cell) that should be `wanted`; they become its slope."""
+    for row in range(len(missed)):
+        total = np.float32(0)
+        for c in range(missed.shape[1]):
+            less = missed[row, c] - wanted[row, c]
+            total += less * less
+            missed[row, c] = np.float32(2) * scale[row] * less
+        cost[row] = np.float32(0.5) * scale[row] * total
+
+
+@_fused
+def pulled(press, ceiling, peak, weight, y, cost):
+    """Make of y (row, image, listener) the slope by it: `press` times y at the points, and that of `excess` beyond.
+
+    The cost of the excess is added; ceiling and weight have one number for each listener beyond the points.
+    """
+    Y, images = y.view(np.float32), y.shape[1]
+    points, more = press.shape[1] // images, len(ceiling) // images
+    for row in range(len(y)):
+        total = np.float32(0)
+        for i in range(images):
+            for m in range(points):
+                Y[row, i, 2 * m] *= press[row, i * points + m]
+                Y[row, i, 2 * m + 1] *= press[row, i * points + m]
+            for m in range(more):
+                re, im = Y[row, i, 2 * (points + m)], Y[row, i, 2 * (points + m) + 1]
+                size = np.sqrt(re * re + im * im)
+                above = max(size - ceiling[i * more + m] * peak[row, 0], np.float32(0))
+                total += weight * above * above
+                part = weight * above / max(size, np.float32(1e-30))
+                Y[row, i, 2 * (points + m)], Y[row, i, 2 * (points + m) + 1] = part * re, part * im
+        cost[row] += np.float32(0.5) * total
