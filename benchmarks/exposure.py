@@ -116,7 +116,7 @@ def attacks(count: int, steps: int, rng: np.random.Generator, room: Medium | Non
     airs = airs_of_room(room, PROFILE.places, ARRAY)
     everything = []
     for place in PROFILE.places[:3]:
-        points = searched_points(place, ARRAY, airs, among=PROFILE.places)
+        points = searched_points(place, ARRAY, airs)
         matrix = np.concatenate([transfer_matrix(points, ARRAY, acoustics=air).astype(np.complex64) for air in airs])
         seen, missed = Seen.of(matrix), {}
         del matrix

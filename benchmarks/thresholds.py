@@ -4,8 +4,7 @@ An observer has a Weibull function with a threshold of 4 to 40 % (log uniform), 
 "yes-no": false alarms as guesses, so that "yes" has the probability a + (1 - a - lapse) F. "criterion": an observer of
 signal detection theory who says yes if a normal value exceeds a criterion, with the same false-alarm rate and the same
 sensitivity as the two-interval observer; its yes-no threshold depends on the criterion. Levels and numbers of trials
-are those of the template `detection`, also for yes and no. `--before` uses the estimate until 2026-11-23: QUEST+ with
-40 trials on seven levels, a guess rate of 0.05 (yes-no) or 0.5 and a lapse rate of 0.02.
+are those of the template `detection`, also for yes and no.
 """
 
 from __future__ import annotations
@@ -16,14 +15,13 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from benchmarks.clock import load
-from midair.study import QuestPlus, draw_plan, read_design, template_text
+from midair.study import draw_plan, read_design, template_text
 from midair.study.statistics import ThresholdModel
 
 SLOPES = (1.2, 3.0, 6.0)
 LAPSES = (0.0, 0.04, 0.1)
 BIASES = {"two sides": (0.0, 0.5, 1.0), "yes-no": (0.0, 0.05, 0.2, 0.35), "criterion": (0.05, 0.2)}
 """Side biases in standard deviations, or false-alarm rates."""
-OLD_LEVELS = np.array([1.0, 2, 5, 10, 20, 50, 100])
 
 
 def main() -> None:
@@ -31,7 +29,6 @@ def main() -> None:
     parser.add_argument("--observers", type=int, default=500, help="simulated observers per line (default 500)")
     parser.add_argument("--task", choices=list(BIASES), nargs="*", default=list(BIASES))
     parser.add_argument("--bias", type=float, nargs="*", help="side biases or false-alarm rates (default all)")
-    parser.add_argument("--before", action="store_true", help="use the estimate until 2026-11-23")
     parser.add_argument("--seed", type=int, default=2026, help="random seed (default 2026)")
     options = parser.parse_args()
     print(load())
@@ -42,8 +39,7 @@ def main() -> None:
                 for slope in SLOPES:
                     rng = np.random.default_rng([options.seed, int(100 * bias), int(100 * lapse), int(10 * slope)])
                     observer = {"bias": bias, "lapse": lapse, "slope": slope}
-                    run = before if options.before else after
-                    shift, covered, refused = run(rng, task, options.observers, **observer)
+                    shift, covered, refused = after(rng, task, options.observers, **observer)
                     print(
                         f"{task:9} {bias:5.2f} {lapse:6.2f} {slope:6.1f} {shift:+8.1f} {covered:11.1f} {refused:10.1f}",
                         flush=True,
@@ -80,29 +76,6 @@ def after(
     inside = np.array([one.low <= value <= one.high for one, value in zip(found, true, strict=True)])
     error = np.log([one.threshold for one in found]) - np.log(true)
     return 100 * float(np.expm1(error[kept].mean())), 100 * float(inside[kept].mean()), 100 * float(1 - kept.mean())
-
-
-def before(
-    rng: np.random.Generator, task: str, observers: int, *, bias: float, lapse: float, slope: float
-) -> tuple[float, float, float]:
-    """As `after`, with the mean and 1.96 standard deviations of the posterior of QUEST+."""
-    error, inside = [], []
-    for true in np.exp(rng.uniform(np.log(4), np.log(40), observers)):
-        state = QuestPlus(
-            levels=OLD_LEVELS,
-            thresholds=np.geomspace(0.5, 200, 41),
-            slopes=np.array([1.0, 2, 4, 8]),
-            lapses=np.array([0.02]),
-            guess=0.5 if task == "two sides" else 0.05,
-        )
-        for second in rng.permutation(np.arange(40) % 2 == 1):
-            x = state.next_level
-            first = chance(task, np.array(x), true, second, bias=bias, lapse=lapse, slope=slope)
-            state = state.answered(x, bool((rng.random() < first) != (second and task == "two sides")))
-        mean, sd = state.threshold
-        error.append(np.log(mean / true))
-        inside.append(abs(mean - true) <= 1.96 * sd)
-    return 100 * float(np.expm1(np.mean(error))), 100 * float(np.mean(inside)), 0.0
 
 
 def chance(

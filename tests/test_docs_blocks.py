@@ -14,8 +14,16 @@ import pytest
 import soundfile
 
 from midair.cli import run
-from midair.files import load_palm, load_placement, load_tracker, open_take, save, save_calibration, save_palm_path
-from midair.files.toml.sensors import load_sensor
+from midair.files import (
+    load_palm,
+    load_placement,
+    load_sensor,
+    load_tracker,
+    open_take,
+    save,
+    save_calibration,
+    save_palm_path,
+)
 from midair.model import Crosstalk, PalmPath, Recording
 from midair.recordings import cut
 from midair.settings import Settings

@@ -6,11 +6,9 @@ from benchmarks.materials import (
     material_of,
     materials_table,
     recorded,
-    share_between,
 )
 
 from midair.datasets import stroke
-from midair.errors import InputError
 from midair.files import save
 from midair.model import Calibration, ControlGrid, PressureFrames, Recording, SensorGrid
 from midair.paper.modes_compared import strongest_part
@@ -36,12 +34,6 @@ def test_the_classified_stroke_is_not_in_the_training_set():
     shapes = rng.standard_normal((20, 5)) + 6 * truth[:, None]
     shapes[0] += 6
     assert left_out_names(shapes, shapes, truth)[0] == 1
-
-
-def test_limits_are_those_of_wilson():
-    assert share_between(10, 12) == pytest.approx((0.552, 0.953), abs=1e-3)  # Newcombe 1998, by his formula
-    assert share_between(0, 12)[0] == 0
-    assert share_between(12, 12)[1] == 1
 
 
 def test_the_strongest_part_is_found():
@@ -82,21 +74,6 @@ def test_the_live_mode_inverts_the_sensor_causally(tmp_path):
     # The pressures differ, because the filter uses only 6 ms of future samples: errors of 7 to 39 % by band.
     off = np.linalg.norm(causal - zero_phase) / np.linalg.norm(zero_phase)
     assert 0.03 < off < 0.4
-
-
-@pytest.mark.parametrize(
-    "names", [[], ["wool_1.h5", "wool_2.h5", "wool_3.h5"], ["a_1.h5", "a_2.h5", "a_3.h5", "b_1.h5"]]
-)
-def test_too_few_recordings_are_rejected_with_their_numbers(tmp_path, names):
-    for number, name in enumerate(names):
-        write(tmp_path / name, number)
-    with pytest.raises(InputError, match="two or more materials with three or more recordings each"):
-        recorded(tmp_path, 0.3)
-
-
-def test_too_few_strokes_are_refused():
-    with pytest.raises(InputError, match="three or more"):
-        MaterialsPlan(strokes=2)
 
 
 @pytest.mark.slow

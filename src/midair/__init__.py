@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from midair import files as files
     from midair import model as model
     from midair import paper as paper
+    from midair import patterns as patterns
     from midair import physics as physics
     from midair import pipeline as pipeline
     from midair import recordings as recordings

@@ -118,6 +118,7 @@ def made(tmp_path_factory):
         rows[500:503, 4] = np.nan
         names = ",".join(["time", *(f"ch{n}" for n in range(16))])
         np.savetxt("gaps.csv", rows, delimiter=",", header=names, comments="", fmt="%.6f")
+        (folder / "circle.toml").write_text("duration_s = 0.1\n[[spot]]\nshape = 'circle'\ndraw_hz = 50")
         soundfile.write("tone.wav", 0.1 * np.sin(2 * np.pi * 1000 * np.arange(8000) / 8000), 8000)
         soundfile.write("towel.wav", 0.5 * np.clip(rng.normal(size=4000) / 4, -1, 1), 8000)
         assert run(["calibrate", "take.h5", "--peak", "30Pa"]) == 0

@@ -42,6 +42,7 @@ LINES = {
     "calibrate beam": NOTHING,
     "calibrate array --duration 4s": NOTHING,
     "calibrate bench bench --duration 1s": NOTHING,
+    "draw circle.toml x.drive.h5 --duration 0.1s": NOTHING,
     f"solve take.h5 x.drive.h5 {QUICK}": NOTHING,
     "exposure take.drive.h5": NOTHING,
     "play take.drive.h5": NOTHING,
@@ -127,6 +128,7 @@ def desk(tmp_path_factory):
         noise = 0.05 * rng.standard_normal((300, *grid.shape))
         take = Recording(samples=noise, rate=1000.0, unit="V", sensor=grid)
         save(take, "take.h5", calibration=Calibration.flat(grid, sensitivity=0.02))
+        Path("circle.toml").write_text("[[spot]]\nshape = 'circle'\ndraw_hz = 50", encoding="utf-8")
         soundfile.write("song.wav", noise.reshape(300, -1), 1000, subtype="FLOAT")
         pair = SensorGrid(rows=1, columns=2)
         same = np.repeat(0.05 * rng.standard_normal((12_000, 1, 1)), 2, axis=2)

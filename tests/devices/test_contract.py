@@ -11,7 +11,6 @@ from midair.devices import (
     VirtualArray,
     VirtualSkin,
     autd3_array,
-    autd3_constant_frame,
     autd3_immediate,
     pyautd3_array,
     virtual_immediate,
@@ -34,7 +33,6 @@ ARRAYS = {
     "virtual on skin": lambda: VirtualArray(ARRAY, VirtualSkin(SensorModel())),
     "autd3:firmware": lambda: autd3_firmware(ONE),
     "autd3:emulator": lambda: autd3_array("emulator", ONE),
-    "autd3, a frame that stands": lambda: autd3_constant_frame("emulator", ONE, failsafe=0.5),
     "autd3, frame by frame": lambda: autd3_immediate("emulator", ONE, failsafe=0.5),
     "virtual, frame by frame": lambda: virtual_immediate(ONE),
     "pyautd3:audit": lambda: pyautd3_array("audit", ONE),
@@ -51,8 +49,8 @@ def drive(device, frames=5, rate=1000.0):
     return Drive(phase=phase, level=np.ones(frames), rate=rate, array=array)
 
 
-SLOWER = {"autd3, a frame that stands", "openmpd twin"}
-"""Arrays that wait longest, or differ little from another: they are in the long suite."""
+SLOWER = {"openmpd twin"}
+"""Arrays that differ little from another: they are in the long suite."""
 
 
 @pytest.fixture(

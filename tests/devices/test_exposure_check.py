@@ -168,7 +168,7 @@ def test_a_drive_for_no_air_of_a_room_is_refused_before_any_work(speed):
 
 def hiding(airs, air, point):
     """A drive that is loud at a point in one air, and quiet at the left ear's points in others."""
-    points = searched_points(PROFILE.places[0], ARRAY, airs, among=PROFILE.places)[::2]
+    points = searched_points(PROFILE.places[0], ARRAY, airs)[::2]
     seen = np.concatenate([transfer_matrix(points, ARRAY, acoustics=each).astype(np.complex64) for each in airs])
     power = (seen.conj().T @ seen / len(points)).astype(np.complex128)
     power[np.diag_indices(ARRAY.count)] += 1e-3 * np.linalg.norm(power, 2)

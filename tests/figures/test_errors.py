@@ -28,11 +28,6 @@ def test_one_row_per_trial_in_percent(check_figure):
     assert {"strength", "0.005", "0.010"} <= {text.get_text() for text in axis.texts}
 
 
-def test_trials_without_any_error_still_have_an_axis():
-    (axis,) = trials_figure([spread("silence", 0.0)]).axes
-    assert axis.get_xlim() == (0, 1.04)
-
-
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 
 
@@ -67,13 +62,6 @@ def test_one_line_per_loop_in_percent(check_figure, simulated):
     assert axis.lines[0].get_xydata().tolist() == [[1, 50], [2, 30], [3, 20]]
     assert axis.get_ylim()[0] == 0
     assert [text.get_text() for text in axis.get_legend().get_texts()] == ["noise", "bursts"]
-
-
-def test_more_loops_than_colours():
-    figure = passes_figure([(str(number), [0.5]) for number in range(9)], simulated=True)
-    colours = [line.get_color() for line in figure.axes[0].lines]
-    assert len(set(colours)) == 7
-    assert colours[7] == colours[0]
 
 
 LEAK = Leak(peak=0.5, typical=0.2, place=(0.0, 0.0), wanted=1.0)

@@ -19,12 +19,6 @@ def test_traces_have_a_panel_a_channel_on_one_scale(tones, check_figure, simulat
     assert original.get_linewidth() > 2 * reproduced.get_linewidth(), "not covered by the line in front of it"
 
 
-def test_traces_alone_have_one_line(tones, check_figure):
-    figure = traces_figure(tones(simulated=False))
-    check_figure(figure, "(s)", "(Pa)", simulated=False)
-    assert [len(axis.lines) for axis in figure.axes] == [1] * 16
-
-
 def test_spectra_are_of_positive_pressure_in_db(tones, check_figure):
     figure = spectra_figure([("a", tones()), ("b", tones(0.1, simulated=False))])
     check_figure(figure, "(Hz)", "dB re 1 Pa²/Hz", "channel 2", "channel 14", simulated=True)

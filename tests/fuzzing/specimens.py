@@ -2,13 +2,14 @@
 
 import json
 import struct
-from io import BytesIO
+from importlib.util import find_spec
 from pathlib import Path
 
 import h5py
 import numpy as np
 import soundfile
 from scipy.io import savemat
+from tests.foreign_files import mcap, tdms, xdf, xdf_whole
 
 from midair.datasets import sample_path
 from midair.files import RecordingWriter, save, save_calibration, save_pressure, save_sensor, save_solution
@@ -110,27 +111,16 @@ def _of_matlab(folder: Path) -> None:
 
 def _robots_and_laboratories(folder: Path) -> None:
     samples = recording().samples.reshape(40, 6)
-    (folder / "a.xdf").write_bytes(_xdf(samples))
-    (folder / "a.tdms").write_bytes(_tdms(samples, interleaved=False) + _tdms(samples, interleaved=True))
-    try:
-        from mcap.writer import CompressionType, Writer
-    except ImportError:
+    labels = [f"c{number}" for number in range(6)]
+    (folder / "a.xdf").write_bytes(xdf_whole(xdf(samples, labels=labels, unit="volts")))
+    columns = {f"mic {number}": column for number, column in enumerate(samples.T)}
+    (folder / "a.tdms").write_bytes(tdms(columns) + tdms(columns, interleaved=True))
+    if find_spec("mcap") is None:
         return
     cdr = [b"\0\1\0\0" + struct.pack("<III4x6d", 0, 0, 6, *row) for row in samples]
-    for name, encoding, schema, messages, packed in (
-        ("json", "json", "frame", [json.dumps(row.tolist()).encode() for row in samples], CompressionType.ZSTD),
-        ("ros", "cdr", "std_msgs/msg/Float64MultiArray", cdr, CompressionType.NONE),
-    ):
-        stream = BytesIO()
-        out = Writer(stream, compression=packed, chunk_size=1500)
-        out.start()
-        number = out.register_schema(name=schema, encoding="jsonschema", data=b"{}")
-        channel = out.register_channel(topic="/skin", message_encoding=encoding, schema_id=number)
-        for i, message in enumerate(messages):
-            time = 1_700_000_000_000_000_000 + i * 1_000_000
-            out.add_message(channel, log_time=time, data=message, publish_time=time)
-        out.finish()
-        (folder / f"{name}.mcap").write_bytes(stream.getvalue())
+    (folder / "json.mcap").write_bytes(mcap({"/skin": samples.tolist()}, chunk_size=1500))
+    ros = {"encoding": "cdr", "schema": "std_msgs/msg/Float64MultiArray", "compress": False}
+    (folder / "ros.mcap").write_bytes(mcap({"/skin": cdr}, chunk_size=1500, **ros))
 
 
 def _effects(folder: Path) -> None:
@@ -202,43 +192,3 @@ def _written_by_hand(folder: Path) -> None:
     words = 'name = "mine"\ntitle = "t"\nsource = "s"\nevidence = "e"\n'
     (folder / "exposure.toml").write_text(f"[[profile]]\n{words}{place}{place}")
     best_mode().save(folder / "settings.toml")
-
-
-def _chunk(tag: int, content: bytes) -> bytes:
-    return b"\x04" + struct.pack("<IH", len(content) + 2, tag) + content
-
-
-def _xdf(samples: np.ndarray) -> bytes:
-    channels = "".join(f"<channel><label>c{i}</label><unit>volts</unit></channel>" for i in range(samples.shape[1]))
-    head = (
-        "<?xml version='1.0'?><info><name>skin</name><type>touch</type><channel_count>6</channel_count>"
-        "<nominal_srate>1000</nominal_srate><channel_format>float32</channel_format><source_id>bench</source_id>"
-        f"<desc><channels>{channels}</channels></desc></info>"
-    )
-    stream = struct.pack("<I", 1)
-    rows = b"".join(
-        b"\x08" + struct.pack("<d", 100 + i / 1000) + row.astype("<f4").tobytes() for i, row in enumerate(samples)
-    )
-    clock = b"".join(_chunk(4, stream + struct.pack("<dd", 100.0 + i, 0.0)) for i in range(3))
-    return (
-        b"XDF:"
-        + _chunk(1, b"<?xml version='1.0'?><info><version>1.0</version></info>")
-        + _chunk(2, stream + head.encode())
-        + _chunk(3, stream + b"\x04" + struct.pack("<I", len(samples)) + rows)
-        + clock
-        + _chunk(6, stream + b"<info><sample_count>40</sample_count></info>")
-    )
-
-
-def _tdms(samples: np.ndarray, *, interleaved: bool) -> bytes:
-    def text(value: str) -> bytes:
-        return struct.pack("<I", len(value.encode())) + value.encode()
-
-    head = struct.pack("<I", samples.shape[1] + 1) + text("/'skin'") + struct.pack("<II", 0xFFFFFFFF, 0)
-    for i in range(samples.shape[1]):
-        head += text(f"/'skin'/'mic {i}'") + struct.pack("<IIIQ", 20, 10, 1, len(samples)) + struct.pack("<I", 2)
-        head += text("wf_increment") + struct.pack("<Id", 10, 1e-3)
-        head += text("unit_string") + struct.pack("<I", 0x20) + text("V")
-    raw = (samples if interleaved else samples.T).astype("<f8").tobytes()
-    body = head + raw
-    return b"TDSm" + struct.pack("<IIQQ", 14 | 32 * interleaved, 4713, len(body), len(head)) + body

@@ -1,6 +1,9 @@
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from midair.errors import InputError
 from midair.study import Chance, confusion_matrix
@@ -42,6 +45,25 @@ def test_ratings_have_a_panel_a_level_of_the_first_of_three_factors(factors, pan
     assert len(figure.axes) == panels
     shown = [y for axes in figure.axes for box in axes.containers for y in box.lines[0].get_ydata()]
     assert sorted(shown) == pytest.approx(mean.tolist())
+
+
+def test_long_names_stay_apart_and_inside():
+    names = [f"corduroy-0{i}.fade" for i in range(4)]
+    shown = [Choices(name="all", confusion=confusion_matrix(names, names, labels=names), f_limits=None)]
+    table = pd.DataFrame({"cloth": names * 2, "hand": [f"the {i} hand" for i in range(2) for _ in names]})
+    table = table.assign(mean=3.0, low=2.0, high=4.0)
+    both = [
+        rating_figure(part, list(part)[-4::-1], simulated=True)
+        for part in (table[["cloth", "mean", "low", "high"]][:4], table)
+    ]
+    for figure in (confusion_figure(shown, simulated=True), f_figure(shown, simulated=True), *both):
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        labels = [label.get_window_extent() for label in figure.axes[0].get_xticklabels()]
+        slanted = figure.axes[0].get_xticklabels()[0].get_rotation() > 0
+        assert slanted or all(left.x1 < right.x0 for left, right in pairwise(labels))
+        for box in [*labels, *(legend.get_window_extent() for legend in figure.legends)]:
+            assert 0 <= box.x0 < box.x1 <= figure.bbox.x1
 
 
 def test_four_factors_are_too_many():

@@ -8,11 +8,10 @@ import subprocess
 import sys
 import time
 import urllib.request
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import replace
 from http.client import HTTPException
 from pathlib import Path
-from types import SimpleNamespace
 
 import distributed
 import numpy as np
@@ -266,12 +265,6 @@ class FakeClient:
         return {"workers": {str(number): {"last_seen": seen} for number, seen in enumerate(answer)}}
 
 
-def test_a_heartbeat_of_any_worker_is_enough():
-    watch = WorkerMonitor(FakeClient([1.0, 5.0], [1.0, 6.0], [1.0, 7.0]), patience=0.0)
-    for _ in range(3):
-        watch.look()
-
-
 @pytest.mark.parametrize(
     "silent", [[], [5.0], OSError("gone"), TimeoutError()], ids=["none", "stopped", "gone", "hangs"]
 )
@@ -280,18 +273,6 @@ def test_no_new_heartbeat_is_an_error(silent):
     watch.look()
     time.sleep(0.01)
     with pytest.raises(ClusterError, match="no heartbeat"):
-        watch.look()
-
-
-@pytest.mark.parametrize("answered", [True, False])
-def test_an_answer_counts_as_a_heartbeat(answered, monkeypatch):
-    clock = iter([0.0, 0.0, *([50.0] if answered else []), 70.0]).__next__
-    monkeypatch.setattr("midair.sweep.run.time", SimpleNamespace(monotonic=clock))
-    watch = WorkerMonitor(FakeClient([5.0], []), patience=60.0)
-    watch.look()
-    if answered:
-        watch.reset()
-    with nullcontext() if answered else pytest.raises(ClusterError, match="no heartbeat"):
         watch.look()
 
 

@@ -7,7 +7,6 @@ from PIL import Image
 from tests.view.shown import GRID, focus, focus_drive, focus_target, pressure, recording
 
 from midair.errors import InputError, MissingExtraError
-from midair.model import Recording, SensorGrid
 from midair.view import (
     Film,
     PalmMaps,
@@ -128,15 +127,6 @@ def test_played_map_covers_the_target_map():
     assert 4 <= ground[:, 128].argmin() <= 12
     assert 4 <= ground[128].argmin() <= 12
     assert not (wanted == (13, 17, 23)).all(axis=2).any()
-
-
-def test_long_sensor_keeps_its_aspect_ratio():
-    values = np.ones((4, 2, 8))
-    taken = Recording(samples=values, rate=1000.0, sensor=SensorGrid(rows=2, columns=8, name="strip"))
-    picture = np.asarray(Film(show_recording(taken), side=64).picture(0))[30:94, 14:78]
-    bright = (picture == colour_of(1)).all(axis=2)
-    assert bright.sum() == 64 * 16
-    assert bright[24:40].all()
 
 
 SQUARE = (10e-3, 5e-3)

@@ -7,7 +7,6 @@ from .arrays import OpenMpdArray as OpenMpdArray
 from .arrays import Put as Put
 from .arrays import SilencerChoice as SilencerChoice
 from .arrays import autd3_array as autd3_array
-from .arrays import autd3_constant_frame as autd3_constant_frame
 from .arrays import autd3_immediate as autd3_immediate
 from .arrays import choose_silencer as choose_silencer
 from .arrays import pyautd3_array as pyautd3_array

@@ -347,7 +347,7 @@ def _fill(
     # Small blocks stay in the cache; a whole drive at all points would not fit into memory.
     for first in blocks:
         frames = slice(first, first + BLOCK)
-        parts, strength = drive_parts(drive, frames, space, searches.order, steps=steps)
+        parts, strength = drive_parts(drive, frames, space, steps=steps)
         most = strength * alone.sum(axis=0) if strength.shape[1] == 1 else strength @ alone
         found = searches.loudest(parts, space)
         # A common level of all transducers is applied at the end, where there is one number per frame.

@@ -27,6 +27,7 @@ from .problem import Answer as Answer
 from .problem import Problem as Problem
 from .problem import Solver as Solver
 from .problem import Start as Start
+from .problem import WarmStart as WarmStart
 from .problem import error_of as error_of
 from .solve_plan import automatic_level as automatic_level
 from .solver_settings import MethodSettings as MethodSettings

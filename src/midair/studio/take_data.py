@@ -165,7 +165,7 @@ def describe_settings(settings: Settings) -> dict[str, Any]:
 
 
 def made_with(paths: tuple[str, ...], _: object = None) -> list[dict[str, Any]]:
-    """Return mode, settings in one line, and mean E of drives; the mode is empty if it is not known."""
+    """Return mode, gain, settings in one line, and mean E of drives; the mode is empty if it is not known."""
     return [_made_with(path, stamp_of(path)) for path in paths]
 
 
@@ -181,7 +181,7 @@ def _made_with(path: str, stamp: str) -> dict[str, Any]:
     if (known := _chosen_settings(solution.drive.provenance)) is None:
         return {**said, "mode": "", "made": "made with settings that it does not contain"}
     shown = describe_settings(known)
-    return {**said, "mode": shown["mode"], "made": f"made with {shown['line']}"}
+    return {**said, "mode": shown["mode"], "gain": shown["gain"], "made": f"made with {shown['line']}"}
 
 
 def frames_of(order: tuple[TakeData, Streams, int], _: object = None) -> bytes:

@@ -34,7 +34,7 @@ from midair.settings import CHOICES, MODES, Mode, Settings
 from midair.solvers import METHODS, check_terms, takes
 from midair.studio.importing import run_command
 from midair.studio.jobs import Progressed
-from midair.studio.take_data import stamp_of
+from midair.studio.take_data import describe_settings, stamp_of
 from midair.study import StudyFolder, Template, prepare_drives, read_design, template_text
 from midair.targets import add_lead
 
@@ -157,6 +157,7 @@ def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dic
         "frames": before.frames,
         "spectrum": spectrum,
         "gain": settings.target.gain,
+        "mode": describe_settings(settings)["mode"],
         "suggested_gain": None if gain is None else float(f"{gain:.4g}"),
         "measured_gain": float(found.gain),
     }
@@ -250,16 +251,15 @@ def make_sample(order: tuple[str, str], progress: Progressed) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyRequest:
-    """A study plan to draw into a new folder: from a template, or of takes with one question."""
+    """A study plan to draw into a new folder: from a template, or of takes with questions."""
 
     path: str
     template: Template
     participants: int
     takes: tuple[str, ...] = ()
     """Paths of recordings, in place of a template."""
-    question: str = ""
-    scale: bool = False
-    """Rate each take from 1 to 7 instead of naming it."""
+    questions: tuple[tuple[str, bool], ...] = ()
+    """Texts, and whether each take is rated from 1 to 7 instead of named."""
     repetitions: int = 5
 
     def text(self) -> str:
@@ -267,9 +267,16 @@ class StudyRequest:
         if not self.takes:
             return template_text(self.template)
         names = [Path(take).stem for take in self.takes]
-        kind = {"kind": "rating", "low": 1, "high": 7} if self.scale else {"kind": "choice", "options": names}
-        truth = {} if self.scale else {"truth": "object"}
-        block = {"name": "main", "stimuli": names, "questions": ["answer"], "repetitions": self.repetitions}
+        named: dict[str, Any] = {"kind": "choice", "options": names, "truth": "object"}
+        rating = {"kind": "rating", "low": 1, "high": 7}
+        asked = [
+            {"name": f"{'rating' if scale else 'which'}{i}", "text": text, **(rating if scale else named)}
+            for i, (text, scale) in enumerate(self.questions, start=1)
+        ]
+        rated, chosen = ([one["name"] for one in asked if one["kind"] == kind] for kind in ("rating", "choice"))
+        block = {"name": "main", "stimuli": names, "repetitions": self.repetitions}
+        read = {"choice": chosen[0]} if chosen else {}
+        read |= {"rated": rated, "within": ["object"]} if rated else {}
         return tomli_w.dumps(
             {
                 "name": "study",
@@ -277,10 +284,10 @@ class StudyRequest:
                 "participants": self.participants,
                 "seed": 1,
                 "consent": "You will feel touches on your palm. You may stop at any time.",
-                "questions": [{"name": "answer", "text": self.question, **kind, **truth}],
+                "questions": asked,
                 "stimuli": [{"name": n, "source": f"{n}.drive.h5", "levels": {"object": n}} for n in names],
-                "blocks": [block],
-                "analysis": {"rated": ["answer"], "within": ["object"]} if self.scale else {"choice": "answer"},
+                "blocks": [{**block, "questions": [one["name"] for one in asked]}],
+                "analysis": read,
             }
         )
 

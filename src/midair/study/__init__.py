@@ -9,7 +9,6 @@ from .design import Plan as Plan
 from .design import Policy as Policy
 from .design import PowerTest as PowerTest
 from .design import Question as Question
-from .design import QuestPlus as QuestPlus
 from .design import SessionState as SessionState
 from .design import Staircase as Staircase
 from .design import Stimulus as Stimulus
@@ -72,6 +71,7 @@ from .statistics import Psychometric as Psychometric
 from .statistics import PsychometricFit as PsychometricFit
 from .statistics import RatingExperiment as RatingExperiment
 from .statistics import Sensitivity as Sensitivity
+from .statistics import ThresholdModel as ThresholdModel
 from .statistics import bayes_factor as bayes_factor
 from .statistics import chance_macro_f as chance_macro_f
 from .statistics import chance_of_published as chance_of_published

@@ -31,7 +31,7 @@ def confusion_figure(choices: Sequence[Choices], *, simulated: bool) -> Figure:
             dark = count > counts[row].sum() / 2
             axes.text(column, row, str(count), ha="center", va="center", color="white" if dark else STYLE.ink)
         labels = [str(label) for label in one.confusion.labels]
-        axes.set_xticks(range(len(labels)), labels, fontsize=8)
+        _name_ticks(axes, labels)
         axes.set_yticks(range(len(labels)), labels, fontsize=8)
         axes.set_title(one.name, fontsize=9)
         axes.set_xlabel("answered (number of trials)", fontsize=8)
@@ -56,7 +56,7 @@ def f_figure(choices: Sequence[Choices], *, simulated: bool) -> Figure:
             axes.errorbar(x, value, limits, fmt="none", ecolor="black", capsize=3.5, linewidth=1.2, capthick=1.2)
     labels = [str(label) for label in choices[0].confusion.labels]
     axes.axhline(1 / len(labels), color=STYLE.ink, linewidth=0.8, linestyle=":")
-    axes.set_xticks(range(len(labels)), labels)
+    _name_ticks(axes, labels)
     axes.set_ylim(0, 1.02)
     axes.set_ylabel("F-measure, 95 % over people", fontsize=8)
     axes.legend(fontsize=8, frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
@@ -74,8 +74,8 @@ def rating_figure(
     """Mean ratings with confidence intervals; with three factors one panel for each level of the first (Fig. 8).
 
     `ratings` has the columns of the factors, mean, low, high. The last factor of `within` is the colour, the one before
-    it the axis; `title` is that of a single panel, `span` the range of the rating axis. Raises InputError for more than
-    three factors.
+    it the axis; a single factor is the axis. `title` is that of a single panel, `span` the range of the rating axis.
+    Raises InputError for more than three factors.
     """
     if not 1 <= len(within) <= 3:
         raise InputError(f"figure of ratings: expected one to three factors, got {len(within)}")
@@ -86,14 +86,16 @@ def rating_figure(
         axes = plain_axes(figure.add_subplot(1, len(panels), place + 1, sharey=shared))
         shared = shared or axes
         rows = ratings.loc[ratings[within[0]] == panel] if panel else ratings
-        _rating_panel(axes, rows, within[-2] if len(within) > 1 else "", within[-1])
+        _rating_panel(axes, rows, within[-2:][0], within[-1] if len(within) > 1 else "")
         axes.set_title(f"{within[0]}: {panel}" if panel else title, fontsize=9)
         if place == 0:
             axes.set_ylabel("rating, 95 % within people", fontsize=8)
         if span is not None:
             axes.set_ylim(span)
     handles, names = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, fontsize=8, frameon=False, ncols=min(len(names), 3), loc="outside lower center")
+    if names:
+        columns = max(1, min(len(names), 3, int(18 * figure.get_figwidth()) // (max(map(len, names)) + 6)))
+        figure.legend(handles, names, fontsize=8, frameon=False, ncols=columns, loc="outside lower center")
     return figure
 
 
@@ -126,15 +128,32 @@ def power_figure(curves: Sequence[tuple[str, DataFrame]], *, simulated: bool = F
     return figure
 
 
+def _name_ticks(axes: Axes, names: Sequence[str]) -> None:
+    """Names along the horizontal axis; slanted if they would run into each other."""
+    axes.set_xticks(range(len(names)), names, fontsize=8)
+    if len(names) * max(map(len, names)) > 24:
+        for label in axes.get_xticklabels():
+            label.set(rotation=25, ha="right", rotation_mode="anchor")
+
+
 def _rating_panel(axes: Axes, rows: DataFrame, across: str, colour: str) -> None:
-    places = sorted(set(rows[across].tolist())) if across else [""]
+    places = sorted(set(rows[across].tolist()))
     shades = [STYLE.before, STYLE.reproduced, STYLE.original]
-    series = sorted(set(rows[colour].tolist()))
+    series = sorted(set(rows[colour].tolist())) if colour else [""]
     for i, level in enumerate(series):
-        part = rows.loc[rows[colour] == level]
-        place = [places.index(name) for name in part[across].tolist()] if across else [0]
+        part = rows.loc[rows[colour] == level] if colour else rows
+        place = [places.index(name) for name in part[across].tolist()]
         x = np.array(place) + (i - (len(series) - 1) / 2) * 0.2
         error = np.array([part["mean"] - part["low"], part["high"] - part["mean"]])
-        axes.errorbar(x, part["mean"], error, fmt="o", ms=4, capsize=2, color=shades[i % 3], label=f"{colour}: {level}")
-    axes.set_xticks(range(len(places)), [str(place) for place in places], fontsize=8)
+        axes.errorbar(
+            x,
+            part["mean"],
+            error,
+            fmt="o",
+            ms=4,
+            capsize=2,
+            color=shades[i % 3],
+            label=f"{colour}: {level}" if colour else None,
+        )
+    _name_ticks(axes, [str(place) for place in places])
     axes.set_xlabel(across, fontsize=8)

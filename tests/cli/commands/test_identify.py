@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.files import save
-from midair.files.toml.sensors import load_sensor, save_sensor
+from midair.files import load_sensor, save, save_sensor
 from midair.model import Recording, SensorWiring
 from midair.rig.names.virtual_rig import VirtualRig
 

@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.files import load, save
-from midair.files.toml.sensors import save_sensor
+from midair.files import load, save, save_sensor
 from midair.model import Recording, SensorWiring
 
 PROGRAM = "import sys; from midair.cli import run; sys.exit(run(sys.argv[1:]))"

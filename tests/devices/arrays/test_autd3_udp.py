@@ -14,10 +14,10 @@ from tests.simulators.exposure_override import clear_any_exposure
 from tests.simulators.udp_proxy import READ_STATE
 from tests.waiting import wait_until
 
-from midair.devices import Cooling, autd3_array
+from midair.devices import Cooling, autd3_array, autd3_immediate
 from midair.devices.arrays.banks import TooLateError
 from midair.devices.frame_bytes import TICK, phase_bytes
-from midair.errors import DeviceError, LinkLostError, TooHotError
+from midair.errors import DeviceError, LinkLostError, TooHotError, UnknownDeviceError
 from midair.model import Drive, Placement
 
 pytest.importorskip("autd3")
@@ -509,6 +509,11 @@ def test_units_report_that_they_are_emulated(tap):
 def test_what_does_not_run_is_an_error_with_advice(where, error, words):
     with pytest.raises(error, match=words):
         autd3_array(where, ONE).open()
+
+
+def test_a_server_does_not_play_single_frames_since_its_heartbeat_keeps_units_on():
+    with pytest.raises(UnknownDeviceError, match="a server's heartbeat keeps them on"):
+        autd3_immediate("server", ONE).open()
 
 
 def test_a_simulator_at_its_port_receives_the_geometry(tap):

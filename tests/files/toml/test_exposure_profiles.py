@@ -56,7 +56,7 @@ def test_a_user_profile():
         ("limit_db = 100", "limit_db = 'loud'", "loud"),
         ("limit_db = 100", "limit_db = 100\nlimt = 3", "limt"),
         ("limit_db = 100", "limit_db = 100\nenforced = false", "at least one"),
-        ("[0, 0, 500]", "[0, 0]", "unpack"),
+        ("[0, 0, 500]", "[0, 0]", "position_mm"),
         ('evidence = "e"', "", "evidence"),
         ('evidence = "e"', 'evidence = "e"\nduty = 1.5', "at most 1"),
         ('evidence = "e"', 'evidence = "e"\nwarming_k = nan', "above 0 K"),

@@ -7,7 +7,7 @@ from scipy.optimize import approx_fprime
 
 from midair.errors import InputError
 from midair.study import cumulative_mixed
-from midair.study.statistics.cumulative import _Likelihood
+from midair.study.statistics.cumulative import RandomEffects, _Likelihood
 
 HERE = Path(__file__).parent / "mixed"
 DESIGNS = {  # factors, item
@@ -39,9 +39,14 @@ def test_equals_glmer_and_clmm(name):
 @pytest.mark.parametrize("crossed", [True, False])
 def test_the_gradient_is_exact(crossed):
     rng = np.random.default_rng(0)
-    inside = np.stack([np.zeros(60, int), rng.integers(0, 3, 60)], axis=1)
-    item = rng.integers(0, 7, 60) if crossed else None
-    model = _Likelihood(rng.integers(0, 4, 60), rng.normal(size=(60, 2)), rng.integers(0, 5, 60), inside, item)
+    random = RandomEffects(
+        person=rng.integers(0, 5, 60),
+        own=np.stack([np.zeros(60, int), rng.integers(1, 4, 60)], axis=1),
+        value=rng.normal(size=(60, 2)),
+        factor=np.array([0, 1, 1, 1]),
+        item=rng.integers(0, 7, 60) if crossed else None,
+    )
+    model = _Likelihood(rng.integers(0, 4, 60), rng.integers(1, 4, 60), rng.normal(size=(60, 2)), random)
     x = np.array([-1.0, 0.2, -0.1, 0.3, -0.5, 0.6, 0.3, *([0.8] if crossed else [])])
     assert model.loss(x)[1] == pytest.approx(approx_fprime(x, lambda z: model.loss(z)[0], 1e-6), abs=1e-4)
 

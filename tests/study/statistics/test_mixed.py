@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.study import logistic_mixed, rm_anova
+from midair.study import cumulative_mixed, logistic_mixed, rm_anova
 from midair.study.statistics.mixed import right_answers
 
 WITHIN = ["surface", "object"]
@@ -17,19 +17,6 @@ def choices():
         rows = list(csv.DictReader(file))
     table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     return table | {"correct": table["correct"].astype(float)}
-
-
-def test_equals_lme4(choices):
-    # mixed/reference.R: glmer with 25 nodes, likelihood ratios.
-    options = {"correct": "correct", "participant": "participant", "within": WITHIN}
-    table = logistic_mixed(choices, slopes=False, **options)
-    assert table["effect"].tolist() == ["surface", "object", "surface:object"]
-    assert table["df"].tolist() == [1, 2, 2]
-    assert table["chi2"].tolist() == pytest.approx([1.06548834475, 12.3522151121, 1.72448220711], rel=1e-5)
-    assert table["p"].tolist() == pytest.approx([0.301966750132, 0.00207850258406, 0.422214794152], rel=1e-5)
-    fit = right_answers(choices, **options).fit(slopes=False)
-    assert fit.spread[0] == pytest.approx(0.460044343208, rel=1e-4)
-    assert fit.coefficient[0] == pytest.approx(0.787014903593, rel=1e-4)
 
 
 def sizes(name):
@@ -45,20 +32,16 @@ def answers_of(trials):
     return table | {"correct": correct.astype(float)}
 
 
-@pytest.mark.parametrize("model", ["levels", "slopes"])
 @pytest.mark.parametrize("trials", ["48", "200", "400", "1000"])
-def test_equals_lme4_from_few_trials_to_many(trials, model):
+def test_equals_lme4_from_few_trials_to_many(trials):
     # mixed/sizes.R. With quadrature that does not follow the people, 6 x 1000 gave a spread of .76 for 1.07.
-    reference = next(row for row in sizes("sizes_r.csv") if row["trials"] == trials and row["model"] == model)
+    reference = next(row for row in sizes("sizes_r.csv") if row["trials"] == trials and row["model"] == "slopes")
     table = answers_of(trials)
     options = {"correct": "correct", "participant": "participant", "within": WITHIN}
-    found = logistic_mixed(table, slopes=model == "slopes", **options)
+    found = logistic_mixed(table, **options)
     chi2 = [float(reference[key]) for key in ("surface", "object", "both")]
     assert found["chi2"].tolist() == pytest.approx(chi2, rel=1e-3, abs=1e-4)
-    spread = right_answers(table, **options).fit(slopes=model == "slopes").spread
-    if model == "levels":
-        assert spread.tolist() == pytest.approx([float(reference["sd_person"])], rel=1e-3)
-        return
+    spread = right_answers(table, **options).fit().spread
     # lme4 has a level for each person in each surface, object and cell: the same model, of other variances.
     person, surface, thing, both = (
         float(reference[f"sd_{key}"]) ** 2 for key in ("person", "surface", "object", "both")
@@ -74,8 +57,9 @@ def test_differences_between_people_are_no_effect():
     who, surface, trial = np.indices((8, 2, 50)).reshape(3, -1)
     better = np.where(who < 5, surface == 0, surface == 1)
     table = {"correct": (trial < np.where(better, 40, 25)) * 1.0, "who": who, "surface": surface}
-    options = {"correct": "correct", "participant": "who", "within": ["surface"]}
-    plain, slopes = (logistic_mixed(table, slopes=slopes, **options).iloc[0] for slopes in (False, True))
+    options = {"participant": "who", "within": ["surface"]}
+    plain = cumulative_mixed(table, value="correct", slopes=False, **options).iloc[0]
+    slopes = logistic_mixed(table, correct="correct", **options).iloc[0]
     assert plain["p"] < 0.05
     assert slopes["p"] > 0.2
     assert slopes["spread"] > 0.5
@@ -117,7 +101,7 @@ def test_a_cell_with_only_correct_answers_has_a_note(choices):
     assert "unreliable" in table["note"][0]
 
 
-def integral(counts, fixed, varying, group, mode):
+def integral(data, fixed, varying, group, mode):
     """Negative log likelihood of coefficients and log spreads, with 1024 quasi-random draws per person.
 
     Drawn about each person's mode with that person's curvature, as quadrature is laid, but in any number of dimensions.
@@ -130,7 +114,7 @@ def integral(counts, fixed, varying, group, mode):
     def loss(x):
         scaled = varying * np.exp(np.clip(x[fixed.shape[1] :], -7, 4))[group]
         level, total = fixed @ x[: fixed.shape[1]], 0.0
-        for who, (right, of) in enumerate(zip(counts.right, counts.total, strict=True)):
+        for who, (right, of) in enumerate(zip(data.right, data.total, strict=True)):
             for _ in range(30):
                 p = expit(level + scaled @ mode[who])
                 curvature = np.eye(len(mode[who])) + scaled.T @ (scaled * (of * p * (1 - p))[:, None])
@@ -154,14 +138,14 @@ def test_laplace_is_within_two_percent_of_the_integral(trials, within):
     from scipy.optimize import minimize
 
     data = right_answers(answers_of(trials), correct="correct", participant="participant", within=within)
-    full = data.fit(slopes=True)
+    full = data.fit()
     found = []
     for without in range(len(data.names) + 1):
-        fit = data.fit(slopes=True, without=without, start=full) if without else full
+        fit = data.fit(without=without, start=full) if without else full
         kept = (data.effect != without) | (without == 0)
         mode = np.zeros((data.people, len(data.effect)))
-        loss = integral(data.counts, data.cells[:, kept], data.cells, data.effect, mode)
-        begin = np.r_[fit.coefficient, np.log(np.maximum(fit.spread, 0.02))]
+        loss = integral(data, data.cells[:, kept], data.cells, data.effect, mode)
+        begin = np.r_[-fit.threshold, fit.coefficient, np.log(np.maximum(fit.spread, 0.02))]
         best = minimize(loss, begin, method="L-BFGS-B", options={"maxiter": 40, "ftol": 1e-9})
         found.append((fit.log_likelihood, -best.fun, fit.spread, np.exp(best.x[kept.sum() :])))
     np.testing.assert_allclose(found[0][2], found[0][3], rtol=0.02, atol=0.003)

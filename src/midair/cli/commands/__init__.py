@@ -28,6 +28,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "mask": ("Edit", "edit"),
     "resample": ("Edit", "edit"),
     "export": ("Edit", "import_export"),
+    "draw": ("Reproduce", "draw"),
     "solve": ("Reproduce", "solve_play"),
     "exposure": ("Reproduce", "exposure"),
     "play": ("Reproduce", "solve_play"),

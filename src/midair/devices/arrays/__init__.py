@@ -1,7 +1,6 @@
 """Phased arrays: AUTD3 through both of its SDKs, OpenMPD boards, and the transmission of frames."""
 
 from .autd3 import autd3_array as autd3_array
-from .autd3 import autd3_constant_frame as autd3_constant_frame
 from .autd3 import autd3_immediate as autd3_immediate
 from .autd3 import pyautd3_array as pyautd3_array
 from .banked_array import BankedArray as BankedArray

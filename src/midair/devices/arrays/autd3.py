@@ -5,7 +5,6 @@ from typing import Any
 
 from midair.devices.arrays.autd3_address import autd3_place
 from midair.devices.arrays.banked_array import BankedArray
-from midair.devices.arrays.constant_frame_array import ConstantFrameArray
 from midair.devices.arrays.immediate import ImmediateArray
 from midair.devices.arrays.silencer import SilencerChoice, named_silencer
 from midair.errors import MissingExtraError
@@ -35,27 +34,6 @@ def autd3_array(
         name=place.device,
         silencer=silencer,
         simulated=place.simulated,
-        exclusive=place.exclusive,
-    )
-
-
-def autd3_constant_frame(
-    where: str = "auto", placement: Placement | None = None, *, failsafe: float = 0.05
-) -> ConstantFrameArray:
-    """Units as in `autd3_array`, for a constant frame; they go silent soon after the player stops sending.
-
-    Parameters
-    ----------
-    where, placement
-        As in `autd3_array`; not a server, whose own heartbeat would keep the units on.
-    failsafe : float
-        Time without a message after which the units go silent, in s; the player sends one every 10 ms.
-    """
-    place = autd3_place(where)
-    return ConstantFrameArray(
-        lambda placement: _module("autd3_udp", "autd3").Autd3Udp(placement, place, failsafe=failsafe, heartbeat=False),
-        placement or Placement.grid(),
-        name=place.device,
         exclusive=place.exclusive,
     )
 

@@ -68,11 +68,6 @@ def switch(bank: int, instant: int) -> ActivatePatternBank:
     return ActivatePatternBank(_BANKS[bank], TransitionMode.SysTime(SysTime.from_nanos(instant)))
 
 
-def stand(phases: Bytes, intensity: Bytes) -> Pattern:
-    """Command that plays one pattern at once, until another one arrives."""
-    return Pattern(PhaseBuffer.from_array(phases), IntensityBuffer.from_array(intensity))
-
-
 def silence(units: int, bank: int = 0) -> Pattern:
     """Command that plays a silent pattern at once, which overwrites a bank; it also cancels pending switches."""
     return Pattern(PhaseBuffer.from_array(np.zeros((units, UNIT), np.uint8)), 0, _BANKS[bank])

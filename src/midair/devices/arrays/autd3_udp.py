@@ -138,10 +138,6 @@ class Autd3Udp:
             time.sleep(min(left * 1e-9, 0.02))
         self._check()
 
-    def stand(self, phases: Bytes, intensity: Bytes) -> None:
-        """Play one pattern until another one arrives; shape (unit, transducer of the unit) each."""
-        self._repeatable(lambda: self._open.send(commands.stand(phases, intensity)), 2)
-
     def silence(self, *, bank: int = 0) -> None:
         """Set all transducers to intensity 0 at once, with a pattern that overwrites a bank."""
         self._repeatable(lambda: self._open.send(commands.silence(self._units, bank)), 2)

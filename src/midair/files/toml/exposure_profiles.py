@@ -1,17 +1,49 @@
 """Exposure profiles in TOML: those of midair and those of users."""
 
 import os
-from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib import resources
-from typing import Any
 
 import numpy as np
 
 from midair.errors import InputError
 from midair.files.text_files import LARGEST_TOML, read_text, toml_of
+from midair.files.toml.plain import from_plain
 from midair.physics import ExposureProfile, Place
 
 DEFAULT_PROFILE = "occupational-110"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceSheet:
+    """Keys of a place with a limit."""
+
+    name: str
+    position_mm: tuple[float, float, float]
+    reach_mm: float
+    limit_db: float
+    enforced: bool = True
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfileSheet:
+    """Keys of a profile."""
+
+    name: str
+    title: str
+    source: str
+    evidence: str
+    place: tuple[PlaceSheet, ...]
+    duty: float | None = None
+    warming_k: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfilesSheet:
+    """Keys of a file of profiles."""
+
+    profile: tuple[ProfileSheet, ...]
 
 
 def load_profiles(path: str | os.PathLike[str] | None = None) -> dict[str, ExposureProfile]:
@@ -43,52 +75,31 @@ def profiles_of(text: str) -> dict[str, ExposureProfile]:
         content = toml_of(text)
     except ValueError as wrong:
         raise InputError(f"exposure profiles: expected TOML, got: {wrong}") from wrong
-    try:
-        profiles = [_profile(each) for each in content["profile"]]
-    except KeyError as wrong:
-        raise InputError(
-            f"exposure profiles: expected the key {wrong}; copy a profile of midair and change it"
-        ) from wrong
-    except (TypeError, ValueError, AttributeError) as wrong:
-        raise InputError(f"exposure profiles: {wrong}; copy a profile of midair and change it") from wrong
-    return {profile.name: profile for profile in profiles}
+    sheet = from_plain(ProfilesSheet, content, where="exposure profiles: ")
+    return {profile.name: profile for profile in map(_profile, sheet.profile)}
 
 
-def _profile(entry: Mapping[str, Any]) -> ExposureProfile:
-    _check_keys(entry, {"name", "title", "source", "evidence", "place", "duty", "warming_k"})
-    places = tuple(_place(each) for each in entry["place"])
+def _profile(keys: ProfileSheet) -> ExposureProfile:
+    places = tuple(_place(each) for each in keys.place)
     if not any(place.enforced for place in places):
-        raise InputError(f"profile {entry['name']}: expected at least one enforced limit, got none")
-    heat = {key.removesuffix("_k"): float(entry[key]) for key in ("duty", "warming_k") if key in entry}
+        raise InputError(f"profile {keys.name}: expected at least one enforced limit, got none")
+    heat = {name: value for name, value in (("duty", keys.duty), ("warming", keys.warming_k)) if value is not None}
     if not all(0 < limit < np.inf for limit in heat.values()) or heat.get("duty", 1) > 1:
-        raise InputError(f"profile {entry['name']}: expected a duty above 0 and at most 1, and warming_k above 0 K")
+        raise InputError(f"profile {keys.name}: expected a duty above 0 and at most 1, and warming_k above 0 K")
     return ExposureProfile(
-        name=str(entry["name"]),
-        title=str(entry["title"]),
-        source=str(entry["source"]),
-        evidence=str(entry["evidence"]),
-        places=places,
-        **heat,
+        name=keys.name, title=keys.title, source=keys.source, evidence=keys.evidence, places=places, **heat
     )
 
 
-def _place(entry: Mapping[str, Any]) -> Place:
-    _check_keys(entry, {"name", "position_mm", "reach_mm", "limit_db", "enforced", "source"})
-    x, y, z = (float(each) * 1e-3 for each in entry["position_mm"])
-    numbers = np.array([x, y, z, entry["reach_mm"], entry["limit_db"]], float)
-    enforced = entry.get("enforced", True)
-    if not np.isfinite(numbers).all() or numbers[3] < 0 or not isinstance(enforced, bool):
-        raise InputError(f"place {entry['name']}: expected finite numbers, reach_mm from 0 on, enforced true or false")
+def _place(keys: PlaceSheet) -> Place:
+    if not np.isfinite([*keys.position_mm, keys.reach_mm, keys.limit_db]).all() or keys.reach_mm < 0:
+        raise InputError(f"place {keys.name}: expected finite numbers, and reach_mm from 0 on")
+    x, y, z = (each * 1e-3 for each in keys.position_mm)
     return Place(
-        name=str(entry["name"]),
+        name=keys.name,
         position=(x, y, z),
-        reach=float(entry["reach_mm"]) * 1e-3,
-        limit=float(entry["limit_db"]),
-        enforced=enforced,
-        source=str(entry.get("source", "")),
+        reach=keys.reach_mm * 1e-3,
+        limit=keys.limit_db,
+        enforced=keys.enforced,
+        source=keys.source,
     )
-
-
-def _check_keys(entry: Mapping[str, Any], known: set[str]) -> None:
-    if unknown := set(entry) - known:
-        raise InputError(f"expected {', '.join(sorted(known))}, got {', '.join(sorted(unknown))}")

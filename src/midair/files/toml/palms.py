@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, InputError, MissingFileError
-from midair.files.text_files import read_toml
-from midair.files.toml.plain import from_plain
+from midair.files.toml.plain import read_sheet
 from midair.model import Palm
 from midair.validation import positive
 
@@ -43,11 +42,8 @@ def load_palm(path: str | os.PathLike[str]) -> Palm:
     Raises MissingFileError if the file or its picture does not exist and BrokenFileError if the file or the picture is
     invalid.
     """
-    content = read_toml(path, "a TOML file with the outline of a palm")
-    try:
-        return _palm(from_plain(PalmSheet, content), Path(path))
-    except InputError as wrong:
-        raise BrokenFileError(f"{path}: expected the outline of a palm, got: {wrong}") from wrong
+    expected = "a TOML file with the outline of a palm"
+    return read_sheet(path, expected, PalmSheet, lambda sheet: _palm(sheet, Path(path)))
 
 
 def _palm(sheet: PalmSheet, path: Path) -> Palm:

@@ -1,13 +1,33 @@
 """Convert frozen dataclasses to nested dicts and back, with clear errors for invalid values."""
 
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
 from functools import reduce
+from json import dumps
 from operator import or_
 from types import UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from midair.errors import InputError
+from midair.errors import BrokenFileError, InputError
+from midair.files.text_files import read_toml
+
+Sheet = TypeVar("Sheet")
+Made = TypeVar("Made")
+
+
+def read_sheet(
+    path: str | os.PathLike[str], expected: str, sheet: type[Sheet], make: Callable[[Sheet], Made] = lambda keys: keys
+) -> Made:
+    """Read a TOML file with the keys of a dataclass, and convert it by `make`; `expected` is for messages.
+
+    Raises MissingFileError if the file does not exist; BrokenFileError if it is not TOML, or a key or value is invalid.
+    """
+    content = read_toml(path, expected)
+    try:
+        return make(from_plain(sheet, content))
+    except InputError as wrong:
+        raise BrokenFileError(f"{path}: {wrong}") from wrong
 
 
 def to_plain(value: Any) -> Any:
@@ -29,19 +49,24 @@ def from_plain(kind: type[Any], values: Mapping[str, Any], *, where: str = "") -
     hints, known = get_type_hints(kind), {one.name for one in fields(kind)}
     if unknown := sorted(set(values) - known):
         raise InputError(f"{where}{unknown[0]}: expected one of {', '.join(sorted(known))}")
-    made = {name: _value(hints[name], value, f"{where}{name}") for name, value in values.items()}
-    try:
-        return kind(**made)
-    except TypeError as wrong:
-        raise InputError(f"{where.rstrip('.') or kind.__name__}: {wrong}") from None
+    needed = [one.name for one in fields(kind) if one.init and one.default is one.default_factory is MISSING]
+    if missing := [name for name in needed if name not in values]:
+        raise InputError(f"{where}{missing[0]} is missing: expected {', '.join(needed)}")
+    return kind(**{name: _value(hints[name], value, f"{where}{name}") for name, value in values.items()})
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:
-    """Validate one value against its annotation."""
+    """Validate one value against its annotation; dataclasses, and tuples of them, were made from text before."""
+    if all(is_dataclass(each) for each in (value if isinstance(value, tuple) and value else (value,))):
+        return value
     if isinstance(value, Mapping):
         kinds = [each for each in _alternatives(hint) if is_dataclass(each) and isinstance(each, type)]
         if kinds:
             return from_plain(kinds[0], value, where=f"{where}.")
+    if get_origin(hint) is tuple and is_dataclass(get_args(hint)[0]):
+        if not isinstance(value, list):
+            raise InputError(f"{where}: expected tables [[{where}]], got {value!r}")
+        return tuple(_value(get_args(hint)[0], each, f"{where} {number}") for number, each in enumerate(value))
     from pydantic import TypeAdapter, ValidationError
 
     # Dataclasses are excluded, because pydantic does not support those with arrays.
@@ -49,7 +74,8 @@ def _value(hint: Any, value: Any, where: str) -> Any:
     if not plain:
         raise InputError(f"{where}: expected a table, got {value!r}")
     try:
-        return TypeAdapter[Any](reduce(or_, plain)).validate_python(value)
+        # Strict, so that true and "4" are no numbers; from JSON, whose lists become tuples.
+        return TypeAdapter[Any](reduce(or_, plain)).validate_json(dumps(value, default=str), strict=True)
     except ValidationError as wrong:
         raise InputError(f"{where}: expected {_kinds(plain)}, got {value!r} ({wrong.errors()[0]['msg']})") from None
 

@@ -68,21 +68,13 @@ def power_of(field: Single) -> Single:
     return np.add(field[0], field[1], out=field[0])
 
 
-Indices = NDArray[np.intp]
-
-
 def drive_parts(
-    drive: Drive,
-    frames: slice | Indices,
-    space: Workspace,
-    order: Indices | None = None,
-    *,
-    steps: int | None = None,
+    drive: Drive, frames: slice | NDArray[np.intp], space: Workspace, *, steps: int | None = None
 ) -> tuple[Single, Array]:
     """Some frames as float32 (3, frame, transducer), and their level (frame, 1) or (frame, transducer).
 
-    A level common to all transducers of a frame is not yet included in the parts. `order` permutes the transducers of
-    the parts; `steps` rounds phases to that many steps per turn.
+    A level common to all transducers of a frame is not yet included in the parts. `steps` rounds phases to that many
+    steps per turn.
     """
     phase = np.asarray(drive.phase[frames])
     level = np.asarray(drive.level[frames]).reshape(len(phase), -1)
@@ -96,11 +88,9 @@ def drive_parts(
         angle *= steps / (2 * np.pi)
         np.rint(angle, out=angle)
         angle *= 2 * np.pi / steps
-    if order is not None:
-        angle = np.take(angle, order, axis=1, out=space.array("ordered", *phase.shape), mode="clip")
     np.cos(angle, out=parts[0])
     np.sin(angle, out=parts[1])
     if level.shape[1] > 1:
-        parts[:2] *= (level if order is None else level[:, order]).astype(np.float32)
+        parts[:2] *= level.astype(np.float32)
     np.add(parts[0], parts[1], out=parts[2])
     return parts, level

@@ -10,7 +10,7 @@ transducers. The field is computed in these modes, from there on a few planes, a
 one edge of the cube, in single precision. The truncation error is measured, and added.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Self
 
@@ -21,7 +21,6 @@ from midair.array_types import Array, Single
 from midair.model import Acoustics, TransducerArray
 from midair.physics.exposure_places import Place
 from midair.physics.exposure_search.exposure_grid import bands, slow_field, stacks
-from midair.physics.exposure_search.exposure_mirror import Halves, Pair, mirrored, pair_of
 from midair.physics.exposure_search.exposure_modes import FieldByModes, field_by_modes
 from midair.physics.exposure_search.exposure_products import Product, Workspace, power_of
 from midair.physics.propagation import transfer_matrix
@@ -95,55 +94,24 @@ class Searches:
     """The searches of several places in some airs at once."""
 
     each: tuple[CubeSearch | PointSearch, ...]  # The search of each place
-    modes: Product  # From the drive to the modes of all places except a pair: one large product is faster than many
-    pair: tuple[int, ...] = ()  # Indices of two places that mirror each other; empty if there are none
-    halves: Halves | None = None  # From the drive to the modes of these two
+    modes: Product  # From the drive to the modes of all places: one large product is faster than many
 
     @classmethod
     def of(cls, *each: CubeSearch | PointSearch) -> Self:
-        """Searches for one array, each by itself."""
+        """Searches for one array."""
         return cls(each=each, modes=Product.of(np.concatenate([one.modes for one in each]).T))
-
-    @classmethod
-    def with_pair(cls, each: tuple[CubeSearch | PointSearch, ...], pair: Pair, halves: Halves) -> Self:
-        """Searches for one array, two of them by its symmetry."""
-        rest = [one.modes for number, one in enumerate(each) if number not in pair.numbers]
-        none = np.empty((0, len(halves.order)), np.complex64)
-        together = np.concatenate([none, *rest])[:, halves.order]
-        return cls(each=each, modes=Product.of(together.T), pair=pair.numbers, halves=halves)
-
-    @property
-    def airs(self) -> int:
-        """Number of airs."""
-        return self.each[0].airs
-
-    @property
-    def order(self) -> NDArray[np.intp] | None:
-        """Order of the transducers in `loudest`; None for their own."""
-        return None if self.halves is None else self.halves.order
 
     def loudest(self, parts: Single, space: Workspace) -> Array:
         """Amplitude at each place in each air, shape (air, frame, place), in Pa, without `left_out`.
 
-        `parts` is float32 (3, frame, transducer), from `drive_parts` with `order`.
+        `parts` is float32 (3, frame, transducer), from `drive_parts`.
         """
         frames = parts.shape[1]
-        found = np.empty((self.airs, frames, len(self.each)))
-        rest = [number for number in range(len(self.each)) if number not in self.pair]
-        if rest:
-            modes = space.array("modes", 3, frames, self.modes.width)
-            self.modes.into(modes, parts, space)
-            np.add(modes[0], modes[1], out=modes[2])
-            own = np.split(modes, np.cumsum([len(self.each[number].modes) for number in rest])[:-1], axis=2)
-            for number, its in zip(rest, own, strict=True):
-                found[..., number] = self.each[number].loudest(its, space)
-        if self.halves is not None:
-            width = self.halves.common.width
-            both = space.array("modes of a pair", 2, 3, frames, width)
-            self.halves.into(both[0], both[1], parts, space)
-            for number, its in zip(self.pair, both, strict=True):
-                found[..., number] = self.each[number].loudest(its, space)
-        return found
+        modes = space.array("modes", 3, frames, self.modes.width)
+        self.modes.into(modes, parts, space)
+        np.add(modes[0], modes[1], out=modes[2])
+        own = np.split(modes, np.cumsum([len(each.modes) for each in self.each])[:-1], axis=2)
+        return np.stack([each.loudest(its, space) for each, its in zip(self.each, own, strict=True)], axis=2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,17 +143,7 @@ def searches_of(places: tuple[Place, ...], array: TransducerArray, airs: Airs) -
 
 @lru_cache(maxsize=4)
 def _searches_of(places: tuple[Place, ...], key: _ArrayKey, airs: Airs) -> Searches:
-    array, pair = key.array, pair_of(places, key.array)
-    shared = None if pair is None else _cube_search(pair.box, _ArrayKey(pair.array), airs)
-    if pair is None or not isinstance(shared, CubeSearch):
-        return Searches.of(*(_cube_search(place, key, airs) for place in places))
-    each = tuple(
-        replace(shared, ceiling=ceiling(place, array, airs))
-        if number in pair.numbers
-        else _cube_search(place, key, airs)
-        for number, place in enumerate(places)
-    )
-    return Searches.with_pair(each, pair, Halves.of(shared.modes, pair.partner, array.count))
+    return Searches.of(*(_cube_search(place, key, airs) for place in places))
 
 
 @lru_cache(maxsize=16)
@@ -234,15 +192,8 @@ def point_search(points: Array, array: TransducerArray, airs: Airs) -> PointSear
     return PointSearch(modes=field.astype(np.complex64), ceiling=np.abs(field).max(axis=0), airs=len(airs))
 
 
-def searched_points(place: Place, array: TransducerArray, airs: Airs, *, among: tuple[Place, ...] = ()) -> Array:
-    """The points of a place's cube at which a drive is evaluated in every air, shape (point, 3), in m.
-
-    `among` are all places that are evaluated at once, this one included: mirrored places share their points.
-    """
-    pair = pair_of(among, array)
-    if pair is not None and place in (beside := [among[number] for number in pair.numbers]):
-        points = searched_points(pair.box, pair.array, airs)
-        return points if place == beside[0] else mirrored(points, pair.middle)
+def searched_points(place: Place, array: TransducerArray, airs: Airs) -> Array:
+    """The points of a place's cube at which a drive is evaluated in every air, shape (point, 3), in m."""
     if not place.enforced or place.reach == 0:
         return place.points
     wide = _bands(place, array, airs)

@@ -6,12 +6,13 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
 from midair.model import Medium
+from midair.studio.importing import run_words
 from midair.studio.jobs import StudioJob
 from midair.studio.panels.page_presenter import PagePresenter
 from midair.studio.panels.panel import WEB, Panel, PanelContext
@@ -39,8 +40,10 @@ class NewStudy(Arguments):
     template: Template = "paper"
     participants: int = Field(default=10, ge=1, le=500)
     takes: tuple[str, ...] = Field(default=(), max_length=20)
-    question: str = Field(default="", max_length=500)
-    scale: bool = False
+    questions: tuple[tuple[Annotated[str, Field(min_length=1, max_length=500)], bool], ...] = Field(
+        default=(), max_length=5
+    )
+    """Texts, and whether each is a rating."""
     repetitions: int = Field(default=5, ge=1, le=100)
 
 
@@ -95,6 +98,7 @@ class StudyPanel(Panel):
         store.offer("study", "list", self.list, watchers=True)
         store.offer("study", "new", self.new, NewStudy)
         store.offer("study", "analyse", self.analyse, StudyNamed)
+        store.offer("study", "simulate", self.simulate, StudyNamed)
         store.offer("study", "begin", self.begin, BeginSession)
         store.offer("study", "presented", self.presented)
         store.offer("study", "end", self.end)
@@ -117,18 +121,15 @@ class StudyPanel(Panel):
         if path.exists():
             raise InputError(f"{order.name}: expected a new name, this one exists already")
         takes = tuple(str(self._folder.find(take)) for take in order.takes)
-        if takes and not (len(takes) > 1 and order.question.strip()):
-            raise InputError(
-                f"study: expected two or more takes and a question, got {len(takes)} and a question "
-                f"of {len(order.question.split())} words"
-            )
+        if takes and (len(takes) < 2 or not order.questions):
+            got = f"{len(takes)} and {len(order.questions)}"
+            raise InputError(f"study: expected two or more takes and one or more questions, got {got}")
         request = StudyRequest(
             path=str(path),
             template=order.template,
             participants=order.participants,
             takes=takes,
-            question=order.question.strip(),
-            scale=order.scale,
+            questions=order.questions,
             repetitions=order.repetitions,
         )
         job = self._context.jobs.add(
@@ -142,6 +143,14 @@ class StudyPanel(Panel):
         title = f"analyse the study {order.study}"
         job = self._context.jobs.add(title, analyse_study, str(path), room="study", ended=self._drawn)
         return {"job": job.number}
+
+    def simulate(self, _: Page, order: StudyNamed) -> dict[str, int]:
+        """Simulate the answers of all participants of a study without answers, as a job."""
+        path = self._folder.find(order.study)
+        if any(state.trials for state in StudyFolder(path).sessions()):
+            raise InputError(f"{order.study}: expected a study without answers; draw another plan and simulate that")
+        words, title = ("study", "run", str(path), "--simulate"), f"simulate participants of {order.study}"
+        return {"job": self._context.jobs.add(title, run_words, words, room="study", ended=self._drawn).number}
 
     def _drawn(self, _: StudioJob) -> None:
         self._later(lambda: self._store.put(studies=self._studies()))
@@ -327,7 +336,8 @@ class StudyPanel(Panel):
             noise = "" if plan.design.noise is None else plan.design.noise.said
             title = plan.design.title or plan.design.name
             report = stamp_of(path / "report.html")
-            row = {"name": path.name, "title": title, "participants": people, "noise": noise, "report": report}
+            row: dict[str, Any] = {"name": path.name, "title": title, "participants": people, "noise": noise}
+            row |= {"report": report, "simulated": any(state.simulated for state in begun.values())}
             rows.append({**row, "drives": sum(one.kind == "drive" for one in plan.design.stimuli)})
         return rows
 

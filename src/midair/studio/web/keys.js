@@ -18,6 +18,7 @@ export function listen(acts) {
     const { target } = event, within = target.closest?.("input, select, textarea, [contenteditable], dialog");
     if (within) return;
     if (event.key === " " && target.closest?.("button, a")) return; // the button's own key
+    if (target.closest?.(".takes") && ["ArrowUp", "ArrowDown", "Home", "End"].includes(event.key)) return; // the list's own keys
     if (event.key === "?") { event.preventDefault(); acts.help(); return; }
     if (event.key.toLowerCase() === "b" && !event.repeat) { acts.swap(); return; }
     if (event.key.toLowerCase() === "r" && !event.repeat) { acts.record(); return; }

@@ -70,7 +70,10 @@ export function askToPlay(studio, take, again, correct = false) {
     for (const one of drifted.querySelectorAll("button")) one.disabled = false;
     verdict.textContent = report ? (report.output ? `played, and re-recorded as ${report.output}` : `played ${report.frames} frames, ${report.late ?? 0} late`) : link.state.player.said;
     verdict.className = report ? "good" : "bad";
-    if (report?.output) hold.parentElement.append(make("button", { type: "button", id: "to-compare", onclick: () => { dialog.close(); studio.go("compare", take); } }, "Compare"));
+    if (report) {
+      const more = [make("button", { type: "button", id: "play-again", onclick: () => { for (const one of more) one.remove(); check(); } }, "Check and play again"), ...(report.output ? [make("button", { type: "button", id: "to-compare", onclick: () => { dialog.close(); studio.go("compare", take); } }, "Compare")] : [])];
+      hold.parentElement.append(...more);
+    }
     if (dialog.open) { given.override = ""; setTimeout(() => { if (dialog.open && !report) check(); }, 300); }
   }
   hold.addEventListener("pointerdown", press);

@@ -1,21 +1,22 @@
 /* Panel Calibrate: channels identified by taps, and the response of each with its uncertainty. */
 
 import { make, panel, rows, tried } from "/web/dom.js";
+import { listed, takeOf, takesList } from "/web/take.js";
 
 export default class Calibrate {
   constructor(studio) {
     this.studio = studio;
     this.link = studio.link;
     this.channel = 0;
-    this.name = studio.address.take;
+    this.name = takeOf(studio.address.take);
     this._build();
     this._offs = [this.link.on("takes", () => this._takes()), this.link.on("taps", (taps) => this._taps(taps))];
   }
   leave() { this.left = true; for (const off of this._offs) off(); this._watch?.disconnect(); }
-  moved({ take }) { if (take && take !== this.name) { this.name = take; this.looked = ""; this._takes(); } }
+  moved({ take: one }) { const take = takeOf(one); if (take && take !== this.name) { this.name = take; this.looked = ""; this._takes(); } }
   control() { this.tap.disabled = !this.link.controls; }
   _build() {
-    this.list = make("ul.takes");
+    this.list = takesList();
     this.tap = make("button.main", { type: "button", id: "tap", onclick: () => tried(this.link.order("calibrate", "taps")) }, "Tap each cell in turn");
     this.cells = make("div.cells");
     this.found = make("div", { role: "status", "aria-live": "polite" }, make("p.quiet", {}, "Finds which channel belongs to which cell. The page names the next cell to tap; a virtual sensor simulates the taps."));
@@ -31,7 +32,7 @@ export default class Calibrate {
   _takes() {
     const takes = this.link.state.takes ?? [];
     this.name ||= takes[0]?.name ?? "";
-    this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#calibrate/${encodeURI(row.name)}`, "aria-current": row.name === this.name ? "true" : null }, row.name.replace(/^sample:/, "").replace(/\.h5$/, ""), make("small", {}, row.sample ? "sample" : "")))));
+    listed(this.list, takes.map((row) => make("li", {}, make("a", { href: `#calibrate/${encodeURI(row.name)}`, "aria-current": row.name === this.name ? "true" : null }, row.name.replace(/^sample:/, "").replace(/\.h5$/, ""), make("small", {}, row.sample ? "sample" : "")))));
     // A sample is listed before its file exists; a take that was recorded again has a new stamp.
     const stamp = takes.find((row) => row.name === this.name)?.stamp.split("-")[0], looked = `${this.name} ${stamp}`;
     if (this.name && stamp !== "first" && this.looked !== looked) { this.looked = looked; this._look(); }

@@ -4,7 +4,7 @@ import { Track, TracesPicture, OverviewPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
 import { make, panel, rows, tried } from "/web/dom.js";
 import { solveTake } from "/web/jobs.js";
-import { chosen, driveButtons, drivesOf, leadOf, otherDrive, rowOf, sections, takeOf } from "/web/take.js";
+import { chosen, driveButtons, driveLabel, drivesOf, leadOf, listed, otherDrive, rowOf, sections, takeOf, takesList } from "/web/take.js";
 
 export default class Compare {
   constructor(studio) {
@@ -23,9 +23,9 @@ export default class Compare {
   }
   get transport() { return this._transport ?? null; }
   _build() {
-    this.list = make("ul.takes");
+    this.list = takesList();
     this.compare = make("button", { type: "button", onclick: () => tried(this.link.order("compare", "compare", { take: this.name })) }, "Compare again");
-    this.report = make("button", { type: "button", id: "report", title: "runs the whole loop on the virtual rig, with a correction: solve, play, re-record, correct, compare", onclick: () => tried(this.link.order("compare", "report", { take: this.name, mode: "paper", method: "live", level: "auto" })) }, "Make the report");
+    this.report = make("button", { type: "button", id: "report", title: "runs the whole loop on the virtual rig with the settings of this drive, and a correction: solve, play, re-record, correct, compare", onclick: async () => { const take = this.name, settings = await this._settings(); if (settings) tried(this.link.order("compare", "report", { take, ...settings })); } }, "Make the report");
     this.budget = make("button", { type: "button", id: "budget", title: "error of each stage of the reproduction, simulated for the first second; takes some seconds", onclick: () => tried(this.link.order("compare", "budget", { take: this.name })) }, "Error budget");
     this.palm = make("button", { type: "button", id: "palm", title: "pressure of the drive on a palm of 85 mm, simulated; takes some seconds", onclick: () => tried(this.link.order("compare", "palm", { take: this.name })) }, "Simulate the palm");
     this.pressed = make("div");
@@ -63,7 +63,7 @@ export default class Compare {
     const takes = this.link.state.takes ?? [];
     const every = takes.flatMap((row) => [row, ...row.drives]);
     this.name ||= (every.find((row) => row.compared) ?? every.find((row) => row.played) ?? (takes[0] && { name: leadOf(takes[0]) }))?.name ?? "";
-    this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#compare/${encodeURI(leadOf(row))}`, "aria-current": row.name === takeOf(this.name) ? "true" : null },
+    listed(this.list, takes.map((row) => make("li", {}, make("a", { href: `#compare/${encodeURI(leadOf(row))}`, "aria-current": row.name === takeOf(this.name) ? "true" : null },
       make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, ["compared", "played"].find((what) => [row, ...row.drives].some((each) => each[what])) ?? "")))));
     const row = rowOf(takes, this.name), found = row?.compared && this.link.state.comparisons?.[this.name];
     if (found && found !== this.found) this._show(found);
@@ -74,7 +74,7 @@ export default class Compare {
   }
   /** The drives of the take, and the figures of those that were compared, side by side. */
   _drives(row) {
-    const comparisons = this.link.state.comparisons ?? {}, label = (name) => name.slice(takeOf(name).length + 1) || "first";
+    const comparisons = this.link.state.comparisons ?? {}, label = (name) => driveLabel(name, comparisons[name]?.mode, comparisons[name]?.gain);
     this.drives.replaceChildren(...driveButtons(this.studio, this.name, ({ name, compared, played }) => [label(name), compared && comparisons[name] ? "" : played ? "played" : "not played", ""]));
     const shown = drivesOf(rowOf(this.link.state.takes, takeOf(this.name))).filter((each) => each.compared && comparisons[each.name]);
     this.beside.replaceChildren(...(shown.length < 2 ? [] : [make("h3", {}, "Side by side"), make("table", {}, make("thead", {}, make("tr", {}, make("th", { scope: "col" }, ""), ...shown.map((each) => make("th.number", { scope: "col" }, each.name === this.name ? make("strong", {}, label(each.name)) : label(each.name))))),
@@ -114,7 +114,7 @@ export default class Compare {
     this.card.replaceChildren(...(found.simulated ? [make("p", {}, make("strong.simulated", {}, "SIMULATED"))] : []), rows(found.figures),
       ...(found.verdict ? [make("h3", {}, found.verdict)] : []),
       ...found.card.map(([name, value, meaning]) => make("div", {}, make("h3", {}, `${name}: ${value}`), make("p.quiet", {}, meaning))));
-    this.suggested.replaceChildren(rows([["current gain", found.gain.toPrecision(3)], ["re-recorded", `${found.measured_gain.toPrecision(3)} of the original`], ["suggested gain", found.suggested_gain ?? "none"]]));
+    this.suggested.replaceChildren(rows([["gain", found.gain.toPrecision(3)], ["re-recorded level", `× ${found.measured_gain.toPrecision(3)}`], ["suggested gain", found.suggested_gain ?? "none"]]));
     const track = (name, label) => new Track({ rate: found.rate_hz, capacity: found.frames, unit: "Pa", name, label });
     const tracks = { original: track("original", "original"), again: track("again", "re-recorded") };
     const transport = (this._transport = new Transport({ frames: found.frames, rate: found.rate_hz }));
@@ -169,9 +169,14 @@ export default class Compare {
     this._watch.observe(box);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw, { once: true });
   }
+  /** The settings of the drive in view, as a request needs them; null if the take cannot be opened. */
+  async _settings() {
+    const facts = await tried(this.link.order("reproduce", "open", { take: this.name }));
+    return facts && chosen(facts.drive?.settings ?? {});
+  }
   async _apply() {
-    const take = this.name, gain = this.found.suggested_gain, facts = await tried(this.link.order("reproduce", "open", { take }));
-    const answer = facts && (await solveTake(this.link, { take, ...chosen(facts.drive?.settings ?? {}), gain }));
+    const take = this.name, gain = this.found.suggested_gain, settings = await this._settings();
+    const answer = settings && (await solveTake(this.link, { take, ...settings, gain }));
     if (answer) this.studio.go("reproduce", answer.take);
   }
   _close() {

@@ -5,7 +5,7 @@ import { Transport, controls } from "/web/transport.js";
 import { choice, field, make, openModal, panel, playable, rows, tried } from "/web/dom.js";
 import { importFile } from "/web/import.js";
 import { solveTake } from "/web/jobs.js";
-import { TakeView, chosen, colours, driveButtons, drivesOf, leadOf, otherDrive, rowOf, takeOf } from "/web/take.js";
+import { TakeView, chosen, colours, driveButtons, driveLabel, drivesOf, leadOf, listed, otherDrive, reached, rowOf, takeOf, takesList } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
 import { drift, warningBox } from "/web/warnings.js";
 
@@ -41,7 +41,7 @@ export default class Reproduce {
     else if (Number.isFinite(time) && this.transport) this.transport.seek(time * this.transport.rate);
   }
   _build() {
-    this.list = make("ul.takes");
+    this.list = takesList();
     const file = make("input", { type: "file", accept: ".h5,.hdf5,.csv,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.mcap,.ahap,.hjif", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
     this.add = make("button", { type: "button", onclick: () => file.click() }, "Add a file");
     this.search = make("input", { type: "search", placeholder: "search", "aria-label": "search the takes", oninput: () => this._found() });
@@ -122,8 +122,8 @@ export default class Reproduce {
     }
     const shown = this.take?.name;
     this.drives.replaceChildren(...(shown ? driveButtons(this.studio, shown, ({ name: one }) => {
-      const found = this.known?.find((each) => each.name === one), label = one.slice(takeOf(one).length + 1) || found?.mode || "drive";
-      return [label, found?.error === undefined ? "" : `E ${(100 * found.error).toFixed(1)} %`, found?.made];
+      const found = this.known?.find((each) => each.name === one);
+      return [driveLabel(one, found?.mode, found?.gain), found?.error === undefined ? "" : `E ${(100 * found.error).toFixed(1)} %`, found?.made];
     }) : []));
   }
   swap() {
@@ -131,7 +131,7 @@ export default class Reproduce {
     if (other && other !== this.take.name) this.studio.go("reproduce", other);
   }
   _takes(takes) {
-    this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#reproduce/${encodeURI(leadOf(row))}`, "data-take": row.name, "aria-current": row.name === takeOf(this.wish) ? "true" : null, onclick: () => { if (row.name === takeOf(this.wish) && !this.take) { this._opening = ""; this._open(row.name); } } },
+    listed(this.list, takes.map((row) => make("li", {}, make("a", { href: `#reproduce/${encodeURI(leadOf(row))}`, "data-take": row.name, "aria-current": row.name === takeOf(this.wish) ? "true" : null, onclick: () => { if (row.name === takeOf(this.wish) && !this.take) { this._opening = ""; this._open(row.name); } } },
       make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, row.sample ? "sample" : ["compared", "played", "solved"].find((what) => [row, ...row.drives].some((each) => each[what])) ?? "")))));
     this._found();
     const first = takes.find((row) => row.sample) ?? takes[0], name = this.wish || (first && leadOf(first)), row = this._row(name);
@@ -144,6 +144,7 @@ export default class Reproduce {
   _found() {
     const words = this.search.value.toLowerCase().split(/\s+/);
     for (const item of this.list.children) item.hidden = !words.every((word) => item.textContent.toLowerCase().includes(word));
+    reached(this.list);
   }
   async _own(order, given = {}) {
     const take = await tried(this.link.order("reproduce", order, { take: this.take.name, ...given }));
@@ -214,6 +215,7 @@ export default class Reproduce {
     this._opening = opening;
     this.wish = name;
     for (const link of this.list.querySelectorAll("a")) if (link.dataset.take === takeOf(name)) link.setAttribute("aria-current", "true"); else link.removeAttribute("aria-current");
+    reached(this.list);
     // Never show pictures of another take, not even while the named one loads.
     const sibling = this.take && takeOf(this.take.name) === takeOf(name);
     if (!sibling) { this._nothing(`opening ${shortly(name)} …`); this._forget(); }
@@ -338,7 +340,7 @@ export default class Reproduce {
     this.frame.replaceChildren(rows([
       ["Strength", drive?.strength[frame]?.toFixed(3) ?? "–"], ["E", drive?.error[frame] === undefined ? "–" : `${(100 * drive.error[frame]).toFixed(1)} %`],
       ["Peak", peak ? `${Math.round(peak.value)} Pa` : "–"], ["Place of peak", peak ? `${peak.x.toFixed(0)}, ${peak.y.toFixed(0)} mm` : "–"]]));
-    this.panels.spectrogram.aside.textContent = `channel ${channel}, 0 to ${take.facts.rate_hz / 2} Hz`;
+    this.panels.spectrogram.aside.textContent = `channel ${channel}, 0 to ${Math.min(1000, take.facts.rate_hz / 2)} Hz`;
     this.panels.traces.aside.textContent = `${span >= 1 ? span.toPrecision(2) : span.toFixed(3)} s around the playhead; channel ${channel} chosen`;
   }
   _about() {

@@ -3,7 +3,7 @@
 import { choice, field, make, panel, rows, tried } from "/web/dom.js";
 import { drift } from "/web/warnings.js";
 
-const TEMPLATES = [["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"], ["own", "my takes"]];
+const TEMPLATES = [["own", "my takes"], ["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
 
 /** Name of a study and its title: studies from one template have the same title. */
 const titled = ({ name, title }) => (title && title !== name ? `${name}: ${title}` : name);
@@ -47,12 +47,13 @@ export default class Study {
     const chosen = this.chosen ?? studies[0]?.name ?? "", study = studies.find((each) => each.name === chosen) ?? studies[0];
     const left = make("div.column.left");
     if (!session) {
-      const name = make("input", { type: "text", value: "touch", maxLength: 60 }), template = choice(TEMPLATES, "paper"), people = make("input", { type: "number", min: 1, max: 500, value: "10" });
+      const name = make("input", { type: "text", value: "touch", maxLength: 60 }), template = choice(TEMPLATES, own.length > 1 ? "own" : "paper"), people = make("input", { type: "number", min: 1, max: 500, value: "10" });
       const takes = make("select", { multiple: true, size: 6, "aria-label": "takes to present" }, ...own.map((value) => make("option", { value }, value.replace(/\.h5$/, ""))));
-      const question = make("input", { type: "text", maxLength: 500, value: "Which one was it?" }), answer = choice([["", "its name"], ["scale", "1 to 7"]], ""), often = make("input", { type: "number", min: 1, max: 100, value: "5" });
-      const mine = make("div.column", { id: "own-study", hidden: true }, field("Takes", takes), field("Question", question), field("Answer", answer), field("Repetitions", often));
+      const asked = [["Question", "Which one was it?", ""], ["Second question (may stay empty)", "", "scale"]].map(([label, value, kind]) => [label, make("textarea", { maxLength: 500, rows: 2, value }), choice([["", "the name of the take"], ["scale", "a number from 1 to 7"]], kind)]);
+      const often = make("input", { type: "number", min: 1, max: 100, value: "5" });
+      const mine = make("div.column", { id: "own-study", hidden: template.value !== "own" }, field("Takes", takes), make("p.quiet", {}, "Choose two or more: hold Ctrl, or Shift for a range."), ...asked.flatMap(([label, text, kind], i) => [field(label, text), field(`Answer${i ? " to the second" : ""}`, kind)]), field("Repetitions", often));
       template.addEventListener("change", () => { mine.hidden = template.value !== "own"; });
-      const given = () => (template.value === "own" ? { template: "paper", takes: [...takes.selectedOptions].map((one) => one.value), question: question.value, scale: answer.value === "scale", repetitions: Number(often.value) || 1 } : { template: template.value });
+      const given = () => (template.value === "own" ? { takes: [...takes.selectedOptions].map((one) => one.value), questions: asked.map(([, text, kind]) => [text.value.trim(), kind.value === "scale"]).filter(([text]) => text), repetitions: Number(often.value) || 1 } : { template: template.value });
       left.append(panel("Studies", null, ...(studies.length ? [choice(studies.map((each) => [each.name, titled(each)]), study.name, ({ target }) => { this.chosen = target.value; this.shown = ""; this._show(); })] : [make("p.quiet", {}, "no studies in this folder yet")])),
         panel("New study", null, field("Name", name), field("Kind", template), field("Participants", people), mine,
           make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "new-study", onclick: async () => { if (await tried(this.link.order("study", "new", { name: name.value.trim(), ...given(), participants: Number(people.value) || 1 }))) this.chosen = name.value.trim(); } }, "Draw the plan"))));
@@ -76,11 +77,12 @@ export default class Study {
       const pilot = make("input", { type: "checkbox", id: "pilot", checked: kept.pilot, onchange: () => { kept.pilot = pilot.checked; } });
       const noise = choice([["default", "this computer's sound output"], ["none", "none (the array may be audible)"]], kept.noise), answers = make("input", { type: "text", maxLength: 200, autocomplete: "off", placeholder: "name", value: kept.answers, oninput: () => { kept.answers = answers.value; } });
       noise.addEventListener("change", () => { kept.noise = noise.value; });
-      right.append(panel(titled(study), "", make("p.quiet", {}, "Pilot runs have a coloured frame and are stored in pilot/, which no analysis reads."), make("div", {}, pilot, " ", make("label", { htmlFor: "pilot" }, "pilot run")),
+      right.append(panel(titled(study), study.simulated ? make("strong.simulated", {}, "SIMULATED") : "", make("p.quiet", {}, "Pilot runs have a coloured frame and are stored in pilot/, which no analysis reads."), make("div", {}, pilot, " ", make("label", { htmlFor: "pilot" }, "pilot run")),
         ...(this.said ? [make(`p${this.wrong ? ".bad" : ".quiet"}`, { id: "begins", role: "status" }, this.said)] : []),
         ...(study.drives ? [field("Person responsible for playing above the exposure profile", answers)] : []),
         ...(study.noise ? [field("Noise in the headphones", noise), make("p.quiet", {}, `During each presentation: ${study.noise}.`)] : []),
-        make("div.buttons", {}, make("button", { type: "button", id: "analyse", disabled: !controls || !study.participants.some((each) => each.done), title: "needs an answer", onclick: () => tried(this.link.order("study", "analyse", { study: study.name })) }, "Analyse"),
+        make("div.buttons", {}, make("button", { type: "button", id: "simulate", disabled: !controls || study.participants.some((each) => each.done), title: "answers of a model for everyone, to try plan and analysis before people come; all that is made of them is marked SIMULATED", onclick: () => tried(this.link.order("study", "simulate", { study: study.name })) }, "Simulate participants"),
+          make("button", { type: "button", id: "analyse", disabled: !controls || !study.participants.some((each) => each.done), title: "needs an answer", onclick: () => tried(this.link.order("study", "analyse", { study: study.name })) }, "Analyse"),
           ...(study.report ? [make("a", { id: "to-report", target: "_blank", rel: "noopener", href: `/file/${encodeURI(study.name)}/report.html?${study.report}` }, "Open the report")] : [])),
         make("div.card", {}, make("table", {}, make("thead", {}, make("tr", {}, ...["participant", "trials", ""].map((words) => make("th", { scope: "col" }, words)))),
           make("tbody", {}, ...study.participants.map((each) => make("tr", {}, make("td", {}, String(each.number)), make("td", {}, `${each.done} of ${each.total}`),

@@ -52,6 +52,39 @@ export function rowOf(takes, name = "") {
   return !row || row.name === name ? row : { ...row, solved: false, drive: "", played: false, compared: false, report: false, ...(row.drives.find((each) => each.name === name) ?? { name, stamp: "" }) };
 }
 
+/** A list of takes with one stop of the Tab key: arrows, Home and End go from take to take. */
+export function takesList() {
+  return make("ul.takes", { onkeydown: (event) => {
+    const links = [...event.currentTarget.querySelectorAll("li:not([hidden]) a")], at = links.indexOf(document.activeElement);
+    const next = { ArrowDown: links[at + 1], ArrowUp: links[at - 1], Home: links[0], End: links.at(-1) }[event.key];
+    if (!next) return;
+    event.preventDefault();
+    links[at].tabIndex = -1;
+    next.tabIndex = 0;
+    next.focus();
+  } });
+}
+
+/** The one take of a list that the Tab key reaches: the chosen one, or else the first that is not hidden. */
+export function reached(list) {
+  const links = [...list.querySelectorAll("li:not([hidden]) a")], one = links.find((link) => link.hasAttribute("aria-current")) ?? links[0];
+  for (const link of list.querySelectorAll("a")) link.tabIndex = link === one ? 0 : -1;
+}
+
+/** Fill a list of takes anew; a link of it that had the focus keeps it. */
+export function listed(list, items) {
+  const had = list.contains(document.activeElement) && document.activeElement.hash;
+  list.replaceChildren(...items);
+  reached(list);
+  const one = had && [...list.querySelectorAll("a")].find((link) => link.hash === had);
+  if (one) one.focus();
+}
+
+/** What tells the drives of a take apart: the label of its name or else its mode, and its gain. */
+export function driveLabel(name, mode, gain) {
+  return `${name.slice(takeOf(name).length + 1) || mode || "first"}${gain && gain !== 1 ? `, gain ${Number(gain.toPrecision(3))}` : ""}`;
+}
+
 /** Every drive of a row, and the name under which a take is opened. */
 export const drivesOf = (row) => [...(row?.solved ? [row] : []), ...(row?.drives ?? [])];
 export const leadOf = (row) => (drivesOf(row)[0] ?? row).name;

@@ -1,6 +1,5 @@
 """Design of a study: stimuli, questions, blocks, trial orders, the plan and adaptive blocks."""
 
-from .adaptive import QuestPlus as QuestPlus
 from .adaptive import Staircase as Staircase
 from .adaptive import stimulus_levels as stimulus_levels
 from .adaptive_block import next_stimulus as next_stimulus

@@ -1,7 +1,6 @@
-"""Adaptive thresholds: a staircase (Levitt, 1971) and QUEST+ (Watson, 2017) as immutable states; levels of a block."""
+"""Adaptive blocks: a staircase (Levitt, 1971) as an immutable state, and the levels of a block."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -9,7 +8,6 @@ from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.design.stimulus import right_answer
 from midair.study.design.study_design import Block, Design
-from midair.study.statistics import CurveShape, sigmoid
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,77 +54,6 @@ class Staircase:
         if len(self.turned) < last or last < 1:
             raise InputError(f"staircase: expected {last} or more reversals, got {len(self.turned)}; run more trials")
         return float(np.mean(self.turned[-last:]))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class QuestPlus:
-    """Posterior of a psychometric function on a grid, and the most informative next trial."""
-
-    levels: Array
-    """Shape (level,): stimulus levels that may be presented."""
-    thresholds: Array
-    slopes: Array
-    lapses: Array
-    """`thresholds`, `slopes` and `lapses` are the axes of the parameter grid, with the meaning of `Psychometric`."""
-    guess: float
-    """Guess rate, assumed known."""
-    shape: CurveShape = "weibull"
-    posterior: Array | None = None
-    """Shape (threshold, slope, lapse), sum 1; uniform if None."""
-
-    def __post_init__(self) -> None:
-        for name in ("levels", "thresholds", "slopes", "lapses"):
-            axis = np.array(getattr(self, name), float)
-            if axis.ndim != 1 or not axis.size or not np.isfinite(axis).all():
-                raise InputError(f"{name}: expected a list of finite numbers, got shape {axis.shape}")
-            axis.flags.writeable = False
-            object.__setattr__(self, name, axis)
-        shape = (len(self.thresholds), len(self.slopes), len(self.lapses))
-        flat = np.full(shape, 1 / np.prod(shape))
-        posterior = flat if self.posterior is None else np.array(self.posterior, float)
-        if posterior.shape != shape or posterior.min() < 0 or not posterior.sum() > 0:
-            raise InputError(f"posterior: expected weights of 0 or more in shape {shape}, got {posterior.shape}")
-        object.__setattr__(self, "posterior", posterior / posterior.sum())
-
-    @property
-    def belief(self) -> Array:
-        """Posterior, shape (threshold, slope, lapse), sum 1."""
-        return np.asarray(self.posterior)
-
-    def likelihood(self, level: Any) -> Array:
-        """Probability of a correct answer for every function, shape (..., threshold, slope, lapse)."""
-        x = np.asarray(level, float)[..., None, None, None]
-        t, s, lapse = np.ix_(self.thresholds, self.slopes, self.lapses)
-        return self.guess + (1 - self.guess - lapse) * sigmoid(x, t, s, self.shape)
-
-    def answered(self, level: float, correct: bool) -> "QuestPlus":
-        """State after one answer at a level."""
-        right = self.likelihood(level)
-        posterior = self.belief * (right if correct else 1 - right)
-        if not posterior.sum() > 0:
-            raise InputError(f"QUEST+: no function on the grid allows this answer at {level:g}; give lapses above 0")
-        return replace(self, posterior=posterior)
-
-    @property
-    def next_level(self) -> float:
-        """Level with the least expected entropy after its answer (Watson, 2017, eq. 10)."""
-        right = self.likelihood(self.levels)
-        axes = (1, 2, 3)
-        expected = np.zeros(len(self.levels))
-        for chance in (right, 1 - right):
-            joint = chance * self.belief
-            share = joint.sum(axis=axes)
-            # 0 log 0 is 0, but NumPy returns NaN.
-            inside = np.where(joint > 0, joint * np.log(np.where(joint > 0, joint, 1)), 0).sum(axis=axes)
-            expected += share * np.log(np.maximum(share, 1e-300)) - inside
-        return float(self.levels[int(np.argmin(expected))])
-
-    @property
-    def threshold(self) -> tuple[float, float]:
-        """Mean and standard deviation of the posterior of the threshold."""
-        weight = self.belief.sum(axis=(1, 2))
-        mean = float(weight @ self.thresholds)
-        return mean, float(np.sqrt(weight @ (self.thresholds - mean) ** 2))
 
 
 def stimulus_levels(design: Design, block: Block) -> tuple[list[tuple[str, ...]], Array]:

@@ -12,7 +12,6 @@ from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.statistics.anova import contrasts, effects
 from midair.study.statistics.columns import column, factors, frame_of, levels, numbers
-from midair.study.statistics.mixed import likelihood_ratio_test
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -69,7 +68,7 @@ def cumulative_mixed(
     from pandas import DataFrame
 
     data = frame_of(table)
-    category = np.unique(numbers(data, value), return_inverse=True)[1]
+    category = np.unique(numbers(data, value), return_inverse=True)[1].astype(np.int64)
     if not 1 <= category.max() < 30:
         raise InputError(f"column {value!r}: expected 2 to 30 different answers, got {category.max() + 1}")
     people, person = levels(column(data, participant))
@@ -78,32 +77,43 @@ def cumulative_mixed(
     cell = np.ravel_multi_index(tuple(number for _, number in found), shape)
     if empty := int((np.bincount(cell, minlength=int(np.prod(shape))) == 0).sum()):
         raise InputError(f"cells: expected answers in every cell, got none in {empty}; remove a factor")
-    blocks = [np.prod(shape) ** 0.5 * contrasts(shape, effect).T[cell] for effect in effects(list(within))]
-    inside = [np.zeros_like(person)]
-    if slopes:
-        often = len(np.unique(person * int(np.prod(shape)) + cell)) < len(cell)
-        tested = effects(list(within))
-        inside += [
-            np.ravel_multi_index(tuple(found[i][1] for i in effect), [shape[i] for i in effect])
-            for effect in (tested if often or len(tested) == 1 else tested[:-1])
-        ]
     items = levels(column(data, item))[1] if item else None
     if any(factor is not None and factor.max() == 0 for factor in (person, items)):
         raise InputError("participants and items: expected two or more for a mixed model, got 1")
 
-    random = person, np.stack(inside, axis=1), items
-    full = fit_cumulative(category, np.hstack(blocks), *random)
+    often = len(np.unique(person * int(np.prod(shape)) + cell)) < len(cell)
+    keys = np.stack([category, person, cell, np.zeros_like(cell) if items is None else items], axis=1)
+    (category, person, cell, item_of), count = (each.T for each in np.unique(keys, axis=0, return_counts=True))
+    places = np.unravel_index(cell, shape)
+    blocks = [np.prod(shape) ** 0.5 * contrasts(shape, effect).T[cell] for effect in effects(list(within))]
+    inside = [np.zeros_like(person)]
+    if slopes:
+        tested = effects(list(within))
+        inside += [
+            np.ravel_multi_index(tuple(places[i] for i in effect), [shape[i] for i in effect])
+            for effect in (tested if often or len(tested) == 1 else tested[:-1])
+        ]
+    sizes = np.array([each.max() + 1 for each in inside])
+    own = np.stack(inside, axis=1) + np.r_[0, np.cumsum(sizes)[:-1]]
+    random = RandomEffects(
+        person=person,
+        own=own,
+        value=np.ones(own.shape),
+        factor=np.repeat(np.arange(len(sizes)), sizes),
+        item=None if items is None else item_of,
+    )
+    full = fit_cumulative(category, count, np.hstack(blocks), random)
     cuts = int(category.max())
-    sizes = [block.shape[1] for block in blocks]
+    terms = [block.shape[1] for block in blocks]
     rows: list[dict[str, Any]] = []
     for number, effect in enumerate(effects(list(within))):
         rest = [block for other, block in enumerate(blocks) if other != number]
-        first = cuts + sum(sizes[:number])
-        begin = np.delete(full.parameters, slice(first, first + sizes[number]))
-        less = fit_cumulative(category, np.hstack([np.empty((len(cell), 0)), *rest]), *random, begin)
+        first = cuts + sum(terms[:number])
+        begin = np.delete(full.parameters, slice(first, first + terms[number]))
+        less = fit_cumulative(category, count, np.hstack([np.empty((len(cell), 0)), *rest]), random, begin)
         ratio = max(2 * (full.log_likelihood - less.log_likelihood), 0.0)
         row: dict[str, Any] = {"effect": ":".join(within[i] for i in effect)}
-        row |= likelihood_ratio_test(ratio, sizes[number], len(people) if slopes and not item else None)
+        row |= likelihood_ratio_test(ratio, terms[number], len(people) if slopes and not item else None)
         if slopes and number + 1 < len(inside):
             row["spread"] = float(full.spread[number + 1])
         done = full.converged and less.converged
@@ -111,22 +121,51 @@ def cumulative_mixed(
     return DataFrame(rows)
 
 
-def fit_cumulative(
-    category: Indices, fixed: Array, person: Indices, inside: Indices, item: Indices | None, begin: Array | None = None
-) -> CumulativeFit:
-    """Fit logit P(category <= k) = threshold_k - fixed @ coefficient - sum of the random effects of the levels.
+def likelihood_ratio_test(ratio: float, df: int, people: int | None) -> dict[str, Any]:
+    """Columns df to spread (empty) of `logistic_mixed` for a likelihood ratio: chi2 if `people` is None."""
+    from scipy.stats import chi2
+    from scipy.stats import f as f_distribution
 
-    `category` (answer,) from 0; `fixed` (answer, term) without an intercept; `inside` (answer, factor) the level of
-    each factor that varies between people, `item` (answer,) crossed with them; `begin` as `CumulativeFit.parameters`.
-    Laplace approximation at the mode of the random effects, with an exact gradient.
+    if people is None:
+        found = {"df2": np.nan, "F": np.nan, "p": float(chi2.sf(ratio, df))}
+    else:
+        f, df2 = (people - 1) * float(np.expm1(ratio / (people * df))), df * (people - 1)
+        found = {"df2": df2, "F": f, "p": float(f_distribution.sf(f, df, df2))}
+    return {"df": df, "chi2": ratio, **found, "spread": np.nan}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RandomEffects:
+    """Random effects in each row: the sum of values times effects of its person, and of its item."""
+
+    person: Indices
+    """Shape (row,)."""
+    own: Indices
+    """Shape (row, entry): effects of the person that enter the row, by their index."""
+    value: Array
+    """Shape (row, entry): their factors."""
+    factor: Indices
+    """Shape (effect,): factor of each effect of a person; effects of one factor have a common variance."""
+    item: Indices | None = None
+    """Shape (row,), crossed with the people."""
+
+
+def fit_cumulative(
+    category: Indices, count: Indices, fixed: Array, random: RandomEffects, begin: Array | None = None
+) -> CumulativeFit:
+    """Fit logit P(category <= k) = threshold_k - fixed @ coefficient - sum of the random effects.
+
+    `category` (row,) from 0; `count` (row,): number of equal answers; `fixed` (row, term) without an intercept; `begin`
+    as `CumulativeFit.parameters`. Laplace approximation at the mode of the random effects, with an exact gradient.
     """
     from scipy.optimize import minimize
 
-    model = _Likelihood(category, fixed, person, inside, item)
-    share = np.cumsum(np.bincount(category))[:-1] / len(category)
+    model = _Likelihood(category, count, fixed, random)
+    share = np.cumsum(np.bincount(category, count))[:-1] / count.sum()
     threshold = np.log(share / (1 - share))
-    # As in `fit_logistic`: variances, and bounds far beyond values that answers can distinguish.
-    cuts, terms, factors = len(threshold), fixed.shape[1], inside.shape[1] + (item is not None)
+    # Optimised over variances: the derivative by a standard deviation is 0 at 0, where the search would stop.
+    # The bounds stop logits that diverge, far beyond values that answers can distinguish.
+    cuts, terms, factors = len(threshold), fixed.shape[1], int(random.factor.max()) + 1 + (random.item is not None)
     if begin is None:
         begin = np.concatenate([threshold[:1], np.log(np.diff(threshold)), np.zeros(terms), np.full(factors, 0.25)])
     limits = [(-25.0, 25.0)] + [(-12.0, 4.0)] * (cuts - 1) + [(-25.0, 25.0)] * terms
@@ -174,17 +213,20 @@ class _Curvature:
 class _Likelihood:
     """Likelihood of one model; keeps the mode of the random effects as a warm start for the next call."""
 
-    def __init__(self, category: Indices, fixed: Array, person: Indices, inside: Indices, item: Indices | None) -> None:
-        self._category, self._fixed, self._crossed = category, fixed, item is not None
-        item = np.zeros_like(person) if item is None else item  # one item whose effect is 0
-        sizes = inside.max(axis=0) + 1
-        people, size, items = int(person.max()) + 1, int(sizes.sum()), int(item.max()) + 1
+    def __init__(self, category: Indices, count: Indices, fixed: Array, random: RandomEffects) -> None:
+        self._category, self._count, self._fixed = category, count, fixed
+        self._crossed = random.item is not None
+        item = np.zeros_like(random.person) if random.item is None else random.item  # one item whose effect is 0
+        people, size, items = int(random.person.max()) + 1, len(random.factor), int(item.max()) + 1
         self._shape = people, size, items
-        own = person[:, None] * size + inside + np.r_[0, np.cumsum(sizes)[:-1]]
+        own = random.person[:, None] * size + random.own
         self._where = np.c_[own, people * size + item]
-        self._pair = own[:, :, None] * size + (own % size)[:, None, :]
+        self._pair = own[:, :, None] * size + random.own[:, None, :]
         self._border, self._item = own * items + item[:, None], item
-        self._factor = np.r_[np.tile(np.repeat(np.arange(len(sizes)), sizes), people), np.full(items, len(sizes))]
+        self._value = np.c_[random.value, np.ones(len(item))]
+        last = int(random.factor.max()) + 1
+        self._factor = np.r_[np.tile(random.factor, people), np.full(items, last)]
+        self._entry = np.c_[random.factor[random.own], np.full(len(item), last)]
         self._mode = np.zeros(len(self._factor))
 
     def loss(self, parameters: Array) -> tuple[float, Array]:
@@ -194,68 +236,68 @@ class _Likelihood:
         cut = np.r_[-np.inf, np.cumsum(np.r_[parameters[0], steps]), np.inf]
         level = self._fixed @ parameters[cuts : cuts + terms]
         known = np.sqrt(parameters[cuts + terms :])
-        spread = known if self._crossed else np.r_[known, 0.0]
+        scaled = self._value * (known if self._crossed else np.r_[known, 0.0])[self._entry]
         upper, lower = cut[self._category + 1] - level, cut[self._category] - level
-        u, curvature = self._find_mode(upper, lower, spread)
+        u, curvature = self._find_mode(upper, lower, scaled)
 
-        shift = u[self._where] @ spread
-        a, b, slope, weight = _derivatives(upper - shift, lower - shift)
+        shift = (u[self._where] * scaled).sum(axis=1)
+        a, b, slope, weight = self._derivatives(upper - shift, lower - shift)
         block, across = curvature.blocks()
-        own, common = spread[:-1], spread[-1]
+        own, common = scaled[:, :-1], scaled[:, -1]
         # Variance of each predictor by the inverse.
-        width = block.ravel()[self._pair] @ own @ own + 2 * common * (across.ravel()[self._border] @ own)
+        width = np.einsum("ri,rij,rj->r", own, block.ravel()[self._pair], own)
+        width += common * (2 * across.ravel()[self._border] * own).sum(axis=1)
         width += common**2 * np.diag(curvature.items)[self._item]
         # Derivative of the log determinant by the predictor, and through it by the mode.
-        bend = -width * (a * (1 - a) * (1 - 2 * a) + b * (1 - b) * (1 - 2 * b))
-        pull = curvature.solve(self._sum(bend, spread))
-        moved = pull[self._where] @ spread
+        bend = -self._count * width * (a * (1 - a) * (1 - 2 * a) + b * (1 - b) * (1 - 2 * b))
+        pull = curvature.solve(self._sum(bend, scaled))
+        moved = (pull[self._where] * scaled).sum(axis=1)
         by_level = slope - (bend - weight * moved) / 2
         gap = 1 / np.expm1(np.minimum(upper - lower, 700))
-        by_upper = 1 - a + gap - a * (1 - a) * (width * (1 - 2 * a) + moved) / 2
-        by_lower = -b - gap - b * (1 - b) * (width * (1 - 2 * b) + moved) / 2
+        by_upper = self._count * (1 - a + gap - a * (1 - a) * (width * (1 - 2 * a) + moved) / 2)
+        by_lower = self._count * (-b - gap - b * (1 - b) * (width * (1 - 2 * b) + moved) / 2)
         by_cut = np.bincount(self._category + 1, by_upper, len(cut)) + np.bincount(self._category, by_lower, len(cut))
         tail = np.cumsum(by_cut[-2:0:-1])[::-1]  # a step moves all thresholds above it
-        one = np.ones_like(spread)
-        each = self._sum(by_level, one) * u - pull * self._sum(slope, one) / 2
+        each = self._sum(by_level, self._value) * u - pull * self._sum(slope, self._value) / 2
         diagonal = np.r_[np.diagonal(block, axis1=1, axis2=2).ravel(), np.diag(curvature.items)]
         shrink, by_spread = (np.bincount(self._factor, x)[: len(known)] for x in (1 - diagonal, each))
-        value = _log_joint(upper - shift, lower - shift, u) - curvature.log_determinant / 2
+        value = self._log_joint(upper - shift, lower - shift, u) - curvature.log_determinant / 2
         by_variance = (by_spread - shrink / known) / (2 * known)
         return -float(value), -np.r_[tail[0], tail[1:] * steps, by_level @ self._fixed, by_variance]
 
-    def _find_mode(self, upper: Array, lower: Array, spread: Array) -> tuple[Array, _Curvature]:
+    def _find_mode(self, upper: Array, lower: Array, scaled: Array) -> tuple[Array, _Curvature]:
         """Mode of the standardised random effects u, and the negative Hessian there."""
         u, rounds = self._mode, 0
         while True:
-            shift = u[self._where] @ spread
-            _, _, slope, weight = _derivatives(upper - shift, lower - shift)
-            curvature = self._curvature(weight, spread)
-            step = curvature.solve(self._sum(slope, spread) - u)
+            shift = (u[self._where] * scaled).sum(axis=1)
+            _, _, slope, weight = self._derivatives(upper - shift, lower - shift)
+            curvature = self._curvature(weight, scaled)
+            step = curvature.solve(self._sum(slope, scaled) - u)
             rounds += 1
             if np.abs(step).max() < 1e-9 or rounds == 60:
                 break
             # Halved until the density increases: a full Newton step may pass the single maximum.
-            height = _log_joint(upper - shift, lower - shift, u)
+            height = self._log_joint(upper - shift, lower - shift, u)
             for _ in range(30):
-                other = (u + step)[self._where] @ spread
-                if _log_joint(upper - other, lower - other, u + step) >= height - 1e-9:
+                other = ((u + step)[self._where] * scaled).sum(axis=1)
+                if self._log_joint(upper - other, lower - other, u + step) >= height - 1e-9:
                     break
                 step = step / 2
             u = u + step
         self._mode = u
         return u, curvature
 
-    def _curvature(self, weight: Array, spread: Array) -> _Curvature:
+    def _curvature(self, weight: Array, scaled: Array) -> _Curvature:
         people, size, items = self._shape
-        own, common = spread[:-1], spread[-1]
-        products = weight[:, None, None] * np.outer(own, own)
+        own, common = scaled[:, :-1], scaled[:, -1]
+        products = (weight[:, None] * own)[:, :, None] * own[:, None, :]
         inner = np.bincount(self._pair.ravel(), products.ravel(), people * size**2).reshape(people, size, size)
         inner[:, np.arange(size), np.arange(size)] += 1
-        products = weight[:, None] * (common * own)
+        products = (weight * common)[:, None] * own
         edge = np.bincount(self._border.ravel(), products.ravel(), people * size * items).reshape(self._shape)
         within = np.linalg.inv(inner)
         border = within @ edge
-        schur = np.diag(1 + common**2 * np.bincount(self._item, weight)) - np.tensordot(edge, border, ((0, 1), (0, 1)))
+        schur = np.diag(1 + np.bincount(self._item, weight * common**2)) - np.tensordot(edge, border, ((0, 1), (0, 1)))
         log_determinant = np.linalg.slogdet(inner)[1].sum() + np.linalg.slogdet(schur)[1]
         return _Curvature(
             within=within,
@@ -265,23 +307,21 @@ class _Likelihood:
         )
 
     def _sum(self, values: Array, scale: Array) -> Array:
-        """Sums of the values of the answers of each random effect, times the scale of its factor."""
+        """Sums of the values of the rows of each random effect, times the scale of its entry in the row."""
         sums = np.bincount(self._where.ravel(), (values[:, None] * scale).ravel(), len(self._factor))
         return np.asarray(sums, np.float64)
 
+    def _derivatives(self, upper: Array, lower: Array) -> tuple[Array, Array, Array, Array]:
+        """Logistic distribution at both ends of the category; slope and curvature of the log probability."""
+        from scipy.special import expit
 
-def _derivatives(upper: Array, lower: Array) -> tuple[Array, Array, Array, Array]:
-    """Logistic distribution at both ends of the category; log probability's slope by the predictor and curvature."""
-    from scipy.special import expit
+        a, b = expit(upper), expit(lower)
+        return a, b, self._count * (a + b - 1), self._count * (a * (1 - a) + b * (1 - b))
 
-    a, b = expit(upper), expit(lower)
-    return a, b, a + b - 1, a * (1 - a) + b * (1 - b)
+    def _log_joint(self, upper: Array, lower: Array, u: Array) -> float:
+        """Log density of answers and u without its constant: F(a) - F(b) = F(a) F(-b) (1 - exp(b - a))."""
+        from scipy.special import log_expit
 
-
-def _log_joint(upper: Array, lower: Array, u: Array) -> float:
-    """Log density of answers and u without its constant: F(a) - F(b) = F(a) F(-b) (1 - exp(b - a))."""
-    from scipy.special import log_expit
-
-    with np.errstate(divide="ignore"):
-        gap = np.log(-np.expm1(lower - upper))
-    return float((log_expit(upper) + log_expit(-lower) + gap).sum() - (u**2).sum() / 2)
+        with np.errstate(divide="ignore"):
+            gap = np.log(-np.expm1(lower - upper))
+        return float(self._count @ (log_expit(upper) + log_expit(-lower) + gap) - (u**2).sum() / 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.statistics.anova import contrasts, effects
 from midair.study.statistics.columns import column, factors, frame_of, levels, numbers
-from midair.study.statistics.logistic import CellCounts, LogisticFit, fit_logistic
+from midair.study.statistics.cumulative import CumulativeFit, RandomEffects, fit_cumulative, likelihood_ratio_test
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 class RightAnswers:
     """Correct answers by participant and cell, with the design matrix of the cells."""
 
-    counts: CellCounts
+    right: Array
+    total: Array
+    """Correct answers and all answers, shape (participant, cell)."""
     cells: Array
     """Contrasts of each cell, shape (cell, term), the intercept first."""
     effect: NDArray[np.int64]
@@ -35,25 +37,31 @@ class RightAnswers:
     @property
     def people(self) -> int:
         """Number of participants."""
-        return len(self.counts.right)
+        return len(self.right)
 
-    def fit(self, *, slopes: bool, without: int = 0, start: LogisticFit | None = None) -> LogisticFit:
-        """Fit the full model, or the model without one effect starting from a full fit."""
-        kept = self.effect != without if without else np.ones(len(self.effect), bool)
-        differ = self._random_terms if slopes else self.effect == 0
-        return fit_logistic(
-            self.counts,
-            self.cells[:, kept],
-            self.cells[:, differ],
-            self.effect[differ],
-            start=None if start is None else replace(start, coefficient=start.coefficient[kept]),
+    def fit(self, *, without: int = 0, start: CumulativeFit | None = None) -> CumulativeFit:
+        """Fit the full model, or the model without one effect starting from a full fit.
+
+        People differ in every term; not in the highest interaction if no participant has a cell twice. The threshold
+        is minus the intercept.
+        """
+        answers = np.stack([self.total - self.right, self.right])
+        correct, person, cell = np.nonzero(answers)
+        count = answers[correct, person, cell].astype(np.int64)
+        differ = np.flatnonzero((self.effect < max(self.effect.max(), 1)) | (self.total.max() > 1))
+        value = self.cells[np.ix_(cell, differ)]
+        random = RandomEffects(
+            person=person,
+            own=np.broadcast_to(np.arange(len(differ)), value.shape),
+            value=value,
+            factor=self.effect[differ],
         )
-
-    @property
-    def _random_terms(self) -> NDArray[np.bool_]:
-        """Terms with random slopes; not the highest interaction if no participant has a cell twice."""
-        often = self.counts.total.max() > 1
-        return np.ones(len(self.effect), bool) if often else self.effect < max(self.effect.max(), 1)
+        kept = (self.effect != without) & (self.effect > 0) if without else self.effect > 0
+        begin = None
+        if start is not None:
+            variance = np.maximum(start.spread, 0.05) ** 2
+            begin = np.r_[start.threshold, start.coefficient[kept[self.effect > 0]], variance]
+        return fit_cumulative(correct, count, self.cells[np.ix_(cell, kept)], random, begin)
 
 
 def logistic_mixed(
@@ -62,59 +70,42 @@ def logistic_mixed(
     correct: str,
     participant: str,
     within: Sequence[str],
-    slopes: bool = True,
 ) -> DataFrame:
     """Test each effect on the probability of a correct answer in a logistic mixed model.
 
-    With slopes: correct ~ factors + (each effect | participant), with one standard deviation for the contrasts of an
-    effect. Maximum likelihood by Laplace approximation; each effect is tested by the likelihood ratio LR of the model
-    without it. With n participants and d contrasts
+    correct ~ factors + (each effect | participant), with one standard deviation for the contrasts of an effect. Maximum
+    likelihood by Laplace approximation; each effect is tested by the likelihood ratio LR of the model without it. With
+    n participants and d contrasts
 
         F = (n - 1) (exp(LR / (n d)) - 1) with d and d (n - 1) degrees of freedom,
 
     the relation between LR and F in a linear model of the participants' contrasts. It accounts for the uncertainty of
     random effects from few participants; the chi2 test does not, and its false positive rate rises to 0.1 with six
-    participants. For effects that do not vary between participants the F test is conservative.
-
-    Without slopes: correct ~ factors + (1 | participant), by adaptive quadrature, with the chi2 test. If effects vary
-    between participants and trials are many, most of its tests of absent effects are false positives. Raises InputError
-    if answers are not 0 and 1, or all the same, or there is one participant.
+    participants. For effects that do not vary between participants the F test is conservative. Raises InputError if
+    answers are not 0 and 1, or all the same, or there is one participant.
 
     `table` has one row per answer, and cells may hold different numbers of answers; `correct` is a column of 0 and 1.
     Interactions of the factors `within` are tested too.
 
     Returns the columns effect, df, chi2, df2, F, p, spread, note. `spread`: root mean square over cells of the standard
-    deviation of the effect between participants, in logits. Without slopes df2, F and spread are NaN. The note warns of
-    cells with only correct (or only wrong) answers, whose logit is infinite.
+    deviation of the effect between participants, in logits, NaN where it is not estimated. The note warns of cells with
+    only correct (or only wrong) answers, whose logit is infinite.
     """
     from pandas import DataFrame
 
     data = right_answers(table, correct=correct, participant=participant, within=within)
-    full = data.fit(slopes=slopes)
+    full = data.fit()
     note = _note(data, full)
     rows: list[dict[str, Any]] = []
     for number, name in enumerate(data.names, start=1):
-        less = data.fit(slopes=slopes, without=number, start=full)
+        less = data.fit(without=number, start=full)
         statistic = max(2 * (full.log_likelihood - less.log_likelihood), 0.0)
         df = int((data.effect == number).sum())
-        row = {"effect": name, **likelihood_ratio_test(statistic, df, data.people if slopes else None)}
-        if slopes and number < len(full.spread):
+        row = {"effect": name, **likelihood_ratio_test(statistic, df, data.people)}
+        if number < len(full.spread):
             row["spread"] = float(full.spread[number]) * df**0.5
         rows.append({**row, "note": note if less.converged else "the optimiser did not converge: unreliable"})
     return DataFrame(rows)
-
-
-def likelihood_ratio_test(ratio: float, df: int, people: int | None) -> dict[str, Any]:
-    """Columns df to spread (empty) of `logistic_mixed` for a likelihood ratio: chi2 if `people` is None."""
-    from scipy.stats import chi2
-    from scipy.stats import f as f_distribution
-
-    if people is None:
-        found = {"df2": np.nan, "F": np.nan, "p": float(chi2.sf(ratio, df))}
-    else:
-        f, df2 = (people - 1) * float(np.expm1(ratio / (people * df))), df * (people - 1)
-        found = {"df2": df2, "F": f, "p": float(f_distribution.sf(f, df, df2))}
-    return {"df": df, "chi2": ratio, **found, "spread": np.nan}
 
 
 def right_answers(
@@ -144,15 +135,16 @@ def right_answers(
     blocks = [np.ones((size, 1))]
     blocks += [size**0.5 * contrasts(shape, effect).T for effect in effects(list(within))]
     return RightAnswers(
-        counts=CellCounts(right=np.asarray(right, np.float64), total=np.asarray(total, np.float64)),
+        right=np.asarray(right, np.float64),
+        total=np.asarray(total, np.float64),
         cells=np.hstack(blocks),
         effect=np.repeat(np.arange(len(blocks)), [block.shape[1] for block in blocks]),
         names=tuple(":".join(within[i] for i in effect) for effect in effects(list(within))),
     )
 
 
-def _note(data: RightAnswers, fit: LogisticFit) -> str:
-    right, total = data.counts.right.sum(axis=0), data.counts.total.sum(axis=0)
+def _note(data: RightAnswers, fit: CumulativeFit) -> str:
+    right, total = data.right.sum(axis=0), data.total.sum(axis=0)
     if ((right == 0) | (right == total)).any():
         return "a cell has only correct or only wrong answers: its logit is infinite, the test unreliable"
     return "" if fit.converged else "the optimiser did not converge: unreliable"

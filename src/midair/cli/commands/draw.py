@@ -1,0 +1,116 @@
+"""The command `draw`: a pattern of moving foci as a drive."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from midair.cli.console import print_json, print_rows, progress_bars
+from midair.cli.exposure_options import AirOptions, print_air
+from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement
+from midair.cli.output import as_recording, may_write, reserved
+from midair.errors import InputError
+from midair.files import load_placement, load_solution, load_target, read_text, save, save_solutions
+from midair.model import Acoustics, Calibration, Medium, Provenance
+from midair.patterns import (
+    check_reach,
+    draw_parts,
+    drawn_settings,
+    load_pattern,
+    wanted_amplitude,
+    wanted_pressure,
+)
+from midair.rig import ArrayKind, array_calibration_for, array_of_kind
+
+
+def draw_command(
+    source: Path,
+    output: Path | None = None,
+    /,
+    *,
+    duration: OptionalTime = None,
+    wanted: Annotated[Path | None, Parameter(alias="-w")] = None,
+    array: ArrayKind = "autd3",
+    placement: Placement = None,
+    device: str = "virtual",
+    array_calibration: ArrayCalibration = None,
+    air: AirOptions | None = None,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Compute the drive of a pattern: foci that move and change their pressure.
+
+    One focus is computed in closed form, several at once by GS-PAT and Levenberg-Marquardt.
+
+    Parameters
+    ----------
+    source
+        Pattern to draw, NAME.toml.
+    output
+        Drive to write, NAME.drive.h5. [default: name of the source]
+    duration
+        Length of the drive; a loop needs one. [default: one pass]
+    wanted
+        Write the wanted pressure on 4 x 4 cells too, a recording to compare with what is played.
+    array
+        autd3: two by two units. openmpd, openmpd-twin (experimental): one board, two facing boards.
+    device
+        Array on which the drive will be played, as in midair play, to use its stored calibration.
+    air
+        Air of the room. [default: 22 degrees and 50 %]
+
+    Examples
+    --------
+    $ midair draw circle.toml
+    $ midair draw circle.toml circle.drive.h5 --duration 2s --wanted circle.h5
+    """
+    if placement is not None and array != "autd3":
+        raise InputError(f"--placement: expected --array autd3, got {array}; leave out one of them")
+    target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
+    may_write(target, force, ".drive.h5")
+    if wanted is not None:
+        may_write(wanted, force, ".h5")
+    pattern = load_pattern(source)
+    foci = pattern.foci(duration)
+    transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
+    known = array_calibration_for(device, array_calibration)
+    transducers = transducers if known is None else known.known.applied(transducers)
+    room = (air or AirOptions()).medium()
+    acoustics = Acoustics(medium=room or Medium.at())
+    used = check_reach(foci, transducers, acoustics)
+    settings = drawn_settings(foci, acoustics, pattern.height_mm * 1e-3)
+    print_air(acoustics.medium, stated=room is not None)
+    life = settings.noted(Provenance(source=source.name).then("draw", {"pattern": read_text(source, "a pattern")}))
+    solved = {
+        "method": "closed form" if foci.pressure.shape[1] == 1 else "gs-pat, lm",
+        "array_calibration": transducers.calibration_id,
+    }
+    ideal = wanted_amplitude(foci, transducers, settings, life)
+    with reserved(target), progress_bars("draw", foci.frames) as stage:
+        parts = draw_parts(
+            foci, transducers, acoustics=acoustics, provenance=life.then("solve", solved), progress=stage("draw")
+        )
+        save_solutions(parts, target, frames=foci.frames, target=ideal)
+    solution, stored = load_solution(target, streamed=True), load_target(target, streamed=True)
+    if wanted is not None and stored is not None:
+        cells = wanted_pressure(stored, settings)
+        flat = Calibration.flat(cells.sensor, sensitivity=1.0, unit="Pa")
+        save(as_recording(cells), wanted, calibration=flat)
+    seconds, loudest = foci.frames / foci.rate, float(foci.pressure.max())
+    if json:
+        figures = {"frames": foci.frames, "rate_hz": foci.rate, "duration_s": seconds, "foci": foci.pressure.shape[1]}
+        return print_json(
+            {"drive": str(target), **figures, "pressure_pa": loudest, "reach_used": used, "error": solution.error.max()}
+        )
+    rows = [
+        ("drive", f"{target} for {transducers.name}, {transducers.count} transducers"),
+        ("frames", f"{foci.frames} at {foci.rate:g} Hz, {seconds:.4g} s"),
+        (
+            "foci",
+            f"{foci.pressure.shape[1]}, up to {loudest:.4g} Pa each, {100 * used:.0f} % of what one focus can do there",
+        ),
+    ]
+    if foci.pressure.shape[1] > 1:
+        rows.append(("E", f"{100 * solution.error.max():.2g} % at most, of the sound amplitude at the foci"))
+    print_rows([*rows, *([] if wanted is None else [("wanted", f"{wanted}, pressure on 4 x 4 cells")])])
+    return None

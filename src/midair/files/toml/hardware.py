@@ -1,0 +1,260 @@
+"""Sensors, motion stages, trackers, arrays and laboratories as users describe them in TOML.
+
+A sensor, corrected by `midair identify`::
+
+    name = "palm sensor 3"
+    rows = 4
+    columns = 4
+    pitch_mm = 11.0
+    unit = "V"                    # unit of the samples: V, count or Pa
+    full_scale = 1.25             # level at which the source clips, in that unit; optional
+    sensitivity = 0.02            # unit per Pa, nominal; optional
+    order = [                     # channel of the source for each cell, row by row; default 0, 1, 2, ...
+      0, 1, 2, 3,
+      4, 5, 6, 7,
+      8, 9, 10, 11,
+      12, 13, 14, 15,
+    ]
+
+The set-up of a motion stage that moves an object to the sensor, in machine coordinates, as after ``MPos:`` in a status
+report of Grbl::
+
+    heading = "+x"                # direction of strokes: +x, -x, +y or -y
+    start_mm = [20.0, 50.0]       # x, y of the start of strokes
+    contact_mm = -32.5            # z at which the object is in contact
+    clear_mm = -20.0              # z without contact; z increases away from the sensor
+    approach_mm_s = 5.0           # speed of the approach to the contact
+    return_mm_s = 50.0            # speed of all other moves
+    homing = "switches"           # default, or "by hand": the user moves the stage home before switching it on
+
+    [travel]                      # limits of travel; a stroke beyond them is refused before any move
+    x_mm = [0.0, 200.0]
+    y_mm = [0.0, 120.0]
+    z_mm = [-60.0, 0.0]
+
+The placement of an array's units, in the order of their wiring. The array is shifted so that its centre, the mean of
+all transducers, is the origin::
+
+    name = "my array"
+
+    [[unit]]
+    position_mm = [0, 0, 0]        # position of the unit's first transducer
+    rotation_deg = [0, 0, 0]       # about the fixed x, then y, then z axis; optional
+
+The placement of a tracker, by hand or by `midair calibrate tracker`. A tracker's own coordinates are x to the right, y
+away from the person, z up::
+
+    rotation_deg = [0, 0, 180]     # about the fixed x, then y, then z axis
+    offset_mm = [0, -120, 15]      # place of the tracker's origin in array coordinates
+    uncertainty_mm = 1.5           # standard uncertainty of a placed point; optional
+
+`Laboratory` lists the keys of ``lab.toml``, for the part "palm and laboratory" of an error budget.
+"""
+
+import os
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import tomli_w
+from scipy.spatial.transform import Rotation
+
+from midair.files.atomic import atomic_file
+from midair.files.toml.plain import read_sheet, to_plain
+from midair.model import Heading, Placement, SensorGrid, SensorWiring, StageSetup, TrackerPlacement, Unit
+from midair.validation import Declared, check_settings, setting
+
+Place = tuple[float, float, float]
+PathLike = str | os.PathLike[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorSheet:
+    """Keys of a sensor."""
+
+    name: str | None = None
+    rows: int = 4
+    columns: int = 4
+    pitch_mm: float = 11.0
+    unit: Unit = "count"
+    full_scale: float | None = None
+    sensitivity: float | None = None
+    order: tuple[int, ...] = ()
+
+
+def load_sensor(path: PathLike) -> SensorWiring:
+    """Read a sensor; the defaults are 4 x 4 cells at 11 mm, in counts. Raises the errors of `read_sheet`."""
+
+    def wiring(keys: SensorSheet) -> SensorWiring:
+        name = Path(path).stem if keys.name is None else keys.name
+        return SensorWiring(
+            grid=SensorGrid(rows=keys.rows, columns=keys.columns, pitch=keys.pitch_mm * 1e-3, name=name),
+            order=keys.order,
+            unit=keys.unit,
+            full_scale=keys.full_scale,
+            sensitivity=keys.sensitivity,
+        )
+
+    return read_sheet(path, "a TOML file that describes a sensor", SensorSheet, wiring)
+
+
+def save_sensor(sensor: SensorWiring, path: PathLike) -> None:
+    """Write a sensor file atomically. Raises FileError if the file cannot be written."""
+    grid = sensor.grid
+    keys = SensorSheet(
+        name=grid.name,
+        rows=grid.rows,
+        columns=grid.columns,
+        pitch_mm=float(f"{grid.pitch * 1e3:.12g}"),
+        unit=sensor.unit,
+        full_scale=sensor.full_scale,
+        sensitivity=sensor.sensitivity,
+    )
+    head = tomli_w.dumps({name: value for name, value in to_plain(keys).items() if name != "order"})
+    rows = "".join(f"  {', '.join(map(str, row))},\n" for row in np.reshape(sensor.order, grid.shape).tolist())
+    _write(path, f"{head}# Channel of the source for each cell, row by row.\norder = [\n{rows}]\n")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TravelSheet:
+    """Keys of the table [travel] of a stage."""
+
+    x_mm: tuple[float, float]
+    y_mm: tuple[float, float]
+    z_mm: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageSheet:
+    """Keys of a stage."""
+
+    heading: Heading
+    start_mm: tuple[float, float]
+    contact_mm: float
+    clear_mm: float
+    approach_mm_s: float
+    return_mm_s: float
+    travel: TravelSheet
+    homing: Literal["switches", "by hand"] = "switches"
+
+
+def load_stage(path: PathLike) -> StageSetup:
+    """Read the set-up of a motion stage. Raises the errors of `read_sheet`."""
+
+    def metres(pair: tuple[float, float]) -> tuple[float, float]:
+        return pair[0] * 1e-3, pair[1] * 1e-3
+
+    def setup(keys: StageSheet) -> StageSetup:
+        return StageSetup(
+            heading=keys.heading,
+            start=metres(keys.start_mm),
+            contact=keys.contact_mm * 1e-3,
+            clear=keys.clear_mm * 1e-3,
+            approach=keys.approach_mm_s * 1e-3,
+            back=keys.return_mm_s * 1e-3,
+            travel=(metres(keys.travel.x_mm), metres(keys.travel.y_mm), metres(keys.travel.z_mm)),
+            homing=keys.homing,
+        )
+
+    return read_sheet(path, "a TOML file that describes a motion stage", StageSheet, setup)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnitSheet:
+    """Keys of a unit of an array."""
+
+    position_mm: Place
+    rotation_deg: Place = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacementSheet:
+    """Keys of a placement of units."""
+
+    name: str | None = None
+    unit: tuple[UnitSheet, ...]
+
+
+def load_placement(path: PathLike) -> Placement:
+    """Read the placement of an array's units. Raises the errors of `read_sheet`."""
+
+    def placement(keys: PlacementSheet) -> Placement:
+        return Placement(
+            position=np.array([unit.position_mm for unit in keys.unit]) * 1e-3,
+            rotation=np.radians([unit.rotation_deg for unit in keys.unit]),
+            name=Path(path).stem if keys.name is None else keys.name,
+        )
+
+    return read_sheet(path, "a TOML file with the placement of the units", PlacementSheet, placement)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackerSheet:
+    """Keys of a tracker."""
+
+    rotation_deg: Place = (0.0, 0.0, 0.0)
+    offset_mm: Place = (0.0, 0.0, 0.0)
+    uncertainty_mm: float = 0.0
+
+
+def load_tracker(path: PathLike) -> TrackerPlacement:
+    """Read the placement of a tracker. Raises the errors of `read_sheet`."""
+
+    def placement(keys: TrackerSheet) -> TrackerPlacement:
+        return TrackerPlacement(
+            rotation=Rotation.from_euler("xyz", keys.rotation_deg, degrees=True).as_matrix(),
+            offset=np.array(keys.offset_mm) * 1e-3,
+            uncertainty=keys.uncertainty_mm * 1e-3,
+        )
+
+    return read_sheet(path, "a TOML file with the placement of a tracker", TrackerSheet, placement)
+
+
+def save_tracker(placement: TrackerPlacement, path: PathLike) -> None:
+    """Write the placement of a tracker atomically. Raises FileError if the file cannot be written."""
+    turns = Rotation.from_matrix(placement.rotation).as_euler("xyz", degrees=True)
+    lines = [
+        f"rotation_deg = [{', '.join(f'{turn:.6f}' for turn in turns)}]",
+        f"offset_mm = [{', '.join(f'{1e3 * place:.4f}' for place in placement.offset)}]",
+        f"uncertainty_mm = {1e3 * placement.uncertainty:.4f}",
+    ]
+    _write(path, "\n".join(lines) + "\n")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Laboratory(Declared):
+    """Standard uncertainties (k = 1), for the palm and the units along each axis; InputError if out of range."""
+
+    palm_aside_mm: float = setting(3.0, "Position of the palm, sideways.", limits=(0, 100))
+    palm_height_mm: float = setting(3.0, "Height of the palm.", limits=(0, 100))
+    palm_tilt_deg: float = setting(5.0, "Tilt of the palm.", limits=(0, 60))
+    palm_turn_deg: float = setting(5.0, "Rotation of the palm about its normal.", limits=(0, 90))
+    temperature_k: float = setting(1.0, "Air temperature minus the stated one.", limits=(0, 15))
+    unit_position_mm: float = setting(0.5, "Position of each unit.", limits=(0, 10))
+    unit_angle_deg: float = setting(0.3, "Rotation of each unit.", limits=(0, 10))
+    strength: float = setting(0.05, "Strength of each transducer, relative.", limits=(0, 1))
+    resonance_hz: float = setting(180.0, "Resonance of each transducer; 180 Hz: .2 rad.", limits=(0, 2000))
+    dead: float = setting(0.01, "Share of the transducers that are silent.", limits=(0, 0.5))
+    frequency: float = setting(1e-4, "Frequency of the ultrasound, relative.", limits=(0, 0.02))
+    echo: float = setting(0.1, "Echo between palm and array: product of both reflection factors.", limits=(0, 1))
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+def load_laboratory(path: PathLike) -> Laboratory:
+    """Read the uncertainties of a laboratory; a missing key takes its default. Raises the errors of `read_sheet`."""
+    return read_sheet(path, "a TOML file with the uncertainties of a laboratory", Laboratory)
+
+
+def save_laboratory(laboratory: Laboratory, path: PathLike) -> None:
+    """Write the uncertainties of a laboratory atomically, each with its meaning. Raises FileError if it fails."""
+    lines = [f"{one.name} = {getattr(laboratory, one.name)!r}  # {one.metadata['help']}" for one in fields(laboratory)]
+    head = "# Standard uncertainties (k = 1) of a laboratory, for midair budget --lab. Replace what you know better."
+    _write(path, "\n".join([head, *lines]) + "\n")
+
+
+def _write(path: PathLike, text: str) -> None:
+    with atomic_file(path) as partial:
+        partial.write_text(text, encoding="utf-8")

@@ -1,0 +1,136 @@
+"""Shapes that a focus moves along, one class and one line of `SHAPES` each.
+
+A shape is a frozen dataclass whose fields are the keys of its table in a pattern's file; lengths in mm, angles in deg.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from midair.array_types import Array
+from midair.errors import InputError
+from midair.registry import Registry
+from midair.validation import check_settings, setting
+
+_SPAN = (0, 500)
+"""Least and largest length in mm."""
+
+
+class Shape:
+    """A path in the plane of the palm, around the centre of its spot."""
+
+    closed: ClassVar[bool] = True
+    """Whether its end is its beginning; an open path is drawn there and back."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+    def at(self, share: Array) -> Array:
+        """Places at shares of the path, 0 to 1, shape (frame,); the result has the shape (frame, 2), in mm."""
+        return self._at(share)
+
+    def _at(self, share: Array) -> Array:
+        raise NotImplementedError
+
+    def length(self) -> float:
+        """Length of the path in mm."""
+        return float(np.linalg.norm(np.diff(self.at(np.linspace(0, 1, 3601)), axis=0), axis=1).sum())
+
+
+def _turn(radius: float, degrees: Array) -> Array:
+    angle = np.radians(degrees)
+    return radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def _corners(value: object, least: int, name: str) -> Array:
+    corners = np.array(value, float).reshape(-1, 2)
+    if len(corners) < least or not np.isfinite(corners).all() or np.abs(corners).max(initial=0) > _SPAN[1]:
+        raise InputError(f"{name}: expected {least} or more places [x, y] of up to {_SPAN[1]} mm, got {value}")
+    return corners
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Points(Shape):
+    """Places that the focus jumps to in turn, each for the same time."""
+
+    places_mm: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+
+    def __post_init__(self) -> None:
+        _corners(self.places_mm, 1, "places_mm")
+
+    def _at(self, share: Array) -> Array:
+        places = _corners(self.places_mm, 1, "places_mm")
+        return places[np.minimum((share * len(places) + 1e-9).astype(int), len(places) - 1)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circle(Shape):
+    """A circle from the x axis on, counter-clockwise."""
+
+    radius_mm: float = setting(15.0, "Radius.", unit="mm", limits=_SPAN, above=True)
+
+    def _at(self, share: Array) -> Array:
+        return _turn(self.radius_mm, 360 * share)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arc(Shape):
+    """Part of a circle."""
+
+    closed: ClassVar[bool] = False
+    radius_mm: float = setting(15.0, "Radius.", unit="mm", limits=_SPAN, above=True)
+    from_deg: float = setting(0.0, "Angle at the beginning.", unit="deg", limits=(-720, 720))
+    to_deg: float = setting(180.0, "Angle at the end.", unit="deg", limits=(-720, 720))
+
+    def _at(self, share: Array) -> Array:
+        return _turn(self.radius_mm, self.from_deg + (self.to_deg - self.from_deg) * share)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line(Shape):
+    """A straight line along x; `turn_deg` of the spot rotates it."""
+
+    closed: ClassVar[bool] = False
+    length_mm: float = setting(30.0, "Length.", unit="mm", limits=_SPAN, above=True)
+
+    def _at(self, share: Array) -> Array:
+        return np.stack([self.length_mm * (share - 0.5), 0 * share], axis=-1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Polygon(Shape):
+    """Straight lines between corners and back to the first, at equal speed."""
+
+    corners_mm: tuple[tuple[float, float], ...] = ((-15.0, -15.0), (15.0, -15.0), (15.0, 15.0), (-15.0, 15.0))
+
+    def __post_init__(self) -> None:
+        if len(np.unique(_corners(self.corners_mm, 3, "corners_mm"), axis=0)) < 2:
+            raise InputError(f"corners_mm: expected corners that differ, got {self.corners_mm}")
+
+    def _at(self, share: Array) -> Array:
+        corners = np.array([*self.corners_mm, self.corners_mm[0]], float)
+        way = np.append(0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
+        return np.stack([np.interp(share * way[-1], way, axis) for axis in corners.T], axis=-1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lissajous(Shape):
+    """x = width / 2 sin(2 pi a s + phase), y = depth / 2 sin(2 pi b s), with s the share of the path."""
+
+    width_mm: float = setting(30.0, "Width along x.", unit="mm", limits=_SPAN)
+    depth_mm: float = setting(30.0, "Depth along y.", unit="mm", limits=_SPAN)
+    a: int = setting(3, "Waves along x.", limits=(1, 50))
+    b: int = setting(2, "Waves along y.", limits=(1, 50))
+    phase_deg: float = setting(90.0, "Phase of x.", unit="deg", limits=(-720, 720))
+
+    def _at(self, share: Array) -> Array:
+        x = self.width_mm / 2 * np.sin(2 * np.pi * self.a * share + np.radians(self.phase_deg))
+        return np.stack([x, self.depth_mm / 2 * np.sin(2 * np.pi * self.b * share)], axis=-1)
+
+
+SHAPES: Registry[type[Shape]] = Registry(
+    "midair.shapes",
+    {kind.__name__.lower(): f"{__name__}:{kind.__name__}" for kind in (Points, Circle, Arc, Line, Polygon, Lissajous)},
+)
+"""Shapes by the name that a pattern's file gives them."""

@@ -1,0 +1,119 @@
+"""`midair draw`, and every command that takes the drive that it writes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midair.cli import run
+from midair.files import load_solution, load_target, save_palm_path
+from midair.model import PalmPath
+from midair.physics import transfer_matrix
+from midair.settings import Settings
+
+pytestmark = pytest.mark.usefixtures("own_state")
+CIRCLE = """
+name = "circle"
+rate_hz = 4000
+duration_s = 0.25
+
+[[spot]]
+shape = { name = "circle", radius_mm = 12 }
+draw_hz = 60
+pressure_pa = 40
+am = { frequency_hz = 30, depth = 0.5 }
+"""
+
+
+@pytest.fixture
+def drawn(answer):
+    Path("circle.toml").write_text(CIRCLE, encoding="utf-8")
+    return answer("draw", "circle.toml", "circle.drive.h5", "--wanted", "circle.h5", "--temperature", "22C")
+
+
+def test_a_drawn_drive_states_how_it_was_made(drawn):
+    assert (drawn["frames"], drawn["rate_hz"], drawn["foci"], drawn["pressure_pa"]) == (1000, 4000.0, 1, 40.0)
+    assert 0.02 < drawn["reach_used"] < 0.04
+    drive = load_solution("circle.drive.h5").drive
+    assert drive.provenance.source == "circle.toml"
+    assert drive.provenance.last("draw")["pattern"] == CIRCLE
+    assert Settings.of(drive.provenance).target.rate == 4000
+    target = load_target("circle.drive.h5")
+    field = np.abs(drive.q @ transfer_matrix(target.grid, drive.array, acoustics=drive.acoustics).T)
+    assert np.abs(field - target.amplitude).max() < 0.01 * target.amplitude.max()  # phases of 8 bits
+
+
+@pytest.mark.long
+def test_it_plays_is_shown_and_checked_as_any_drive(drawn, capsys, answer):
+    assert run(["play", "circle.drive.h5"]) == 0
+    assert "1000 frames at 4000 Hz on virtual" in capsys.readouterr().out
+    figures = answer("compare", "circle.h5", "circle.rerecorded.h5")["figures"]
+    assert figures["correlation"]["value"] > 0.99
+    assert figures["dominant frequency, reproduced"]["value"] == 60
+    assert figures["signal to distortion, touched cells"]["value"] > 20
+    assert answer("exposure", "circle.drive.h5")["palm_pressure_pa"] == pytest.approx(40, rel=0.1)
+    assert run(["show", "circle.drive.h5", "--save", "circle.html", "--no-browser"]) == 0
+    assert run(["info", "circle.drive.h5"]) == 0
+    assert "circle.toml" in capsys.readouterr().out
+
+
+@pytest.mark.long
+def test_a_drawn_drive_is_compared_and_follows_a_palm(drawn, answer, capsys):
+    assert answer("compare", "circle.h5", "circle.drive.h5")["figures"]["correlation"]["value"] > 0.99
+    time = np.linspace(0, 1, 101)
+    centre = np.column_stack([0.01 * time, 0 * time, 0.2 + 0 * time])
+    path = PalmPath(
+        time=time,
+        centre=centre,
+        normal=np.tile([0, 0, -1.0], (101, 1)),
+        fingers=np.tile([0, 1.0, 0], (101, 1)),
+        confidence=np.ones(101),
+    )
+    save_palm_path(path, "hand.csv")
+    assert run(["play", "circle.drive.h5", "--follow", "replay:hand.csv", "--palm-path", "hand.csv"]) == 0
+    assert "the palm is followed" in capsys.readouterr().err
+    assert answer("compare", "circle.h5", "circle.rerecorded.h5")["figures"]["correlation"]["value"] > 0.9
+
+
+@pytest.mark.long
+def test_a_drawn_drive_plays_on_the_emulator(drawn, capsys):
+    pytest.importorskip("autd3")
+    assert run(["play", "circle.drive.h5", "--device", "autd3:emulator"]) == 1
+    assert "dB at the" in capsys.readouterr().err
+    assert run(["play", "circle.drive.h5", "--device", "autd3:emulator", "--attenuate"]) == 0
+    assert "1000 frames at 4000 Hz on autd3:emulator" in capsys.readouterr().out
+
+
+@pytest.mark.long
+def test_a_study_takes_drawn_drives(drawn):
+    Path("drives").mkdir()
+    for name in (f"{thing}-{side}" for thing in ("brush", "sponge", "towel") for side in ("grooved", "plain")):
+        Path(f"drives/{name}.drive.h5").write_bytes(Path("circle.drive.h5").read_bytes())
+    assert run(["study", "new", "touch", "--drives", "drives", "--participants", "2"]) == 0
+    assert run(["study", "run", "touch", "--simulate"]) == 0
+
+
+MISTAKES = {
+    "spot 1: shape: expected one of points, circle,": '[[spot]]\nshape = "star"',
+    "spot: expected one table [[spot]] or more": "duration_s = 1.0",
+    "duration: expected a time, since the pattern is a loop": "[[spot]]",
+    "spot 1: pressure_pa: expected 0 to 10000 Pa, got nan Pa": "[[spot]]\npressure_pa = nan",
+    "spot 1: radius: expected one of": "[[spot]]\nradius = 3",
+    "expected at most 1511 Pa at (0, 0, 200) mm, all that": "duration_s = 1.0\n[[spot]]\npressure_pa = 2000.0",
+    "45 degrees beside it, got (800, 0, 200) mm": "duration_s = 1.0\n[[spot]]\ncentre_mm = [800, 0]",
+    "rate_hz: expected 1 to 8000 Hz, got 9000 Hz": "rate_hz = 9000\n[[spot]]",
+    "frame rate: expected 40000 Hz over a whole number": "duration_s = 1.0\nrate_hz = 3000\n[[spot]]",
+    "GB of free memory": "duration_s = 1e5\nrate_hz = 8000\n" + 40 * "[[spot]]\n",
+    "Pa in 2 foci at once, all that": "duration_s = 1.0\n"
+    + "".join(f"[[spot]]\ncentre_mm = [{x}, 0]\npressure_pa = 1000.0\n" for x in (0, 20)),
+    "am.frequency_hz: expected at most 2000 Hz": "[[spot]]\nam = { frequency_hz = 2500.0 }",
+    "expected a pattern in TOML, got": "a circle, please",
+}
+
+
+@pytest.mark.parametrize("said", MISTAKES)
+def test_a_pattern_that_cannot_be_drawn_is_refused_in_one_line(said, one_line):
+    Path("bad.toml").write_text(MISTAKES[said], encoding="utf-8")
+    assert run(["draw", "bad.toml"]) == 1
+    assert said in one_line()
+    assert [path.name for path in Path().iterdir()] == ["bad.toml"]
