@@ -10,7 +10,6 @@ effort. A frame's own best phases would need less effort, but follow the target,
 docs/decisions/0044-felt-and-quiet.md compares the alternatives.
 """
 
-import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -25,6 +24,7 @@ from midair.solvers.field_operators import Batch, FieldMove, FieldOperators
 from midair.solvers.glide import evenly_spread
 from midair.solvers.lbfgs import RowsState
 from midair.solvers.mirror_symmetry import Product
+from midair.solvers.modes import Keyed
 from midair.solvers.phases import hold
 from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 from midair.solvers.terms import GuardField
@@ -119,7 +119,7 @@ def _moves(settings: Free, problem: Problem, array_backend: Backend) -> _Moves:
     """The operators in the coordinates in which the effort is the squared length of the drive."""
     root, guard = np.eye(problem.transducers, dtype=np.complex128), problem.guard
     if guard is not None and (quiet := guard.ceilings == 0).any():
-        root = _inverse_root(_Keyed(rows=guard.G[quiet]), settings.power)
+        root = _inverse_root(Keyed.of(guard.G[quiet]), settings.power)
         guard = GuardField(G=guard.G[~quiet], ceiling=guard.ceilings[~quiet], weight=guard.weight)
     if guard is not None:
         guard = replace(guard, G=guard.G @ root) if len(guard.G) else None
@@ -153,26 +153,9 @@ def _phases_of_even_field(settings: Free, operators: FieldOperators) -> Rows:
     return backend.unit(move.out.of_modes(backend.as_complex(state.x))[0, : even.points])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Keyed:
-    """Rows for a cache, equal if all their numbers are."""
-
-    rows: NDArray[np.complex128]
-
-    @property
-    def key(self) -> bytes:
-        return hashlib.sha256(self.rows.tobytes()).digest()
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Keyed) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
-
-
 # Each part of a recording has the same rows.
 @lru_cache(maxsize=2)
-def _inverse_root(keyed: _Keyed, power: float) -> NDArray[np.complex128]:
+def _inverse_root(keyed: Keyed, power: float) -> NDArray[np.complex128]:
     """M^(-1/2) for the effort M = R / mean(diag R) + power, with R the Gram matrix of the rows."""
     rows = keyed.rows
     gram = rows.conj().T @ rows

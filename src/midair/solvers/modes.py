@@ -5,7 +5,9 @@ together than the wavelength resolves. Products with G = U diag(s) V^H without t
 contains all numbers of q that matter.
 """
 
-from dataclasses import dataclass
+import hashlib
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +30,37 @@ class Modes:
         return len(self.s)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Keyed:
+    """A matrix for a cache, equal if shape and all numbers are."""
+
+    rows: Complex = field(compare=False)
+    key: tuple[bytes, tuple[int, ...]]  # A digest of the numbers, and the shape
+
+    @classmethod
+    def of(cls, rows: Complex) -> "Keyed":
+        """Compute the digest."""
+        return cls(rows=rows, key=(hashlib.sha256(np.ascontiguousarray(rows)).digest(), rows.shape))
+
+
 def modes(G: Complex, *, tolerance: float = 0.0) -> Modes:
     """The modes of G whose singular value is above `tolerance` times the largest, at least one.
 
-    Tolerance 0 keeps all that are not zero in double precision, so that the factorisation is exact.
+    Tolerance 0 keeps all that are not zero in double precision, so that the factorisation is exact. Each part of a
+    recording has the same G, so the last few results of matrices up to 16 MB are kept.
     """
+    return _kept(Keyed.of(G), tolerance) if G.nbytes <= 2**24 else _computed(G, tolerance)
+
+
+@lru_cache(maxsize=8)
+def _kept(keyed: Keyed, tolerance: float) -> Modes:
+    found = _computed(keyed.rows, tolerance)
+    for array in (found.U, found.s, found.V):
+        array.flags.writeable = False
+    return found
+
+
+def _computed(G: Complex, tolerance: float) -> Modes:
     if len(G) >= _MANY and tolerance >= 1e-4 and (sketched := _by_sketch(G, tolerance)) is not None:
         return sketched
     # G G^H squares the singular values, so small ones lose half of their digits.
