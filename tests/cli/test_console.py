@@ -10,6 +10,7 @@ from rich.table import Table
 from tests.waiting import wait_until
 
 from midair.cli import app, run
+from midair.cli.comparisons import print_palm
 from midair.cli.console import (
     BusyBar,
     PerSecond,
@@ -24,6 +25,7 @@ from midair.cli.console import (
     verbosity,
     waiting,
 )
+from midair.evaluate import PalmFidelity
 from midair.progress import report_progress
 
 HOSTILE = "a[/]b[red]c:smile:\x1b]0;title\x07\x1b[2J\u202ed"
@@ -158,3 +160,14 @@ def test_progress_inside_the_block_is_shown():
     with waiting("cut", screen(terminal=False), passes=2) as line:
         assert list(report_progress("abcd", 4)) == list("abcd")
         assert line.share == 0.5
+
+
+def test_palm_fidelity_is_printed_for_each_skin(capsys):
+    skins = {"soft": 15.04, "stiff": 20.0}
+    print_palm(PalmFidelity(outside=0.0312, pressure=12.34, square=17.0, displacement=skins, palm="mine"))
+    said = " ".join(capsys.readouterr().out.split())
+    assert "fidelity on a whole palm, mine" in said
+    assert "3.12 % of the power in the band" in said
+    assert "pressure 12.3 dB over the palm, 17.0 dB within the square" in said
+    assert "displacement 15.0 dB (soft), 20.0 dB (stiff)" in said
+    assert "not measured on people" in said

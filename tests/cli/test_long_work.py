@@ -1,4 +1,7 @@
-"""Every command that may work longer than two seconds: a bar that knows its end, and Ctrl-C that says what was kept."""
+"""Every command that may work longer than two seconds: a bar that knows its end, and Ctrl-C that says what was kept.
+
+Ctrl-C comes at the first step of a bar, and when the file is whole and has not got its name.
+"""
 
 import shutil
 from contextlib import chdir
@@ -12,7 +15,7 @@ from rich.progress import Progress
 from midair.cli import app, run
 from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of
 from midair.cli.console import BusyBar
-from midair.files import save
+from midair.files import atomic, save
 from midair.model import Calibration, Recording, SensorGrid
 
 QUICK = "--mode paper --method naive --points 6 --pitch 11mm --lead 0s --duration 0.03s"
@@ -181,10 +184,15 @@ def test_ctrl_c_at_the_first_step_of_a_bar_prints_the_kept_files(line, folder, c
 
     monkeypatch.setattr(Progress, "add_task", add_task)
     monkeypatch.setattr(BusyBar, "report", report)
+    check_stopped(line, capsys)
+    assert begun
+
+
+def check_stopped(line, capsys):
+    """Run a command that Ctrl-C stops: one line, and nothing but the files that it names is new or changed."""
     before = files_here()
     capsys.readouterr()
     assert run(line.split()) == 130
-    assert begun
     said = [each for each in capsys.readouterr().err.splitlines() if each.startswith("midair: ")]
     assert said == [f"midair: stopped; {LINES[line]}"]
     kept = {Path(name) for name in LINES[line].partition("kept ")[2].split(", ") if name}
@@ -192,6 +200,29 @@ def test_ctrl_c_at_the_first_step_of_a_bar_prints_the_kept_files(line, folder, c
     ours = {path for path in files_here() if not {".zarr", ".report"} & {each.suffix for each in path.parents}}
     assert ours - set(before) == kept
     assert {path: when for path, when in files_here().items() if path in before} == before
+
+
+WRITING = (
+    "import song.wav",
+    "export take.h5 take.csv",
+    "cut",
+    "trim",
+    "join",
+    "gain",
+    "mask",
+    "resample",
+    "solve",
+    "expo",
+)
+
+
+@pytest.mark.parametrize("line", [line for line in LINES if line.startswith(WRITING)])
+def test_ctrl_c_at_the_last_moment_leaves_nothing(line, folder, capsys, monkeypatch):
+    def stop(old, new):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(atomic.os, "replace", stop)
+    check_stopped(line, capsys)
 
 
 @pytest.mark.parametrize("line", lines(*SLOW))

@@ -3,14 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.files import load_profiles
+from midair.files import load_profiles, profile_named
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics import (
     ExposureProfile,
     Place,
+    cone_points,
     exposure,
     focus_phase,
     greatest_exposure,
+    level_if_unlike,
     sound_level,
     transfer_matrix,
 )
@@ -18,6 +20,8 @@ from midair.physics.exposure_level import nonlinearity_index
 
 ONE = TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0.0, 1.0]]), pressure=4.0)
 AIR = Medium(attenuation=0)
+ARRAY = TransducerArray.autd3()
+PROFILE = profile_named("occupational-110")
 
 
 def profile(*places):
@@ -126,3 +130,37 @@ def test_duty_and_warming_count_like_a_level_above_its_limit():
     short = exposure(steady(1.0), profile(ear()), acoustics=Acoustics(medium=AIR))
     assert "palm" not in short.verdict()
     assert short.duty == pytest.approx([4e-3 / 60])
+
+
+def test_the_cube_of_a_place_is_looked_at_in_its_corners_its_faces_and_its_middle():
+    points = Place(name="ear", position=(0.1, -0.2, 0.4), reach=0.03, limit=100.0).points
+    assert points.shape == (27, 3)
+    np.testing.assert_allclose(points.min(axis=0), [0.07, -0.23, 0.37])
+    np.testing.assert_allclose(points.max(axis=0), [0.13, -0.17, 0.43])
+    np.testing.assert_allclose(points[13], [0.1, -0.2, 0.4])
+    assert len(np.unique(points, axis=0)) == 27
+
+
+def test_points_lie_in_the_cube_and_closer_steps_make_more_of_them():
+    ear = PROFILE.places[0]
+    wide, close = (cone_points(ear, ARRAY, Acoustics(), step=step) for step in (1.8, 0.9))
+    for points in (wide, close):
+        away = np.abs(points - np.array(ear.position)).max(axis=1)
+        assert away.max() <= ear.reach + 1e-9
+        assert len(np.unique(points, axis=0)) == len(points)
+    assert 3 * len(wide) < len(close)
+
+
+def test_the_sound_of_random_errors_is_near_the_loudest_of_many_points():
+    rng = np.random.default_rng(5)
+    level = rng.uniform(0, 1, (2, ARRAY.count))
+    drive = Drive(phase=rng.uniform(0, 6, level.shape), level=level, rate=1e3, array=ARRAY, acoustics=Acoustics())
+    ear = PROFILE.places[0]
+    points = np.array(ear.position) + rng.uniform(-ear.reach, ear.reach, (400, 3))
+    G = transfer_matrix(points, ARRAY, acoustics=drive.acoustics)
+    errors = 0.2 / np.sqrt(2) * (rng.normal(size=(20, 996)) + 1j * rng.normal(size=(20, 996)))
+    loudest = [np.abs((drive.q * error) @ G.T).max() for error in errors]
+    found = level_if_unlike(drive, PROFILE)[0]
+    assert abs(found - sound_level(np.mean(loudest))) < 2
+    shared = Drive(phase=drive.phase, level=np.ones(2), rate=1e3, array=ARRAY)
+    assert level_if_unlike(shared, PROFILE, 0.2)[0] > found

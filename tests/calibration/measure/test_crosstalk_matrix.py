@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from midair.calibration.measure.crosstalk_matrix import crosstalk_of
 from midair.calibration.measure.frequency_response import FrequencyResponse
+from midair.calibration.measure.take_sums import crosstalk_of
 
 BANDS = 4
 ALL = np.ones(BANDS, bool)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.calibration.measure.delay import channel_delay, upper_half
+from midair.calibration.measure.frequency_response import channel_delay, upper_half
 from midair.errors import BandError
 
 FREQUENCY = np.arange(100.0, 400.0, 2.0)

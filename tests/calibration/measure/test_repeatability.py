@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.calibration.measure.frequency_response import band_sums, solve_sums, widened
-from midair.calibration.measure.repeatability import repeatability
+from midair.calibration.measure.take_sums import repeatability
 
 RATE = 1000.0
 

@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from midair.devices.safety.state_folders import make_state_folder, state_folder
+from midair.devices.safety.lock_files import make_state_folder, state_folder
 from midair.errors import FileError
 
 

@@ -9,7 +9,7 @@ from midair.files import load_played, save_palm_path
 from midair.model import Acoustics, TransducerArray
 from midair.physics import middle_of, steering_phase
 from midair.rig import LiveSettings, open_tracker
-from midair.rig.live_touch.live_following import LiveSteering
+from midair.rig.live_touch.live_loop import LiveSteering
 
 ARRAY, AIR, SOLVED = TransducerArray.autd3(columns=1, rows=1), Acoustics(), middle_of(LiveSettings().grid)
 

@@ -33,7 +33,7 @@ import numpy as np
 from pathlib import Path
 from midair.devices import FrameBlock, SensorDevice
 from midair.model import SensorGrid
-from midair.rig.takes.record_settings import RecordSettings
+from midair.rig.takes.take_state import RecordSettings
 from midair.rig.takes.take import record_take
 
 

@@ -7,8 +7,8 @@ from midair.devices import FrameBlock, ReplaySensor
 from midair.errors import DeviceError, InputError
 from midair.files import load, repair
 from midair.model import Recording
-from midair.rig.takes.record_settings import RecordSettings
 from midair.rig.takes.take import record_take
+from midair.rig.takes.take_state import RecordSettings
 
 RATE = 1000.0
 COUNT = Recording(samples=np.arange(1000 * 16.0).reshape(1000, 4, 4), rate=RATE)

@@ -4,8 +4,8 @@ import pytest
 
 from midair.devices import FrameBlock, SensorDevice
 from midair.model import SensorGrid
-from midair.rig.takes.record_settings import RecordSettings
 from midair.rig.takes.take import record_take
+from midair.rig.takes.take_state import RecordSettings
 
 MIB = 2**20
 

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from midair.array_types import Array
-from midair.calibration.apply.crosstalk_inverse import crosstalk_inverse
-from midair.calibration.apply.inverse import check_band_covered, inverse_response, regularised_power
+from midair.calibration.apply.inverse import check_band_covered, crosstalk_inverse, inverse_response, regularised_power
 from midair.dsp import Band, band_edges, band_window, check_band, fft_frequencies
 from midair.errors import InputError, ShapeError
 from midair.model import BAND, Calibration

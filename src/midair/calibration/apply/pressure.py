@@ -6,8 +6,13 @@ from typing import Literal, get_args
 import numpy as np
 
 from midair.array_types import Array, Complex
-from midair.calibration.apply.crosstalk_inverse import crosstalk_inverse
-from midair.calibration.apply.inverse import check_band_covered, default_taps, inverse_fir, inverse_response
+from midair.calibration.apply.inverse import (
+    check_band_covered,
+    crosstalk_inverse,
+    default_taps,
+    inverse_fir,
+    inverse_response,
+)
 from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, filter_response
 from midair.errors import BandError, InputError, MismatchError, UnitError
 from midair.model import BAND, Calibration, PressureFrames, Recording, Setting

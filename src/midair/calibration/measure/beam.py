@@ -12,8 +12,7 @@ import numpy as np
 
 from midair.array_types import Array, Complex
 from midair.calibration.measure.beam_plan import BeamPlan
-from midair.calibration.measure.delay import channel_delay, upper_half
-from midair.calibration.measure.frequency_response import widened
+from midair.calibration.measure.frequency_response import channel_delay, upper_half, widened
 from midair.calibration.measure.linearity import bend_uncertainty, fit_levels
 from midair.calibration.measure.noise import quiet_density, white_level
 from midair.errors import InputError, ShapeError

@@ -1,25 +1,25 @@
 """Combine the spectral sums of all takes into a calibration with an uncertainty for every number."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.array_types import Array
-from midair.calibration.measure.crosstalk_matrix import crosstalk_of
-from midair.calibration.measure.delay import channel_delay, upper_half
+from midair.array_types import Array, Complex
 from midair.calibration.measure.frequency_response import (
     BandSums,
     FrequencyResponse,
     band_sums,
+    channel_delay,
     check_resolution,
     solve_sums,
+    upper_half,
     widened,
 )
 from midair.calibration.measure.linearity import bend_uncertainty, fit_levels, predicted_share, same_levels
 from midair.calibration.measure.noise import quiet_density, white_level
 from midair.calibration.measure.referenced_take import ReferencedTake
-from midair.calibration.measure.repeatability import repeatability
 from midair.errors import BandError
 from midair.model import Calibration, Crosstalk, Linearity, Measurement, Provenance, Recording, Setting
 from midair.recordings import dead_channels
@@ -181,3 +181,80 @@ def sums_of(x: Array, recording: Recording, settings: MeasureSettings) -> BandSu
     step, width = check_resolution(settings.resolution, settings.width)
     y = recording.samples.reshape(recording.frames, -1)
     return band_sums(x, y, recording.rate, resolution=step, width=width, order=settings.order)
+
+
+def crosstalk_of(
+    fits: Sequence[FrequencyResponse], counts: NDArray[np.bool_], *, repeat: Array | float = 0.0
+) -> Crosstalk:
+    """Compute the crosstalk matrix from the responses of all channels to a pressure on each cell alone.
+
+    C_ik = H_ik / H_ii, with H_ik the response of channel i to a pressure on cell k. The spread in the gel does not
+    depend on frequency, so C is the mean of the real part over the bins, weighted by 1 / u^2. If the ratio varies over
+    the band more than the noise explains, the uncertainty is increased accordingly (Birge's ratio). The error of the
+    reference cancels. `fits` has one response per cell, in the order of the channels, and `repeat` is the relative
+    standard uncertainty of each channel's own response from the scatter between takes, because H_ik and H_ii come from
+    different takes. A dead channel has no crosstalk.
+    """
+    response: Complex = np.array([fit.response[counts] for fit in fits])
+    spread = np.array([np.abs(fit.response[counts]) * _finite(fit.uncertainty[counts]) for fit in fits])
+    cells = np.arange(len(fits))
+    own, own_spread = response[cells, :, cells].T, spread[cells, :, cells].T
+    heard = np.abs(own) > 0
+    size = np.where(heard, np.abs(own), 1)
+    ratio = np.real(np.where(heard, response / np.where(heard, own, 1), 0))
+    error = np.sqrt((spread / size) ** 2 + (ratio * own_spread / size) ** 2)
+    weight = 1 / np.maximum(error, 1e-12) ** 2
+    total = weight.sum(axis=1)
+    mean = (weight * ratio).sum(axis=1) / total
+    chi = (weight * (ratio - mean[:, None]) ** 2).sum(axis=1) / max(len(own) - 1, 1)
+    seated = np.broadcast_to(repeat, len(fits))
+    uncertainty = np.hypot(np.sqrt(np.maximum(chi, 1) / total), np.abs(mean) * np.hypot(seated[:, None], seated))
+    alive = np.asarray(heard.all(axis=0))
+    matrix = np.where(alive & alive[:, None], mean, 0).T
+    np.fill_diagonal(matrix, 1)
+    uncertainty = np.where(alive & alive[:, None], uncertainty, 0).T
+    np.fill_diagonal(uncertainty, 0)
+    return Crosstalk(matrix=matrix, uncertainty=uncertainty)
+
+
+def _finite(values: Array) -> Array:
+    # An uncertainty is infinite where a response is 0, and their product would be NaN.
+    return np.where(np.isfinite(values), values, 1e6)
+
+
+def repeatability(
+    parts: Sequence[BandSums], whole: FrequencyResponse, counts: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Relative standard uncertainty of magnitude, and of phase in rad, from the scatter of takes, shape (channel,).
+
+    Takes differ because the sensor is placed anew and the gel warms up. The variance tau^2 between takes is estimated
+    by the method of moments: sum_r w_r (H_r / H - mean)^2 has the expectation (R - 1) + tau^2 (sum w - sum w^2 / sum
+    w), with w_r = 1 / u_r^2 (DerSimonian and Laird, Controlled Clinical Trials 7, 1986), pooled over the bands, because
+    mostly the gain varies. The common response weights take r by its share p_r of the input's power, so its variance is
+    tau^2 sum p_r^2, widened by Student's t for R - 1. The result is 0 for a single take, whose repeatability is
+    unknown.
+    """
+    pressed = np.array([part.points > 0 for part in parts])
+    if len(parts) < 2 or not (pressed.sum(axis=0) > 1).any():
+        return np.zeros(pressed.shape[1]), np.zeros(pressed.shape[1])
+    fits = [solve_sums([part]) for part in parts]
+    reference = np.where(whole.response[counts] != 0, whole.response[counts], 1)
+    apart = np.array([fit.response[counts] for fit in fits]) / reference - 1
+    own = np.array([fit.uncertainty[counts] for fit in fits])
+    weight = np.where(pressed[:, None] & np.isfinite(own) & (own > 0), 1 / np.maximum(own, 1e-12) ** 2, 0)
+    energy = np.array([part.gram[counts, :, 0, 0].real for part in parts])
+    share = energy / np.maximum(energy.sum(axis=0), 1e-300)
+    kept = (share**2).sum(axis=0).mean(axis=0)
+    number = pressed.sum(axis=0)
+    both = [_between(values, weight, number) for values in (apart.real, apart.imag)]
+    magnitude, phase = (widened(np.sqrt(tau * kept), np.maximum(number - 1, 1)) for tau in both)
+    return magnitude, phase
+
+
+def _between(values: Array, weight: Array, number: NDArray[np.int64]) -> Array:
+    """tau^2 of each channel, from values and weights of shape (take, band, channel)."""
+    whole = np.maximum(weight.sum(axis=0), 1e-300)
+    mean = (weight * values).sum(axis=0) / whole
+    scatter = (weight * (values - mean) ** 2).sum(axis=0)
+    free = whole - (weight**2).sum(axis=0) / whole
+    return np.maximum((scatter - (number - 1)).sum(axis=0), 0) / np.maximum(free.sum(axis=0), 1e-300)

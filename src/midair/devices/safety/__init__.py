@@ -1,6 +1,8 @@
 """Safety: one program per device, a log, a channel through which another terminal stops playback, a guard process."""
 
 from .device_locks import device_lock as device_lock
+from .lock_files import make_state_folder as make_state_folder
+from .lock_files import state_folder as state_folder
 from .play_log import Ending as Ending
 from .play_log import close_orders as close_orders
 from .play_log import log_drift as log_drift
@@ -9,8 +11,6 @@ from .play_log import log_order as log_order
 from .play_log import log_pause as log_pause
 from .play_log import read_log as read_log
 from .port_guard import PortGuard as PortGuard
-from .state_folders import make_state_folder as make_state_folder
-from .state_folders import state_folder as state_folder
 from .stop_channel import Stopped as Stopped
 from .stop_channel import ordered_at as ordered_at
 from .stop_channel import playing_now as playing_now

@@ -12,8 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote, unquote
 
-from midair.devices.safety.lock_files import LockFile, held_entry
-from midair.devices.safety.state_folders import make_state_folder, state_folder
+from midair.devices.safety.lock_files import LockFile, held_entry, make_state_folder, state_folder
 from midair.errors import DeviceError, HeldError
 
 

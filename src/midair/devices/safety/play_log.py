@@ -14,8 +14,15 @@ from typing import Any, Literal
 import numpy as np
 
 from midair.devices.exposure_check import ExposureClearance
-from midair.devices.safety.lock_files import LockFile, command, open_no_link, token, user
-from midair.devices.safety.state_folders import make_state_folder, state_folder
+from midair.devices.safety.lock_files import (
+    LockFile,
+    command,
+    make_state_folder,
+    open_no_link,
+    state_folder,
+    token,
+    user,
+)
 from midair.devices.safety.stop_channel import playing_now
 from midair.errors import FileError
 from midair.model import Drive, Medium

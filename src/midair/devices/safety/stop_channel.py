@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from midair.devices.safety.lock_files import LockFile, held_entry, read_lock, token
-from midair.devices.safety.state_folders import make_state_folder, state_folder
+from midair.devices.safety.lock_files import LockFile, held_entry, make_state_folder, read_lock, state_folder, token
 from midair.errors import FileError, MidairError, StoppedError
 
 ANSWER = b"silent\n"

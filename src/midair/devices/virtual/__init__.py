@@ -2,6 +2,6 @@
 
 from .virtual_array import VirtualArray as VirtualArray
 from .virtual_sensor import VirtualSensor as VirtualSensor
-from .virtual_skin import VirtualSkin as VirtualSkin
+from .virtual_sensor import VirtualSkin as VirtualSkin
 from .virtual_units import VirtualUnits as VirtualUnits
 from .virtual_units import virtual_immediate as virtual_immediate

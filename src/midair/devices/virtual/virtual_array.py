@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from midair.devices.arrays import SilencerChoice, choose_silencer
 from midair.devices.interface import ArrayDevice, PlayReport
-from midair.devices.virtual.virtual_skin import VirtualSkin
+from midair.devices.virtual.virtual_sensor import VirtualSkin
 from midair.errors import DeviceStateError, InputError
 from midair.model import Acoustics, Drive, PalmPath, Progress, TransducerArray
 from midair.physics import (

@@ -24,8 +24,7 @@ from midair.devices import (
 from midair.errors import DeviceError, InputError, MidairError, StoppedError, UnknownDeviceError
 from midair.model import Calibration, SensorGrid, Unit
 from midair.rig.live_touch.encryption import read_key
-from midair.rig.live_touch.live_following import LiveSteering
-from midair.rig.live_touch.live_loop import LiveLoop, Pace
+from midair.rig.live_touch.live_loop import LiveLoop, LiveSteering, Pace
 from midair.rig.live_touch.live_settings import LiveSettings, host_and_port
 from midair.rig.live_touch.receiving import NetworkSource
 from midair.rig.live_touch.repeated_source import streamed

@@ -11,11 +11,11 @@ from .array_store import keep_array_calibration as keep_array_calibration
 from .array_store import keep_array_check as keep_array_check
 from .array_store import kept_array_calibration as kept_array_calibration
 from .sensor_names import SENSORS as SENSORS
+from .sensor_names import THERMOMETERS as THERMOMETERS
 from .sensor_names import sensor_named as sensor_named
 from .sensor_names import source_sensor as source_sensor
-from .stage_names import stage_named as stage_named
-from .thermometer_names import THERMOMETERS as THERMOMETERS
-from .thermometer_names import thermometer_named as thermometer_named
+from .sensor_names import stage_named as stage_named
+from .sensor_names import thermometer_named as thermometer_named
 from .tracker_names import TRACKERS as TRACKERS
 from .tracker_names import open_tracker as open_tracker
 from .virtual_rig import TransducerSpread as TransducerSpread

@@ -1,15 +1,25 @@
 """Sensors by name: ``virtual:towel``, ``replay:take.h5``, ``lsl:Skin``, ``audio:USB?channels=16``, ``ni:Dev1/ai0:15``.
 
-Options follow a question mark; each kind of live sensor has those of `SensorOptions` and its own.
+Options follow a question mark; each kind of live sensor has those of `SensorOptions` and its own. Thermometers are
+``lsl:NAME``, ``serial:PORT`` or ``file:PATH``, motion stages ``grbl:/dev/ttyUSB0`` or ``grbl:COM3?baud=115200``.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from midair.devices import Decimated, RemappedSensor, ReplaySensor, SensorDevice, SensorOptions, StreamedSensor
+from midair.devices import (
+    Decimated,
+    RemappedSensor,
+    ReplaySensor,
+    SensorDevice,
+    SensorOptions,
+    StageDevice,
+    StreamedSensor,
+    Thermometer,
+)
 from midair.errors import InputError, UnknownDeviceError
 from midair.files import open_take
 from midair.model import SensorWiring
@@ -100,3 +110,50 @@ def _on_demand_sensor(kind: str, rest: str, name: str, rig: VirtualRig, duration
         f"sensor: expected virtual:OBJECT, replay:FILE, {others}lsl:NAME, audio:DEVICE, serial:PORT or ni:CHANNELS, "
         f"got {name!r}; try virtual:towel"
     )
+
+
+THERMOMETERS: Registry[type[Thermometer]] = Registry(
+    "midair.thermometers",
+    {
+        "lsl": "midair.devices.sensors.lsl_thermometer:LslThermometer [lsl]",
+        "serial": "midair.devices.sensors.serial_thermometer:SerialThermometer [serial]",
+        "file": "midair.devices.sensors.thermometer:FileThermometer",
+    },
+)
+"""Kinds of thermometers."""
+
+
+def thermometer_named(name: str) -> Thermometer:
+    """Make the thermometer that a name stands for; its first `read` opens it.
+
+    UnknownDeviceError if the kind is unknown, MissingExtraError if its package is not installed.
+    """
+    kind, _, place = name.partition(":")
+    if kind not in THERMOMETERS or not place:
+        raise UnknownDeviceError(
+            f"thermometer: expected {', '.join(f'{each}:PLACE' for each in THERMOMETERS)}, got {name!r}"
+        )
+    return THERMOMETERS[kind](place)
+
+
+STAGES: Registry[Callable[[str, Mapping[str, str]], StageDevice]] = Registry(
+    "midair.stages", {"grbl": "midair.devices.motion_stages.grbl:grbl_stage [serial]"}
+)
+"""Functions that make a motion stage from a place and the options after the question mark, by kind."""
+
+
+def stage_named(name: str) -> StageDevice:
+    """Make the motion stage that a name stands for, not yet open.
+
+    ``grbl:PORT`` is a machine with Grbl 1.1 at a serial port; ``?baud=`` if its rate is not 115200 bits per second.
+    UnknownDeviceError, InputError or MissingExtraError if the name is unknown, an option is invalid, or pyserial is not
+    installed.
+    """
+    kind, place, stated = split_name(name)
+    if not place or kind not in STAGES:
+        others = "".join(f", {each}:PLACE" for each in STAGES.others)
+        raise UnknownDeviceError(f"--stage: expected grbl:PORT, such as grbl:/dev/ttyUSB0{others}, got {name!r}")
+    try:
+        return STAGES[kind](place, stated)
+    except InputError as wrong:
+        raise InputError(f"{name}: {wrong}") from wrong

@@ -1,10 +1,7 @@
 """Record takes of a sensor, with meters and triggers while they run."""
 
 from .clocks import Drift as Drift
-from .event_messages import event_message as event_message
-from .event_messages import take_problems as take_problems
 from .meters import Levels as Levels
-from .record_settings import RecordSettings as RecordSettings
 from .stage_stroke import StageStroke as StageStroke
 from .stage_stroke import move_to_start as move_to_start
 from .take import record_take as record_take
@@ -13,7 +10,10 @@ from .take_names import last_subject as last_subject
 from .take_names import store_subject as store_subject
 from .take_names import take_path as take_path
 from .take_state import Companion as Companion
+from .take_state import RecordSettings as RecordSettings
 from .take_state import Take as Take
 from .take_state import TakeOrder as TakeOrder
 from .take_state import View as View
 from .take_state import Watcher as Watcher
+from .take_state import event_message as event_message
+from .take_state import take_problems as take_problems

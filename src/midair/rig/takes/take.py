@@ -22,8 +22,7 @@ from midair.files import RecordingBuffer, RecordingWriter
 from midair.model import Event, EventKind, Provenance, Setting
 from midair.rig.takes.clocks import ClockWatch, Drift
 from midair.rig.takes.meters import Meters
-from midair.rig.takes.record_settings import RecordSettings
-from midair.rig.takes.take_state import Companion, EndReason, Take, TakeOrder, View, Watcher
+from midair.rig.takes.take_state import Companion, EndReason, RecordSettings, Take, TakeOrder, View, Watcher
 from midair.rig.takes.trigger import PreRoll, Trigger
 
 DRIFT_TOLD = 200.0

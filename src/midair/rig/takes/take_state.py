@@ -1,14 +1,59 @@
-"""State and result of a take, and the interfaces of its observers."""
+"""Settings, state and result of a take, the interfaces of its observers, and messages for its events."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
+import numpy as np
+
 from midair.errors import MidairError
-from midair.files import OpenedTake
-from midair.model import Event, StageStamp
+from midair.files import OpenedTake, load_sensor
+from midair.model import Event, SensorGrid, SensorWiring, StageStamp
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.meters import Levels
+from midair.validation import Declared, check_settings, documented, setting
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordSettings(Declared):
+    """Settings of one take of a sensor or of several, in SI units; InputError if a value is out of range."""
+
+    sensor: str = setting("virtual:towel", "Sensor, as in midair record.", option="")
+    duration: float | None = setting(None, "Length of a take.", unit="s", limits=(0, np.inf), above=True)
+    level: float | None = setting(
+        None,
+        "Start when any channel differs from its resting value by this much, such as 50mV or 300count.",
+        limits=(0, np.inf),
+        above=True,
+        option="trigger",
+        # Read once the sensor, and so its unit, is known.
+        typed=str | None,
+    )
+    pre_roll: float = setting(0.2, "Time to keep before the start, with --trigger or a key.", unit="s", limits=(0, 60))
+    post_roll: float | None = setting(
+        0.5,
+        "With --trigger: end the take when the signal stays below the trigger level for this long.",
+        unit="s",
+        limits=(0, np.inf),
+        above=True,
+    )
+    repeats: int = setting(
+        1, "Number of takes; the paper made five strokes per object and surface.", limits=(1, np.inf)
+    )
+    pause: float | None = setting(None, "Pause between takes that start automatically.", unit="s", limits=(0, np.inf))
+    wiring: SensorWiring | None = setting(
+        None,
+        "Sensor file NAME.toml: the cell of each channel, unit and full scale.",
+        load=load_sensor,
+        option="sensor-file",
+    )
+    real_time: bool = setting(False, "Let a virtual or replayed sensor run in real time.")
+    seed: int = setting(0, "Random seed of a virtual sensor: noise and texture.")
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
 
 TakeOrder = Literal["toggle", "quit", "kill"]
 """User command: start or stop this take; stop, and make no more takes; stop because of a signal."""
@@ -109,3 +154,59 @@ class Companion(Protocol):
     def end(self) -> None:
         """Stop, since the take is over; allowed at any time and repeatedly."""
         ...
+
+
+def event_message(event: Event, rate: float, grid: SensorGrid, drift: Drift | None = None) -> str:
+    """One sentence for an event of a sensor with `rate` frames per second."""
+    channel = f"channel {event.channel} ({_cell_name(event.channel, grid)})"
+    words = {
+        "lost": _lost(event, rate),
+        "clipped": f"{channel} clips: reduce its gain, or press less",
+        "dead": f"{channel} is dead: it has never changed; check its wire",
+        "stuck": f"{channel} is stuck: it changed before; check its wire",
+        "rate": f"frames come {_drift(event.ppm, drift)} than {rate:g} a second, by this computer's clock",
+        "clock": f"the sensor's clock runs {_drift(event.ppm, drift)} than this computer's",
+        "trigger": "touched",
+        "stroke": f"a stroke of {event.frames / rate:.3f} s",
+        "mended": f"{event.frames} missing frames of {channel} were filled",
+        "late": f"{event.frames} frames of live touch were not played in time",
+    }
+    return f"{event.frame / rate:.3f} s: {words[event.kind]}"
+
+
+def take_problems(take: Take, rate: float) -> list[tuple[str, str]]:
+    """Problems of a take as (name, value) pairs; empty for a good take."""
+    levels = take.levels
+    rows: list[tuple[str, str]] = []
+    if take.lost:
+        share = 100 * take.lost / max(1, take.frames)
+        rows.append(("lost", f"{take.lost} frames ({share:.2g} %), replaced by the last good one; the file lists them"))
+    for name, channels in (("clipped", levels.clipped > 0), ("dead", levels.dead), ("stuck", levels.stuck)):
+        if channels.any():
+            rows.append((f"{name} channels", ", ".join(str(i) for i in channels.nonzero()[0])))
+    for name, drift in (("frames per second", take.rate), ("sensor's clock", take.clock)):
+        if drift is not None and drift.certain:
+            actual = f"{rate * (1 + drift.ppm * 1e-6):.7g} Hz, " if name == "frames per second" else ""
+            rows.append((name, f"{actual}{drift.ppm:+.3g} ± {drift.uncertainty:.2g} ppm against this computer's"))
+    if take.problem:
+        rows.append(("ended by", take.problem))
+    return rows
+
+
+def _lost(event: Event, rate: float) -> str:
+    if event.frames == 0:
+        return (
+            "frames may be missing: the sensor lost an unknown number, or its time stamps jumped; later times are "
+            "uncertain"
+        )
+    return f"{event.frames} frames ({1e3 * event.frames / rate:.4g} ms) were lost; the last good one is repeated"
+
+
+def _cell_name(channel: int, grid: SensorGrid) -> str:
+    row, column = divmod(max(channel, 0), grid.columns)
+    return f"row {row}, column {column}"
+
+
+def _drift(ppm: float, drift: Drift | None) -> str:
+    spread = "" if drift is None else f" ± {drift.uncertainty:.2g}"
+    return f"{abs(ppm):.4g}{spread} ppm {'faster' if ppm > 0 else 'slower'}"
