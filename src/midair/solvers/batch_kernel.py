@@ -54,27 +54,6 @@ def turning(kinds, cosine, sine, weight, slope):
 
 
 @_fused
-def turned(kinds, weight, momentum, step, speed, q, new):
-    """One step of the heavy ball (see `live`) for drives q (row, image, place); `new` becomes their parts by kind."""
-    images, places = q.shape[1:]
-    v = np.empty((images, 2 * places), np.float32)
-    K, Q, N = kinds.view(np.float32), q.view(np.float32), new.view(np.float32)
-    for row in range(len(q)):
-        mirror(K[row], v)
-        for i in range(images):
-            for n in range(places):
-                re, im = Q[row, i, 2 * n], Q[row, i, 2 * n + 1]
-                uphill = weight[i, n] * (re * v[i, 2 * n + 1] - im * v[i, 2 * n])
-                t = momentum * speed[row, i, n] + step * uphill
-                speed[row, i, n] = t
-                re, im = re - t * im, im + t * re
-                part = np.float32(1) / np.sqrt(re * re + im * im)
-                Q[row, i, 2 * n], Q[row, i, 2 * n + 1] = part * re, part * im
-                v[i, 2 * n], v[i, 2 * n + 1] = weight[i, n] * part * re, weight[i, n] * part * im
-        mirror(v, N[row])
-
-
-@_fused
 def directed(x, gradient, S, Y, inverse, count, scale, length, trial, slope):
     """The two loops of L-BFGS (Nocedal & Wright, algorithm 7.4) row by row: trial = x + length times direction.
 
@@ -140,18 +119,6 @@ def squared(y, points, square):
         for i in range(y.shape[1]):
             for m in range(points):
                 square[row, i * points + m] = Y[row, i, 2 * m] ** 2 + Y[row, i, 2 * m + 1] ** 2
-
-
-@_fused
-def missing(wanted, scale, missed, cost):
-    """The cost of mean squares `missed` (row, cell) that should be `wanted`; they become its slope."""
-    for row in range(len(missed)):
-        total = np.float32(0)
-        for c in range(missed.shape[1]):
-            less = missed[row, c] - wanted[row, c]
-            total += less * less
-            missed[row, c] = np.float32(2) * scale[row] * less
-        cost[row] = np.float32(0.5) * scale[row] * total
 
 
 @_fused

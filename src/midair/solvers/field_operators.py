@@ -266,10 +266,11 @@ class FieldOperators:
     def _compiled(self, kernel: Any, batch: Batch, y: Rows) -> tuple[Numbers, Rows]:
         """`cost_and_slope` of cells by `batch_kernel`; the slope takes the place of y."""
         points, guard = batch.p.shape[1], self.problem.guard
-        square, cost = np.empty((len(y), points), np.float32), np.empty(len(y), np.float32)
+        square = np.empty((len(y), points), np.float32)
         kernel.squared(y[:, None], points, square)
-        missed = square @ self.weights
-        kernel.missing(batch.cells, batch.cell_scale, missed, cost)
+        missed = square @ self.weights - batch.cells
+        cost = 0.5 * batch.cell_scale * squares(np, missed)
+        missed *= 2 * batch.cell_scale[:, None]
         ceiling = np.zeros(0, np.float32) if self.ceiling is None else self.ceiling[0]
         weight = np.float32(0 if guard is None else guard.weight)
         kernel.pulled(missed @ self.weights.T, ceiling, batch.peak, weight, y[:, None], cost)

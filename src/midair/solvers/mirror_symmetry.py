@@ -38,7 +38,7 @@ class Lattice:
     array: TransducerArray  # Transducers that are alike, one at each place
     place: NDArray[np.intp]  # Index of each real transducer among all places
     weight: Array  # Amplitude of the real transducer at each place, shape (place,); 0 where there is none
-    response: Complex  # Of the real transducers, shape (transducer,)
+    response: Complex  # Measured factor of each real transducer, shape (transducer,)
 
     @classmethod
     def of(cls, array: TransducerArray) -> "Lattice | None":
@@ -221,22 +221,13 @@ class Product:
 
     def fitted(self, a: Rows, q: Rows, iterations: int, *, step: float, momentum: float) -> Rows:
         """Drive of magnitude 1 with q M^H close to a, by a heavy ball on the phases that starts at q; see `live`."""
-        backend, xp, kernel = self.backend, self.backend.xp, self.backend.kernel
-        made, speed = self.to_modes(q), xp.zeros_like(xp.real(q))
-        if kernel is not None:
-            q, parts = np.array(q), np.empty((len(q), self.matrix.shape[0], self.matrix.shape[2]), np.complex64)
-            factors = np.float32(momentum), np.float32(step)
-            for _ in range(iterations):
-                kinds = self._images(self._each(a - made, self.matrix))
-                kernel.turned(kinds, self._weights, *factors, self._images(speed), self._images(q), parts)
-                made = self._each(parts, self.back)
-            return q
+        backend, xp = self.backend, self.backend.xp
+        speed = xp.zeros_like(xp.real(q))
         for _ in range(iterations):
-            change = self.of_modes(a - made)
+            change = self.of_modes(a - self.to_modes(q))
             speed = momentum * speed + step * (xp.real(q) * xp.imag(change) - xp.imag(q) * xp.real(change))
             # Rotate by the angle whose tangent is the speed, which needs no sine.
             q = backend.unit(backend.complex(xp.real(q) - speed * xp.imag(q), xp.imag(q) + speed * xp.real(q)))
-            made = self.to_modes(q)
         return q
 
     def _images(self, x: Any) -> Any:
