@@ -20,10 +20,10 @@ from midair.array_types import Array
 from midair.calibration import CausalInverse
 from midair.datasets import Object, stroke
 from midair.devices import check_exposure
-from midair.dsp import resample
+from midair.dsp import band_energies, resample
 from midair.errors import InputError, MissingExtraError
 from midair.evaluate import THIRD_OCTAVES
-from midair.evaluate.timbre import third_octave_power
+from midair.evaluate.spectrum import OCTAVE_BANDS
 from midair.figures import png_bytes
 from midair.figures.style import STYLE, new_figure
 from midair.files import contents, open_take
@@ -237,7 +237,7 @@ def third_octaves(pressure: PressureFrames) -> Array:
 
     The levels do not depend on the overall level, so a texture and a weaker copy of it have the same levels.
     """
-    power = third_octave_power(pressure.pressure, pressure.rate).reshape(len(THIRD_OCTAVES), -1).sum(axis=1)
+    power = band_energies(pressure.pressure, pressure.rate, OCTAVE_BANDS).reshape(len(THIRD_OCTAVES), -1).sum(axis=1)
     if not power.sum() > 0:
         raise InputError("texture: expected vibration between 22 and 447 Hz, got silence")
     return 10 * np.log10(np.maximum(power / power.sum(), 1e-6))

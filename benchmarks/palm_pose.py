@@ -1,7 +1,8 @@
 """Palms that are not where a drive was solved for: `python -m benchmarks.palm_pose`, recordings in ../shared/data.
 
 `table`: signal to distortion in dB of the pressure on the 16 cells, with one gain, against the target, for a palm that
-lies elsewhere: as it is, steered to its centre, steered to the place of the pressure, and solved again for that palm.
+lies elsewhere: as it is, steered to its centre, steered to the place of the pressure, fitted to the palm as well, and
+solved again for that palm.
 `follow`: the same for recorded palms that move, as they are and followed over the latency of a tracker, with and
 without prediction; the median over pieces of 1 s, without the first .3 s, of frames that sound, and the share of those.
 `exposure`: an attack on the check of steered frames: random drives, each steered to random poses of the box. For each
@@ -30,6 +31,7 @@ from midair.files import DEFAULT_PROFILE, load_palm_path, profile_named, save_pa
 from midair.model import Acoustics, ControlGrid, Drive, Medium, PalmPath, TransducerArray
 from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
 from midair.physics import (
+    PalmFit,
     Place,
     PoseBox,
     aims_of,
@@ -126,14 +128,24 @@ def rows(thing: str, settings: Settings, names: Sequence[str], plan: FidelityPla
         return ratio(wanted, np.abs(q @ G.T.astype(np.complex64)) ** 2 @ weights.T)
 
     drive = made.solution.drive
-    aims = aims_of(drive, grid)
-    found: dict[str, list[float]] = {"as it is": [], "centre": [], "aimed": [], **({"again": []} if again else {})}
+    aims, fit = aims_of(drive, grid), PalmFit(rig.array, ROOM, grid)
+    found: dict[str, list[float]] = {
+        "as it is": [],
+        "centre": [],
+        "aimed": [],
+        "fitted": [],
+        **({"again": []} if again else {}),
+    }
     for name in names:
         at = pose(*POSES[name], solved)
         found["as it is"].append(felt(drive, at))
         found["centre"].append(felt(drive, at, steering_phase(rig.array, ROOM.medium, solved, at)))
         many = poses_at(at, np.arange(len(aims), dtype=float))
-        found["aimed"].append(felt(drive, at, steering_phase(rig.array, ROOM.medium, solved, many, aim=aims)))
+        steering = steering_phase(rig.array, ROOM.medium, solved, many, aim=aims)
+        found["aimed"].append(felt(drive, at, steering))
+        fit.move(at)
+        beside = np.angle(fit(drive.phase, drive.phase + steering))
+        found["fitted"].append(felt(drive, at, steering + beside))
         if again:
             other = reproduce(asked, array_from_palm(rig.array, solved, at), settings).solution.drive
             found["again"].append(felt(other, at))

@@ -51,21 +51,24 @@ def write(path, seed):
     save(recording, path, calibration=Calibration.flat(recording.sensor, sensitivity=1.0, unit="Pa"))
 
 
-def test_materials_are_named_by_folder_or_file_name(tmp_path):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    where = tmp_path_factory.mktemp("strokes")
     for number in range(3):
-        write(tmp_path / f"denim_{number}.h5", number)
-        write(tmp_path / "old wool" / f"take {number}.h5", number)
-    strokes = recorded(tmp_path, 0.3)
+        write(where / f"denim_{number}.h5", number)
+        write(where / "old wool" / f"take {number}.h5", number)
+    return where
+
+
+def test_materials_are_named_by_folder_or_file_name(folder):
+    strokes = recorded(folder, 0.3)
     assert sorted({one.material for one in strokes}) == ["denim", "old wool"]
     assert strokes[0].original(COARSE, 0.3).frames == 300
-    assert material_of(tmp_path / "cork.h5", tmp_path) == "cork"
+    assert material_of(folder / "cork.h5", folder) == "cork"
 
 
-def test_the_live_mode_inverts_the_sensor_causally(tmp_path):
-    for number in range(3):
-        write(tmp_path / f"denim_{number}.h5", number)
-        write(tmp_path / f"wool_{number}.h5", number)
-    stroke_ = recorded(tmp_path, 0.3)[0]
+def test_the_live_mode_inverts_the_sensor_causally(folder):
+    stroke_ = recorded(folder, 0.3)[0]
     zero_phase, causal = (part(COARSE, 0.3).pressure for part in (stroke_.original, stroke_.live))
     assert causal.shape == zero_phase.shape
     # The delay is removed, so the correlation has its maximum at a lag of 0.

@@ -3,7 +3,7 @@
 Time is always the first axis; all other axes are kept. Filters and `resample` return lazy frames for lazy frames.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import cast
 
@@ -146,7 +146,12 @@ def welch(x: Array | LazyFrames, rate: float, *, resolution: float = 4.0) -> tup
 
 
 def band_energy(x: Array, rate: float, band: Band, *, resolution: float = 2.0) -> Array:
-    """Mean square of the part of a signal within a band, both ends included (Hz), in unit^2, shape (...).
+    """`band_energies` in one band, shape (...)."""
+    return band_energies(x, rate, [band], resolution=resolution)[0]
+
+
+def band_energies(x: Array, rate: float, bands: Sequence[Band], *, resolution: float = 2.0) -> Array:
+    """Mean square of the part of a signal within each band, both ends included (Hz), in unit^2, shape (band, ...).
 
     Welch's method with Blackman-Harris segments that overlap by three quarters. Their side lobes are 92 dB down: a
     drift or a strong tone more than four bins away does not leak into the band. Samples in the first or last tenth of a
@@ -154,14 +159,14 @@ def band_energy(x: Array, rate: float, band: Band, *, resolution: float = 2.0) -
     """
     from scipy.signal import welch as scipy_welch
 
-    low, high = check_band(band, rate)
+    limits = [check_band(band, rate) for band in bands]
     segment = min(len(x), max(2, round(rate / positive(resolution, "resolution", "Hz"))))
     frequency, density = scipy_welch(
         x, rate, window="blackmanharris", nperseg=segment, noverlap=3 * segment // 4, detrend="constant", axis=0
     )
-    inside = (frequency >= low) & (frequency <= high)
+    inside = [(frequency >= low) & (frequency <= high) for low, high in limits]
     # Sum times bin spacing: the integral of a density is a mean square.
-    return np.asarray(density[inside].sum(axis=0) * rate / segment, np.float64)
+    return np.array([density[each].sum(axis=0) * rate / segment for each in inside], np.float64)
 
 
 def resample(x: Array, rate: float, new_rate: float) -> Array:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.cli.exposure_options import ExposureOptions, print_check_time, print_check_time_ahead
+from midair.cli.exposure_options import ExposureOptions, print_check_time
 from midair.devices import ExposureChoices, check_exposure
 from midair.errors import ExposureError, InputError
 from midair.files import profile_named
@@ -27,13 +27,6 @@ def test_a_long_drive_gets_a_time_estimate_and_a_short_one_none(capsys):
     assert capsys.readouterr().err.startswith("exposure of 1000 frames: ")
     print_check_time(drive(1000), PROFILE, few=1e6, sample=50)
     assert capsys.readouterr().err == ""
-
-
-def test_frames_to_come_get_the_same_estimate(capsys):
-    print_check_time_ahead(1000, ARRAY, None, PROFILE, few=0.0)
-    assert capsys.readouterr().err == ""
-    print_check_time_ahead(10_240, ARRAY, None, PROFILE, few=0.0)
-    assert re.fullmatch(r"exposure of 10240 frames: \d+ s\n", capsys.readouterr().err)
 
 
 def test_options_are_one_choice():

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from contextlib import chdir
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ def commands(at=app, names=()):
             yield from commands(at[name], (*names, name))
 
 
+ADAPTICS = Path(__file__).parents[1] / "patterns" / "adaptics"
 ALL = dict(commands())
 EXAMPLES = [line for below in ALL.values() if below.default_command for line in examples_of(below.default_command)]
 HARDWARE = [
@@ -118,6 +120,7 @@ def made(tmp_path_factory):
         rows[500:503, 4] = np.nan
         names = ",".join(["time", *(f"ch{n}" for n in range(16))])
         np.savetxt("gaps.csv", rows, delimiter=",", header=names, comments="", fmt="%.6f")
+        shutil.copy(ADAPTICS / "Rain.adaptics", "rain.adaptics")
         (folder / "circle.toml").write_text("duration_s = 0.1\n[[spot]]\nshape = 'circle'\ndraw_hz = 50")
         soundfile.write("tone.wav", 0.1 * np.sin(2 * np.pi * 1000 * np.arange(8000) / 8000), 8000)
         soundfile.write("towel.wav", 0.5 * np.clip(rng.normal(size=4000) / 4, -1, 1), 8000)

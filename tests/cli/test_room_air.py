@@ -86,11 +86,12 @@ def test_live():
 def test_a_loop(words, expected, monkeypatch):
     found = []
 
-    def stop_before_solving(_frames, _array, room, _profile):
+    def stop_before_solving(*, settings):
+        room = settings.exposure.room
         found.append(None if room is None else room.temperature)
         raise InputError("enough")
 
-    monkeypatch.setattr("midair.cli.commands.loop.print_check_time_ahead", stop_before_solving)
+    monkeypatch.setattr("midair.cli.commands.loop.open_rig", stop_before_solving)
     assert run(["record", "virtual:towel", "take.h5", "--duration", "0.2s"]) == 0
     assert run(["loop", "take.h5", "--mode", "paper", "--duration", "0.08s", *words]) == 1
     assert found == [expected]

@@ -1,6 +1,9 @@
-import pytest
+import base64
 
-from midair.figures import new_figure
+import pytest
+from jinja2 import UndefinedError
+
+from midair.figures.style import Picture, new_figure, png_bytes, render_page
 
 
 @pytest.mark.parametrize("simulated", [True, False])
@@ -16,3 +19,29 @@ def test_mark_is_not_covered():
     figure.draw_without_rendering()
     (mark,) = figure.texts
     assert axis.title.get_window_extent().y1 <= mark.get_window_extent().y0 + 1
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_says_simulated_when_it_is(simulated):
+    page = render_page("study/report.html.j2", title="A <b>", simulated=simulated, pictures=[], findings=[], notes="n")
+    assert ("SIMULATED: no person was asked" in page) is simulated
+    assert "<title>midair: A &lt;b&gt;</title>" in page
+
+
+def test_a_value_that_is_missing_is_an_error():
+    with pytest.raises(UndefinedError):
+        render_page("study/report.html.j2", title="A", simulated=False)
+
+
+def test_a_picture_tells_its_size_and_holds_its_bytes():
+    picture = Picture(title="one", data=png_bytes(new_figure(2.0, 1.0, simulated=False), dpi=50))
+    assert picture.size == (100, 50)
+    assert base64.b64decode(picture.source.partition(",")[2]) == picture.data
+
+
+@pytest.mark.parametrize(
+    "wanted", ["prefers-color-scheme: dark", "@media print", "break-inside: avoid", "max-width: 700px"]
+)
+def test_every_page_supports_dark_mode_print_and_phones(wanted):
+    page = render_page("study/report.html.j2", title="A", simulated=True, pictures=[], findings=[], notes="n")
+    assert wanted in page

@@ -1,17 +1,15 @@
-"""The paper's figures with few points and short signals: structure, not numbers."""
-
 import csv
 import io
 import json
 
+import numpy as np
 import pytest
 
 from midair.errors import InputError
 from midair.model import ControlGrid
-from midair.paper.figure3 import PATTERNS, figure_3
-from midair.paper.figure4 import StimuliPlan, figure_4
-from midair.paper.figure9 import figure_9
+from midair.paper.figures import PATTERNS, StimuliPlan, figure_3, figure_4, figure_9
 from midair.paper.modes_compared import FidelityPlan, at_strength, fidelity_table, original_of, target_strength
+from midair.paper.result import PaperResult
 from midair.settings import Settings
 
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
@@ -100,3 +98,12 @@ def test_the_fidelity_table_has_both_modes_of_each_thing_and_both_loops():
 def test_an_unknown_thing_is_refused_before_any_work():
     with pytest.raises(InputError, match="got carpet"):
         FidelityPlan(things=("noise", "carpet"))
+
+
+def test_files_are_whole_and_infinities_are_null(tmp_path):
+    rows = ({"mode": "paper", "value": float("inf")}, {"mode": "best", "value": 1.0})
+    result = PaperResult(name="table", title="", rows=rows, pictures={"a.png": b"picture"})
+    assert [path.name for path in result.write(tmp_path / "new")] == ["table.csv", "table.json", "a.png"]
+    assert json.loads((tmp_path / "new" / "table.json").read_text())["rows"][0]["value"] is None
+    assert (tmp_path / "new" / "table.csv").read_text() == "mode,value\npaper,inf\nbest,1\n"
+    assert not np.isnan(rows[0]["value"])

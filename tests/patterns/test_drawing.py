@@ -162,7 +162,7 @@ def test_silent_frames_keep_the_phases_and_have_no_level():
 
 def test_the_target_is_the_field_of_the_drawn_focus():
     foci = Pattern(spot=(Spot(shape=Circle(), draw_hz=50.0),), duration_s=0.02).foci()
-    settings = drawn_settings(foci, AIR, 0.2)
+    settings = drawn_settings(foci, AIR)
     target = wanted_amplitude(foci, ARRAY, settings, draw(foci, ARRAY).drive.provenance)
     field = draw(foci, ARRAY, acoustics=AIR).drive.q @ transfer_matrix(target.grid, ARRAY, acoustics=AIR).T
     assert np.abs(np.abs(field) - target.amplitude[:]).max() < 1e-3 * np.abs(field).max()

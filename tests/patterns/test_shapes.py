@@ -5,6 +5,7 @@ import pytest
 import tomli_w
 
 from midair.errors import InputError
+from midair.files import to_plain
 from midair.patterns import SHAPES, AmplitudeModulation, LateralModulation, Pattern, Spot
 from midair.patterns.shapes import Arc, Circle, Lissajous, Polygon
 
@@ -15,7 +16,9 @@ SHARE = np.linspace(0, 1, 401)
 def test_every_shape_goes_through_its_file_and_ends_where_it_says(name):
     shape = SHAPES[name]()
     pattern = Pattern(spot=(Spot(shape=shape, am=AmplitudeModulation(), lm=LateralModulation()),), name="x")
-    assert Pattern.from_plain(tomllib.loads(tomli_w.dumps(pattern.plain()))) == pattern
+    plain = to_plain(pattern)
+    plain["spot"][0]["shape"]["name"] = name
+    assert Pattern.from_plain(tomllib.loads(tomli_w.dumps(plain))) == pattern
     places = shape.at(SHARE)
     assert places.shape == (401, 2)
     assert np.isfinite(places).all()
@@ -34,3 +37,26 @@ def test_closed_forms():
     eight = Lissajous(width_mm=20.0, depth_mm=10.0, a=1, b=2, phase_deg=0.0).at(SHARE)
     assert eight[:, 0] == pytest.approx(10 * np.sin(2 * np.pi * SHARE))
     assert eight[:, 1] == pytest.approx(5 * np.sin(4 * np.pi * SHARE))
+
+
+PARAMETERS = {
+    "parameters": {"size": {"default": 12.0, "min": 5.0, "max": 20.0}},
+    "spot": [{"shape": {"name": "circle", "radius_mm": "$size"}, "pressure_pa": 30.0}],
+}
+
+
+def test_a_parameter_stands_for_a_number_within_its_range():
+    assert Pattern.from_plain(PARAMETERS).spot[0].shape == Circle(radius_mm=12.0)
+    assert Pattern.from_plain(PARAMETERS, {"size": 20.0}).spot[0].shape == Circle(radius_mm=20.0)
+    for wrong, said in (
+        ({"size": 21.0}, "size: expected 5 to 20, got 21"),
+        ({"size": float("nan")}, "got nan"),
+        ({"colour": 1.0}, "expected one of size, got colour"),
+    ):
+        with pytest.raises(InputError, match=said):
+            Pattern.from_plain(PARAMETERS, wrong)
+    with pytest.raises(InputError, match="pressure_pa: expected float, got '"):
+        Pattern.from_plain({"spot": [{"pressure_pa": "$weight"}]})
+    for tables in (3, {"size": 3}, {"size": {"least": 3}}):
+        with pytest.raises(InputError):
+            Pattern.from_plain(PARAMETERS | {"parameters": tables})

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -6,6 +8,7 @@ from tests.palms import palm_path
 from midair.model import Acoustics, ControlGrid, Drive, PalmPath, TransducerArray
 from midair.physics import (
     MovingSpread,
+    PalmFit,
     aims_of,
     array_from_palm,
     focus_phase,
@@ -51,6 +54,26 @@ def test_a_focus_on_the_aim_stays_a_focus_on_the_moved_palm() -> None:
             off = np.exp(1j * (steered[number] - focus_phase(ARRAY, place, acoustics=AIR)))
             # One phase for all transducers is free.
             assert np.abs(off - off[0]).max() < 1e-6
+
+
+def test_the_fit_restores_the_pressure_that_steering_loses_on_a_tilted_and_turned_palm() -> None:
+    """Two soft spots; the pressure is computed by the exact transfer matrix at points between those of the fit."""
+    array, palm = TransducerArray.autd3(), ControlGrid(rows=16, columns=16, pitch=11e-3 / 3)
+    centre, turned = middle_of(palm), hand(seed=3)
+    pose = replace(pose_of(turned, 4), centre=centre[None] + [[5e-3, 5e-3, 5e-3]])
+    matrix = transfer_matrix(palm, array, acoustics=AIR)
+    away = [np.linalg.norm(palm.position - centre - each, axis=1) for each in ((-9e-3, -6e-3, 0), (9e-3, 3e-3, 0))]
+    phase = np.angle(np.exp(-((np.array(away) / 6e-3) ** 2)).sum(axis=0) @ matrix.conj())[None]
+    there = transfer_matrix(on_the_palm(palm.position, centre, pose)[0], array, acoustics=AIR)
+    steered = phase + steering_phase(array, AIR.medium, centre, pose)
+    fit = PalmFit(array, AIR, palm)
+    fit.move(pose)
+    fitted = steered + np.angle(fit(phase, steered))
+    wanted, *felt = (
+        np.abs(np.exp(1j * each) @ at.T) ** 2 for each, at in ((phase, matrix), (steered, there), (fitted, there))
+    )
+    lost, left = (float(np.linalg.norm(each - wanted) / np.linalg.norm(wanted)) for each in felt)
+    assert left < 0.7 * lost < 0.3
 
 
 def test_a_palm_in_its_solved_place_is_not_steered() -> None:

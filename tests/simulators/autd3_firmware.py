@@ -128,6 +128,6 @@ class Autd3Firmware:
 
 
 def autd3_firmware(placement=None, *, silencer="auto"):
-    """An array on the firmware's emulator; ``.banks.put_out()`` returns the output of the transducers."""
+    """An array on the firmware's emulator; ``.units.put_out()`` returns the output of the transducers."""
     placement = placement or Placement.grid()
     return BankedArray(Autd3Firmware, placement, name="autd3:firmware", silencer=silencer, simulated=True)

@@ -84,24 +84,6 @@ def test_two_concurrent_writers_do_not_conflict(tmp_path):
     assert written == {"error", "rounded_error", "target_strength", "seconds", "done"}
 
 
-def test_an_older_store_is_continued_by_the_command(tmp_path):
-    """It has the flags of a row in one file, where two writers would overwrite each other."""
-    path = tmp_path / "s.zarr"
-    with open_sweep(path, SWEEP) as store:
-        for name in ("done", "seconds", "target_strength"):
-            array = zarr.open_group(path)[name]
-            layout = {"dtype": array.dtype, "fill_value": array.fill_value, "chunks": (1, array.shape[1])}
-            zarr.open_group(path).create_array(name, shape=array.shape, overwrite=True, **layout)
-        attributes = zarr.open_group(path).attrs
-        del attributes["token"], attributes["sha256"]
-    with open_sweep(path, SWEEP) as store:
-        assert store.address is None
-        store.write(found(SWEEP.tasks()[1]))
-    with open_sweep(path, SWEEP) as store:
-        assert set(SWEEP.tasks()) - set(store.missing()) == {SWEEP.tasks()[1]}
-    assert load_sweep(path).known == SWEEP.tasks()[1].count
-
-
 def test_a_second_writer_is_rejected(tmp_path):
     pytest.importorskip("fcntl")
     path = tmp_path / "s.zarr"
@@ -190,7 +172,7 @@ def test_a_flipped_bit_in_a_chunk_is_reported_and_a_lost_chunk_is_missing(tmp_pa
     right, chunk = load_sweep(path), path / "error" / "c" / "0" / "1"
     whole, rng = chunk.read_bytes(), np.random.default_rng(5)
     reported = 0
-    for place in rng.integers(8 * len(whole), size=40):
+    for place in rng.integers(8 * len(whole), size=16):
         spoilt = bytearray(whole)
         spoilt[place // 8] ^= 1 << place % 8
         chunk.write_bytes(spoilt)
@@ -199,7 +181,7 @@ def test_a_flipped_bit_in_a_chunk_is_reported_and_a_lost_chunk_is_missing(tmp_pa
         except BrokenFileError as wrong:
             assert "chunk error/c/0/1 is damaged" in str(wrong)
             reported += 1
-    assert reported >= 35
+    assert reported >= 14
     chunk.unlink()
     assert load_sweep(path).known == right.known - 4
     with open_sweep(path, SWEEP) as store:

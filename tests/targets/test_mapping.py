@@ -48,11 +48,6 @@ def test_cells_do_not_know_of_each_other(name):
     np.testing.assert_array_equal(MAPPINGS[name](noise()[:, 1:], 1000.0), whole[:, 1:])
 
 
-def test_half_wave_keeps_half_of_the_wave_and_half_of_its_magnitude():
-    x = noise()
-    np.testing.assert_allclose(half_wave(x), x / 2 + np.abs(x) / 2, atol=1e-15)
-
-
 def test_a_given_offset_is_added_and_the_remaining_negative_part_cut():
     np.testing.assert_array_equal(constant_offset(np.array([[1.0], [-2.0], [-5.0]]), offset=3.0), [[4.0], [1.0], [0.0]])
     with pytest.raises(InputError, match="0 Pa or more, got -1 Pa"):
@@ -227,24 +222,12 @@ def test_frames_go_out_exactly_the_stated_delay_later(name, delay):
     np.testing.assert_array_equal(out, offline(name, pressure)[: 300 - delay])
 
 
-def test_the_delay_in_seconds_does_not_depend_on_the_rate():
-    assert stream("slow-bias", 4000.0).delay == pytest.approx(0.09 * 4000, abs=2)
-
-
 def test_in_a_lower_band_it_is_as_much_later_and_the_same():
     band, pressure = (5.0, 100.0), np.random.default_rng(4).normal(size=(900, 1, 1))
     one = MappingStream("slow-bias", 500.0, band=band)
     assert one.delay == 180
     out = np.concatenate([one.push(pressure[:500]), one.push(pressure[500:]), one.finish()])
     np.testing.assert_array_equal(out, mapping_of("slow-bias", band)(pressure, 500.0))
-
-
-def test_the_offset_of_the_whole_recording_streams_to_the_same():
-    pressure = np.random.default_rng(2).normal(size=(100, 2, 2))
-    offset = np.maximum(-pressure.min(axis=0), 0)
-    one = MappingStream("constant-offset", 1000.0, offset=offset)
-    out = np.concatenate([one.push(pressure[:40]), one.push(pressure[40:]), one.finish()])
-    np.testing.assert_allclose(out, constant_offset(pressure), atol=1e-12)
 
 
 def test_after_finish_it_begins_again():

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 from cyclopts import Parameter
 
 from midair.cli.console import err, print_note
@@ -15,7 +14,7 @@ from midair.cli.quantities import quantity
 from midair.devices import Cooling, ExposureChoices, Thermometer, measure_exposure
 from midair.errors import InputError
 from midair.files import DEFAULT_PROFILE, profile_named
-from midair.model import Drive, Medium, TransducerArray
+from midair.model import Drive, Medium
 from midair.physics import ExposureProfile
 from midair.rig import thermometer_named, watch_air
 
@@ -99,31 +98,20 @@ def print_check_time(
     profile: ExposureProfile,
     *,
     room: Medium | None = None,
-    frames: int | None = None,
     few: float = 3.0,
     sample: int = 1024,
 ) -> None:
     """Print the time of the exposure check of a drive if it is above `few` seconds; `sample` frames are timed twice."""
-    count = drive.frames if frames is None else frames
-    if count < 10 * sample:
+    if drive.frames < 10 * sample:
         return
     level = drive.level[:sample]
     first = replace(drive, phase=drive.phase[:sample], level=level)
     measure_exposure(first, drive.array, profile, room=room)
     began = time.perf_counter()
     measure_exposure(first, drive.array, profile, room=room)
-    lasts = (time.perf_counter() - began) * count / first.frames
+    lasts = (time.perf_counter() - began) * drive.frames / first.frames
     if lasts > few:
-        print_note(f"exposure of {count} frames: {lasts:.0f} s")
-
-
-def print_check_time_ahead(
-    frames: int, array: TransducerArray, room: Medium | None, profile: ExposureProfile, *, few: float = 3.0
-) -> None:
-    """The same estimate for frames that are not solved yet."""
-    phase = np.zeros((1024, array.count))
-    some = Drive(phase=phase, level=np.ones(1024), rate=1.0, array=array)
-    print_check_time(some, profile, room=room, frames=frames, few=few)
+        print_note(f"exposure of {drive.frames} frames: {lasts:.0f} s")
 
 
 @Parameter(name="*")

@@ -77,6 +77,18 @@ def may_write(path: Path, force: bool, *endings: str) -> None:
     check_not_recording(path)
 
 
+def parameter_values(given: Iterable[str]) -> dict[str, float]:
+    """Values of named parameters, typed as NAME=NUMBER."""
+    values: dict[str, float] = {}
+    for text in given:
+        name, _, number = text.partition("=")
+        try:
+            values[name] = float(number)
+        except ValueError:
+            raise InputError(f"--parameter: expected NAME=NUMBER such as size=20, got {text!r}") from None
+    return values
+
+
 @contextmanager
 def reserved(path: Path) -> Generator[None]:
     """Reserve an output for this program; a second one that computes it is refused before its work."""

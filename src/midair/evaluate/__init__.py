@@ -4,6 +4,8 @@ from midair.physics import printed_error as printed_error
 from midair.physics import relative_error as relative_error
 
 from .alignment import advance as advance
+from .alignment import apply_band_twice as apply_band_twice
+from .alignment import band_settling_frames as band_settling_frames
 from .alignment import find_delay as find_delay
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
@@ -16,19 +18,18 @@ from .distortion import fidelity as fidelity
 from .distortion import image_level as image_level
 from .distortion import in_band as in_band
 from .distortion import ratio_text as ratio_text
-from .energy_error import SolveError as SolveError
-from .energy_error import error_by_energy as error_by_energy
+from .drive_error import Leak as Leak
+from .drive_error import SolveError as SolveError
+from .drive_error import error_at_temperature as error_at_temperature
+from .drive_error import error_by_energy as error_by_energy
+from .drive_error import leak as leak
+from .drive_error import surroundings as surroundings
+from .error_budget import ALL as ALL
 from .error_budget import Budget as Budget
+from .error_budget import LaboratoryLoss as LaboratoryLoss
 from .error_budget import StageLoss as StageLoss
 from .error_budget import StageOutput as StageOutput
 from .error_budget import budget as budget
-from .ideal_rerecording import apply_band_twice as apply_band_twice
-from .ideal_rerecording import band_settling_frames as band_settling_frames
-from .laboratory_loss import ALL as ALL
-from .laboratory_loss import LaboratoryLoss as LaboratoryLoss
-from .leakage import Leak as Leak
-from .leakage import leak as leak
-from .leakage import surroundings as surroundings
 from .palm_metrics import PalmFidelity as PalmFidelity
 from .palm_metrics import PalmFrames as PalmFrames
 from .palm_metrics import PressedPalm as PressedPalm
@@ -44,7 +45,6 @@ from .skin_metrics import PerceptualFigure as PerceptualFigure
 from .skin_metrics import PerceptualMetrics as PerceptualMetrics
 from .skin_metrics import metrics_or_none as metrics_or_none
 from .skin_metrics import perceptual_metrics as perceptual_metrics
+from .spectrum import THIRD_OCTAVES as THIRD_OCTAVES
 from .spectrum import dominant_frequency as dominant_frequency
 from .spectrum import spectral_error as spectral_error
-from .temperature_error import error_at_temperature as error_at_temperature
-from .timbre import THIRD_OCTAVES as THIRD_OCTAVES

@@ -12,8 +12,7 @@ from midair.errors import ShapeError
 from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.comparison import check_alike
 from midair.evaluate.perception import FELT_BANDS, RATE, SkinModel, band_levels, pacinian_level, similarities
-from midair.evaluate.spectrum import LONGEST
-from midair.evaluate.timbre import TEXTURE, texture
+from midair.evaluate.spectrum import LONGEST, TEXTURE, texture
 from midair.model import BAND, PressureFrames
 from midair.streaming import LazyFrames, as_lazy, blocks, each_frame, read_frames
 

@@ -28,6 +28,7 @@ from .medium import Directivity as Directivity
 from .medium import Medium as Medium
 from .palm import Palm as Palm
 from .palm_pose import PalmPath as PalmPath
+from .palm_pose import TrackerPlacement as TrackerPlacement
 from .placement import UNIT as UNIT
 from .placement import Placement as Placement
 from .provenance import Provenance as Provenance
@@ -43,5 +44,4 @@ from .stage import StageSetup as StageSetup
 from .stage import StageStamp as StageStamp
 from .stage import check_reached as check_reached
 from .stage import speed_of as speed_of
-from .tracker_placement import TrackerPlacement as TrackerPlacement
 from .wiring import SensorWiring as SensorWiring

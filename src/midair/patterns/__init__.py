@@ -1,5 +1,7 @@
 """Patterns of moving foci as a source of drives, beside recordings."""
 
+from .adaptics import AdapticsPattern as AdapticsPattern
+from .adaptics import load_adaptics as load_adaptics
 from .drawing import Foci as Foci
 from .drawing import check_reach as check_reach
 from .drawing import draw as draw
@@ -8,10 +10,12 @@ from .drawing import drawn_settings as drawn_settings
 from .drawing import reachable_pressure as reachable_pressure
 from .drawing import wanted_amplitude as wanted_amplitude
 from .drawing import wanted_pressure as wanted_pressure
+from .pattern import PATTERN_ENDINGS as PATTERN_ENDINGS
 from .pattern import AmplitudeModulation as AmplitudeModulation
 from .pattern import LateralModulation as LateralModulation
 from .pattern import Pattern as Pattern
 from .pattern import Spot as Spot
+from .pattern import draw_file as draw_file
 from .pattern import load_pattern as load_pattern
 from .shapes import SHAPES as SHAPES
 from .shapes import Shape as Shape

@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 from midair.array_types import Array, Complex
 from midair.errors import InputError
 from midair.model import (
+    HEIGHT,
     HEIGHTS,
     Acoustics,
     AmplitudeFrames,
     ControlGrid,
     Drive,
+    Medium,
     PressureFrames,
     Progress,
     Provenance,
@@ -46,6 +48,8 @@ class Foci:
     """Radiation pressure at each, 0 or more, shape (frame, focus), in Pa."""
     rate: float
     """Frames per second, in Hz."""
+    height: float = HEIGHT
+    """Height of the palm above the array, in m."""
 
     def __post_init__(self) -> None:
         pressure = frozen_array(self.pressure, "pressure", ("frame", "focus"))
@@ -197,12 +201,12 @@ def _several(
     return phase, level, float(np.linalg.norm(level * size - wanted) / np.linalg.norm(wanted))
 
 
-def drawn_settings(foci: Foci, acoustics: Acoustics, height: float) -> Settings:
+def drawn_settings(foci: Foci, acoustics: Acoustics) -> Settings:
     """Settings that a drawn drive states: its rate, its air, and control points that cover its places."""
     pitch = 11e-3 / 3
     widest = float(np.abs(foci.position[..., :2]).max()) + 15e-3
     count = min(max(2 * int(np.ceil(widest / pitch)), 18), 40)
-    grid = ControlGrid(rows=count, columns=count, pitch=max(pitch, 2 * widest / count), height=height)
+    grid = ControlGrid(rows=count, columns=count, pitch=max(pitch, 2 * widest / count), height=foci.height)
     return Settings().but(rate=foci.rate, grid=grid, method="lm", acoustics=acoustics)
 
 
@@ -225,11 +229,11 @@ def wanted_amplitude(foci: Foci, array: TransducerArray, settings: Settings, pro
     return AmplitudeFrames(amplitude=amplitude, rate=foci.rate, grid=settings.target.grid, provenance=provenance)  # pyright: ignore[reportArgumentType]
 
 
-def wanted_pressure(target: AmplitudeFrames, settings: Settings, cells: SensorGrid | None = None) -> PressureFrames:
+def wanted_pressure(target: AmplitudeFrames, medium: Medium, cells: SensorGrid | None = None) -> PressureFrames:
     """Pressure on the cells of a sensor at the height of the palm, 4 x 4 if None, for the amplitudes of a target."""
     sensor = cells or SensorGrid()
     weights = cell_weights(SensorModel.usual(sensor), target.grid, between="waves")
-    pressed = radiation_pressure(np.asarray(target.amplitude[:]), settings.acoustics.medium) @ weights.T
+    pressed = radiation_pressure(np.asarray(target.amplitude[:]), medium) @ weights.T
     return PressureFrames(
         pressure=pressed.reshape(-1, *sensor.shape), rate=target.rate, sensor=sensor, provenance=target.provenance
     )

@@ -2,14 +2,11 @@
 
 ::
 
-    rate_hz = 4000
     duration_s = 1.0            # leave it out for a loop
 
     [[spot]]
     shape = { name = "circle", radius_mm = 15 }
     draw_hz = 50
-    pressure_pa = 60
-    am = { frequency_hz = 150, depth = 1.0 }
 """
 
 import os
@@ -21,25 +18,23 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.errors import BrokenFileError, InputError
-from midair.files import check_memory_for, from_plain, read_toml, to_plain
-from midair.model import HEIGHT, HEIGHTS
-from midair.patterns.drawing import Foci
-from midair.patterns.shapes import SHAPES, Points, Shape
-from midair.validation import Declared, check_settings, setting
+from midair.files import check_memory_for, from_plain, read_text, read_toml, save_solutions
+from midair.model import HEIGHT, HEIGHTS, Acoustics, Medium, Progress, Provenance, TransducerArray
+from midair.patterns.adaptics import AdapticsPattern, check_parameters, load_adaptics
+from midair.patterns.drawing import Foci, check_reach, draw_parts, drawn_settings, wanted_amplitude
+from midair.patterns.shapes import SHAPES, Checked, Points, Shape, on_circle
+from midair.validation import setting
 
 FASTEST = 8000.0
 """Highest frame rate in Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AmplitudeModulation(Declared):
+class AmplitudeModulation(Checked):
     """Factor 1 - depth / 2 + depth / 2 cos(2 pi f t) on the pressure: its line at f is depth / 2 of the peak."""
 
     frequency_hz: float = setting(150.0, "Frequency of the pressure.", unit="Hz", limits=(0, FASTEST / 2), above=True)
     depth: float = setting(1.0, "Part of the pressure that vibrates; 1 goes down to silence.", limits=(0, 1))
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
     def factor(self, time: Array) -> Array:
         """Factor on the pressure at times in s."""
@@ -47,7 +42,7 @@ class AmplitudeModulation(Declared):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LateralModulation(Declared):
+class LateralModulation(Checked):
     """A small orbit around the moving place, in equal steps.
 
     Foci on an orbit at 5 to 15 Hz in steps below 1 mm are felt as static pressure (Morisaki et al., IEEE Trans.
@@ -58,21 +53,17 @@ class LateralModulation(Declared):
     radius_mm: float = setting(3.0, "Radius of the orbit.", unit="mm", limits=(0, 20), above=True)
     step_mm: float = setting(0.0, "Longest step along the orbit; 0 moves with every frame.", unit="mm", limits=(0, 20))
 
-    def __post_init__(self) -> None:
-        check_settings(self)
-
     def offset(self, time: Array) -> Array:
         """Way from the centre at times in s, shape (frame, 2), in mm."""
         turns = self.frequency_hz * time
         if self.step_mm:
             steps = np.ceil(2 * np.pi * self.radius_mm / self.step_mm)
             turns = np.floor(turns * steps + 1e-6) / steps
-        angle = 2 * np.pi * turns
-        return self.radius_mm * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        return on_circle(self.radius_mm, turns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spot(Declared):
+class Spot(Checked):
     """One focus: where it moves, and how hard it presses."""
 
     shape: Shape = setting(Points, "Path around the centre.")
@@ -89,7 +80,7 @@ class Spot(Declared):
     stop_s: float = setting(np.inf, "Time at which it ends.", unit="s", limits=(0, np.inf), above=True)
 
     def __post_init__(self) -> None:
-        check_settings(self)
+        Checked.__post_init__(self)
         if self.draw_hz and self.speed_m_s:
             raise InputError("speed_m_s: expected draw_hz or speed_m_s, got both; leave out one of them")
         if not np.isfinite(self.centre_mm).all():
@@ -123,7 +114,23 @@ class Spot(Declared):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pattern(Declared):
+class Parameter:
+    """A named number of a pattern's file, which stands there as "$NAME" in place of a number."""
+
+    default: float
+    min: float = -np.inf
+    max: float = np.inf
+
+    def chosen(self, name: str, value: float | None) -> float:
+        """The value, the default if None. Raises InputError if it is out of range."""
+        number = self.default if value is None else value
+        if not self.min <= number <= self.max:
+            raise InputError(f"{name}: expected {self.min:g} to {self.max:g}, got {number:g}")
+        return number
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pattern(Checked):
     """Spots that are drawn at once."""
 
     spot: tuple[Spot, ...] = (Spot(),)
@@ -135,7 +142,7 @@ class Pattern(Declared):
     )
 
     def __post_init__(self) -> None:
-        check_settings(self)
+        Checked.__post_init__(self)
         for number, spot in enumerate(self.spot, 1):
             for name, asked in (("draw_hz", spot.rate()), ("am.frequency_hz", spot.am.frequency_hz if spot.am else 0)):
                 if asked > self.rate_hz / 2:
@@ -157,20 +164,23 @@ class Pattern(Declared):
             position=position + np.array([0, 0, 1e-3 * self.height_mm]),
             pressure=np.stack([spot.pressure(time) for spot in self.spot], axis=1),
             rate=self.rate_hz,
+            height=1e-3 * self.height_mm,
         )
 
-    def plain(self) -> dict[str, Any]:
-        """Nested dicts and lists for TOML; `from_plain` reads them."""
-        made: dict[str, Any] = to_plain(self)
-        names = {SHAPES[name]: name for name in SHAPES}
-        for table, spot in zip(made["spot"], self.spot, strict=True):
-            table["shape"] = {"name": names[type(spot.shape)]} | table["shape"]
-        return made
-
     @classmethod
-    def from_plain(cls, values: Mapping[str, Any]) -> "Pattern":
-        """Build a pattern from the dicts of its TOML file. Raises InputError that names the invalid key."""
-        tables: Any = values.get("spot", [])
+    def from_plain(cls, values: Mapping[str, Any], chosen: Mapping[str, float] | None = None) -> "Pattern":
+        """Build a pattern from the dicts of its TOML file, with `chosen` values of its parameters.
+
+        Raises InputError that names the invalid key.
+        """
+        given, tables = dict(values), values.get("parameters", {})
+        given.pop("parameters", None)
+        if not isinstance(tables, Mapping) or not all(isinstance(each, Mapping) for each in tables.values()):
+            raise InputError(f"parameters: expected tables such as size = {{ default = 12.0 }}, got {tables!r}")
+        check_parameters(chosen or {}, tables)
+        known: dict[str, Parameter] = {name: from_plain(Parameter, tables[name], where=f"{name}.") for name in tables}
+        values = _filled(given, {f"${name}": one.chosen(name, (chosen or {}).get(name)) for name, one in known.items()})
+        tables = values.get("spot", [])
         if not (isinstance(tables, list) and tables and all(isinstance(table, Mapping) for table in tables)):
             raise InputError("spot: expected one table [[spot]] or more, got none")
         spots: list[Spot] = []
@@ -182,6 +192,15 @@ class Pattern(Declared):
         return from_plain(cls, dict(values) | {"spot": tuple(spots)})
 
 
+def _filled(value: Any, numbers: Mapping[str, float]) -> Any:
+    """The same dicts and lists with numbers in place of the names of parameters."""
+    if isinstance(value, Mapping):
+        return {name: _filled(each, numbers) for name, each in value.items()}  # pyright: ignore[reportUnknownVariableType]
+    if isinstance(value, list):
+        return [_filled(each, numbers) for each in value]  # pyright: ignore[reportUnknownVariableType]
+    return numbers.get(value, value) if isinstance(value, str) else value
+
+
 def _shape(table: Any) -> Shape:
     given: dict[str, Any] = dict(table) if isinstance(table, Mapping) else {"name": table}
     name = given.pop("name", None)
@@ -190,10 +209,49 @@ def _shape(table: Any) -> Shape:
     return from_plain(SHAPES[name], given, where="shape.")
 
 
-def load_pattern(path: str | os.PathLike[str]) -> Pattern:
-    """Read a pattern from a TOML file. Raises MissingFileError, or BrokenFileError if a key or a value is invalid."""
+PATTERN_ENDINGS = (".toml", ".adaptics")
+
+
+def load_pattern(
+    path: str | os.PathLike[str], chosen: Mapping[str, float] | None = None, *, pressure: float = 50.0
+) -> Pattern | AdapticsPattern:
+    """Read a pattern from a TOML file, or from one of the AdapTics Designer.
+
+    `chosen` are values of its parameters, and `pressure` is that of intensity 1 of the AdapTics Designer in Pa. Raises
+    MissingFileError, or BrokenFileError if a key or a value is invalid.
+    """
+    if os.fspath(path).lower().endswith(".adaptics"):
+        return load_adaptics(path, chosen or {}, pressure=pressure)
     content = read_toml(path, "a pattern in TOML")
     try:
-        return Pattern.from_plain(content)
+        return Pattern.from_plain(content, chosen)
     except InputError as wrong:
         raise BrokenFileError(f"{path}: {wrong}") from wrong
+
+
+def draw_file(
+    foci: Foci,
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    array: TransducerArray,
+    *,
+    chosen: Mapping[str, float] | None = None,
+    medium: Medium | None = None,
+    progress: Progress | None = None,
+) -> float:
+    """Write the drive of foci, and the largest part of the reachable pressure that they ask for; see `draw_parts`.
+
+    The text of the pattern's file `source` and the `chosen` values of its parameters become part of the provenance.
+    Raises the errors of `check_reach`, before the file is begun.
+    """
+    acoustics = Acoustics(medium=medium or Medium.at())
+    used, settings = check_reach(foci, array, acoustics), drawn_settings(foci, acoustics)
+    text = {"pattern": read_text(source, "a pattern")} | {
+        f"parameter {name}": each for name, each in (chosen or {}).items()
+    }
+    life = settings.noted(Provenance(source=os.path.basename(source)).then("draw", text))
+    method = "closed form" if foci.pressure.shape[1] == 1 else "gs-pat, lm"
+    solved = life.then("solve", {"method": method, "array_calibration": array.calibration_id})
+    parts = draw_parts(foci, array, acoustics=acoustics, provenance=solved, progress=progress)
+    save_solutions(parts, target, frames=foci.frames, target=wanted_amplitude(foci, array, settings, life))
+    return used

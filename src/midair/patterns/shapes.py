@@ -17,14 +17,18 @@ _SPAN = (0, 500)
 """Least and largest length in mm."""
 
 
-class Shape:
+class Checked:
+    """Base of frozen dataclasses whose fields have limits."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+class Shape(Checked):
     """A path in the plane of the palm, around the centre of its spot."""
 
     closed: ClassVar[bool] = True
     """Whether its end is its beginning; an open path is drawn there and back."""
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
     def at(self, share: Array) -> Array:
         """Places at shares of the path, 0 to 1, shape (frame,); the result has the shape (frame, 2), in mm."""
@@ -38,8 +42,9 @@ class Shape:
         return float(np.linalg.norm(np.diff(self.at(np.linspace(0, 1, 3601)), axis=0), axis=1).sum())
 
 
-def _turn(radius: float, degrees: Array) -> Array:
-    angle = np.radians(degrees)
+def on_circle(radius: float, turns: Array) -> Array:
+    """Places on a circle after some turns from the x axis, shape (frame, 2)."""
+    angle = 2 * np.pi * turns
     return radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
@@ -71,7 +76,7 @@ class Circle(Shape):
     radius_mm: float = setting(15.0, "Radius.", unit="mm", limits=_SPAN, above=True)
 
     def _at(self, share: Array) -> Array:
-        return _turn(self.radius_mm, 360 * share)
+        return on_circle(self.radius_mm, share)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +89,7 @@ class Arc(Shape):
     to_deg: float = setting(180.0, "Angle at the end.", unit="deg", limits=(-720, 720))
 
     def _at(self, share: Array) -> Array:
-        return _turn(self.radius_mm, self.from_deg + (self.to_deg - self.from_deg) * share)
+        return on_circle(self.radius_mm, (self.from_deg + (self.to_deg - self.from_deg) * share) / 360)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -57,6 +57,7 @@ from .skin import Tissue as Tissue
 from .skin import TouchChannel as TouchChannel
 from .skin import skin_compliance as skin_compliance
 from .skin_motion import SkinMotion as SkinMotion
+from .steering import PalmFit as PalmFit
 from .steering import PoseBox as PoseBox
 from .steering import aims_of as aims_of
 from .steering import array_from_palm as array_from_palm

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.array_types import Array
-from midair.model import ControlGrid, Drive, Medium, PalmPath, TransducerArray
-from midair.physics.propagation import transfer_matrix, wavenumber
+from midair.array_types import Array, Complex
+from midair.model import Acoustics, ControlGrid, Drive, Medium, PalmPath, TransducerArray
+from midair.physics.propagation import off_axis, transfer_matrix, wavenumber
 from midair.streaming import read_frames
 
 Points = NDArray[np.float64]
@@ -85,6 +85,64 @@ def steering_phase(
 
 def _distance(array: TransducerArray, points: Points) -> Array:
     return np.linalg.norm(points[:, None] - array.position, axis=2)
+
+
+class PalmFit:
+    """Phases that press a solved pattern on a palm that is tilted, turned or far away, beside those of steering.
+
+    At 9 x 9 points of the palm the sound gets the amplitudes that were solved for; its phases there are free (Gerchberg
+    and Saxton). The drive changes by the regularised inverse of the transfer matrix, then only its phases are kept. In
+    single precision.
+    """
+
+    steps = 3
+    """Changes of each fitted frame."""
+
+    def __init__(self, array: TransducerArray, acoustics: Acoustics, grid: ControlGrid) -> None:
+        self.solved, edge = middle_of(grid), np.ptp(grid.position, axis=0).max() / 2
+        x, y = np.meshgrid(*[np.linspace(-1, 1, 9) * min(edge, 16.5e-3)] * 2)
+        self._points = self.solved + np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
+        self._array, self._air, self._k = array, acoustics.medium, wavenumber(array, acoustics.medium)
+        # A polynomial in the cosine is ten times as fast as the directivity, and within a percent of it.
+        cosine = np.linspace(0.3, 1.0, 200)
+        radiated = off_axis(np.arccos(cosine), acoustics.directivity, wavenumber=self._k)
+        self._directivity = np.polynomial.Polynomial.fit(cosine, radiated, 8).convert().coef.astype(np.float32)
+        self._still = np.asarray(transfer_matrix(self._points, array, acoustics=acoustics).T, np.complex64)
+
+    def move(self, pose: PalmPath) -> None:
+        """Fit the following frames to the palm of a pose."""
+        points, array = on_the_palm(self._points, self.solved, pose)[0], self._array
+        squares = (points**2).sum(axis=1)[:, None] + (array.position**2).sum(axis=1)
+        distance = np.sqrt(squares - 2 * points @ array.position.T, dtype=np.float32)
+        cosine = (points @ array.normal.T - (array.position * array.normal).sum(axis=1)).astype(np.float32) / distance
+        radiated = np.full_like(cosine, self._directivity[-1])
+        for each in self._directivity[-2::-1]:
+            radiated *= cosine
+            radiated += each
+        radiated *= np.float32(array.pressure) * np.exp(np.float32(-self._air.attenuation) * distance) / distance
+        turns = np.float32(self._k) * distance
+        self._matrix = np.empty(distance.shape, np.complex64)
+        self._matrix.real, self._matrix.imag = radiated * np.cos(turns), radiated * np.sin(turns)
+        if not array.alike:
+            self._matrix *= array.response
+        gram = self._matrix @ self._matrix.conj().T
+        gram.flat[:: len(gram) + 1] += np.float32(0.1) * gram.diagonal().real.mean()
+        self._inverse = np.linalg.inv(gram)
+
+    def __call__(self, phase: Array, steered: Array) -> Complex:
+        """Factors of magnitude 1 for the sound of each transducer in steered frames, shape (frame, transducer).
+
+        `phase` and `steered` are the phases in rad as they were solved, and with those of steering added.
+        """
+        amplitude = np.abs(np.exp(1j * phase.astype(np.float32)) @ self._still)
+        q = begin = np.exp(1j * steered.astype(np.float32))
+        tiny = np.finfo(np.float32).tiny
+        for _ in range(self.steps):
+            field = q @ self._matrix.T
+            lacks = field * (amplitude / (np.abs(field) + tiny) - 1)
+            q = q + (lacks @ self._inverse.T) @ self._matrix.conj()
+            q /= np.abs(q) + tiny
+        return q * begin.conj()
 
 
 def aims_of(drive: Drive, grid: ControlGrid, *, smooth: float = 0.05, block: int = 256) -> Points:

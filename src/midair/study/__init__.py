@@ -42,7 +42,6 @@ from .folder import Template as Template
 from .folder import read_design as read_design
 from .folder import template_text as template_text
 from .headphones import Headphones as Headphones
-from .psych_ds import write_psych_ds as write_psych_ds
 from .registration import plan_page as plan_page
 from .session import ArrayPresenter as ArrayPresenter
 from .session import InstantClock as InstantClock
@@ -119,6 +118,7 @@ from .tables import read_bids as read_bids
 from .tables import read_csv as read_csv
 from .tables import write_bids as write_bids
 from .tables import write_csv as write_csv
+from .tables import write_psych_ds as write_psych_ds
 from .terminal_screen import TerminalScreen as TerminalScreen
 from .terminal_screen import keyboard_of_terminal as keyboard_of_terminal
 from .terminal_screen import stop_on_signals as stop_on_signals

@@ -8,11 +8,22 @@ from typing import Any
 
 from rich.console import Console
 
-from midair.devices import ExposureChoices, ExposureClearance, VirtualArray, check_exposure
+from midair.devices import ExposureChoices, ExposureClearance, ImmediateArray, PlayReport, VirtualArray, check_exposure
 from midair.errors import InputError
 from midair.files import load_solution, load_target
-from midair.model import Drive, Medium, TransducerArray
-from midair.rig import array_named, check_air, default_exposure
+from midair.model import Drive, Medium, Progress, TransducerArray
+from midair.rig import (
+    PlaySettings,
+    array_named,
+    check_air,
+    clear_followed,
+    default_exposure,
+    grid_of,
+    immediate_array,
+    open_tracker,
+    play_followed,
+    tracker_name,
+)
 from midair.study.design import Plan, Stimulus
 from midair.study.drives import check_digests
 from midair.study.event_markers import EventMarkers
@@ -55,14 +66,15 @@ def open_stimulus_rig(
     serial: str = "",
     show: Callable[[str], None] = lambda _: None,
     participant: int = 0,
+    follow: PlaySettings | None = None,
 ) -> Generator[StimulusRig]:
     """Open the presenter: the experimenter, instructed on the error stream, or an array that plays the plan's drives.
 
     Before the session begins, the digests of all drives are checked, `before` is called with each drive, and each drive
     must pass the exposure check; every playback is logged. The effect of the room air, the noise level and the marker
     outputs are printed for the experimenter. `serial` replaces the serial port of the plan, see `open_markers`.
-    `show` shows a text to the participant; `participant` (0 if unknown) is logged by its code. Raises InputError if the
-    plan has pictures or sounds.
+    `show` shows a text to the participant; `participant` (0 if unknown) is logged by its code. With `follow`, drives
+    follow the palm of its tracker. Raises InputError if the plan has pictures or sounds.
     """
     console = Console(stderr=True, emoji=False)
     if unable := next((one for one in plan.design.stimuli if one.kind in ("picture", "sound")), None):
@@ -85,7 +97,9 @@ def open_stimulus_rig(
     check_digests(folder.path, plan.drives, plan.design.stimuli)
     with ExitStack() as stack:
         markers = stack.enter_context(open_markers(plan, serial=serial))
-        presenter = stack.enter_context(_array_presenter(array, folder, plan, by_hand, exposure, room, before, console))
+        presenter = stack.enter_context(
+            _array_presenter(array, folder, plan, by_hand, exposure, room, before, console, follow)
+        )
         presenter.array.participant = study_code(folder, participant) if participant else ""
         rig = _marked(presenter, markers, console)
         about: dict[str, Any] = {"array": presenter.array.name, "noise_dbfs": None, **rig.about}
@@ -143,26 +157,57 @@ def _array_presenter(
     room: Medium | None,
     before: Callable[[Drive], None] | None,
     console: Console,
+    follow: PlaySettings | None,
 ) -> Generator[ArrayPresenter]:
     choices = replace(exposure or default_exposure(), room=room)
-    device = VirtualArray(TransducerArray.autd3()) if array == "virtual" else array_named(array)
     drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
+    lasting = [load_solution(folder.path / one.source, streamed=True).drive for one in drives]
+    single: ImmediateArray | None = None
+    if follow is not None:
+        if array == "virtual":
+            raise InputError(
+                "--follow: expected --array autd3 or autd3:INTERFACE, got virtual, above which no palm moves"
+            )
+        rates = {drive.rate for drive in lasting}
+        if len(rates) > 1:
+            raise InputError(
+                f"--follow: expected drives of one frame rate, got {', '.join(f'{r:g}' for r in rates)} Hz"
+            )
+        follow = follow.but(device=array, exposure=choices)
+        device = single = immediate_array(follow, max(rates, default=1000.0))
+    else:
+        device = VirtualArray(TransducerArray.autd3()) if array == "virtual" else array_named(array)
 
     @lru_cache(maxsize=32)
-    def admitted_share(source: str, share: float) -> ExposureClearance:
+    def admitted_share(source: str, share: float) -> tuple[Drive, ExposureClearance]:
         drive = load_solution(folder.path / source).drive
         if share == 1 and before is not None:
             before(drive)
         # Radiation pressure is proportional to the square of the sound pressure, which is proportional to the level.
-        return check_exposure(drive if share == 1 else replace(drive, level=drive.level * share**0.5), device, choices)
+        drive = drive if share == 1 else replace(drive, level=drive.level * share**0.5)
+        if follow is not None:
+            return drive, clear_followed(drive, device, follow, grid_of(drive))
+        return drive, check_exposure(drive, device, choices)
 
     def admitted(stimulus: Stimulus) -> ExposureClearance:
-        return admitted_share(stimulus.source, stimulus.share)
+        return admitted_share(stimulus.source, stimulus.share)[1]
 
-    with device:
-        lasting = [load_solution(folder.path / one.source, streamed=True).drive for one in drives]
+    with ExitStack() as stack:
+        stack.enter_context(device)
+        followed = None
+        if follow is not None and single is not None:
+            tracker = stack.enter_context(open_tracker(tracker_name(follow.follow, follow.tracker_latency)))
+
+            def play_following(stimulus: Stimulus, source: str, progress: Progress) -> PlayReport:
+                drive, cleared = admitted_share(stimulus.source, stimulus.share)
+                how: Any = {"source": source, "report": console.print, "progress": progress}
+                return play_followed(drive, single, tracker, follow, cleared, grid_of(drive), **how).report
+
+            followed = play_following
         silence = max((drive.frames / drive.rate for drive in lasting), default=0.0)
-        presenter = ArrayPresenter(array=device, admitted=admitted, by_hand=by_hand, room=room, silence_s=silence)
+        presenter = ArrayPresenter(
+            array=device, admitted=admitted, by_hand=by_hand, room=room, silence_s=silence, followed=followed
+        )
         presenter.check(plan.design.stimuli)
         for path in dict.fromkeys(folder.path / one.source for one in drives):
             air = check_air(load_solution(path).drive, room, partial(load_target, path), simulated=device.simulated)

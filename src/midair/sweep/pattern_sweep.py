@@ -148,9 +148,7 @@ class PatternSweep:
         said: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()
         }
-        # Older stores have the two parts of the acoustics as separate settings.
-        both = {"medium": said.pop("medium", None), "directivity": said.pop("directivity", "point")}
-        said["acoustics"] = from_plain(Acoustics, settings.get("acoustics", both))
+        said["acoustics"] = from_plain(Acoustics, settings["acoustics"])
         del said["solver"]
         return cls(**said)
 

@@ -166,7 +166,7 @@ def installed_code() -> str:
     return f"{__version__}, code {digest.hexdigest()[:12]}"
 
 
-def done_and_stored(job: Job, task: Task, address: SweepAddress | None, code: str) -> Result:
+def done_and_stored(job: Job, task: Task, address: SweepAddress, code: str) -> Result:
     """Run one task on a worker, which stores the result if it can access the store.
 
     Raises a ClusterError if the worker has other code than the command. Each task is checked, because workers may join
@@ -177,8 +177,7 @@ def done_and_stored(job: Job, task: Task, address: SweepAddress | None, code: st
             f"sweep: expected workers with midair {code}, got {installed_code()} on {socket.gethostname()}; install "
             "the same version there and restart the workers; all results so far are stored"
         )
-    result = do(job, task)
-    return result if address is None else address.take(result)
+    return address.take(do(job, task))
 
 
 def _client_of(scheduler: str, patience: float) -> "Client":
@@ -208,7 +207,7 @@ def _leave_ctrl_c_to_the_client() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: SweepAddress | None) -> Iterator[Result]:
+def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: SweepAddress) -> Iterator[Result]:
     """Yield the results of the tasks as they arrive."""
     finished: SimpleQueue[Any] = SimpleQueue()
     waiting: set[Any] = set()
@@ -239,7 +238,7 @@ def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: Swe
             watch.look()
 
 
-def _submitted(client: "Client", job: Job, task: Task, address: SweepAddress | None, priority: int) -> Any:
+def _submitted(client: "Client", job: Job, task: Task, address: SweepAddress, priority: int) -> Any:
     with warnings.catch_warnings():
         # The amount of queued data is limited in `_results`; Dask warns above 10 MB.
         warnings.filterwarnings("ignore", message="Sending large graph", category=UserWarning)

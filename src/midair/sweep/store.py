@@ -114,10 +114,9 @@ class SweepStore:
         self._sweep = sweep
 
     @property
-    def address(self) -> SweepAddress | None:
-        """Address for workers that store results themselves; None for an older store."""
-        token = self._group.attrs.get("token")
-        return None if token is None else SweepAddress(place=self._place.name, token=str(token))
+    def address(self) -> SweepAddress:
+        """Address for workers that store results themselves."""
+        return SweepAddress(place=self._place.name, token=str(self._group.attrs["token"]))
 
     def missing(self) -> tuple[Task, ...]:
         """Unfinished tasks in order."""
@@ -188,8 +187,7 @@ def _check_layout(place: SweepStorage, group: Any) -> None:
         numbers = sum(max(math.prod(array.shape), math.prod(array.chunks)) for _, array in group.arrays())
         # Of 8 bytes each; results, mask and sorted copies exist at the same time.
         check_memory_for(5 * 8 * numbers, str(place), "check that the sweep is not damaged, or use more memory")
-        # An older store has no digest.
-        if group.attrs.get("sha256") not in (None, _digest(place, group, group.attrs)):
+        if group.attrs.get("sha256") != _digest(place, group, group.attrs):
             raise BrokenFileError(
                 f"{place}: expected the settings and layouts that were written, got others, their checksum differs; "
                 "restore the files zarr.json from a copy"
@@ -210,10 +208,7 @@ _RESULTS = ("error", "rounded_error", "target_strength", "seconds")
 
 def _done(place: SweepStorage, group: Any) -> NDArray[np.bool_]:
     """Mask of the finished tasks, shape (condition, task): those with a flag and all chunks of results."""
-    flags = group["done"]
-    if flags.chunks != (1, 1):  # an older store with one file per row, before workers wrote
-        return np.asarray(flags[:], dtype=bool)
-    rows, columns = flags.shape
+    rows, columns = group["done"].shape
     done = np.zeros((rows, columns), dtype=bool)
     for row, column in set.intersection(*(place.chunks(name) for name in ("done", *_RESULTS))):
         if row < rows and column < columns:

@@ -1,15 +1,15 @@
 """Convert the pressure on a few cells to target sound amplitudes at the control points (paper, 4.1)."""
 
+from .compensation import add_lead as add_lead
+from .compensation import default_lead as default_lead
+from .compensation import frames_without_lead as frames_without_lead
 from .compensation import precompensate as precompensate
 from .compensation import precompensate_sound as precompensate_sound
+from .compensation import remove_lead as remove_lead
 from .decoupling import coupling as coupling
 from .decoupling import decouple as decouple
 from .decoupling import interpolation_matrix as interpolation_matrix
 from .decoupling import moved_interpolation as moved_interpolation
-from .lead import add_lead as add_lead
-from .lead import default_lead as default_lead
-from .lead import frames_without_lead as frames_without_lead
-from .lead import remove_lead as remove_lead
 from .mapping import MAPPINGS as MAPPINGS
 from .mapping import MappingReport as MappingReport
 from .mapping import MappingStream as MappingStream

@@ -93,15 +93,6 @@ def test_output_is_the_input_after_the_delay():
     assert errors[6] / zero_phase.std() == pytest.approx(told, rel=0.15)
 
 
-def test_crosstalk_is_undone_after_the_filter():
-    mixed = np.eye(16) + 0.05 * (np.abs(np.subtract.outer(np.arange(16), np.arange(16))) == 1)
-    known = calibration_of(SensorModel(crosstalk=mixed))
-    samples = np.random.default_rng(1).standard_normal((50, 4, 4))
-    kept = CausalInverse(known, RATE).push(samples)
-    undone = CausalInverse(known, RATE, crosstalk="undo").push(samples)
-    assert undone.reshape(50, 16) @ mixed.T == pytest.approx(kept.reshape(50, 16))
-
-
 def test_invalid_arguments_are_rejected():
     for wrong in ({"delay": 0.2}, {"delay": -1e-3}, {"taps": 4}, {"below": -1.0}):
         with pytest.raises(InputError):

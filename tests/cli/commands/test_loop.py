@@ -45,12 +45,8 @@ def one_line_of(capsys):
 
 
 @pytest.mark.long
-def test_an_iterative_loop_prints_passes_and_perceptual_metrics(capsys, monkeypatch):
-    told = []
-    monkeypatch.setattr("midair.cli.commands.loop.print_check_time_ahead", lambda frames, *_: told.append(frames))
+def test_an_iterative_loop_prints_passes_and_perceptual_metrics(capsys):
     assert run(["loop", "take.h5", *QUICK, "--iterate", "2", "--json", "--force"]) == 0
-    # How long the exposure of all passes takes is said beforehand; each has 60 ms on either side for what swells.
-    assert told == [4 * (80 + 2 * 60)]
     answer = json.loads(capsys.readouterr().out)
     assert answer["simulated"] is True
     assert len(answer["passes"]) + answer["taken_back"] == 4

@@ -29,8 +29,8 @@ def played(drive, placement=ONE, *, silencer="off", repeats=1, **options):
     device = autd3_firmware(placement, silencer=silencer)
     with device:
         report = device.play(clear_any_exposure(drive, device, repeats=repeats), **options)
-        device.banks.wait_until(device.banks.now() + 5 * MS)
-        return report, device.banks.put_out()
+        device.units.wait_until(device.units.now() + 5 * MS)
+        return report, device.units.put_out()
 
 
 def of_frames(values, out, report, frames, ticks=40):
@@ -142,7 +142,7 @@ def test_silence_also_cancels_the_switch_that_is_to_come(moment, active):
     drive = noise(80)
     phases = phase_bytes(drive, 1)
     with device:
-        banks = device.banks
+        banks = device.units
         banks.set_silencer(OFF)
         start = banks.now() + 20 * MS
         banks.load(1 - active, phases[:40], np.full(40, 255, np.uint8), 40)
@@ -166,13 +166,13 @@ def test_a_computer_that_hangs_leaves_silence_and_the_gap_is_reported():
 
     def hang(done, _):
         if done == 250:
-            device.banks.wait_until(device.banks.now() + 600 * MS)
+            device.units.wait_until(device.units.now() + 600 * MS)
 
     device = autd3_firmware(ONE, silencer="off")
     with device:
         report = device.play(clear_any_exposure(drive, device), progress=hang)
-        device.banks.wait_until(device.banks.now() + 5 * MS)
-        out = device.banks.put_out()
+        device.units.wait_until(device.units.now() + 5 * MS)
+        out = device.units.put_out()
     assert report.late == 100
     assert report.gap == pytest.approx(0.38, abs=0.03)
     first, gap = out.row(report.start), round(report.gap * 40e3)
@@ -190,12 +190,12 @@ def test_the_emulator_s_own_field_is_ours():
     drive = Drive(phase=np.tile(phase, (20, 1)), level=np.ones(20), rate=1000.0, array=array)
     device = autd3_firmware(placement, silencer="off")
     with device:
-        device.banks.set_silencer(OFF)
-        first = device.banks.now()
-        device.banks.load(1, phase_bytes(drive, 4), np.full(20, 255, np.uint8), 40)
-        device.banks.switch(1, first + 20 * MS)
-        device.banks.wait_until(first + 35 * MS)
-        field = device.banks.rms_field((-0.0375, 0.0375), (-0.0375, 0.0375), 0.2, 0.005)
+        device.units.set_silencer(OFF)
+        first = device.units.now()
+        device.units.load(1, phase_bytes(drive, 4), np.full(20, 255, np.uint8), 40)
+        device.units.switch(1, first + 20 * MS)
+        device.units.wait_until(first + 35 * MS)
+        field = device.units.rms_field((-0.0375, 0.0375), (-0.0375, 0.0375), 0.2, 0.005)
     assert len(field) == 256
     matrix = transfer_matrix(
         field[:, :3], array, acoustics=Acoustics(medium=Medium(attenuation=0), directivity="point")

@@ -87,7 +87,7 @@ def check_what_is_sent(tap, frames):
         begin = time.monotonic()
         report = device.play(clear_any_exposure(drive, device))
         end = time.monotonic()
-        telemetry = device.banks.describe()
+        telemetry = device.units.describe()
     np.testing.assert_array_equal(phases_sent(tap), phase_bytes(drive, 1)[:, 0])
     switches = [
         int.from_bytes(datagram[12:20], "little") for _, _, command, datagram in tap.frames() if command == SWITCH
@@ -223,7 +223,7 @@ def test_a_switch_that_reached_some_units_only_is_taken_back_and_can_be_sent_aga
         banks.wait_until(instant + 5_000_000)
 
     with autd3_array(tap.address, Placement.grid(columns=2, rows=1)) as device:
-        banks = device.banks
+        banks = device.units
         for number in (1, 0):
             banks.load(number, frames, levels, 40)
             if number == bank:

@@ -38,14 +38,14 @@ def check_memory(banks, drive, units, block=250):
 
 def test_memory_is_the_drive_to_the_last_bit():
     with pyautd3_array("audit", PAIR) as device:
-        check_memory(device.banks, noise(60), 2, block=25)
+        check_memory(device.units, noise(60), 2, block=25)
 
 
 def test_memory_with_levels_of_frames_and_of_transducers():
     rng = np.random.default_rng(6)
     with pyautd3_array("audit", PAIR) as device:
-        check_memory(device.banks, noise(20, rng.random(20)), 2)
-        check_memory(device.banks, noise(20, rng.random((20, 498))), 2)
+        check_memory(device.units, noise(20, rng.random(20)), 2)
+        check_memory(device.units, noise(20, rng.random((20, 498))), 2)
 
 
 @pytest.mark.slow
@@ -53,7 +53,7 @@ def test_five_thousand_frames_on_four_units():
     placement = Placement.grid()
     drive = noise(5000, placement=placement)
     with pyautd3_array("audit", placement) as device:
-        check_memory(device.banks, drive, 4)
+        check_memory(device.units, drive, 4)
         report = device.play(clear_any_exposure(drive, device))
     assert (report.frames, report.late, report.gap) == (5000, 0, 0)
 
@@ -82,8 +82,8 @@ def test_after_playing_the_segment_that_plays_is_silent():
         report = device.play(clear_any_exposure(noise(300), device))
         assert (report.frames, report.late) == (300, 0)
         assert not device.emitting
-        segment = int(device.banks.link.current_stm_segment(0))
-        assert device.banks.held(0, segment, 0)[1].max() == 0
+        segment = int(device.units.link.current_stm_segment(0))
+        assert device.units.held(0, segment, 0)[1].max() == 0
 
 
 def test_the_silencer_is_set():
@@ -91,18 +91,18 @@ def test_the_silencer_is_set():
     drive = Drive(phase=slow, level=np.ones(20), rate=1000.0, array=PAIR.array())
     with pyautd3_array("audit", PAIR) as device:
         device.play(clear_any_exposure(drive, device))
-        assert not device.banks.link.silencer_fixed_completion_steps_mode(0)
+        assert not device.units.link.silencer_fixed_completion_steps_mode(0)
         device.silencer = "half"
         device.play(clear_any_exposure(noise(20), device))
-        assert device.banks.link.silencer_fixed_completion_steps_mode(0)
-        assert device.banks.link.silencer_completion_steps_phase(0) == 20
-        assert not device.banks.link.silencer_strict(0)
+        assert device.units.link.silencer_fixed_completion_steps_mode(0)
+        assert device.units.link.silencer_completion_steps_phase(0) == 20
+        assert not device.units.link.silencer_strict(0)
 
 
 def test_a_unit_that_is_too_hot_does_not_sound():
     with pyautd3_array("audit", PAIR) as device:
         assert device.play(clear_any_exposure(noise(300), device)).units == "not too hot"
-        device.banks.link.assert_thermal_sensor(1)
+        device.units.link.assert_thermal_sensor(1)
         with pytest.raises(TooHotError, match="unit 1 too hot before the first frame"):
             device.play(clear_any_exposure(noise(300), device))
 
@@ -112,7 +112,7 @@ def test_a_link_that_breaks_ends_playing():
 
     def cut(done, _):
         if done >= 250:
-            device.banks.link.break_down()
+            device.units.link.break_down()
 
     device = pyautd3_array("audit", PAIR)
     with pytest.raises(DeviceError, match="pyautd3"), device:
@@ -121,7 +121,7 @@ def test_a_link_that_breaks_ends_playing():
 
 def test_memory_of_the_nop_link_cannot_be_read():
     with pyautd3_array("nop", PAIR) as device, pytest.raises(DeviceStateError, match="audit"):
-        device.banks.held(0, 0, 0)
+        device.units.held(0, 0, 0)
 
 
 def test_a_link_that_the_sdk_has_not():

@@ -5,6 +5,8 @@ import subprocess
 import sys
 import textwrap
 import time
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
 
 import numpy as np
 import psutil
@@ -180,24 +182,21 @@ def test_a_device_or_channels_that_are_not_there_are_refused(jack_server):
             source_sensor("audio:skin?channels=99").open()
 
 
-def test_without_portaudio_the_debian_package_is_named():
-    """In a process of its own, whose sounddevice finds no library."""
-    program = """
-        import sys, types
-        from importlib.abc import Loader, MetaPathFinder
-        from importlib.machinery import ModuleSpec
+class NoLibrary(MetaPathFinder, Loader):
+    """Finds a sounddevice that finds no library."""
 
-        class Broken(MetaPathFinder, Loader):
-            def find_spec(self, name, path, target=None):
-                return ModuleSpec(name, self) if name == "sounddevice" else None
+    def find_spec(self, name, path, target=None):
+        return ModuleSpec(name, self) if name == "sounddevice" else None
 
-            def exec_module(self, module):
-                raise OSError("PortAudio library not found")
+    def exec_module(self, module):
+        raise OSError("PortAudio library not found")
 
-        sys.meta_path.insert(0, Broken())
-        from midair.rig.names.sensor_names import source_sensor
 
+def test_without_portaudio_the_debian_package_is_named(monkeypatch):
+    for loaded in ("sounddevice", "midair.devices.sensors.audio"):
+        monkeypatch.delitem(sys.modules, loaded, raising=False)
+    monkeypatch.setattr(sys, "meta_path", [NoLibrary(), *sys.meta_path])
+    with pytest.raises(
+        DeviceError, match=r"^audio: expected the library PortAudio \(Debian: apt-get install libportaudio2\)"
+    ):
         source_sensor("audio:x")
-    """
-    done = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, timeout=60)
-    assert "DeviceError: audio: expected the library PortAudio (Debian: apt-get install libportaudio2)" in done.stderr

@@ -5,7 +5,17 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, NonFiniteError, UnknownFormatError
-from midair.files import load_calibration, save, save_calibration, save_solution
+from midair.files import (
+    contents,
+    load_array_calibration,
+    load_calibration,
+    open_take,
+    save,
+    save_array_calibration,
+    save_calibration,
+    save_solution,
+)
+from midair.model import ArrayCalibration, Provenance, TransducerArray
 
 
 def same(one, other):
@@ -79,3 +89,54 @@ def test_a_non_finite_uncertainty_is_refused(calibration, tmp_path):
         file["phase_uncertainty"][0, 0, 0] = np.nan
     with pytest.raises(NonFiniteError, match=r"a\.calibration\.h5.*phase uncertainty"):
         load_calibration(tmp_path / "a.calibration.h5")
+
+
+ARRAY = TransducerArray.autd3(columns=1, rows=1)
+
+
+@pytest.fixture
+def known():
+    rng, count = np.random.default_rng(0), ARRAY.count
+    return ArrayCalibration(
+        array=ARRAY,
+        response=rng.normal(size=count) + 1j * rng.normal(size=count),
+        pole=-5000 + 100 * rng.normal(size=count) + 1j * rng.normal(size=count),
+        strength_uncertainty=rng.random(count),
+        phase_uncertainty=rng.random(count),
+        resonance_uncertainty=rng.random(count),
+        quality_uncertainty=rng.random(count),
+        dead=rng.random(count) < 0.1,
+        level_uncertainty=0.02,
+        date="2026-11-22",
+        provenance=Provenance(source="bench", simulated=True).then("measure array", {"seconds": 8.0}),
+    )
+
+
+def test_is_read_as_it_was_written(known, tmp_path):
+    save_array_calibration(known, tmp_path / "a.array.h5")
+    again = load_array_calibration(tmp_path / "a.array.h5")
+    for name in ("response", "pole", "strength_uncertainty", "phase_uncertainty", "resonance_uncertainty", "dead"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(known, name))
+    np.testing.assert_array_equal(again.quality_uncertainty, known.quality_uncertainty)
+    assert again.array.same_as(ARRAY)
+    assert (again.level_uncertainty, again.date, again.provenance) == (0.02, "2026-11-22", known.provenance)
+    assert contents(tmp_path / "a.array.h5").kind == "array"
+
+
+def test_names_and_kinds_are_checked(known, tmp_path):
+    with pytest.raises(UnknownFormatError, match=r"\.array\.h5"):
+        save_array_calibration(known, tmp_path / "a.h5")
+    save_array_calibration(known, tmp_path / "a.array.h5")
+    with pytest.raises(UnknownFormatError, match="load_array_calibration"):
+        open_take(tmp_path / "a.array.h5")
+    (tmp_path / "a.array.h5").rename(tmp_path / "a.h5")
+    with pytest.raises(BrokenFileError, match="midair array"):
+        open_take(tmp_path / "a.h5")
+
+
+def test_a_cut_file_is_refused(known, tmp_path):
+    path = tmp_path / "a.array.h5"
+    save_array_calibration(known, path)
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(BrokenFileError):
+        load_array_calibration(path)

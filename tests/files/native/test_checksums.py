@@ -54,8 +54,9 @@ def place_of(path, name, row=0):
         return chunk.byte_offset + row % file[name].chunks[0] * size
 
 
-@pytest.mark.parametrize("streamed", [False, True])
-@pytest.mark.parametrize(("row", "first", "last"), [(0, 0, 256), (300, 256, 512), (999, 768, 1000)])
+@pytest.mark.parametrize(
+    ("row", "first", "last", "streamed"), [(0, 0, 256, False), (300, 256, 512, True), (999, 768, 1000, False)]
+)
 def test_a_flipped_bit_in_a_recording_names_its_frames_and_repair_keeps_the_rest(row, first, last, streamed, tmp_path):
     path = tmp_path / "a.h5"
     samples = recorded(path)

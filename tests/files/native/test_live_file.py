@@ -90,7 +90,12 @@ class Refusing:
 
 ERRORS = [errno.EIO, errno.ENOSPC, errno.EDQUOT, errno.EFBIG]
 # Each error at every fourth write, so that together they cover every write; the slow tests use each at every write.
-SOME = [pytest.param(each, range(1 + number, 30, 4), id=errno.errorcode[each]) for number, each in enumerate(ERRORS)]
+SOME = [
+    pytest.param(
+        each, range(1 + number, 30, 4), id=errno.errorcode[each], marks=[] if number == 0 else pytest.mark.long
+    )
+    for number, each in enumerate(ERRORS)
+]
 EVERY = [
     pytest.param(each, (*range(1, 30), 61, 64, 67), id=f"{errno.errorcode[each]}, every write", marks=pytest.mark.slow)
     for each in ERRORS

@@ -28,7 +28,6 @@ FOUND = LoopStarted(
     calibration=Calibration.flat(SENSOR, sensitivity=0.1),
     simulated=True,
     transducers=249,
-    units=1,
     exposure="kept",
     level=0.5,
     strongest=127,
@@ -39,7 +38,6 @@ FOUND = LoopStarted(
     error=(0.1,),
     silencer="off",
     array_calibration="",
-    described={},
 )
 
 

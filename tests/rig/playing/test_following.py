@@ -20,6 +20,7 @@ from midair.errors import ExposureError, InputError, SilentFramesError, UnknownD
 from midair.files import DEFAULT_PROFILE, load_solution, profile_named, save_palm_path, save_solution
 from midair.model import Acoustics, ControlGrid, Drive, PalmPath, Placement, Solution, TransducerArray
 from midair.physics import (
+    PalmFit,
     PoseBox,
     aims_of,
     exposure,
@@ -220,18 +221,23 @@ def steered(monkeypatch) -> list:
     return blocks
 
 
-def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int) -> int:
+def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int, *, fitted: bool = False) -> int:
     """Count the frames of the wire; each equals the phases for the predicted palm, linear since the block before."""
     aims, before, found = aims_of(drive, GRID), None, 0
+    fit = PalmFit(drive.array, drive.acoustics, GRID) if fitted else None
     for frames, pose in blocks:
-        end = None
+        end, beside = None, 0.0
         if pose is not None:
             aim = aims[frames.stop - 1]
-            end = steering_phase(drive.array, AIR.medium, SOLVED, pose, aim=aim)[0]
+            end = held = steering_phase(drive.array, AIR.medium, SOLVED, pose, aim=aim)[0]
+            if fit is not None:
+                fit.move(pose)
+        if fit is not None and (end is not None or before is not None):
+            beside = np.angle(fit(drive.phase[frames], drive.phase[frames] + held))
         if before is not None and end is not None:
             count = frames.stop - frames.start
             share = (np.arange(count) + 1)[:, None] / count
-            phase = drive.phase[frames] + before + share * (end - before)
+            phase = drive.phase[frames] + before + share * (end - before) + beside
             moved = replace(drive, phase=phase, level=drive.level[frames])
             for number, exact in enumerate(phase_bytes(moved, drive.array.count // 249), frames.start):
                 if (got := sent.get(first + number * period)) is not None:
@@ -242,18 +248,21 @@ def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int
 
 
 @pytest.mark.long
-def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(in_time, steered, tmp_path) -> None:
+@pytest.mark.parametrize("fit", [False, True])
+def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(fit, in_time, steered, tmp_path) -> None:
     file = tmp_path / "hand.csv"
     save_palm_path(swaying(0.8), file)
-    settings = PlaySettings(follow=f"replay:{file}", tracker_latency=0.01)
+    settings = PlaySettings(follow=f"replay:{file}", tracker_latency=0.01, steer_only=not fit)
     units, array = rig_of()
     drive, lines = focus(300), []
     with array, open_tracker(tracker_name(f"replay:{file}", 0.01)) as tracker:
         admission = clear_followed(drive, array, settings, GRID, samples=4)
         done = play_followed(drive, array, tracker, settings, admission, GRID, report=lines.append)
+    if fit and "too slow" in str(lines):
+        pytest.skip("this computer is too slow now to fit frames in time, and said so")
     assert lines[0].startswith("follow: the palm is followed")
     sent = {instant: phases for phases, _, instant in units.put_frames}
-    assert assert_bytes(sent, steered, drive, 1_000_000, done.report.start) > 200
+    assert assert_bytes(sent, steered, drive, 1_000_000, done.report.start, fitted=fit) > 200
     # The palm is that of the moment at which the frames sound, by 1.5 mm.
     for frames, pose in steered[30:]:
         true = poses_at(swaying(0.8), np.array([(frames.stop - 1) / 1000]))
@@ -275,7 +284,7 @@ def test_each_tracker_steers_four_emulated_units_and_the_wire_has_the_steered_by
     drive = load_solution(tmp_path / "x.drive.h5").drive
     with closing(sender()) as made, Hand(made, lambda values, stamp, _: (values, stamp, 1.0)):
         line = ["play", str(tmp_path / "x.drive.h5"), "--follow", made.name, "--device", f"autd3:{tap.address}"]
-        assert run([*line, "--override-exposure", "a test"]) == 0
+        assert run([*line, "--override-exposure", "a test", "--steer-only"]) == 0
     out, err = capsys.readouterr()
     assert "the palm is followed" in err
     ports, parts = list(dict.fromkeys(port for _, port, _, _ in tap.frames())), {}

@@ -5,8 +5,57 @@ import pytest
 from midair.errors import InputError
 from midair.study.design.analysis_plan import Analysis
 from midair.study.findings.analysis import analyse
+from midair.study.findings.finding import Finding, attempt, limits_words, note_last, p_words
 from midair.study.findings.rating_findings import cumulative
 from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns
+
+PEOPLE = ["1"] * 4
+
+
+@pytest.mark.parametrize(
+    ("presented", "answered", "why"),
+    [
+        ([1.0, 2, 3, 1], ["1", "2", "n/a", "1"], r"column 'b': .* got 'n/a' where the other column has numbers"),
+        (["1", "n/a", "2", "1"], [1.0, 2, 3, 1], r"column 'a': .* got 'n/a'"),
+        ([1.0, 2, 3, 1], ["brush", "towel", "brush", "brush"], "got 'brush' where"),
+    ],
+)
+def test_labels_of_mixed_kinds_are_refused(presented, answered, why):
+    with pytest.raises(InputError, match=why):
+        data_of_columns({"p": PEOPLE, "a": presented, "b": answered}, participant="p", presented="a", answered="b")
+
+
+@pytest.mark.parametrize("labels", [["brush", "n/a", "towel", "brush"], [1.0, 2.0, 3.0, 1.0]])
+def test_labels_of_one_kind_are_accepted(labels):
+    data = data_of_columns({"p": PEOPLE, "a": labels, "b": labels[::-1]}, participant="p", presented="a", answered="b")
+    assert data.choices["presented"].tolist() == labels
+
+
+@pytest.mark.parametrize(("p", "words"), [(0.0004, "p < .001"), (0.05, "p = .050"), (1.0, "p = 1.000")])
+def test_format_of_p_values(p, words):
+    assert p_words(p) == words
+
+
+def test_a_failed_analysis_gives_its_reason():
+    def refuse():
+        raise InputError("pairs: expected two, got one")
+
+    (found,) = attempt("A test", refuse)
+    assert (found.title, found.words) == ("A test", "Not computed. Pairs: expected two, got one.")
+
+
+def test_limits_or_the_reason_why_there_are_none():
+    x = np.array([1.0, 2, 3, 4, 5])
+    assert limits_words(np.mean, x, "plain") == "95 % limits over people 1.04 to 4.96"
+    assert "fewer than five" in limits_words(np.mean, x[:4], "plain")
+    assert "the differences between people are unknown" in limits_words(np.mean, np.ones(5), "share")
+
+
+def test_notes_are_last_and_columns_are_explained():
+    table = note_last(pd.DataFrame({"note": [""], "F": [1.0], "surface": ["a"]}))
+    assert table.columns.tolist() == ["F", "surface", "note"]
+    assert [name for name, _ in Finding(title="", words="", table=table).legend] == ["F", "note"]
+
 
 OBJECTS = ["brush", "sponge", "towel"]
 
@@ -38,8 +87,16 @@ def found(report, begin):
     return next(one for one in report.findings if one.title.startswith(begin))
 
 
-def test_complete_data_give_all_findings():
-    report = analyse(data_of_columns(choices(), **NAMES), draws=500)
+@pytest.fixture(scope="module")
+def reports():
+    """Reports of choices and of ratings."""
+    return tuple(
+        analyse(data_of_columns(table, **names), draws=500) for table, names in ((choices(), NAMES), (ratings(), RATED))
+    )
+
+
+def test_complete_data_give_all_findings(reports):
+    report, rated = reports
     titles = [one.title for one in report.findings]
     assert titles == [
         "Participants",
@@ -52,7 +109,6 @@ def test_complete_data_give_all_findings():
     assert "better than chance" in found(report, "Identification: plain").words
     assert not any("Not computed" in one.words or "nan" in one.words for one in report.findings)
     assert [one.name for one in report.choices] == ["plain", "grooved"]
-    rated = analyse(data_of_columns(ratings(), **RATED), draws=500)
     assert "Ratings depend on object" in found(rated, "Ratings: analysis").words
     assert len(rated.ratings) == 6
     assert (rated.ratings["low"] < rated.ratings["mean"]).all()
@@ -179,9 +235,8 @@ def test_limits_are_over_people_or_are_not_given():
     assert "Kappa" in words[1]
 
 
-def test_every_column_of_a_table_is_explained():
-    report = analyse(data_of_columns(choices(), **NAMES), draws=200)
-    rated = analyse(data_of_columns(ratings(), **RATED), draws=200)
+def test_every_column_of_a_table_is_explained(reports):
+    report, rated = reports
     tables = [one for one in (*report.findings, *rated.findings) if one.table is not None]
     assert len(tables) >= 5
     for one in tables:

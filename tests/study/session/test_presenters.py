@@ -132,7 +132,7 @@ def test_the_failsafe_of_real_units_spoils_a_presentation_and_the_next_one_sound
     from autd3.commands import CpuConfig, SetCpuConfig
 
     def wait(milliseconds):
-        banks = device.banks
+        banks = device.units
         order = SetCpuConfig(CpuConfig(failsafe_timeout=Duration.from_millis(milliseconds)))
         banks._repeatable(lambda: banks._open.send(order), 2)
 

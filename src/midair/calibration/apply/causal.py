@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from midair.array_types import Array
-from midair.calibration.apply.inverse import check_band_covered, crosstalk_inverse, inverse_response, regularised_power
+from midair.calibration.apply.inverse import check_band_covered, inverse_response, regularised_power
 from midair.dsp import Band, band_edges, band_window, check_band, fft_frequencies
 from midair.errors import InputError, ShapeError
 from midair.model import BAND, Calibration
@@ -125,34 +125,19 @@ def causal_error(
 class CausalInverse:
     """Apply the filter of `causal_fir` to a stream, frame by frame, in preallocated memory.
 
-    The attribute `delay` is the delay of the output in s, and `fir` is the filter, shape (taps, row, column). The
-    parameters and errors are those of `causal_fir`, with `crosstalk` and `damping` as in `calibrate`.
+    The attribute `delay` is the delay of the output in s, and `fir` is the filter, shape (256, row, column). The
+    parameters and errors are those of `causal_fir`.
     """
 
-    def __init__(
-        self,
-        calibration: Calibration,
-        rate: float,
-        *,
-        band: Band = BAND,
-        delay: float = 0.006,
-        taps: int = 256,
-        below: float = 10.0,
-        floor: float = 0.05,
-        edges: tuple[float, float] | None = None,
-        crosstalk: str = "keep",
-        damping: float = 0.0,
-    ) -> None:
-        fir = causal_fir(calibration, rate, band, delay=delay, taps=taps, below=below, floor=floor, edges=edges)
+    def __init__(self, calibration: Calibration, rate: float, *, band: Band = BAND, delay: float = 0.006) -> None:
+        fir = causal_fir(calibration, rate, band, delay=delay)
         self.fir, self.delay, self._shape = fir, delay, calibration.sensor.shape
-        self._mix = crosstalk_inverse(calibration, crosstalk, damping)
-        flat = fir.reshape(taps, -1)
+        flat = fir.reshape(len(fir), -1)
         # Reversed, because the buffer holds the newest frame last.
         self._turned = np.ascontiguousarray(flat[::-1])
-        self._taps, self._at = taps, 0
+        self._taps, self._at = len(fir), 0
         # Every frame is written twice, so the last `taps` frames are always contiguous.
-        self._held = np.zeros((2 * taps, flat.shape[1]))
-        self._felt = np.zeros(flat.shape[1])
+        self._held = np.zeros((2 * self._taps, flat.shape[1]))
         self._began = False
 
     def step(self, frame: Array, out: Array) -> None:
@@ -164,10 +149,7 @@ class CausalInverse:
         at = self._at
         self._held[at], self._held[at + self._taps] = frame, frame
         self._at = (at + 1) % self._taps
-        into = out if self._mix is None else self._felt
-        np.einsum("kc,kc->c", self._turned, self._held[at + 1 : at + 1 + self._taps], out=into)
-        if self._mix is not None:
-            np.dot(self._mix, into, out=out)
+        np.einsum("kc,kc->c", self._turned, self._held[at + 1 : at + 1 + self._taps], out=out)
 
     def push(self, block: Array) -> Array:
         """Filter a block of shape (frame, row, column) and return as many frames in Pa."""

@@ -8,18 +8,12 @@ from cyclopts import Parameter
 from midair.cli.console import print_json, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement
-from midair.cli.output import as_recording, may_write, reserved
+from midair.cli.output import as_recording, may_write, parameter_values, reserved
+from midair.cli.quantities import quantity
 from midair.errors import InputError
-from midair.files import load_placement, load_solution, load_target, read_text, save, save_solutions
-from midair.model import Acoustics, Calibration, Medium, Provenance
-from midair.patterns import (
-    check_reach,
-    draw_parts,
-    drawn_settings,
-    load_pattern,
-    wanted_amplitude,
-    wanted_pressure,
-)
+from midair.files import load_placement, load_solution, load_target, save
+from midair.model import Calibration, Medium
+from midair.patterns import draw_file, load_pattern, wanted_pressure
 from midair.rig import ArrayKind, array_calibration_for, array_of_kind
 
 
@@ -29,6 +23,8 @@ def draw_command(
     /,
     *,
     duration: OptionalTime = None,
+    parameter: tuple[str, ...] = (),
+    pressure: Annotated[float, quantity("Pa")] = 50.0,
     wanted: Annotated[Path | None, Parameter(alias="-w")] = None,
     array: ArrayKind = "autd3",
     placement: Placement = None,
@@ -45,11 +41,15 @@ def draw_command(
     Parameters
     ----------
     source
-        Pattern to draw, NAME.toml.
+        Pattern to draw, NAME.toml, or NAME.adaptics of the AdapTics Designer.
     output
         Drive to write, NAME.drive.h5. [default: name of the source]
     duration
         Length of the drive; a loop needs one. [default: one pass]
+    parameter
+        Value of a named parameter of the pattern, such as size=20; may be given several times.
+    pressure
+        Pressure of intensity 1 in an .adaptics file.
     wanted
         Write the wanted pressure on 4 x 4 cells too, a recording to compare with what is played.
     array
@@ -63,6 +63,7 @@ def draw_command(
     --------
     $ midair draw circle.toml
     $ midair draw circle.toml circle.drive.h5 --duration 2s --wanted circle.h5
+    $ midair draw rain.adaptics --duration 0.5s --parameter droplet_strength=0.5
     """
     if placement is not None and array != "autd3":
         raise InputError(f"--placement: expected --array autd3, got {array}; leave out one of them")
@@ -70,32 +71,19 @@ def draw_command(
     may_write(target, force, ".drive.h5")
     if wanted is not None:
         may_write(wanted, force, ".h5")
-    pattern = load_pattern(source)
-    foci = pattern.foci(duration)
+    values = parameter_values(parameter)
+    foci = load_pattern(source, values, pressure=pressure).foci(duration)
     transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
     known = array_calibration_for(device, array_calibration)
     transducers = transducers if known is None else known.known.applied(transducers)
     room = (air or AirOptions()).medium()
-    acoustics = Acoustics(medium=room or Medium.at())
-    used = check_reach(foci, transducers, acoustics)
-    settings = drawn_settings(foci, acoustics, pattern.height_mm * 1e-3)
-    print_air(acoustics.medium, stated=room is not None)
-    life = settings.noted(Provenance(source=source.name).then("draw", {"pattern": read_text(source, "a pattern")}))
-    solved = {
-        "method": "closed form" if foci.pressure.shape[1] == 1 else "gs-pat, lm",
-        "array_calibration": transducers.calibration_id,
-    }
-    ideal = wanted_amplitude(foci, transducers, settings, life)
+    print_air(medium := room or Medium.at(), stated=room is not None)
     with reserved(target), progress_bars("draw", foci.frames) as stage:
-        parts = draw_parts(
-            foci, transducers, acoustics=acoustics, provenance=life.then("solve", solved), progress=stage("draw")
-        )
-        save_solutions(parts, target, frames=foci.frames, target=ideal)
+        used = draw_file(foci, source, target, transducers, chosen=values, medium=medium, progress=stage("draw"))
     solution, stored = load_solution(target, streamed=True), load_target(target, streamed=True)
     if wanted is not None and stored is not None:
-        cells = wanted_pressure(stored, settings)
-        flat = Calibration.flat(cells.sensor, sensitivity=1.0, unit="Pa")
-        save(as_recording(cells), wanted, calibration=flat)
+        cells = wanted_pressure(stored, medium)
+        save(as_recording(cells), wanted, calibration=Calibration.flat(cells.sensor, sensitivity=1.0, unit="Pa"))
     seconds, loudest = foci.frames / foci.rate, float(foci.pressure.max())
     if json:
         figures = {"frames": foci.frames, "rate_hz": foci.rate, "duration_s": seconds, "foci": foci.pressure.shape[1]}

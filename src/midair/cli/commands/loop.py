@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair.cli.comparisons import calibrated_part, plain, print_metrics, print_ratios, stated_array_calibration
 from midair.cli.console import banner, out, print_figures, print_json, print_rows, progress_bars, verbosity
-from midair.cli.exposure_options import ExposureOptions, air_watched, print_air, print_check_time_ahead
+from midair.cli.exposure_options import ExposureOptions, air_watched, print_air
 from midair.cli.options import (
     ArrayCalibration,
     Force,
@@ -97,7 +97,6 @@ def loop_command(
     lead = required_lead(settings) if lead is None else lead
     # Every pass plays another drive, whose exposure is checked first.
     frames = (corrections + 1 + iterate) * round((original.frames / original.rate + 2 * lead) * settings.target.rate)
-    print_check_time_ahead(frames, opened.array.array, room, opened.exposure.profile)
     watched = air_watched(
         getattr(options, "temperature", None),
         settings.acoustics.medium,

@@ -3,6 +3,7 @@
 import time
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,7 @@ from midair.files import (
 )
 from midair.headroom import level_of
 from midair.model import Acoustics, Drive, Medium, PressureFrames, TransducerArray
+from midair.patterns import PATTERN_ENDINGS, draw_file, load_pattern
 from midair.pipeline import (
     Reproduction,
     check_size,
@@ -56,6 +58,8 @@ from midair.pipeline import (
 from midair.rig import (
     ArrayKind,
     PlaySettings,
+    array_calibration_for,
+    array_named,
     array_of_kind,
     check_air,
     checkup_line,
@@ -226,7 +230,7 @@ def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, 
 @options_from(
     PlaySettings,
     *("device", "array_calibration", "placement", "silencer", "repeats", "delay", "participant", "spread", "seed"),
-    *("follow", "tracker_latency", "confidence", "palm_path"),
+    *("follow", "tracker_latency", "confidence", "steer_only", "palm_path"),
     array_calibration="Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.",
 )
 class PlayOptions:
@@ -254,7 +258,7 @@ def play_command(
     Parameters
     ----------
     source
-        Drive to play, NAME.drive.h5.
+        Drive to play, NAME.drive.h5; or a pattern with an end, NAME.toml or NAME.adaptics, which is drawn first.
     output
         Re-recording of the virtual device. [default: NAME.rerecorded.h5]
     correct_air
@@ -267,6 +271,7 @@ def play_command(
     --------
     $ midair play take.drive.h5
     $ midair play take.drive.h5 --device autd3
+    $ midair play circle.toml
     """
     air = air or AirOptions()
     room = air.medium()
@@ -278,6 +283,14 @@ def play_command(
         cooling=(heat or HeatOptions()).cooling(),
     )
     device = settings.device
+    if source.suffix.lower() in PATTERN_ENDINGS:
+        with TemporaryDirectory() as folder:
+            drawn = _drawn_into(Path(folder), source, settings)
+            again = Path(f"{source.stem}.rerecorded.h5") if output is None and device == "virtual" else output
+            more: dict[str, Any] = {"options": options, "exposure": exposure, "air": air, "heat": heat}
+            return play_command(
+                drawn, output=again, force=force, correct_air=correct_air, stop_input=stop_input, **more
+            )
     if device == "virtual":
         if stop_input is not None:
             raise InputError("--stop-input: expected an array, got --device virtual, which is silent; leave it out")
@@ -301,6 +314,19 @@ def play_command(
         if settings.follow is not None:
             return _follow_on_array(source, settings, air, correct=correct_air)
         return _play_on_array(source, settings, air, correct=correct_air)
+
+
+def _drawn_into(folder: Path, source: Path, settings: PlaySettings) -> Path:
+    """The drive of a pattern for the array that will play it, in a folder."""
+    array = array_of_kind("autd3")
+    if settings.device != "virtual":
+        array = array_named(settings.device, settings.placement).array
+        known = array_calibration_for(settings.device)
+        array = array if known is None else known.known.applied(array)
+    foci, target = load_pattern(source).foci(), folder / f"{source.stem}.drive.h5"
+    with progress_bars("draw", foci.frames) as stage:
+        draw_file(foci, source, target, array, medium=settings.exposure.room, progress=stage("draw"))
+    return target
 
 
 def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> None:

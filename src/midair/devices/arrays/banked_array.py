@@ -38,11 +38,6 @@ class BankedArray(UnitsArray[Banks]):
         self._silenced = 0
 
     @property
-    def banks(self) -> Banks:
-        """The open device; DeviceStateError if it is closed."""
-        return self.units
-
-    @property
     def emitting(self) -> bool:
         """True if the device reports that it plays."""
         return self._units is not None and self._units.emitting()

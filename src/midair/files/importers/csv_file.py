@@ -1,4 +1,9 @@
-"""Comma-separated values: midair's own with a header that makes them exact, and those of other programs."""
+"""Comma-separated values: midair's own with a header that makes them exact, and those of other programs.
+
+FabricSlide (Wang et al. 2022, doi 10.3389/fnbot.2022.808222): a robot arm slides a capacitive finger with 16 taxels
+over fabrics and gratings. Columns: timestamp in ms, two proximity readings, channel1 to channel16 in raw counts, at
+about 35.6 Hz. File names are material_F<force set-point>_V<velocity>mmps_<repeat>.
+"""
 
 import re
 from pathlib import Path
@@ -8,13 +13,12 @@ import numpy as np
 
 from midair.errors import BrokenFileError
 from midair.files.atomic import atomic_file
-from midair.files.importers import fabricslide
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.importers.text_table import TextTable, read_table
 from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
 from midair.files.text_files import without_formulas
 from midair.files.timestamps import to_fixed_rate
-from midair.model import Calibration, Recording, Unit
+from midair.model import Calibration, Recording, SensorGrid, Unit
 from midair.streaming import blocks
 
 MARK = "# midair "
@@ -50,8 +54,8 @@ def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
     if text.startswith(MARK):
         return _own(text, path, given)
     table = read_table(text, path, gaps=given.mending is not None)
-    if table.names == fabricslide.COLUMNS:
-        return fabricslide.imported(table, path, given).resolve(given, path)
+    if table.names == FABRICSLIDE:
+        return _of_fabricslide(table, path, given).resolve(given, path)
     return _foreign(table, given).resolve(given, path)
 
 
@@ -107,3 +111,46 @@ def _units(names: tuple[str, ...]) -> tuple[Unit | None, ...]:
 
 
 CSV = Format(name="CSV", read=read_csv, write=write_csv, memory=4)
+
+
+FABRICSLIDE = ("timestamp", "proximity1", "proximity2", *(f"channel{i}" for i in range(1, 17)))
+"""Column names that identify its files."""
+
+_NAME = re.compile(r"(?P<material>[^_]+)_F(?P<force>\d+)_V(?P<velocity>-?\d+)mmps_(?P<repeat>\d+)")
+_LAYOUT = (
+    "Neither the layout nor the pitch of the 16 taxels is documented: 4 x 4 in the order of the "
+    "channels, 11 mm apart as in the paper's sensor, was assumed."
+)
+
+
+def _of_fabricslide(table: TextTable, path: Path, given: ImportOptions) -> ImportedData:
+    """The 16 taxels at a fixed rate, without the proximity readings."""
+    even = to_fixed_rate(table.values[:, 0] / 1e3, table.values[:, 3:], rate=given.rate)
+    layout = {} if given.sensor else {"layout": _LAYOUT}
+    return ImportedData(
+        samples=even.samples,
+        form="CSV of FabricSlide",
+        rate=even.rate,
+        unit="count",
+        names=FABRICSLIDE[3:],
+        sensor=SensorGrid(name="CPM-finger of FabricSlide"),
+        notes={**_notes(path), **layout},
+        settings={"left_out": FABRICSLIDE[1:3], "rate_hz": even.rate, "interpolation": "linear"},
+        report=(
+            *even.report,
+            "Columns proximity1 and proximity2 were left out: not taxels.",
+            *layout.values(),
+        ),
+    )
+
+
+def _notes(path: Path) -> dict[str, str]:
+    found = _NAME.fullmatch(path.stem)
+    if found is None:
+        return {}
+    return {
+        "material": found["material"],
+        "force": f"set-point {found['force']}, unit not stated",
+        "speed": f"{found['velocity']} mm/s",
+        "repeat": found["repeat"],
+    }

@@ -1,18 +1,150 @@
-"""MATLAB files: `samples`, `rate`, `unit` and midair's header, or one array of another program (v4 to v7.3)."""
+"""MATLAB files: `samples`, `rate`, `unit` and midair's header, or one array of another program (v4 to v7.3).
 
+SciPy's compiled reader crashes on some damaged files, so those of version 5 (up to v7) are read here; structures and
+cells are not. Layout: "MAT-File Format" (MathWorks), Level 5: a header of 128 bytes, then elements, each a tag (type,
+length) and data padded to 8 bytes; short ones keep their data in the tag. Compressed elements are zlib streams with a
+checksum.
+"""
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, FileError
 from midair.files.atomic import atomic_file, reason
 from midair.files.importers.header import header_of
-from midair.files.importers.mat5 import is_mat5, read_mat5, write_frames
 from midair.files.importers.named_arrays import from_arrays
 from midair.files.native import open_plain
 from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake, calibration_lost
+from midair.files.size_limits import inflated, max_expanded_size
 from midair.model import Calibration, Recording
+from midair.streaming import LazyFrames, blocks
+
+_NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
+_TEXT = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
+_MOST = 10_000
+_MATRIX, _COMPRESSED, _CHAR, _COMPLEX = 14, 15, 4, 0x08
+
+
+class _Element(NamedTuple):
+    kind: int
+    data: bytes
+
+
+def is_mat5(start: bytes) -> bool:
+    """True if the first 128 bytes are those of such a file."""
+    return len(start) >= 128 and start[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
+
+
+def read_mat5(path: Path) -> dict[str, Any]:
+    """Read the arrays by name; structures, cells and other classes become empty objects."""
+    data = path.read_bytes()
+    order = "<" if data[126:128] == b"IM" else ">"
+    arrays: dict[str, Any] = {}
+    room = max_expanded_size(path)
+    for number, element in enumerate(_elements(data[128:], order, path)):
+        if number == _MOST:
+            raise BrokenFileError(f"{path}: expected at most {_MOST} arrays, got more; the file is damaged")
+        held = element
+        if element.kind == _COMPRESSED:
+            unpacked = inflated(path, element.data, room)
+            room -= len(unpacked)
+            held = next(_elements(unpacked, order, path))
+        if held.kind == _MATRIX and held.data:
+            name, array = _matrix(held.data, order, path)
+            arrays[name] = array
+    return arrays
+
+
+def _elements(data: bytes, order: str, path: Path) -> Iterator[_Element]:
+    place = 0
+    while place + 8 <= len(data):
+        kind, length = struct.unpack_from(order + "II", data, place)
+        # Short element: the upper half of the type is the length, the rest of the tag is the data.
+        if kind >> 16:
+            kind, length, place = kind & 0xFFFF, kind >> 16, place + 4
+            end = place + 4
+        else:
+            place += 8
+            # Compressed elements are not padded.
+            end = place + (length if kind == _COMPRESSED else length + -length % 8)
+        if place + length > len(data) or place + length > end:
+            raise BrokenFileError(
+                f"{path}: expected {length} bytes at {place}, got {len(data) - place}; it is truncated"
+            )
+        yield _Element(kind=kind, data=data[place : place + length])
+        place = end
+    if place < len(data):
+        raise BrokenFileError(f"{path}: expected whole elements, got {len(data) - place} bytes at the end")
+
+
+def _matrix(data: bytes, order: str, path: Path) -> tuple[str, Any]:
+    # Flags, dimensions, name, real and imaginary part; further elements belong to structures.
+    parts = list(islice(_elements(data, order, path), 5))
+    if len(parts) < 3 or len(parts[0].data) != 8:
+        raise BrokenFileError(f"{path}: expected flags, dimensions and a name of an array, got {len(parts)} parts")
+    word = struct.unpack(order + "II", parts[0].data)[0]
+    shape = tuple(int(length) for length in np.frombuffer(parts[1].data, order + "i4"))
+    name = parts[2].data.decode("latin-1")
+    kind, complex_numbers = word & 0xFF, bool(word >> 8 & _COMPLEX)
+    if kind == _CHAR and len(parts) > 3:
+        return name, np.array([_text(parts[3], order)])
+    if kind not in _CLASSES or len(parts) < 4:
+        return name, np.empty(0, object)
+    real = _numbers(parts[3], shape, _CLASSES[kind], order, path)
+    # The imaginary part is not read; the complex type prevents use of the real part alone.
+    return name, real.astype(complex) if complex_numbers else real
+
+
+def _text(part: _Element, order: str) -> str:
+    spelled = _TEXT.get(part.kind, "latin-1")
+    wide = spelled in ("utf-16", "utf-32")
+    return part.data.decode(f"{spelled}-{'le' if order == '<' else 'be'}" if wide else spelled)
+
+
+def _numbers(part: _Element, shape: tuple[int, ...], dtype: str, order: str, path: Path) -> NDArray[Any]:
+    if part.kind not in _NUMBERS or min(shape, default=0) < 0:
+        raise BrokenFileError(f"{path}: expected numbers of shape {shape}, got type {part.kind}")
+    numbers = np.frombuffer(part.data, order + _NUMBERS[part.kind])
+    if numbers.size != math.prod(shape):
+        raise BrokenFileError(f"{path}: expected {math.prod(shape)} numbers, got {numbers.size}; it is damaged")
+    return numbers.reshape(shape, order="F").astype(dtype)
+
+
+def write_frames(file: BinaryIO, name: str, samples: "NDArray[Any] | LazyFrames") -> None:
+    """Write float64, shape (frame, ...), as a compressed element; lazy frames are read once per channel."""
+    length, shape = samples.size * 8, samples.shape
+    letters = name.encode("ascii")
+    parts = [
+        struct.pack("=IIII", 6, 8, 6, 0),
+        struct.pack("=II", 5, 4 * len(shape)) + _padded(np.array(shape, np.int32).tobytes()),
+        struct.pack("=II", 1, len(letters)) + _padded(letters),
+        struct.pack("=II", 9, length),
+    ]
+    begin, packer = file.tell(), zlib.compressobj()
+    head = b"".join(parts)
+    file.write(struct.pack("=II", _COMPRESSED, 0))
+    file.write(packer.compress(struct.pack("=II", _MATRIX, len(head) + length) + head))
+    for place in np.arange(math.prod(shape[1:])).reshape(shape[1:]).ravel(order="F"):
+        for block in blocks(samples):
+            file.write(packer.compress(np.ascontiguousarray(block.reshape(len(block), -1)[:, place]).tobytes()))
+    file.write(packer.flush())
+    end = file.tell()
+    file.seek(begin)
+    file.write(struct.pack("=II", _COMPRESSED, end - begin - 8))
+    file.seek(end)
+
+
+def _padded(data: bytes) -> bytes:
+    return data + bytes(-len(data) % 8)
 
 
 def write_mat(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:

@@ -20,13 +20,13 @@ from .hdf5 import open_plain as open_plain
 from .hdf5 import plain_text as plain_text
 from .hdf5 import signature as signature
 from .hdf5 import stored_dataset as stored_dataset
-from .played_group import load_played as load_played
 from .provenance_json import from_plain as from_plain
 from .provenance_json import to_json as to_json
 from .provenance_json import to_plain as to_plain
 from .recording_file import HDF5 as HDF5
 from .recording_file import NETCDF4 as NETCDF4
 from .recording_file import RecordingBuffer as RecordingBuffer
+from .recording_file import load_played as load_played
 from .recording_file import load_pressure as load_pressure
 from .recording_file import save_pressure as save_pressure
 from .recording_file import write_recording as write_recording

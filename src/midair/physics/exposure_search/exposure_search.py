@@ -72,11 +72,6 @@ class CubeSearch:
         return self.field.modes
 
     @property
-    def airs(self) -> int:
-        """Number of airs."""
-        return len(self.field.shapes)
-
-    @property
     def left_out(self) -> float:
         """Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa."""
         return self.field.left_out

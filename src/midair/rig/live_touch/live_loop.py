@@ -35,7 +35,7 @@ class LiveSteering:
         order: LiveSettings,
         report: Callable[[str], object],
     ) -> None:
-        rules = FollowRules(confidence=order.confidence)
+        rules = FollowRules(confidence=order.confidence, fit=False)
         frames = max(1, round(rules.block * rate))
         phase, level = np.zeros((frames, array.count)), np.ones(frames)
         still = Drive(phase=phase, level=level, rate=rate, array=array, acoustics=order.acoustics)

@@ -62,7 +62,6 @@ class LoopStarted:
     simulated: bool
     """Whether sensor or array is simulated."""
     transducers: int
-    units: int
     exposure: str
     """Verdict of the exposure check."""
     level: float
@@ -81,8 +80,6 @@ class LoopStarted:
     """Error of the causal inverse in each part; empty without one."""
     silencer: str
     """How the units spread phase steps."""
-    described: dict[str, str]
-    """Description by the units."""
     array_calibration: str
     """Calibration of the array that is solved for, with its age; empty without one."""
 
@@ -189,7 +186,6 @@ def _play(
                     calibration=calibration,
                     simulated=sensor.simulated or array.simulated,
                     transducers=array.array.count,
-                    units=array.placement.units,
                     exposure=admission.verdict(),
                     level=admission.level,
                     strongest=admission.strongest,
@@ -199,7 +195,6 @@ def _play(
                     parts=() if touch.error is None else tuple(touch.parts),
                     error=() if touch.error is None else tuple(float(each) for each in touch.error),
                     silencer=str(array.silencer),
-                    described=array.describe(),
                     array_calibration=known,
                 )
             )

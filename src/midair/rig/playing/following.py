@@ -25,7 +25,7 @@ from midair.devices import (
 )
 from midair.errors import InputError, SilentFramesError, UnknownDeviceError
 from midair.model import ControlGrid, Drive, PalmPath, Progress
-from midair.physics import PoseBox, aims_of, middle_of, steering_phase, wavenumber
+from midair.physics import PalmFit, PoseBox, aims_of, middle_of, pose_of, steering_phase, wavenumber
 from midair.rig.names import open_tracker
 from midair.rig.playing.play_settings import PlaySettings
 from midair.rig.signals import signals_end_the_program
@@ -46,6 +46,8 @@ class FollowRules:
     """Time in s over which sound fades, and rises again."""
     block: float = 4e-3
     """Time in s for which frames are steered at once; phases are linear within it."""
+    fit: bool = True
+    """Whether phases are also fitted to the palm, a thousand times a second; phases are linear between."""
 
 
 class Follower:
@@ -77,6 +79,8 @@ class Follower:
         self._gain, self._audible, self._inside = 0.0, False, False
         self._pose: PalmPath | None = None
         self._phase = np.zeros(drive.array.count)
+        self._fit = PalmFit(drive.array, drive.acoustics, grid) if self.rules.fit else None
+        self._fitted = np.full(drive.array.count, self._fit is not None, np.complex64)
         self._columns = np.ascontiguousarray(drive.array.position.T)
         self._k = wavenumber(drive.array, drive.acoustics.medium)
 
@@ -103,7 +107,54 @@ class Follower:
         turned = share * (self._phase - begin)
         turned += begin
         turned += phase
+        if self._fit is not None:
+            turned += self._beside(self._fit, phase)
+        elif self._fitted.any():
+            # The fit was left out; its phases fade within this block.
+            turned += (1 - share) * np.angle(self._fitted)
+            self._fitted[:] = 0
         return replace(self._drive, phase=turned, level=level), self._pose
+
+    def _beside(self, fit: PalmFit, phase: Array) -> Array:
+        """Phases of the fit for a block of steered frames, linear between those that are fitted."""
+        if self._pose is not None:
+            fit.move(self._pose)
+        stride = max(1, round(1e-3 * self._drive.rate))
+        at = np.arange(len(phase))[::-stride][::-1]
+        # The fit is that of the pose at the end of the block, to which all of its frames are steered here.
+        factors = np.concatenate([self._fitted[None], fit(phase[at], phase[at] + self._phase)])
+        steps = np.angle(factors[1:] * factors[:-1].conj())
+        begin = np.angle(self._fitted)
+        angles = begin + np.concatenate([0 * begin[None], np.cumsum(steps, axis=0)])
+        self._fitted = factors[-1]
+        before = np.searchsorted(at, np.arange(len(phase)))
+        ends = np.concatenate([[-1], at])
+        share = (np.arange(len(phase)) - ends[before]) / (ends[before + 1] - ends[before])
+        return angles[before] + share[:, None] * (angles[before + 1] - angles[before])
+
+    def steer_alone_if_slow(self, admission: ExposureClearance) -> None:
+        """Leave out the fit if this computer needs more than two thirds of the time of a block for it and the check."""
+        if self._fit is None:
+            return
+        frames = slice(0, min(max(1, round(self.rules.block * self._drive.rate)), self._drive.frames))
+        part = replace(self._drive, phase=self._drive.phase[frames], level=self._drive.level[frames])
+        still = _still(self.solved)
+        spent = []
+        for _ in range(3):
+            begin = time.perf_counter()
+            self._pose = still
+            self._beside(self._fit, part.phase)
+            admission.steered(part, still)
+            spent.append(time.perf_counter() - begin)
+        self._pose, self._fitted = None, np.ones_like(self._fitted)
+        if min(spent) > self.rules.block * 2 / 3:
+            self.steer_alone()
+
+    def steer_alone(self) -> None:
+        """Leave out the fit from the next block on, since it takes too long."""
+        if self._fit is not None:
+            self._fit = None
+            self._report("follow: this computer is too slow to fit frames to the tilt of the palm; they are steered")
 
     def _steering(self, pose: PalmPath, aim: Array) -> Array:
         """`steering_phase` of one pose, ten times as fast."""
@@ -149,6 +200,12 @@ class Follower:
         return "the palm left the box of admitted poses, silent"
 
 
+def _still(solved: Array) -> PalmPath:
+    """The pose that frames were solved for."""
+    down, ahead = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 1.0, 0.0]])
+    return PalmPath(time=np.zeros(1), centre=solved[None], normal=down, fingers=ahead, confidence=np.ones(1))
+
+
 TRIPS = 5
 """Number of times that the units' failsafe may act in a play; after one more it ends."""
 
@@ -173,7 +230,7 @@ def follow_as_set(drive: Drive, settings: PlaySettings, report: Callable[[str], 
     if settings.follow is None:
         return drive, settings
     tracker = tracker_name(settings.follow, settings.tracker_latency)
-    rules = FollowRules(confidence=settings.confidence)
+    rules = FollowRules(confidence=settings.confidence, fit=not settings.steer_only)
     steered = follow_simulated(drive, tracker, grid_of(drive), rules=rules, repeats=settings.repeats, report=report)
     return steered, settings.but(repeats=1)
 
@@ -251,7 +308,10 @@ def clear_followed(
     samples: int = 2048,
     seed: int = 0,
 ) -> ExposureClearance:
-    """Check the exposure of a drive for the box of poses: as it was solved, and frames steered to random poses."""
+    """Check the exposure of a drive for the box of poses: as it was solved, and frames steered to random poses.
+
+    An eighth of them are fitted, too.
+    """
     box, solved, rng = FollowRules().box, middle_of(grid), np.random.default_rng(seed)
     frames = np.sort(rng.integers(0, drive.frames, samples))
     down = np.array([0.0, 0.0, -1.0]) + np.tan(box.tilt) * rng.uniform(-0.7, 0.7, (samples, 3)) * [1, 1, 0]
@@ -269,7 +329,13 @@ def clear_followed(
     aims = aims_of(drive, grid)[frames]
     some = replace(drive, phase=drive.phase[frames], level=drive.level[frames])
     added = steering_phase(array.array, drive.acoustics.medium, solved, poses, aim=aims)
-    steered = replace(some, phase=some.phase + added)
+    phase = some.phase + added
+    # Every eighth one is fitted as well, which takes twenty times as long as the check of it.
+    fit = PalmFit(array.array, drive.acoustics, grid)
+    for number in range(0, 0 if settings.steer_only else samples, 8):
+        fit.move(pose_of(poses, number))
+        phase[number] += np.angle(fit(some.phase[[number]], phase[[number]])[0])
+    steered = replace(some, phase=phase)
     return check_exposure_steered(drive, array, settings.exposure, box=box, solved=solved, samples=steered)
 
 
@@ -290,9 +356,11 @@ def play_followed(
     A frame that is not ready at its instant is not played; the units keep the one before it.
     """
     units, period = array.units, divider(drive.rate) * TICK
-    follower = Follower(tracker, drive, grid, rules=FollowRules(confidence=settings.confidence), report=report)
+    rules = FollowRules(confidence=settings.confidence, fit=not settings.steer_only)
+    follower = Follower(tracker, drive, grid, rules=rules, report=report)
     block, total = max(1, round(follower.rules.block * drive.rate)), drive.frames * settings.repeats
     ahead, before, reactions = round(array.hold * 1e9), units.told(), list[float]()
+    follower.steer_alone_if_slow(admission)
     with signals_end_the_program(), array.frames_to_come(admission, source=source, room=settings.exposure.room) as put:
         # The first block needs longer than the others.
         first = -(-(units.now() + round(settings.delay * 1e9) + 50_000_000) // period) * period
@@ -313,6 +381,8 @@ def play_followed(
             times = np.asarray((first + numbers * period - offset) * 1e-9, np.float64)
             part, poses = follower.steered(slice(at, at + len(numbers)), times)
             part = admission.steered(part, poses)
+            if units.now() > first + begin * period - ahead:
+                follower.steer_alone()
             phases = phase_bytes(part, array.placement.units)
             intensities = intensity_bytes(part, array.placement.units)
             if np.isfinite(follower.newest):

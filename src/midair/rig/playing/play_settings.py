@@ -97,6 +97,9 @@ class PlaySettings(Declared):
     confidence: float = setting(
         0.3, "Confidence of the tracker below which the sound fades, 0 to 1.", limits=(0, 1), playback=True
     )
+    steer_only: bool = setting(
+        False, "Do not fit followed frames to the tilt, the turn and the distance of the palm.", playback=True
+    )
     palm_path: PalmPath | None = setting(
         None,
         "CSV file of poses along which the palm of the virtual device moves, from the first frame on.",

@@ -5,12 +5,13 @@ from dataclasses import dataclass, field
 from threading import Event
 from typing import Protocol
 
-from midair.devices import ArrayDevice, ExposureClearance
-from midair.errors import InputError, SilentFramesError
-from midair.model import Medium
+from midair.devices import ArrayDevice, ExposureClearance, PlayReport
+from midair.errors import InputError, SilentFramesError, StoppedError
+from midair.model import Medium, Progress
 from midair.rig import play_cleared
 from midair.study.design import Stimulus
 from midair.study.event_markers import EventMarkers
+from midair.study.headphones import Headphones
 
 
 class Presenter(Protocol):
@@ -55,6 +56,8 @@ class ArrayPresenter:
     """Air for the log of played drives; None if unknown."""
     silence_s: float = 0.0
     """Duration of a silent stimulus, in s; equal to that of the drives, so that it does not reveal the silence."""
+    followed: Callable[[Stimulus, str, Progress], PlayReport] | None = None
+    """Plays a stimulus, named so in the log, while it follows a palm; None to play without."""
     ended: Event = field(default_factory=Event)
     """Set when silence is requested."""
 
@@ -76,9 +79,12 @@ class ArrayPresenter:
         if stimulus.kind == "silence":
             self.ended.wait(self.silence_s)
         elif stimulus.kind == "drive":
-            admission = self.admitted(stimulus)
             share = "" if stimulus.share == 1 else f" at {stimulus.share:g} of its pressure"
-            report = play_cleared(admission, self.array, source=stimulus.source + share, room=self.room)
+            if self.followed is not None:
+                report = self.followed(stimulus, stimulus.source + share, self._go_on)
+            else:
+                admission = self.admitted(stimulus)
+                report = play_cleared(admission, self.array, source=stimulus.source + share, room=self.room)
             if report.gap:
                 raise SilentFramesError(
                     f"array: expected every frame in time, got {report.late} late frames and {report.gap:.3f} s of "
@@ -87,21 +93,16 @@ class ArrayPresenter:
         else:
             self.by_hand.present(stimulus)
 
+    def _go_on(self, done: int, total: int) -> None:
+        """Raise StoppedError if silence was requested."""
+        if self.ended.is_set():
+            raise StoppedError(f"{self.array.name}: stopped after {done} of {total} frames")
+
     def silence(self) -> None:
         """Silence the array, then instruct the experimenter."""
         self.ended.set()
         self.array.silence()
         self.by_hand.silence()
-
-
-class Masking(Protocol):
-    """Masking noise."""
-
-    def on(self) -> None:
-        """Fade the noise in; return when it has its full level."""
-
-    def off(self) -> None:
-        """Fade the noise out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +114,7 @@ class MaskedPresenter:
 
     inner: Presenter
     """Presents the stimuli."""
-    noise: Masking
+    noise: Headphones
     """An open source of noise."""
 
     def present(self, stimulus: Stimulus) -> None:

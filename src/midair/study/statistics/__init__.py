@@ -29,13 +29,13 @@ from .detection import d_prime_same_different as d_prime_same_different
 from .detection import d_prime_yes_no as d_prime_yes_no
 from .detection import proportion_correct as proportion_correct
 from .mixed import logistic_mixed as logistic_mixed
-from .pair_comparisons import pairwise as pairwise
 from .paired import Equivalence as Equivalence
 from .paired import PairedT as PairedT
 from .paired import bayes_factor as bayes_factor
 from .paired import equivalence as equivalence
 from .paired import holm as holm
 from .paired import paired_t as paired_t
+from .paired import pairwise as pairwise
 from .power import EquivalenceExperiment as EquivalenceExperiment
 from .power import Experiment as Experiment
 from .power import IdentificationExperiment as IdentificationExperiment

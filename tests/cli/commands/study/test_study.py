@@ -7,13 +7,15 @@ import shutil
 import numpy as np
 import pytest
 from rich.console import Console
+from tests.palms import palm_path
 
 from midair.cli.commands.study import study_app as app
 from midair.errors import BrokenFileError, InputError, MidairError, MissingFileError
-from midair.files import save_solution
-from midair.model import Drive, Solution, TransducerArray
+from midair.files import save_palm_path, save_solution
+from midair.model import Drive, Provenance, Solution, TransducerArray
 from midair.physics import focus_phase
 from midair.rig import dose_report
+from midair.settings import Settings
 from midair.study import template_text
 from midair.study.folder import StudyFolder
 from midair.study.session.event_log import chain_hash, read_events
@@ -37,26 +39,20 @@ def done(tmp_path_factory):
 
 
 def test_ten_simulated_participants_from_plan_to_report(done, capsys):
-    study("analyse", done, "--draws", 1000)
-    said = capsys.readouterr()
-    assert "SIMULATED: no person was asked. 10 participant(s), 1080 answers analysed, 240" in said.out
-    assert "Identification: plain" in said.out
-    page = (done / "report.html").read_text(encoding="utf-8")
-    assert "SIMULATED" in page
-    assert page.count("data:image/png;base64,") == 6  # three matrices, F-measures, ratings of two surfaces
-    assert (done / "report.ipynb").is_file()
-    assert "surface:object:rated" in page
-    assert "Not computed" not in page
-    assert "nan" not in page.lower().split("base64")[0]
-
-
-def test_json_is_for_programs(done, capsys):
     study("analyse", done, "--draws", 200, "--json")
     found = json.loads(capsys.readouterr().out)
     assert found["simulated"] is True
     anova = next(one for one in found["findings"] if one["title"] == "Ratings: analysis of variance")
     assert len(anova["table"]) == 7
     assert {"effect", "F", "p_GG", "ges"} <= set(anova["table"][0])
+    page = (done / "report.html").read_text(encoding="utf-8")
+    assert "SIMULATED: no person was asked. 10 participant(s), 1080 answers analysed, 240" in page
+    assert "Identification: plain" in page
+    assert page.count("data:image/png;base64,") == 6  # three matrices, F-measures, ratings of two surfaces
+    assert (done / "report.ipynb").is_file()
+    assert "surface:object:rated" in page
+    assert "Not computed" not in page
+    assert "nan" not in page.lower().split("base64")[0]
 
 
 @pytest.mark.long
@@ -226,13 +222,16 @@ DRIVES = BY_HAND.replace('object", source = "the brush', 'drive", source = "focu
 )
 
 
-def study_of_drives(folder, level):
+def study_of_drives(folder, level, frames=10):
     """A study whose two stimuli are ten frames of a focus beside the plan."""
     array = TransducerArray.autd3()
-    phase = np.broadcast_to(focus_phase(array, np.array([0, 0, 0.2])), (10, array.count))
-    drive = Drive(phase=phase, level=np.full(10, level), rate=1000.0, array=array)
+    phase = np.broadcast_to(focus_phase(array, np.array([0, 0, 0.2])), (frames, array.count))
+    made = Settings().noted(Provenance())
+    drive = Drive(phase=phase, level=np.full(frames, level), rate=1000.0, array=array, provenance=made)
     (folder / "drives.toml").write_text(DRIVES)
-    solution = Solution(drive=drive, error=np.zeros(10), iterations=np.ones(10), status=("iterations",) * 10)
+    solution = Solution(
+        drive=drive, error=np.zeros(frames), iterations=np.ones(frames), status=("iterations",) * frames
+    )
     save_solution(solution, folder / "focus.drive.h5")
     study("new", folder / "s", "--source", folder / "drives.toml")
     return folder / "s"
@@ -276,6 +275,23 @@ def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
     (progress,) = StudyFolder(folder).sessions()
     assert [one.answer for one in progress.answers.values()] == ["brush", "towel"]
     assert progress.simulated
+
+
+@pytest.mark.long
+def test_drives_follow_a_palm_on_emulated_units(tap, tmp_path, monkeypatch, capsys):
+    folder, moving = study_of_drives(tmp_path, level=0.004, frames=400), np.arange(100) / 100
+    centre = np.stack([5e-3 * np.sin(2 * np.pi * moving), 0 * moving, 0.2 + 0 * moving], axis=1)
+    save_palm_path(palm_path(moving, centre), tmp_path / "hand.csv")
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+    monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+    line = ("--array", f"autd3:{tap.address}", "--follow", f"replay:{tmp_path / 'hand.csv'}")
+    with pytest.raises(MidairError, match=r"--follow: expected --array autd3.*, got virtual"):
+        study("run", folder, "--participant", 1, "--array", "virtual", "--follow", line[-1])
+    assert study("run", folder, "--participant", 1, *line) == 0
+    assert "the palm is followed" in capsys.readouterr().err
+    assert [entry["event"] for entry in played(tmp_path)] == ["play", "end"] * 2
+    sent = {bytes(datagram[20:269]) for _, _, order, datagram in tap.frames() if order == 0x16}
+    assert len(sent) > 100, "the frames of one focus differ, since they are steered"
 
 
 @pytest.mark.long

@@ -6,10 +6,11 @@ import numpy as np
 
 from midair.cli.console import PlainConsole, out, warn_simulated
 from midair.cli.exposure_options import AirOptions, ExposureOptions, air_watched, print_check_time
-from midair.cli.options import StopInput, Study
+from midair.cli.options import OptionalTime, StopInput, Study
 from midair.devices import stop_on_input
 from midair.errors import InputError
 from midair.model import Drive, Medium
+from midair.rig import PlaySettings
 from midair.study import (
     InstantClock,
     Plan,
@@ -47,6 +48,8 @@ def run_command(
     exposure: ExposureOptions | None = None,
     air: AirOptions | None = None,
     stop_input: StopInput = None,
+    follow: str | None = None,
+    tracker_latency: OptionalTime = None,
 ) -> int:
     """Run or resume the session of one participant in this terminal. Ctrl-C stops at once.
 
@@ -71,6 +74,10 @@ def run_command(
         Serial port of the event markers in place of that of the plan; none for no serial markers.
     air
         Air of the room; it is stored with the answers.
+    follow
+        Tracker of the palm that drives follow on an AUTD3 array, as in midair play --follow.
+    tracker_latency
+        Latency of the tracker.
 
     Examples
     --------
@@ -94,6 +101,7 @@ def run_command(
     screen = TerminalScreen(
         PlainConsole(markup=True, soft_wrap=False), keyboard=None if lines else keyboard_of_terminal()
     )
+    following = PlaySettings(follow=follow, tracker_latency=tracker_latency) if follow or tracker_latency else None
     solved: list[Medium] = []
 
     def before(drive: Drive) -> None:
@@ -114,6 +122,7 @@ def run_command(
             serial=serial,
             show=screen.present_text,
             participant=participant,
+            follow=following,
         ) as rig,
         _air_watched(air, solved, array),
     ):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.streaming import LazyFrames, medians
+from midair.streaming import LazyFrames, channels, medians
 
 RNG = np.random.default_rng(0)
 STEPS = np.round(RNG.standard_normal((30_000, 2, 2)) * 3) / 3
@@ -26,3 +26,15 @@ def test_they_equal_numpy_bit_by_bit(x, few, monkeypatch):
     with np.errstate(over="ignore"):
         np.testing.assert_array_equal(medians(lazy), np.median(x, axis=0))
         np.testing.assert_array_equal(medians(x), np.median(x, axis=0))
+
+
+def test_channels_of_arrays_and_lazy_frames_are_in_order():
+    x = np.random.default_rng(0).standard_normal((100_000, 4, 3))
+    lazy = LazyFrames(lambda first, last: x[first:last], x.shape)
+    for given in (x, lazy):
+        np.testing.assert_array_equal(np.stack(list(channels(given)), axis=1), x.reshape(len(x), 12))
+
+
+def test_one_channel_alone_and_none_at_all():
+    assert [len(each) for each in channels(np.zeros((5,)))] == [5]
+    assert list(channels(np.zeros((5, 0)))) == []
