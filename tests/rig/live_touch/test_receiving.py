@@ -222,6 +222,7 @@ def test_another_key_is_refused_on_both_sides():
     assert listener.source.counted.refused > 0
 
 
+@pytest.mark.long
 def test_a_replayed_run_is_refused():
     """Every datagram of a run is sent again: it counts once within the run, and the next receiver refuses it."""
     before, proxy, _ = spoken(0.6)
@@ -248,6 +249,7 @@ def test_a_replayed_run_is_refused():
     assert told.frames == speaker.spoken.frames
 
 
+@pytest.mark.long
 def test_a_replayed_greeting_is_harmless():
     """A replayed greeting is answered, without harm: frames of that run carry an invalid number."""
     first, proxy, _ = spoken(0.6)
