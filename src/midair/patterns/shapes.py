@@ -3,6 +3,7 @@
 A shape is a frozen dataclass whose fields are the keys of its table in a pattern's file; lengths in mm, angles in deg.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -24,7 +25,7 @@ class Checked:
         check_settings(self)
 
 
-class Shape(Checked):
+class Shape(Checked, ABC):
     """A path in the plane of the palm, around the centre of its spot."""
 
     closed: ClassVar[bool] = True
@@ -34,8 +35,8 @@ class Shape(Checked):
         """Places at shares of the path, 0 to 1, shape (frame,); the result has the shape (frame, 2), in mm."""
         return self._at(share)
 
-    def _at(self, share: Array) -> Array:
-        raise NotImplementedError
+    @abstractmethod
+    def _at(self, share: Array) -> Array: ...
 
     def length(self) -> float:
         """Length of the path in mm."""

@@ -86,7 +86,7 @@ class Glide:
     block: int | None = None
     """Frames per block, solved by one job; other blocks only share a mark with it. If None, see `block_on`."""
     opening: int = 256
-    """Frames of the first block, which is short so that a play can begin while the others are solved."""
+    """Frames of the first block, which is short so that its frames are there early."""
     jobs: int = field(default=1, compare=False)
     """Number of blocks solved at once; the phases are bit-identical for any number."""
     faintest: float = 1e-12
