@@ -39,6 +39,14 @@ def test_damping_predicts_less_than_constant_speed_and_ends_after_100_ms():
     assert ahead[1] == ahead[2]
 
 
+def test_a_late_program_asks_before_the_newest_pose_and_gets_the_palm_of_then():
+    times = np.arange(100) / 100
+    predictor = PosePredictor()
+    predictor.add(palm_path(times, np.stack([5e-3 * np.sin(6.28 * times), 0 * times, 0.2 + 0 * times], axis=1)))
+    late = times[-1] - np.array([0.1, 0.07, 0.01, 0.0])
+    np.testing.assert_allclose(predictor.at(late).centre[:, 0], 5e-3 * np.sin(6.28 * late), atol=1.5e-3)
+
+
 def test_a_correction_moves_position_and_velocity_without_a_step():
     times = np.arange(40) / 110
     predictor = PosePredictor(smoothing=0.02)

@@ -116,8 +116,11 @@ class PosePredictor:
 
     def _smoothed(self, times: Array) -> tuple[Array, Array]:
         """Values (time, 9) and their rates, with the rest of the last correction."""
-        moved = self.model.transition(np.clip(times - self._time, -LONGEST, LONGEST))
-        rows, rates = moved[:, 0] @ self._state, moved[:, 1] @ self._state
+        after = np.clip(times - self._time, -LONGEST, LONGEST)
+        moved = self.model.transition(np.maximum(after, 0.0))
+        # The model's decay would grow without end before the newest pose, so that the motion is linear there.
+        rows = moved[:, 0] @ self._state + np.minimum(after, 0.0)[:, None] * self._state[1]
+        rates = moved[:, 1] @ self._state
         rates = np.where((times - self._time < LONGEST)[:, None], rates, 0.0)
         begin, offset, slope = self._blend
         if self.smoothing and np.isfinite(begin):

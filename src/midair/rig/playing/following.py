@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from midair.array_types import Array
 from midair.devices import (
@@ -363,15 +364,36 @@ def play_followed(
         # Without a frame every 50 ms the units' failsafe acts.
         quiet, begin = np.zeros((array.placement.units, array.array.count // array.placement.units), np.uint8), 0
         trips = 0
+
+        def play(phases: npt.NDArray[np.uint8], intensity: int, instant: int) -> None:
+            nonlocal trips
+            try:
+                put(phases, intensity, instant)
+            except SilentFramesError:
+                # The program was held up for 50 ms.
+                if (trips := trips + 1) > TRIPS:
+                    raise
+                report("follow: the failsafe silenced the units")
+                array.resume()
+                follower.fall_silent()
+
         while first - units.now() > 4 * ahead:
             put(quiet, 0, units.now() + ahead)
             time.sleep(0.01)
+        slack = round(1e9 * follower.rules.block / 2)
         while begin < total:
+            if (behind := units.now() + ahead - first - begin * period) > 0:
+                # Go on with frames that can be in time, since steering those that are late would keep it late.
+                missed = min(-(-(behind + slack) // period), total - begin)
+                for _ in range(missed):
+                    play(quiet, 0, 0)
+                begin += missed
+                continue
             at = begin % drive.frames
             numbers = begin + np.arange(min(block, drive.frames - at))
             # Clocks drift: 50 ppm are 1 ms in 20 s.
             offset = units.now() - time.monotonic_ns()
-            _wait(units, first + begin * period - ahead - round(1e9 * follower.rules.block / 2))
+            _wait(units, first + begin * period - ahead - slack)
             times = np.asarray((first + numbers * period - offset) * 1e-9, np.float64)
             part, poses = follower.steered(slice(at, at + len(numbers)), times)
             part = admission.steered(part, poses)
@@ -384,15 +406,7 @@ def play_followed(
             for number, phase, intensity in zip(numbers, phases, intensities, strict=True):
                 instant = first + int(number) * period
                 _wait(units, instant - ahead)
-                try:
-                    put(phase, int(intensity), instant)
-                except SilentFramesError:
-                    # The program was held up for 50 ms.
-                    if (trips := trips + 1) > TRIPS:
-                        raise
-                    report("follow: the failsafe silenced the units")
-                    array.resume()
-                    follower.fall_silent()
+                play(phase, int(intensity), instant)
             begin += len(numbers)
             if progress is not None:
                 progress(begin, total)

@@ -279,7 +279,7 @@ def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
 
 @pytest.mark.long
 def test_drives_follow_a_palm_on_emulated_units(tap, tmp_path, monkeypatch, capsys):
-    folder, moving = study_of_drives(tmp_path, level=0.004, frames=400), np.arange(100) / 100
+    folder, moving = study_of_drives(tmp_path, level=0.004, frames=400), np.arange(6000) / 100
     centre = np.stack([5e-3 * np.sin(2 * np.pi * moving), 0 * moving, 0.2 + 0 * moving], axis=1)
     save_palm_path(palm_path(moving, centre), tmp_path / "hand.csv")
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
@@ -291,7 +291,7 @@ def test_drives_follow_a_palm_on_emulated_units(tap, tmp_path, monkeypatch, caps
     assert "the palm is followed" in capsys.readouterr().err
     assert [entry["event"] for entry in played(tmp_path)] == ["play", "end"] * 2
     sent = {bytes(datagram[20:269]) for _, _, order, datagram in tap.frames() if order == 0x16}
-    assert len(sent) > 100, "the frames of one focus differ, since they are steered"
+    assert len(sent) > 20, "5 when they are not steered: the frames of one focus differ, since they are steered"
 
 
 @pytest.mark.long
