@@ -62,7 +62,7 @@ def test_ridges_are_a_real_recording_at_a_level_that_can_be_felt():
     recording = sample("ridges")
     assert (recording.unit, recording.rate, recording.sensor.shape) == ("Pa", 1000, (4, 4))
     assert not recording.provenance.simulated
-    assert float(np.abs(recording.samples).max()) == pytest.approx(60)
+    assert float(np.abs(recording.samples).max()) == pytest.approx(90)
     notes = recording.provenance.notes
     assert notes["licence"] == "MIT"
     assert "10.3389/fnbot.2022.808222" in notes["origin"]

@@ -125,7 +125,7 @@ def test_metrics_report_that_a_palm_would_feel_ridges(answer):
 def test_the_level_of_ridges_is_the_choice_of_who_plays_them():
     assert run(["import", "sample:ridges", "loud.h5", "--peak", "135Pa"]) == 0
     take = open_take("loud.h5")
-    assert np.abs(calibrate(take.recording, take.calibration).pressure).max() == pytest.approx(1.5 * 24, rel=0.05)
+    assert np.abs(calibrate(take.recording, take.calibration).pressure).max() == pytest.approx(1.5 * 36, rel=0.05)
 
 
 def test_denim_names_its_licence_too(answer):
