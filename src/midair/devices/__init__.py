@@ -1,6 +1,7 @@
 """Drivers of arrays, sensors and motion stages, real and virtual, and the exposure check."""
 
 from .arrays import BankedArray as BankedArray
+from .arrays import BeginOrder as BeginOrder
 from .arrays import ImmediateArray as ImmediateArray
 from .arrays import ImmediateUnits as ImmediateUnits
 from .arrays import OpenMpdArray as OpenMpdArray
@@ -68,6 +69,7 @@ from .trackers import ReplaySource as ReplaySource
 from .trackers import Tracker as Tracker
 from .trackers import TrackerOptions as TrackerOptions
 from .trackers import TrackerStatus as TrackerStatus
+from .trackers import osc_messages as osc_messages
 from .virtual import VirtualArray as VirtualArray
 from .virtual import VirtualSensor as VirtualSensor
 from .virtual import VirtualSkin as VirtualSkin

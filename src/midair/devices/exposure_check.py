@@ -145,9 +145,11 @@ class ExposureClearance:
 
     @property
     def strongest(self) -> int:
-        """Largest intensity byte, 0 to 255, for frames that come later; neither nominal nor actual level exceeds
-        `level`.
+        """Largest intensity byte, 0 to 255: of the drive; for frames that come later neither nominal nor actual level
+        exceeds `level`.
         """
+        if self.drive is not None:
+            return int(intensity_bytes(self.drive, 1).max(initial=0))
         steps = np.arange(256, dtype=np.uint8)
         # The tolerance keeps a level that equals a step from being rounded down.
         return int(np.flatnonzero(np.maximum(steps / 255, amplitude_of(steps)) <= self.level * (1 + 1e-9))[-1])

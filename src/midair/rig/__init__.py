@@ -68,6 +68,8 @@ from .live_touch import SensorRate as SensorRate
 from .live_touch import live as live
 from .live_touch import live_clearance as live_clearance
 from .live_touch import make_key as make_key
+from .live_touch import read_key as read_key
+from .live_touch import request_realtime as request_realtime
 from .live_touch import send_touch as send_touch
 from .names import TRACKERS as TRACKERS
 from .names import ArrayKind as ArrayKind
@@ -108,6 +110,7 @@ from .playing import watch_air as watch_air
 from .recorder import Played as Played
 from .recorder import play as play
 from .recorder import record as record
+from .remote import serve as serve
 from .signals import END_SIGNALS as END_SIGNALS
 from .signals import handle_signals as handle_signals
 from .takes import Companion as Companion

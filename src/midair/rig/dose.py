@@ -69,6 +69,9 @@ def dose_report(participant: str | None = None) -> DoseReport:
     # A drive that was checked while it played is described at its end.
     checked = {order: end.get("checked", {}) for order, end in ends.items()}
     orders = [each | checked.get(each["order"], {}) for each in events if each.get("event") == "play"]
+    # A drive of midair serve plays any number of times; its own length bounds nothing.
+    triggered = {each["order"] for each in events if each["event"] == "trigger"}
+    orders = [each | ({"frames": None} if each["order"] in triggered else {}) for each in orders]
     known = sorted({str(each.get("participant", "")) for each in orders})
     if participant is not None and participant not in known:
         named = ", ".join(name for name in known if name) or "none"
@@ -138,6 +141,8 @@ def _ending(order: Mapping[str, Any], end: Mapping[str, Any] | None, active: set
 
 def _duration(order: Mapping[str, Any], end: Mapping[str, Any] | None) -> tuple[float | None, str]:
     """Duration in s, and whether it was measured or is the longest possible; None if there is no bound."""
+    if end is not None and "plays" in end:
+        return float(end["duration_s"]), "at most"
     if end is not None and end.get("outcome") == "played" and "duration_s" in end:
         return float(end["duration_s"]), "measured"
     bounds: list[float] = []

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.devices.trackers.osc import messages
+from midair.devices.trackers.osc import osc_messages
 
 
 def built(values, stamp=None):
@@ -27,16 +27,16 @@ def built(values, stamp=None):
 
 def test_messages_and_bundles_of_python_osc_are_read():
     values = [0.5, 3, True, "a word", (0.1, "d")]
-    assert list(messages(built(values))) == [(None, "/palm/7", [0.5, 3.0, 0.1])]
-    read = list(messages(built(values, 1.7e9)))
-    assert [one[1:] for one in read] == [("/palm/7", [0.5, 3.0, 0.1])] * 2
+    assert list(osc_messages(built(values))) == [(None, "/palm/7", [0.5, 3.0, "a word", 0.1])]
+    read = list(osc_messages(built(values, 1.7e9)))
+    assert [one[1:] for one in read] == [("/palm/7", [0.5, 3.0, "a word", 0.1])] * 2
     assert read[0][0] == pytest.approx(1.7e9, abs=1e-5)
 
 
 @given(st.binary(max_size=200), st.sampled_from([b"", b"#bundle\0", b"/palm\0\0\0,fff\0\0\0\0"]))
 def test_no_bytes_do_harm(data, head):
     try:
-        for _, address, numbers in messages(head + data):
+        for _, address, numbers in osc_messages(head + data):
             assert address.startswith("/")
             assert len(numbers) <= len(data)
     except (ValueError, struct.error, IndexError):

@@ -34,6 +34,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "play": ("Reproduce", "solve_play"),
     "stop": ("Reproduce", "stop"),
     "live": ("Reproduce", "live"),
+    "serve": ("Reproduce", "serve"),
     "loop": ("Reproduce", "loop"),
     "compare": ("Evaluate", "compare"),
     "budget": ("Evaluate", "budget"),

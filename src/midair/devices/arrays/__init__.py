@@ -5,6 +5,7 @@ from .autd3 import autd3_immediate as autd3_immediate
 from .autd3 import pyautd3_array as pyautd3_array
 from .banked_array import BankedArray as BankedArray
 from .immediate import OUTCOMES as OUTCOMES
+from .immediate import BeginOrder as BeginOrder
 from .immediate import ImmediateArray as ImmediateArray
 from .immediate import ImmediateUnits as ImmediateUnits
 from .immediate import Put as Put

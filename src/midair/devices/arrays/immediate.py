@@ -7,9 +7,10 @@ Therefore the failsafe is short and there is no heartbeat.
 
 import time
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from midair.devices.arrays.banks import CoolingPause, Units, UnitsArray
 from midair.devices.arrays.silencer import Silencer
@@ -22,6 +23,12 @@ from midair.model import Drive, Medium, Placement, Progress
 Put = Callable[[Bytes, int, int], None]
 """Called with phases (unit, transducer of the unit), one intensity for all, and the instant of device time in ns."""
 
+Log = Callable[[str, str], None]
+"""Logs an event of an order and its reason."""
+
+BeginOrder = Callable[[ExposureClearance, str | Path, dict[str, Any]], tuple[Put, Log]]
+"""Begins an order with a source and a report that is logged at its end; what is returned plays frames up to the highest
+level of the checked drive."""
 
 OUTCOMES = ("sent", "answered", "lost", "late", "crowded", "hot", "failsafe")
 """Outcomes that units count: frames sent, answered, lost (no answer), late, crowded and hot (never sent); and how often
@@ -92,36 +99,51 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
         the error comes after its limit.
         """
         admission.check_array(self)
-        units, strongest = self.units, admission.strongest
-        self._pause = None
-
-        def put(phases: Bytes, intensity: int, instant: int) -> None:
-            if intensity > strongest:
-                raise ExposureError(f"{self.name}: expected intensities up to {strongest} of 255, got {intensity}")
-            with self.sounding():
-                if self._pause is not None:
-                    if not self._pause.over():
-                        units.skip()
-                        return
-                    self._pause = None
-                self._sounds = intensity > 0
-                try:
-                    units.put(phases, intensity, instant)
-                except TooHotError as hot:
-                    self.silence()
-                    self._pause = self.pause(hot)
-                    units.skip()
-
         said: dict[str, object] = {}
         with self._logged(admission, source, room, said):
-            before = units.told()
+            before = self.units.told()
             self.resume()
             with self._playing():
-                yield put
-            said |= _since(before, units.told())
+                yield partial(self._put, admission.strongest)
+            said |= _since(before, self.units.told())
+
+    @contextmanager
+    def drives_to_come(self) -> Generator[tuple[Put, BeginOrder]]:
+        """Yield a function for silent frames, and one that begins an order for a checked drive; all end on exit.
+
+        An order is logged when it begins and when it ends. Errors are those of `frames_to_come`.
+        """
+        with ExitStack() as orders:
+
+            def begin(admission: ExposureClearance, source: str | Path, report: dict[str, Any]) -> tuple[Put, Log]:
+                admission.check_array(self)
+                orders.enter_context(self._logged(admission, source, None, report))
+                return partial(self._put, admission.strongest), self._log
+
+            self.resume()
+            with self._playing():
+                yield partial(self._put, 0), begin
+
+    def _put(self, strongest: int, phases: Bytes, intensity: int, instant: int) -> None:
+        if intensity > strongest:
+            raise ExposureError(f"{self.name}: expected intensities up to {strongest} of 255, got {intensity}")
+        with self.sounding():
+            if self._pause is not None:
+                if not self._pause.over():
+                    self.units.skip()
+                    return
+                self._pause = None
+            self._sounds = intensity > 0
+            try:
+                self.units.put(phases, intensity, instant)
+            except TooHotError as hot:
+                self.silence()
+                self._pause = self.pause(hot)
+                self.units.skip()
 
     def resume(self) -> None:
         """Silence the units and release their failsafe; the next frame sounds, unless they are too hot."""
+        self._pause = None
         try:
             self._make_ready(self.units)
         except TooHotError as hot:

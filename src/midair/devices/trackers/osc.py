@@ -67,7 +67,8 @@ class OscPoses:
 
     def _poses(self, packet: bytes, arrived: float) -> list[RawPose | str]:
         found: list[RawPose | str] = []
-        for stamp, address, numbers in messages(packet):
+        for stamp, address, values in osc_messages(packet):
+            numbers = [each for each in values if isinstance(each, float)]
             if address == self._address and len(numbers) in (9, 10):
                 at = arrived if stamp is None else stamp + self._offset
                 found.append(RawPose(stamp=at, values=numbers[:9], confidence=(*numbers, 1.0)[9]))
@@ -80,8 +81,8 @@ EPOCH = 2208988800
 """Seconds from 1900 to 1970."""
 
 
-def messages(packet: bytes) -> Iterator[tuple[float | None, str, list[float]]]:
-    """Time since 1970 (None for now), address and numbers of each message; ValueError, struct.error or IndexError."""
+def osc_messages(packet: bytes) -> Iterator[tuple[float | None, str, list[float | str]]]:
+    """Time since 1970 (None for now), address and values of each message; ValueError, struct.error or IndexError."""
     if not packet.startswith(b"#bundle\0"):
         yield (None, *_message(packet))
         return
@@ -96,21 +97,22 @@ def messages(packet: bytes) -> Iterator[tuple[float | None, str, list[float]]]:
             yield (stamp, *_message(content))
 
 
-def _message(data: bytes) -> tuple[str, list[float]]:
+def _message(data: bytes) -> tuple[str, list[float | str]]:
     address, at = _text(data, 0)
     tags, at = _text(data, at)
     if not address.startswith("/") or not tags.startswith(","):
         raise ValueError("address or type tags")
-    numbers: list[float] = []
+    values: list[float | str] = []
     for tag in tags[1:]:
         if tag in "ifd":
-            numbers.append(float(struct.unpack_from(f">{tag}", data, at)[0]))
+            values.append(float(struct.unpack_from(f">{tag}", data, at)[0]))
             at += 8 if tag == "d" else 4
         elif tag == "s":
-            _, at = _text(data, at)
+            text, at = _text(data, at)
+            values.append(text)
         elif tag not in "TFNI":
             raise ValueError("type tag")
-    return address, numbers
+    return address, values
 
 
 def _text(data: bytes, at: int) -> tuple[str, int]:

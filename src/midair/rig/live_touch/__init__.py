@@ -1,6 +1,7 @@
 """Live touch: the signal of a sensor is played on an array while it is measured."""
 
 from .encryption import make_key as make_key
+from .encryption import read_key as read_key
 from .live_loop import LiveLoop as LiveLoop
 from .live_loop import Pace as Pace
 from .live_settings import LiveMapping as LiveMapping
@@ -14,6 +15,7 @@ from .process import play_live as play_live
 from .session import LiveSession as LiveSession
 from .session import LiveStatistics as LiveStatistics
 from .timing import SensorRate as SensorRate
+from .timing import request_realtime as request_realtime
 from .touch import Touch as Touch
 from .touch_ring import FRAME_EMITTED as FRAME_EMITTED
 from .touch_ring import FRAME_LATE as FRAME_LATE

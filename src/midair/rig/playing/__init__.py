@@ -16,6 +16,7 @@ from .following import grid_of as grid_of
 from .following import immediate_array as immediate_array
 from .following import play_followed as play_followed
 from .following import tracker_name as tracker_name
+from .following import wait_until as wait_until
 from .play_settings import PlaySettings as PlaySettings
 from .play_settings import check_follow as check_follow
 from .play_settings import default_exposure as default_exposure

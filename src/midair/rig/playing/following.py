@@ -393,7 +393,7 @@ def play_followed(
             numbers = begin + np.arange(min(block, drive.frames - at))
             # Clocks drift: 50 ppm are 1 ms in 20 s.
             offset = units.now() - time.monotonic_ns()
-            _wait(units, first + begin * period - ahead - slack)
+            wait_until(units, first + begin * period - ahead - slack)
             times = np.asarray((first + numbers * period - offset) * 1e-9, np.float64)
             part, poses = follower.steered(slice(at, at + len(numbers)), times)
             part = admission.steered(part, poses)
@@ -405,12 +405,12 @@ def play_followed(
                 reactions.append(time.monotonic() - follower.newest)
             for number, phase, intensity in zip(numbers, phases, intensities, strict=True):
                 instant = first + int(number) * period
-                _wait(units, instant - ahead)
+                wait_until(units, instant - ahead)
                 play(phase, int(intensity), instant)
             begin += len(numbers)
             if progress is not None:
                 progress(begin, total)
-        _wait(units, first + total * period)
+        wait_until(units, first + total * period)
     told = {name: count - before[name] for name, count in units.told().items()}
     played = PlayReport(
         frames=total,
@@ -423,7 +423,7 @@ def play_followed(
     return FollowedPlay(report=played, reaction=(float(middle), float(worst)))
 
 
-def _wait(units: ImmediateUnits, instant: int) -> None:
+def wait_until(units: ImmediateUnits, instant: int) -> None:
     """Wait until an instant of the units' clock."""
     while (left := instant - units.now()) > 0:
         time.sleep(left * 1e-9)

@@ -1,0 +1,120 @@
+"""Time from a client's message to the datagram at emulated units, and to the instant at which its frame sounds.
+
+`midair serve` runs as its own program; this one is client and wire. The clock of the
+units is compared with that of this computer by silent frames, which are sent 6 ms ahead.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from tests.simulators.udp_proxy import UdpProxy
+from websockets.sync.client import ClientConnection, connect
+
+from benchmarks.live_outside import SILENT_PATTERN, frames_on, plain, watch_in_time
+
+PATTERN = "duration_s = {seconds}\nrate_hz = {rate}\n[[spot]]\npressure_pa = 20\n"
+HOLD, TURN = 6_000, 2**32
+"""Time by which silent frames are sent ahead of their instants, and where the clock of the units begins anew, in us."""
+
+
+class Served:
+    """`midair serve` of a folder on the units behind a tap."""
+
+    def __init__(self, tap: UdpProxy, folder: Path) -> None:
+        line = [sys.executable, "-m", "midair", "serve", str(folder), "--device", f"autd3:{tap.address}"]
+        line += ["--port", "0", "--osc-port", "0", "--override-exposure", "emulated units"]
+        self.process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True, preexec_fn=plain)
+        assert self.process.stdout is not None
+        self.address = self.process.stdout.readline().split()[1]
+        words = self.process.stdout.readline().split()
+        self.osc = ("127.0.0.1", int(words[1].strip(",").rsplit(":", 1)[1]))
+        self.key = words[3]
+
+    def close(self) -> None:
+        self.process.terminate()
+        self.process.communicate(timeout=20)
+
+
+def ask(client: ClientConnection, do: str, **fields: object) -> dict:
+    """Answer to a message."""
+    client.send(json.dumps({"do": do} | fields))
+    while True:
+        found = json.loads(client.recv(30))
+        if found.get("answer", {}).get("to") in (do, ""):
+            return found["answer"]
+
+
+def wire(tap: UdpProxy, since: int, *, loud: bool, patience: float = 1.0) -> tuple[float, int]:
+    """Time and instant in us of the first frame with or without sound after `since` datagrams."""
+    until = time.monotonic() + patience
+    while time.monotonic() < until:
+        for at, _, datagram in tap.sent[since:]:
+            if datagram[1] == 0 and datagram[5] == SILENT_PATTERN and (datagram[-249] > 0) == loud:
+                return at, int.from_bytes(datagram[6:10], "little")
+        time.sleep(0.0005)
+    return np.nan, 0
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.remote", description=__doc__.splitlines()[0])
+    parser.add_argument("--triggers", type=int, default=1000, help="number of triggers (default 1000)")
+    parser.add_argument("--rates", type=float, nargs="*", default=[1000, 4000], help="frames per second (default both)")
+    options = parser.parse_args()
+    print(f"real-time priority of the tap: {watch_in_time()}")
+    with tempfile.TemporaryDirectory() as name:
+        for rate in options.rates:
+            Path(name, "tap.toml").write_text(PATTERN.format(seconds=0.05, rate=rate), encoding="utf-8")
+            tap = UdpProxy(4)
+            served = Served(tap, Path(name))
+            try:
+                measure(tap, served, options.triggers, rate)
+            finally:
+                served.close()
+                tap.close()
+
+
+def measure(tap: UdpProxy, served: Served, triggers: int, rate: float) -> None:
+    sent, sounds, silent = [], [], []
+    with connect(served.address) as client:
+        assert "error" not in ask(client, "load", file="tap.toml")
+        tap.sent.clear()
+        time.sleep(1.0)
+        # The wire takes at least no time: the units' clock minus that of this computer, within a fraction of 1 ms.
+        ahead = max((instant - round(at * 1e6)) % TURN for at, instant, *_ in frames_on(tap)) - HOLD
+        for _ in range(triggers):
+            tap.sent.clear()
+            began = time.monotonic()
+            client.send(json.dumps({"do": "play", "file": "tap.toml", "repeats": 0}))
+            at, instant = wire(tap, 0, loud=True)
+            sent.append(at - began)
+            sounds.append(((instant - round(began * 1e6) - ahead) % TURN) * 1e-6)
+            time.sleep(0.02)
+            begin, began = len(tap.sent), time.monotonic()
+            client.send(json.dumps({"do": "stop"}))
+            silent.append(wire(tap, begin, loud=False)[0] - began)
+            time.sleep(0.015)
+            while True:
+                try:
+                    found = json.loads(client.recv(0))
+                except TimeoutError:
+                    break
+    late = found.get("state", {}).get("late")
+    print(f"{rate:g} frames a second, {triggers} triggers, {late} frames late; in ms: median, 99 %, most")
+    for name, times in (
+        ("trigger to wire", sent),
+        ("trigger to sound", sounds),
+        ("stop to silence on the wire", silent),
+    ):
+        print(f"  {name:28}" + " ".join(f"{1e3 * each:7.2f}" for each in np.percentile(times, [50, 99, 100])))
+
+
+if __name__ == "__main__":
+    main()

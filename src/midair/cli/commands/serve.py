@@ -1,0 +1,83 @@
+"""The command `serve`: other programs play drives and patterns through messages."""
+
+import gc
+import secrets
+from pathlib import Path
+
+from midair.cli.console import banner, print_note, print_rows
+from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions
+from midair.cli.options import StopInput, options_from, settings_from
+from midair.devices import stop_on_input
+from midair.rig import PlaySettings, read_key, request_realtime, serve
+
+_DEVICES = "virtual: without sound. autd3, autd3:INTERFACE, autd3:emulator: units that accept single frames."
+
+
+@options_from(PlaySettings, "device", "placement", "silencer", "participant", device=_DEVICES)
+class ServeOptions:
+    """Array and playback."""
+
+
+def serve_command(
+    folder: Path = Path(),
+    /,
+    *,
+    options: ServeOptions | None = None,
+    host: str = "127.0.0.1",
+    port: int = 8700,
+    osc_port: int = 8701,
+    key: Path | None = None,
+    priority: int = 20,
+    exposure: ExposureOptions | None = None,
+    air: AirOptions | None = None,
+    heat: HeatOptions | None = None,
+    stop_input: StopInput = None,
+) -> None:
+    """Let other programs play: Unity, Max, TouchDesigner, scripts, over WebSocket or OSC.
+
+    Prints the address with its key, and one line for each refused message. Ctrl-C ends it in silence.
+
+    Parameters
+    ----------
+    folder
+        Folder of the drives and patterns that clients can load.
+    host
+        Address to listen on; messages and key are not encrypted, so keep to this computer where you can.
+    port
+        TCP port for WebSocket; 0 selects a free one.
+    osc_port
+        UDP port for OSC; 0 selects a free one.
+    key
+        File of a key, as of midair live --new-key. [default: a new key at each start]
+    priority
+        Real-time priority of this process, 1 to 99; 0 for none.
+
+    Examples
+    --------
+    $ midair serve
+    $ midair serve effects --device autd3 --attenuate
+    """
+    secret = secrets.token_urlsafe(16) if key is None else read_key(key).hex()
+    choices = (exposure or ExposureOptions()).choices((air or AirOptions()).medium())
+    cooling = (heat or HeatOptions()).cooling()
+    settings = settings_from(PlaySettings, options or ServeOptions(), exposure=choices, cooling=cooling)
+
+    def ready(tcp: int, udp: int) -> None:
+        rows = [("WebSocket", f"ws://{host}:{tcp}/?key={secret}"), ("OSC", f"{host}:{udp}, key {secret}")]
+        print_rows([*rows, ("computer", granted.words())])
+
+    banner(settings.device == "virtual")
+    # Before an SDK starts its threads, which inherit the priority.
+    granted = request_realtime(priority)
+    gc.enable()
+    with stop_on_input(stop_input):
+        serve(
+            folder,
+            key=secret,
+            settings=settings,
+            host=host,
+            port=port,
+            osc_port=osc_port,
+            report=print_note,
+            ready=ready,
+        )

@@ -1,0 +1,3 @@
+"""Remote control: clients play checked drives through JSON over WebSocket, or through OSC."""
+
+from .server import serve as serve
