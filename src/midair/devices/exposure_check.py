@@ -35,6 +35,9 @@ device without sound."""
 _TURN = PHASE_STEPS / (2 * np.pi)
 """Phase steps per radian."""
 
+UNSAMPLED = 1.0
+"""Level in dB that is added to that of sampled poses of a palm, since others are louder (benchmarks/palm_pose.py)."""
+
 _KEY = object()  # Key to the constructor of ExposureClearance, private to this module.
 
 
@@ -89,6 +92,8 @@ class ExposureClearance:
     """Outcome of the check; "exceeded" only on a device without sound."""
     by: str = ""
     """Name of the person responsible for an override."""
+    named: str = ""
+    """Name of the person who would be responsible, stated whether it is needed or not."""
     repeats: int = 1
     """Number of consecutive repeats."""
     gated: bool = True
@@ -430,7 +435,7 @@ def check_exposure_steered(
     own, others = (_measured(each, device, choices, 1) for each in (drive, samples))
     found = replace(
         own,
-        level=np.concatenate([own.level, others.level]),
+        level=np.concatenate([own.level, others.level + UNSAMPLED]),
         air=np.concatenate([own.air, others.air]),
         pressure=max(own.pressure, others.pressure),
     )
@@ -505,6 +510,7 @@ def _clearance(
         exposure=found,
         outcome=outcome,
         by=_responsible_person(outcome, choices),
+        named=(choices.override or "").strip(),
         gated=device.gated,
         _key=_KEY,
         **rest,
