@@ -60,6 +60,7 @@ NEEDS = {
     "midair calibrate array lsl:Skin": "a sensor over LSL and an array",
     "midair calibrate tracker leap:": "a tracker and an array: tests/rig/bench/test_tracker_bench.py",
     "midair studio": "a browser: tests/studio",
+    "midair serve": "clients: tests/rig/remote",
     "midair study new touch": "minutes: tests/study/test_drives.py makes smaller ones",
     "midair study run touch": "a person: tests/cli/commands/study/test_running.py",
     "midair study analyse touch": "the session before it",
@@ -119,7 +120,7 @@ def test_no_line_is_neither_run_nor_named():
 
 def test_every_language_of_a_block_is_known():
     found = {language for page in PAGES for language, _ in fenced(page)}
-    assert found <= {"console", "plain", "python", "toml", "text", "bibtex"}
+    assert found <= {"console", "plain", "python", "toml", "text", "bibtex", "javascript", "csharp"}
 
 
 def palm(path):
@@ -278,11 +279,12 @@ ROWS = re.findall(r"^\| .* \| `(midair [^`]+)` \|$", README, re.MULTILINE)
 OF_HARDWARE = {
     'midair record "lsl:Skin?unit=V" --object towel --repeats 5': "a sensor over LSL",
     "midair play take.drive.h5 --device autd3": "an array",
+    "midair serve --device autd3": "an array",
 }
 
 
 def test_the_rows_of_the_readme_that_need_hardware_are_named_and_their_extras_are_there():
-    assert (len(BEFORE_THE_ROWS), len(ROWS)) == (1, 11)
+    assert (len(BEFORE_THE_ROWS), len(ROWS)) == (1, 12)
     assert set(OF_HARDWARE) < set(ROWS)
     said = re.search(r'--editable "\.\[([a-z0-9,]+)\]"`\.', README)
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]

@@ -44,8 +44,8 @@ HARDWARE = [
 """These need a sensor, an array or a switch."""
 SHELL = [line for line in EXAMPLES if line.startswith("eval") or " > " in line]
 """These are for a shell; `test_completion` runs what is in them."""
-SERVED = [line for line in EXAMPLES if line.startswith("midair studio")]
-"""These run until stopped; `tests/studio/test_browser.py` opens them."""
+SERVED = [line for line in EXAMPLES if line.startswith(("midair studio", "midair serve"))]
+"""These run until stopped; `tests/studio/test_browser.py` opens them, and `tests/rig/remote` plays."""
 SLOW = (
     "midair demo",
     "midair loop",

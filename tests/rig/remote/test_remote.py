@@ -3,12 +3,20 @@
 import asyncio
 import json
 import random
+import re
+import shutil
 import socket
+import subprocess
+import sys
 import threading
 import time
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
+import numpy as np
 import pytest
+from benchmarks.live_outside import frames_on
+from benchmarks.remote import wire
 from hypothesis import given
 from hypothesis import strategies as st
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
@@ -18,10 +26,11 @@ from tests.waiting import wait_until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from midair.cli.app import run
 from midair.devices import ExposureChoices, VirtualUnits, read_log, stop_playing, virtual_immediate
 from midair.errors import InputError, StoppedError
 from midair.files import DEFAULT_PROFILE, profile_named
+from midair.model import Acoustics, Medium, TransducerArray
+from midair.physics import focus_phase
 from midair.rig import PlaySettings, dose_report
 from midair.rig.remote import server
 from midair.rig.remote.messages import MESSAGES, osc_packet, read_json, read_osc
@@ -47,7 +56,7 @@ class Served:
             self._ready.set()
 
         try:
-            ports = {"port": 0, "osc_port": 0, "ready": ready}
+            ports = {"ports": (0, 0), "ready": ready}
             server.serve(folder, key=KEY, settings=how, report=self.lines.append, **ports)
         except BaseException as error:
             self.error.append(error)
@@ -60,12 +69,11 @@ class Served:
         assert not self._thread.is_alive()
 
     def sounds(self):
-        """Whether a frame with sound was sent within the last 30 ms."""
-        now = time.monotonic_ns() - 30_000_000
-        return any(intensity and instant > now for _, intensity, instant in list(self.units.frames)[-100:])
+        """Whether the newest frame has sound."""
+        return bool(self.units.frames) and self.units.frames[-1][1] > 0
 
     def client(self, key=KEY):
-        return connect(self.url + key.replace(" ", "%20"), max_queue=None)
+        return connect(self.url + key.replace(" ", "%20"), max_queue=None, close_timeout=0.2)
 
 
 @pytest.fixture
@@ -266,5 +274,95 @@ def test_a_bundle_of_python_osc_holds_several_messages():
     bundle = OscBundleBuilder(IMMEDIATELY)
     bundle.add_content(build_msg("/midair/level", ["k", 0.5]))
     bundle.add_content(build_msg("/midair/palm", ["k", *map(float, range(9)), 0.5]))
-    (_, level), (key, palm) = read_osc(bundle.build().dgram)
-    assert (level.level, key, palm.pose, palm.confidence) == (0.5, "k", [*map(float, range(9))], 0.5)
+    (_, _, level), (key, name, palm) = read_osc(bundle.build().dgram)
+    assert (level.level, key, name, palm.pose, palm.confidence) == (0.5, "k", "palm", [*map(float, range(9))], 0.5)
+
+
+PAGE = Path(__file__).parents[3] / "docs" / "remote.md"
+
+
+def test_the_page_names_every_message_and_field():
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE))
+    assert [name for name in rows if name in MESSAGES] == list(MESSAGES)
+    for name, kind in MESSAGES.items():
+        assert [field for field in re.findall(r"`(\w+)`", rows[name]) if field in kind.model_fields] == list(
+            kind.model_fields
+        )
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("language", "program"),
+    [("python", [sys.executable]), ("javascript", ["node", "--experimental-websocket", "--no-warnings"])],
+)
+def test_the_clients_of_the_page_run(served, language, program, tmp_path):
+    if shutil.which(program[0]) is None or language == "javascript" and "websocket" not in node_options():
+        pytest.skip("no Node.js with WebSocket here")
+    (code,) = re.findall(rf"^```{language}\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    (tmp_path / "client.mjs").write_text(code, encoding="utf-8")
+    url = served.url + KEY.replace(" ", "%20")
+    done = subprocess.run([*program, tmp_path / "client.mjs", url], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert [word in done.stdout for word in ("rate_hz", "play", "silent", "error")] == [True, True, True, False]
+    assert any(intensity for _, intensity, _ in served.units.frames)
+    assert not served.sounds()
+
+
+def node_options():
+    return subprocess.run(
+        ["node", "-p", "process.allowedNodeEnvironmentFlags.has('--experimental-websocket') ? 'websocket' : ''"],
+        capture_output=True,
+        text=True,
+    ).stdout
+
+
+@pytest.mark.long
+def test_frames_follow_the_palm_that_clients_report(served):
+    with served.client() as client:
+        assert ask(client, "load", file="tap.toml", follow=True)["follow"]
+        ask(client, "play", file="tap.toml", repeats=0)
+        time.sleep(0.1)
+        assert not served.sounds()
+        found = []
+        for x in (0.0, 0.01):
+            for step in range(30):
+                pose = [x + 1e-6 * step, 0.0, 0.2, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0]
+                client.send(json.dumps({"do": "palm", "pose": pose}))
+                time.sleep(0.01)
+            assert served.sounds()
+            found.append(served.units.frames[-1][0].ravel())
+        wait_until(lambda: not served.sounds())  # no more poses
+    array = TransducerArray.autd3()
+    for x, phases in zip((0.0, 0.01), found, strict=True):
+        exact = focus_phase(array, np.array([x, 0.0, 0.2]), acoustics=Acoustics(medium=Medium.at()))
+        off = np.angle(np.exp(1j * (phases * np.pi / 128 - exact)))
+        assert np.abs(off - np.angle(np.exp(1j * off).mean())).max() < 0.2
+
+
+@pytest.mark.long
+def test_on_emulated_units_the_check_decides_and_a_trigger_is_on_the_wire_in_time(tap, tmp_path):
+    (tmp_path / "tap.toml").write_text(TAP.replace("20", "200"), encoding="utf-8")
+    device = f"autd3:{tap.address}"
+    for more in ({}, {"attenuate": True}):
+        served = Served(tmp_path, device, exposure=ExposureChoices(profile=profile_named(DEFAULT_PROFILE), **more))
+        try:
+            with served.client() as client:
+                loaded = ask(client, "load", file="tap.toml")
+                assert ("exposure" in loaded.get("error", "")) == (not more)
+                if not more:
+                    assert "expected one that is loaded" in ask(client, "play", file="tap.toml")["error"]
+                    assert not any(intensity for _, _, intensity, _ in frames_on(tap))
+                    continue
+                times = []
+                for _ in range(200):
+                    tap.sent.clear()
+                    began = time.monotonic()
+                    client.send('{"do": "play", "file": "tap.toml"}')
+                    times.append(wire(tap, 0, loud=True)[0] - began)
+                    ask(client, "stop")
+                assert np.median(times) < 0.02
+                (order,) = [each for each in read_log()[0] if each["event"] == "play"]
+                assert order["exposure"] == "attenuated"
+                assert max(intensity for _, _, intensity, _ in frames_on(tap)) <= round(255 * order["level"])
+        finally:
+            served.close()

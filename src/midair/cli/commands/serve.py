@@ -71,13 +71,5 @@ def serve_command(
     granted = request_realtime(priority)
     gc.enable()
     with stop_on_input(stop_input):
-        serve(
-            folder,
-            key=secret,
-            settings=settings,
-            host=host,
-            port=port,
-            osc_port=osc_port,
-            report=print_note,
-            ready=ready,
-        )
+        ports = (port, osc_port)
+        serve(folder, key=secret, settings=settings, host=host, ports=ports, report=print_note, ready=ready)

@@ -18,20 +18,20 @@ from midair.array_types import Array
 from midair.devices import (
     TICK,
     BeginOrder,
-    ExposureClearance,
     ImmediateArray,
     Put,
     RawPose,
     Tracker,
-    check_exposure,
     divider,
     intensity_bytes,
     phase_bytes,
 )
+from midair.devices import check_exposure as check
 from midair.errors import InputError, SilentFramesError
 from midair.files import load_solution
 from midair.model import Acoustics, Drive, Medium, Provenance
 from midair.patterns import PATTERN_ENDINGS, draw, drawn_settings, load_pattern
+from midair.physics import Exposure
 from midair.rig.names import TRACKERS, array_calibration_for
 from midair.rig.play_lease import LeaseToken, PlayLease
 from midair.rig.playing import Follower, FollowRules, PlaySettings, clear_followed, grid_of, wait_until
@@ -61,59 +61,44 @@ class PalmMessages:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Loaded:
-    """A checked drive with its order in the log; bytes of phases (frame, unit, transducer) and intensities (frame,)."""
-
-    file: str
     drive: Drive
-    admission: ExposureClearance
-    follower: Follower | None
+    exposure: Exposure
+    about: dict[str, Any]
     put: Put
     log: Callable[[str, str], None]
     report: dict[str, Any]
-    phases: Any
-    intensities: Any
-
-    def described(self, trigger: str = "") -> dict[str, Any]:
-        """Description for clients, after a trigger was logged."""
-        if trigger:
-            self.log("trigger", trigger)
-        about = {"file": self.file, "seconds": self.drive.frames / self.drive.rate, "rate_hz": self.drive.rate}
-        return about | {"follow": self.follower is not None, "exposure": self.admission.verdict()}
-
-    def frames(self, first: int, times: Array) -> tuple[Any, Any]:
-        """Phases and intensities of consecutive frames that sound at `times` of this computer's clock."""
-        part = slice(first, first + len(times))
-        if self.follower is None:
-            return self.phases[part], self.intensities[part]
-        steered = self.admission.steered(*self.follower.steered(part, times))
-        return phase_bytes(steered, self.phases.shape[1]), intensity_bytes(steered, 1)
+    follower: Follower | None
+    frames: Callable[[slice, Array], tuple[Any, Any]]
+    """Phases (frame, unit, transducer) and intensities (frame,) of frames that sound at times of this computer."""
 
 
 class RemotePlayer:
-    """Plays loaded drives on an open array, in a thread of its own; a context manager, silent after leaving."""
+    """Plays loaded drives inside `drives_to_come` of an array, in a thread of its own until it is left.
 
-    def __init__(self, array: ImmediateArray, settings: PlaySettings) -> None:
-        self.array, self._settings, self._permit = array, settings, PlayLease()
-        self._token, self._error = LeaseToken(number=0, stops=0), list[BaseException]()
+    `ended` is called when the thread ends; leaving raises its error.
+    """
+
+    def __init__(self, array: ImmediateArray, settings: PlaySettings, quiet: Put, begin: BeginOrder) -> None:
+        self._array, self._settings, self._begin = array, settings, begin
+        silence = np.zeros((array.placement.units, array.array.count // array.placement.units), np.uint8)
+        self._quiet = partial(self._put, quiet, silence, 0)
+        self.permit, self._token = PlayLease(), LeaseToken(number=0, stops=0)
         self.loaded: dict[str, _Loaded] = {}
         self.level, self.late, self.failsafe = 1.0, 0, 0
         self.palm, self.silent = PalmMessages(), threading.Event()
-        self.ended: Callable[[], object] = lambda: None
         self._tracker = Tracker(self.palm, name="palm", options=TRACKERS["osc"]())
         self._triggers = queue.SimpleQueue[tuple[_Loaded, int, LeaseToken] | None]()
-        self._ready, self._thread = threading.Event(), threading.Thread(target=self._run, name="remote", daemon=True)
-        self._begin: BeginOrder | None = None
-        self._quiet: Callable[[int], None] = lambda _: None
         self._now: tuple[_Loaded, int, float, int] | None = None
+        self._thread, self._error = threading.Thread(target=self._run, daemon=True), list[BaseException]()
+        self.ended: Callable[[], object] = lambda: None
 
     def __enter__(self) -> Self:
         self._tracker.open()
         self._thread.start()
-        self._ready.wait()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.stop()
+        self.permit.stop()
         self._triggers.put(None)
         self._thread.join()
         self._tracker.close()
@@ -123,38 +108,40 @@ class RemotePlayer:
     def load(self, path: Path, duration: float | None, follow: bool) -> dict[str, Any]:
         """Read or draw a file, check its exposure and log the order; slow, for a thread of its own."""
         if hasattr(os, "sched_setscheduler"):
-            # The check must not hold up the thread that plays.
-            with suppress(OSError):
+            with suppress(OSError):  # the check must not hold up the thread that plays
                 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        array, choices, units = self.array, self._settings.exposure, self.array.placement.units
+        array, how, units = self._array, self._settings, self._array.placement.units
         drive = self._drawn(path, duration) if path.suffix in PATTERN_ENDINGS else load_solution(path).drive
         if not 100 <= drive.rate <= 8000 or drive.level.ndim > 1:
             expected = "100 to 8000 frames a second with one level for all transducers"
             raise InputError(f"{path.name}: expected {expected}, got {drive.rate:g} Hz, {drive.level.shape} levels")
-        follower = None
         if follow:
             grid = grid_of(drive)
-            admission = clear_followed(drive, array, replace(self._settings, steer_only=True), grid)
+            admission = clear_followed(drive, array, replace(how, steer_only=True), grid)
             follower = Follower(self._tracker, drive, grid, rules=FollowRules(fit=False), report=lambda _: None)
         else:
-            admission = check_exposure(drive, array, choices, repeats=ceil(REPEATED * drive.rate / drive.frames))
-            drive = admission.check_for(array)
-        if self._begin is None:
-            raise InputError("load: expected an array that is open, it was closed; start midair serve again")
+            admission = check(drive, array, how.exposure, repeats=ceil(REPEATED * drive.rate / drive.frames))
+            drive, follower = admission.check_for(array), None
+        phases, intensities = np.asarray(phase_bytes(drive, units)), np.asarray(intensity_bytes(drive, 1))
+
+        def frames(part: slice, times: Array) -> tuple[Any, Any]:
+            if follower is None:
+                return phases[part], intensities[part]
+            steered = admission.steered(*follower.steered(part, times))
+            return phase_bytes(steered, units), intensity_bytes(steered, 1)
+
         report: dict[str, Any] = {"plays": 0, "duration": 0.0}
+        about = {"file": path.name, "seconds": drive.frames / drive.rate, "rate_hz": drive.rate, "follow": follow}
+        about["exposure"] = admission.verdict()
         put, log = self._begin(admission, path, report)
-        steps: Any = {
-            "phases": np.asarray(phase_bytes(drive, units)),
-            "intensities": np.asarray(intensity_bytes(drive, 1)),
-        }
-        about: Any = {"file": path.name, "drive": drive, "admission": admission, "follower": follower} | steps
-        self.loaded[path.name] = loaded = _Loaded(put=put, log=log, report=report, **about)
-        return loaded.described()
+        made: dict[str, Any] = {"put": put, "log": log, "report": report, "follower": follower, "frames": frames}
+        self.loaded[path.name] = _Loaded(drive=drive, exposure=admission.exposure, about=about, **made)
+        return about
 
     def _drawn(self, path: Path, duration: float | None) -> Drive:
         pattern, acoustics = load_pattern(path), Acoustics(medium=self._settings.exposure.room or Medium.at())
         known, foci = array_calibration_for(self._settings.device), pattern.foci(duration)
-        array = self.array.array if known is None else known.known.applied(self.array.array)
+        array = self._array.array if known is None else known.known.applied(self._array.array)
         life = drawn_settings(foci, acoustics).noted(Provenance(source=path.name))
         return replace(draw(foci, array, acoustics=acoustics).drive, provenance=life)
 
@@ -162,48 +149,30 @@ class RemotePlayer:
         """Play a loaded file now."""
         if file not in self.loaded:
             raise InputError(f"file: expected one that is loaded, {sorted(self.loaded)}, got {file[:60]!r}; load it")
-        if self._permit.refusal(self._token) is not None:
-            self._token = self._permit.arm(lasts=LEASE)
+        if self.permit.refusal(self._token) is not None:
+            self._token = self.permit.arm(lasts=LEASE)
         self.silent.clear()
         self._triggers.put((self.loaded[file], repeats, self._token))
         return self.loaded[file]
-
-    def stop(self) -> None:
-        """End the lease; `silent` is set when the array is silent."""
-        self._permit.stop()
-
-    def renew(self) -> None:
-        """Renew the lease, if there is one."""
-        if self._permit.armed:
-            self._permit.renew(lasts=LEASE)
 
     def state(self) -> dict[str, Any]:
         """What plays now, its level, and the levels at the places of the exposure profile in dB."""
         state: dict[str, Any] = {"playing": None, "seconds": 0.0, "drive": 0.0, "places_db": {}}
         if (now := self._now) is not None:
             loaded, number, gain, intensity = now
-            found = loaded.admission.exposure
-            levels = found.level[number % loaded.drive.frames] + 20 * np.log10(max(gain, 1e-9))
-            loud = {
-                each.name: round(float(db), 1) for each, db in zip(found.profile.places, levels, strict=True) if db > 0
-            }
-            state = {"playing": loaded.file, "seconds": number / loaded.drive.rate, "drive": intensity / 255}
-            state["places_db"] = loud
+            levels = loaded.exposure.level[number % loaded.drive.frames] + 20 * np.log10(max(gain, 1e-9))
+            places = zip(loaded.exposure.profile.places, levels, strict=True)
+            state["places_db"] = {place.name: round(float(each), 1) for place, each in places if each > 0}
+            state |= {"playing": loaded.about["file"], "seconds": number / loaded.drive.rate, "drive": intensity / 255}
         return state | {"level": self.level, "late": self.late, "failsafe": self.failsafe}
 
     def _run(self) -> None:
-        units = self.array.placement.units
-        silence = np.zeros((units, self.array.array.count // units), np.uint8)
         try:
-            with self.array.drives_to_come() as (quiet, self._begin):
-                self._quiet = partial(self._put, quiet, silence, 0)
-                self._ready.set()
-                while (trigger := self._next()) is not None:
-                    self._play(*trigger)
-        except BaseException as error:  # noqa: BLE001  # raised where the player was entered
+            while (trigger := self._next()) is not None:
+                self._play(*trigger)
+        except BaseException as error:  # noqa: BLE001  # raised on leaving
             self._error.append(error)
-        self._begin = self._now = None
-        self._ready.set()
+        self._now = None
         self.silent.set()
         self.ended()
 
@@ -216,20 +185,19 @@ class RemotePlayer:
             try:
                 return self._triggers.get(timeout=WORD)
             except queue.Empty:
-                self._quiet(self.array.units.now() + round(1e9 * self.array.hold))
+                self._quiet(self._array.units.now() + round(1e9 * self._array.hold))
 
     def _put(self, put: Put, *frame: Any) -> None:
         try:
             put(*frame)
-        except SilentFramesError:
-            # The program was held up for 50 ms, and the units are silent until the next frame.
+        except SilentFramesError:  # the program was held up for 50 ms; the next frame sounds again
             self.failsafe += 1
-            self.array.resume()
+            self._array.resume()
 
     def _play(self, loaded: _Loaded, repeats: int, token: LeaseToken) -> None:
         """Play to the end, or until the next trigger or the end of the lease."""
-        units, rate, frames = self.array.units, loaded.drive.rate, loaded.drive.frames
-        period, ahead, step = divider(rate) * TICK, round(1e9 * min(self.array.hold, 5 / rate)), 1 / (rate * FADE)
+        units, rate, frames = self._array.units, loaded.drive.rate, loaded.drive.frames
+        period, ahead, step = divider(rate) * TICK, round(1e9 * min(self._array.hold, 5 / rate)), 1 / (rate * FADE)
         soon, early, block = min(ahead, 500_000), 1_000_000, max(1, round(FollowRules().block * rate))
         if loaded.follower is not None:
             loaded.follower.fall_silent()
@@ -237,10 +205,10 @@ class RemotePlayer:
         self.silent.clear()
         loaded.report["plays"] += 1
         first = -(-(units.now() + ahead + early) // period) * period
-        number, begin, end, gain, part = 0, 0, 0, self.level, (loaded.phases, loaded.intensities)
+        number, begin, end, gain, phases, intensities = 0, 0, 0, self.level, np.zeros(0), np.zeros(0)
         while not repeats or number < repeats * frames:
-            if self._permit.refusal(token) is not None:
-                return self.array.silence()
+            if self.permit.refusal(token) is not None:
+                return self._array.silence()
             if not self._triggers.empty():
                 return None
             if (missed := -(-(units.now() + soon - first - number * period) // period)) > 0:
@@ -251,11 +219,12 @@ class RemotePlayer:
                 at = number % frames
                 begin, end = number, number + min(block, frames - at)
                 clock = first + time.monotonic_ns() - units.now()
-                part = loaded.frames(at, np.asarray(1e-9 * (clock + np.arange(begin, end) * period), np.float64))
+                times = np.asarray(1e-9 * (clock + np.arange(begin, end) * period), np.float64)
+                phases, intensities = loaded.frames(slice(at, at + end - begin), times)
             wait_until(units, first + number * period - ahead)
             gain += min(max(self.level - gain, -step), step)
-            intensity = int(part[1][number - begin] * gain)
-            self._put(loaded.put, part[0][number - begin], intensity, first + number * period)
+            intensity = int(intensities[number - begin] * gain)
+            self._put(loaded.put, phases[number - begin], intensity, first + number * period)
             self._now = loaded, number, gain, intensity
             number += 1
             loaded.report["duration"] += 1 / rate
