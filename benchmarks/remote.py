@@ -30,7 +30,7 @@ class Served:
 
     def __init__(self, tap: UdpProxy, folder: Path) -> None:
         line = [sys.executable, "-m", "midair", "serve", str(folder), "--device", f"autd3:{tap.address}"]
-        line += ["--port", "0", "--osc-port", "0", "--override-exposure", "emulated units"]
+        line += ["--ports", "0", "0", "--override-exposure", "emulated units"]
         self.process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True, preexec_fn=plain)
         assert self.process.stdout is not None
         self.address = self.process.stdout.readline().split()[1]
@@ -82,7 +82,7 @@ def main() -> None:
 
 
 def measure(tap: UdpProxy, served: Served, triggers: int, rate: float) -> None:
-    sent, sounds, silent = [], [], []
+    sent, sounds, silent, state = [], [], [], {}
     with connect(served.address) as client:
         assert "error" not in ask(client, "load", file="tap.toml")
         tap.sent.clear()
@@ -103,10 +103,10 @@ def measure(tap: UdpProxy, served: Served, triggers: int, rate: float) -> None:
             time.sleep(0.015)
             while True:
                 try:
-                    found = json.loads(client.recv(0))
+                    state = json.loads(client.recv(0)).get("state", state)
                 except TimeoutError:
                     break
-    late = found.get("state", {}).get("late")
+    late = state["late"]
     print(f"{rate:g} frames a second, {triggers} triggers, {late} frames late; in ms: median, 99 %, most")
     for name, times in (
         ("trigger to wire", sent),

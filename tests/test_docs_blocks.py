@@ -60,7 +60,7 @@ NEEDS = {
     "midair calibrate array lsl:Skin": "a sensor over LSL and an array",
     "midair calibrate tracker leap:": "a tracker and an array: tests/rig/bench/test_tracker_bench.py",
     "midair studio": "a browser: tests/studio",
-    "midair serve": "clients: tests/rig/remote",
+    "midair serve": "clients: tests/rig/test_remote.py",
     "midair study new touch": "minutes: tests/study/test_drives.py makes smaller ones",
     "midair study run touch": "a person: tests/cli/commands/study/test_running.py",
     "midair study analyse touch": "the session before it",

@@ -45,7 +45,7 @@ HARDWARE = [
 SHELL = [line for line in EXAMPLES if line.startswith("eval") or " > " in line]
 """These are for a shell; `test_completion` runs what is in them."""
 SERVED = [line for line in EXAMPLES if line.startswith(("midair studio", "midair serve"))]
-"""These run until stopped; `tests/studio/test_browser.py` opens them, and `tests/rig/remote` plays."""
+"""These run until stopped; `tests/studio/test_browser.py` opens them, and `tests/rig/test_remote.py` plays."""
 SLOW = (
     "midair demo",
     "midair loop",

@@ -24,10 +24,8 @@ def serve_command(
     *,
     options: ServeOptions | None = None,
     host: str = "127.0.0.1",
-    port: int = 8700,
-    osc_port: int = 8701,
+    ports: tuple[int, int] = (8700, 8701),
     key: Path | None = None,
-    priority: int = 20,
     exposure: ExposureOptions | None = None,
     air: AirOptions | None = None,
     heat: HeatOptions | None = None,
@@ -35,7 +33,7 @@ def serve_command(
 ) -> None:
     """Let other programs play: Unity, Max, TouchDesigner, scripts, over WebSocket or OSC.
 
-    Prints the address with its key, and one line for each refused message. Ctrl-C ends it in silence.
+    Prints both addresses with the key, and one line for each refused message. Ctrl-C ends it in silence.
 
     Parameters
     ----------
@@ -43,14 +41,10 @@ def serve_command(
         Folder of the drives and patterns that clients can load.
     host
         Address to listen on; messages and key are not encrypted, so keep to this computer where you can.
-    port
-        TCP port for WebSocket; 0 selects a free one.
-    osc_port
-        UDP port for OSC; 0 selects a free one.
+    ports
+        TCP port for WebSocket and UDP port for OSC; 0 selects a free one.
     key
         File of a key, as of midair live --new-key. [default: a new key at each start]
-    priority
-        Real-time priority of this process, 1 to 99; 0 for none.
 
     Examples
     --------
@@ -58,18 +52,16 @@ def serve_command(
     $ midair serve effects --device autd3 --attenuate
     """
     secret = secrets.token_urlsafe(16) if key is None else read_key(key).hex()
-    choices = (exposure or ExposureOptions()).choices((air or AirOptions()).medium())
-    cooling = (heat or HeatOptions()).cooling()
-    settings = settings_from(PlaySettings, options or ServeOptions(), exposure=choices, cooling=cooling)
+    choices, cooling = (exposure or ExposureOptions()).choices((air or AirOptions()).medium()), heat or HeatOptions()
+    settings = settings_from(PlaySettings, options or ServeOptions(), exposure=choices, cooling=cooling.cooling())
+    banner(settings.device == "virtual")
+    # Before an SDK starts its threads, which inherit the priority.
+    granted = request_realtime()
+    gc.enable()
 
     def ready(tcp: int, udp: int) -> None:
         rows = [("WebSocket", f"ws://{host}:{tcp}/?key={secret}"), ("OSC", f"{host}:{udp}, key {secret}")]
         print_rows([*rows, ("computer", granted.words())])
 
-    banner(settings.device == "virtual")
-    # Before an SDK starts its threads, which inherit the priority.
-    granted = request_realtime(priority)
-    gc.enable()
     with stop_on_input(stop_input):
-        ports = (port, osc_port)
         serve(folder, key=secret, settings=settings, host=host, ports=ports, report=print_note, ready=ready)
