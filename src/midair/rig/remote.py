@@ -285,6 +285,7 @@ class _Player:
         loaded.report["plays"] += 1
         first = -(-(units.now() + ahead + early) // period) * period
         number, begin, end, gain, phases, intensities = 0, 0, 0, self.level, np.zeros(0), np.zeros(0)
+        before = loaded.report["duration"]
         while not repeats or number < repeats * frames:
             if self.permit.refusal(token) is not None:
                 return self._array.silence()
@@ -306,7 +307,7 @@ class _Player:
             self._put(loaded.put, phases[number - begin], intensity, first + number * period)
             self._now = loaded, number, gain, intensity
             number += 1
-            loaded.report["duration"] += 1 / rate
+            loaded.report["duration"] = before + number / rate
         wait_until(units, first + number * period - ahead)
         return self._quiet(first + number * period)
 

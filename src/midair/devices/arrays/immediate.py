@@ -23,12 +23,8 @@ from midair.model import Drive, Medium, Placement, Progress
 Put = Callable[[Bytes, int, int], None]
 """Called with phases (unit, transducer of the unit), one intensity for all, and the instant of device time in ns."""
 
-Log = Callable[[str, str], None]
-"""Logs an event of an order and its reason."""
-
-BeginOrder = Callable[[ExposureClearance, str | Path, dict[str, Any]], tuple[Put, Log]]
-"""Begins an order with a source and a report that is logged at its end; what is returned plays frames up to the highest
-level of the checked drive."""
+BeginOrder = Callable[[ExposureClearance, str | Path, dict[str, Any]], tuple[Put, Callable[[str, str], None]]]
+"""Logs an order with a source, and at its end a report; returns what plays up to the drive's level, and logs events."""
 
 OUTCOMES = ("sent", "answered", "lost", "late", "crowded", "hot", "failsafe")
 """Outcomes that units count: frames sent, answered, lost (no answer), late, crowded and hot (never sent); and how often
@@ -109,13 +105,10 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
 
     @contextmanager
     def drives_to_come(self) -> Generator[tuple[Put, BeginOrder]]:
-        """Yield a function for silent frames, and one that begins an order for a checked drive; all end on exit.
-
-        An order is logged when it begins and when it ends. Errors are those of `frames_to_come`.
-        """
+        """Yield a function for silent frames, and one that begins an order for a checked drive; all end on exit."""
         with ExitStack() as orders:
 
-            def begin(admission: ExposureClearance, source: str | Path, report: dict[str, Any]) -> tuple[Put, Log]:
+            def begin(admission: ExposureClearance, source: str | Path, report: dict[str, Any]) -> Any:
                 admission.check_array(self)
                 orders.enter_context(self._logged(admission, source, None, report))
                 return partial(self._put, admission.strongest), self._log
