@@ -12,15 +12,16 @@ import queue
 import struct
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from hmac import compare_digest
 from http import HTTPStatus
 from math import ceil
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -137,8 +138,7 @@ class _Palm:
         return []
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Loaded:
+class _Loaded(NamedTuple):
     drive: Drive
     levels: Any
     """Sound pressure levels in dB by the exposure check, shape (frame, place)."""
@@ -152,7 +152,7 @@ class _Loaded:
 
 
 class _Player:
-    """Plays loaded drives inside `drives_to_come` of an array, in a thread; `ended` is called when the thread ends."""
+    """Plays loaded drives inside `drives_to_come` of an array, in a thread that runs `run` until `triggers` has None."""
 
     def __init__(self, array: ImmediateArray, settings: PlaySettings, quiet: Put, begin: BeginOrder) -> None:
         self._array, self._settings, self._begin = array, settings, begin
@@ -162,26 +162,9 @@ class _Player:
         self.loaded: dict[str, _Loaded] = {}
         self.level, self._late, self._failsafe = 1.0, 0, 0
         self.palm, self.silent = _Palm(), threading.Event()
-        self._tracker = Tracker(self.palm, name="palm", options=TRACKERS["osc"]())
-        self._triggers = queue.SimpleQueue[tuple[_Loaded, int, LeaseToken] | None]()
+        self.tracker = Tracker(self.palm, name="palm", options=TRACKERS["osc"]())
+        self.triggers = queue.SimpleQueue[tuple[_Loaded, int, LeaseToken] | None]()
         self._now: tuple[_Loaded, int, float, int] | None = None
-        self._error = list[BaseException]()
-        self.ended: Callable[[], object] = lambda: None
-
-    @contextmanager
-    def running(self) -> Generator[None]:
-        """Run the thread; its error is raised on exit."""
-        thread = threading.Thread(target=self._run, name="remote", daemon=True)
-        thread.start()
-        with self._tracker:
-            try:
-                yield
-            finally:
-                self.permit.stop()
-                self._triggers.put(None)
-                thread.join()
-                for error in self._error:
-                    raise error
 
     def load(self, path: Path, duration: float | None, follow: bool) -> dict[str, Any]:
         """Read or draw a file, check its exposure and log the order; slow, for a thread of its own."""
@@ -197,7 +180,7 @@ class _Player:
         if follow:
             grid = grid_of(drive)
             admission = clear_followed(drive, array, replace(how, steer_only=True), grid)
-            follower = Follower(self._tracker, drive, grid, rules=FollowRules(fit=False), report=lambda _: None)
+            follower = Follower(self.tracker, drive, grid, rules=FollowRules(fit=False), report=lambda _: None)
         else:
             admission = check_exposure(drive, array, how.exposure, repeats=ceil(REPEATED * drive.rate / drive.frames))
             drive = admission.check_for(array)
@@ -231,7 +214,7 @@ class _Player:
         if self.permit.refusal(self._token) is not None:
             self._token = self.permit.arm(lasts=LEASE)
         self.silent.clear()
-        self._triggers.put((self.loaded[file], repeats, self._token))
+        self.triggers.put((self.loaded[file], repeats, self._token))
         return self.loaded[file]
 
     def state(self) -> dict[str, Any]:
@@ -245,26 +228,20 @@ class _Player:
             state |= {"playing": loaded.about["file"], "seconds": number / loaded.drive.rate, "drive": intensity / 255}
         return state | {"level": self.level, "late": self._late, "failsafe": self._failsafe}
 
-    def _run(self) -> None:
-        """Send silent frames, and play each trigger, until there is one of None."""
-        try:
-            while True:
-                if self._triggers.empty():
-                    self._now = None
-                    self.silent.set()
-                try:
-                    trigger = self._triggers.get(timeout=WORD)
-                except queue.Empty:
-                    self._quiet(self._array.units.now() + round(1e9 * self._array.hold))
-                    continue
-                if trigger is None:
-                    break
-                self._play(*trigger)
-        except BaseException as error:  # noqa: BLE001  # raised on exit
-            self._error.append(error)
-        self._now = None
-        self.silent.set()
-        self.ended()
+    def run(self) -> None:
+        """Send silent frames, and play each trigger."""
+        while True:
+            if self.triggers.empty():
+                self._now = None
+                self.silent.set()
+            try:
+                trigger = self.triggers.get(timeout=WORD)
+            except queue.Empty:
+                self._quiet(self._array.units.now() + round(1e9 * self._array.hold))
+                continue
+            if trigger is None:
+                return
+            self._play(*trigger)
 
     def _put(self, put: Put, *frame: Any) -> None:
         try:
@@ -289,7 +266,7 @@ class _Player:
         while not repeats or number < repeats * frames:
             if self.permit.refusal(token) is not None:
                 return self._array.silence()
-            if not self._triggers.empty():
+            if not self.triggers.empty():
                 return None
             if (missed := -(-(units.now() + soon - first - number * period) // period)) > 0:
                 # The units keep the frame before.
@@ -333,23 +310,24 @@ class _Server(asyncio.DatagramProtocol):
         self._entered = self._refused = 0
         self._tasks, self._loading = set[asyncio.Task[None]](), asyncio.Lock()
 
-    async def run(self, host: str, port: int, osc_port: int, ready: Callable[[int, int], object]) -> None:
-        """Serve until it is cancelled or the player ends."""
-        loop, task, player = asyncio.get_running_loop(), asyncio.current_task(), self._player
+    async def run(self, host: str, ports: tuple[int, int], ready: Callable[[int, int], object], playing: Any) -> None:
+        """Serve until it is cancelled, or the future `playing` ends."""
+        loop = asyncio.get_running_loop()
         # Its own lines about bad connections are left out.
         how: dict[str, Any] = {"logger": logging.Logger("quiet", logging.CRITICAL + 1), "process_request": self._check}
         how |= {"max_size": 65536, "compression": None, "close_timeout": 1, "ping_interval": 5, "ping_timeout": LEAVES}
         try:
-            self._osc, _ = await loop.create_datagram_endpoint(lambda: self, (host, osc_port))
-            player.ended = lambda: loop.call_soon_threadsafe(task.cancel) if task else None
-            async with serve_websockets(self._talk, host, port, **how) as tcp:
+            self._osc, _ = await loop.create_datagram_endpoint(lambda: self, (host, ports[1]))
+            async with serve_websockets(self._talk, host, ports[0], **how) as tcp:
                 ready(next(iter(tcp.sockets)).getsockname()[1], self._osc.get_extra_info("sockname")[1])
-                await self._send_states()
+                self._tasks.add(asyncio.create_task(self._send_states()))
+                await asyncio.wrap_future(playing)
         except OSError as wrong:
+            if isinstance(wrong, MidairError):  # a lost link
+                raise
             raise DeviceError(f"serve: expected free ports at {host}, got {wrong.strerror}; choose others") from wrong
         finally:
-            player.ended = lambda: None
-            player.permit.stop()
+            self._player.permit.stop()
             if self._osc is not None:
                 self._osc.close()
 
@@ -517,7 +495,14 @@ def serve(
         signals_end_the_program(),
         array,
         array.drives_to_come() as (quiet, begin),
-        (player := _Player(array, chosen, quiet, begin)).running(),
-        suppress(KeyboardInterrupt, asyncio.CancelledError),
+        (player := _Player(array, chosen, quiet, begin)).tracker,
+        ThreadPoolExecutor(1) as pool,
     ):
-        asyncio.run(_Server(player, folder, key, report).run(host, *ports, ready))
+        playing = pool.submit(player.run)
+        try:
+            with suppress(KeyboardInterrupt, asyncio.CancelledError):
+                asyncio.run(_Server(player, folder, key, report).run(host, ports, ready, playing))
+        finally:
+            player.permit.stop()
+            player.triggers.put(None)
+            playing.result()
