@@ -152,7 +152,7 @@ class _Loaded(NamedTuple):
 
 
 class _Player:
-    """Plays loaded drives inside `drives_to_come` of an array, in a thread that runs `run` until `triggers` has None."""
+    """Plays loaded drives inside `drives_to_come` of an array, in a thread that runs `run` until a trigger is None."""
 
     def __init__(self, array: ImmediateArray, settings: PlaySettings, quiet: Put, begin: BeginOrder) -> None:
         self._array, self._settings, self._begin = array, settings, begin

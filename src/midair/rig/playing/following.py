@@ -287,7 +287,7 @@ def immediate_array(settings: PlaySettings, rate: float) -> ImmediateArray:
     kind, _, where = settings.device.partition(":")
     if kind != "autd3":
         raise UnknownDeviceError(
-            f"--follow: expected virtual or autd3, autd3:INTERFACE, autd3:emulator, which accept single frames, got "
+            f"--device: expected virtual or autd3, autd3:INTERFACE, autd3:emulator, which accept single frames, got "
             f"{settings.device!r}"
         )
     if settings.palm_path is not None:
