@@ -59,9 +59,7 @@ class BisectionStep:
 
     def chunks(self, rows: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
         """The rows in batches."""
-        size = self.settings.rows or self.operators.backend.rows
-        for first in range(0, len(rows), size):
-            yield rows[first : first + size]
+        return self.operators.backend.batches(rows, self.settings.rows)
 
     def from_scratch(self, batch: Batch, effort: Effort) -> FrameSolution:
         """Solve frames without solved neighbours."""
