@@ -11,10 +11,9 @@ import pytest
 from midair.model import ControlGrid, SensorGrid
 from midair.solvers import Fast, Glide, Problem, spreading_phase
 from midair.solvers.backend import Backend, backend
-from midair.solvers.device import RingLBFGS
 from midair.solvers.field_operators import FieldOperators
 from midair.solvers.glide.blocks import FrameBlock, SolvedFrames
-from midair.solvers.lbfgs import LBFGS
+from midair.solvers.lbfgs import LBFGS, RingLBFGS
 
 ROWS = 512
 VIEWS = {

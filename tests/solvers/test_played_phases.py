@@ -5,7 +5,7 @@ from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
 from midair.physics import quantise_phase
 from midair.solvers import Fast, Problem, error_of, solve
 from midair.solvers.backend import backend
-from midair.solvers.device import phases_and_errors
+from midair.solvers.problem import phases_and_errors
 from midair.solvers.terms.fit import CellTarget
 
 
