@@ -6,8 +6,8 @@ import pytest
 from midair.files import profile_named
 from midair.model import Acoustics, TransducerArray
 from midair.physics import transfer_matrix
+from midair.physics.exposure_grid import bands, between, lattice, middle, slow_field, stacks
 from midair.physics.exposure_places import combined
-from midair.physics.exposure_search.exposure_grid import bands, between, lattice, middle, slow_field, stacks
 
 ARRAY = TransducerArray.autd3()
 EAR = profile_named("occupational-110").places[0]

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from midair.physics.exposure_search.exposure_grid import stacks
-from midair.physics.exposure_search.exposure_modes import field_by_modes
-from midair.physics.exposure_search.exposure_products import Product, Workspace
+from midair.physics.exposure_grid import stacks
+from midair.physics.exposure_modes import Product, Workspace, field_by_modes
 
 WIDE = np.array([3.0, 5.0, 2.5])
 

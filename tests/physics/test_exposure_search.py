@@ -9,8 +9,8 @@ from midair.datasets import stroke
 from midair.files import profile_named
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import ExposureProfile, Place, exposure, focus_amplitude, focus_phase, sound_level, transfer_matrix
-from midair.physics.exposure_search.exposure_products import Workspace
-from midair.physics.exposure_search.exposure_search import ALLOWANCE, searched_points, searches_of
+from midair.physics.exposure_modes import Workspace
+from midair.physics.exposure_search import ALLOWANCE, searched_points, searches_of
 from midair.solvers import solve
 from midair.targets import prepare
 

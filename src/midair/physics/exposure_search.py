@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array, Single
 from midair.model import Acoustics, Medium, TransducerArray
+from midair.physics.exposure_grid import bands, middle, slow_field, stacks
+from midair.physics.exposure_modes import FieldByModes, Product, Workspace, field_by_modes, power_of
 from midair.physics.exposure_places import Place
-from midair.physics.exposure_search.exposure_grid import bands, middle, slow_field, stacks
-from midair.physics.exposure_search.exposure_modes import FieldByModes, field_by_modes
-from midair.physics.exposure_search.exposure_products import Product, Workspace, power_of
 from midair.physics.propagation import transfer_matrix
 
 Complex = NDArray[np.complex64]

@@ -6,7 +6,7 @@ import pytest
 from midair.files import profile_named
 from midair.model import Medium, TransducerArray
 from midair.physics import airs_of_room
-from midair.physics.exposure_search.exposure_search import STEP
+from midair.physics.exposure_search import STEP
 
 PLACES = profile_named("occupational-110").places
 ROOMS = [None, Medium.at(temperature=22.0, humidity=0.3), Medium(speed=344.0), Medium.at(temperature=1.0)]

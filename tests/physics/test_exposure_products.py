@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.model import Drive, TransducerArray
-from midair.physics.exposure_search.exposure_products import Product, Workspace, drive_parts, power_of
+from midair.physics.exposure_modes import Product, Workspace, drive_parts, power_of
 
 
 def random(*shape):
