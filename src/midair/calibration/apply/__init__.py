@@ -1,8 +1,8 @@
 """Apply a calibration to whole recordings or to a stream of blocks."""
 
-from .causal import CausalInverse as CausalInverse
-from .causal import causal_error as causal_error
-from .causal import causal_fir as causal_fir
+from .inverse import CausalInverse as CausalInverse
+from .inverse import causal_error as causal_error
+from .inverse import causal_fir as causal_fir
 from .inverse import default_taps as default_taps
 from .inverse import inverse_fir as inverse_fir
 from .inverse import inverse_response as inverse_response
