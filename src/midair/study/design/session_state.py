@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from midair.errors import BrokenFileError, MidairError, MismatchError
 from midair.study.design.plan import Plan, Trial
-from midair.study.design.stimulus import right_answer
+from midair.study.design.question import right_answer
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
