@@ -12,7 +12,7 @@ from midair.model import ControlGrid, SensorGrid
 from midair.solvers import Fast, Glide, Problem, spreading_phase
 from midair.solvers.backend import Backend, backend
 from midair.solvers.field_operators import FieldOperators
-from midair.solvers.glide.blocks import FrameBlock, SolvedFrames
+from midair.solvers.glide_blocks import FrameBlock, SolvedFrames
 from midair.solvers.lbfgs import LBFGS, RingLBFGS
 
 ROWS = 512
@@ -174,7 +174,7 @@ class InThisThread(Executor):
 def test_a_recording_asks_once_for_each_chunk_of_frames(patterns, monkeypatch):
     """The host reads which frames are smooth, which fields are reachable, and the results chunk by chunk."""
     pytest.importorskip("torch")
-    monkeypatch.setattr("midair.solvers.glide.glide.ThreadPoolExecutor", InThisThread)
+    monkeypatch.setattr("midair.solvers.glide.ThreadPoolExecutor", InThisThread)
     called = Counter()
 
     def spied(kind, name):
@@ -205,7 +205,7 @@ def test_a_recording_asks_once_for_each_chunk_of_frames(patterns, monkeypatch):
 
 def test_launches_of_a_recording(patterns, channels_to_points, monkeypatch):
     """A spot of 129 frames that vibrates: 38,614 launches and 415 waits before the ring."""
-    monkeypatch.setattr("midair.solvers.glide.glide.ThreadPoolExecutor", InThisThread)
+    monkeypatch.setattr("midair.solvers.glide.ThreadPoolExecutor", InThisThread)
     time = np.arange(129) / 1000
     centre = -0.011 * np.cos(0.25 / 0.011 * time)[:, None, None]
     X, Y = np.meshgrid(SensorGrid().x, SensorGrid().y)

@@ -5,8 +5,8 @@ from .exact import Exact as Exact
 from .fast import Fast as Fast
 from .free import Free as Free
 from .glide import Glide as Glide
-from .glide import Piece as Piece
-from .glide import pieces as pieces
+from .glide_blocks import Piece as Piece
+from .glide_blocks import pieces as pieces
 from .levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
 from .live import FrameTracker as FrameTracker
 from .live import Live as Live

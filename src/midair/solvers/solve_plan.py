@@ -15,7 +15,8 @@ from midair.solvers.backend import one_blas_thread
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.free import Free
-from midair.solvers.glide import Glide, frames_in_block
+from midair.solvers.glide import Glide
+from midair.solvers.glide_blocks import frames_in_block
 from midair.solvers.methods import Method, MethodSettings, check_terms, settings_type
 from midair.solvers.phases import spreading_phase
 from midair.solvers.problem import Problem, WarmStart, error_of, phases_and_errors

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.model import Progress
 from midair.solvers.backend import Backend, backend
+from midair.solvers.bisection_step import BisectionStep, Effort
 from midair.solvers.field_operators import FieldOperators
-from midair.solvers.glide.bisection_step import BisectionStep, Effort
-from midair.solvers.glide.blocks import BlockRange, FrameBlock, Indices, SolvedFrames, blocks, solve_marks
+from midair.solvers.glide_blocks import BlockRange, FrameBlock, Indices, SolvedFrames, blocks, solve_marks
 from midair.solvers.phases import hold
 from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 

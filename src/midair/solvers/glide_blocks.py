@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.solvers.backend import Backend, Rows
+from midair.solvers.bisection_step import BisectionStep, Effort, FrameSolution, Neighbours
 from midair.solvers.field_operators import Batch
-from midair.solvers.glide.bisection_step import BisectionStep, Effort, FrameSolution, Neighbours
 from midair.solvers.lbfgs import RowsState
 
 if TYPE_CHECKING:
-    from midair.solvers.glide.glide import Glide
+    from midair.solvers.glide import Glide
 
 Indices = NDArray[np.int64]
 

@@ -15,7 +15,7 @@ from midair.solvers.field_operators import Batch, FieldMove, FieldOperators, in_
 from midair.solvers.lbfgs import LBFGS, RowsState
 
 if TYPE_CHECKING:
-    from midair.solvers.glide.glide import Glide
+    from midair.solvers.glide import Glide
 
 Effort = tuple[int, int, int]
 """Iterations of the field step, the phase fit and the refinement."""

@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from midair.array_types import Array, Complex
-from midair.calibration.apply.inverse import (
+from midair.calibration.inverse import (
     check_band_covered,
     crosstalk_inverse,
     default_taps,
