@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Single
-from midair.model import Acoustics, Medium, TransducerArray
+from midair.model import Acoustics, ArrayKey, Medium, TransducerArray
 from midair.physics.exposure_grid import bands, middle, slow_field, stacks
 from midair.physics.exposure_modes import FieldByModes, Product, Workspace, field_by_modes, power_of
 from midair.physics.exposure_places import Place
@@ -108,40 +108,21 @@ class Searches:
         return np.stack([each.loudest(its, space) for each, its in zip(self.each, own, strict=True)], axis=2)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _ArrayKey:
-    """Hashable key of an array that compares its numbers, since each drive file creates its own array object."""
-
-    array: TransducerArray
-
-    @property
-    def numbers(self) -> tuple[object, ...]:
-        """All values that determine the sound field."""
-        one = self.array
-        return one.position.tobytes(), one.normal.tobytes(), one.pressure, one.frequency, one.response.tobytes()
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ArrayKey) and self.numbers == other.numbers
-
-    def __hash__(self) -> int:
-        return hash(self.numbers)
-
-
 def searches_of(places: tuple[Place, ...], array: TransducerArray, airs: Airs) -> Searches:
     """The searches of all places: the whole cube if the limit is enforced, otherwise its 27 points.
 
     Cached, since the exposure of a drive is computed in parts, more than once, and for many drives.
     """
-    return _searches_of(places, _ArrayKey(array), airs)
+    return _searches_of(places, ArrayKey(array), airs)
 
 
 @lru_cache(maxsize=4)
-def _searches_of(places: tuple[Place, ...], key: _ArrayKey, airs: Airs) -> Searches:
+def _searches_of(places: tuple[Place, ...], key: ArrayKey, airs: Airs) -> Searches:
     return Searches.of(*(_cube_search(place, key, airs) for place in places))
 
 
 @lru_cache(maxsize=16)
-def _cube_search(place: Place, key: _ArrayKey, airs: Airs) -> CubeSearch | PointSearch:
+def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> CubeSearch | PointSearch:
     array = key.array
     if not place.enforced or place.reach == 0:
         return point_search(place.points, array, airs)
