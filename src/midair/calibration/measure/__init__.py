@@ -16,7 +16,6 @@ from .beam_plan import BeamPlan as BeamPlan
 from .beam_plan import BeamSetting as BeamSetting
 from .beam_plan import beam_field as beam_field
 from .beam_plan import focus_position as focus_position
-from .frequency_response import FrequencyResponse as FrequencyResponse
 from .frequency_response import known_noise as known_noise
 from .frequency_response import noise_equivalent_pressure as noise_equivalent_pressure
 from .group_fit import TransducerPrior as TransducerPrior

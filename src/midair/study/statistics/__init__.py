@@ -47,12 +47,10 @@ from .power import power_curve as power_curve
 from .power import power_paired_t as power_paired_t
 from .power import published_statistics as published_statistics
 from .power import simulated_power as simulated_power
-from .psychometric_fit import CurveShape as CurveShape
 from .psychometric_fit import Psychometric as Psychometric
 from .psychometric_fit import PsychometricFit as PsychometricFit
 from .psychometric_fit import fit_psychometric as fit_psychometric
 from .psychometric_fit import fit_threshold as fit_threshold
-from .psychometric_fit import sigmoid as sigmoid
 from .resample import Chance as Chance
 from .resample import Interval as Interval
 from .resample import Scale as Scale
