@@ -18,7 +18,6 @@ from midair.model import (
     RATE,
     Acoustics,
     AmplitudeFrames,
-    ArrayKey,
     ControlGrid,
     Drive,
     Palm,
@@ -26,7 +25,7 @@ from midair.model import (
     Solution,
     TransducerArray,
 )
-from midair.physics import focus_amplitude, radiation_pressure, sound_amplitude, transfer_matrix
+from midair.physics import ArrayKey, focus_amplitude, radiation_pressure, sound_amplitude, transfer_matrix
 from midair.settings import Settings
 from midair.solvers import solve
 from midair.streaming import blocks, read_frames

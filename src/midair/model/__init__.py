@@ -19,7 +19,6 @@ from .drive import Status as Status
 from .frames import AmplitudeFrames as AmplitudeFrames
 from .frames import PressureFrames as PressureFrames
 from .geometry import UNIT as UNIT
-from .geometry import ArrayKey as ArrayKey
 from .geometry import Board as Board
 from .geometry import ControlGrid as ControlGrid
 from .geometry import Placement as Placement

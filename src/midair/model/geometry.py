@@ -136,25 +136,6 @@ class TransducerArray:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ArrayKey:
-    """Hashable key of an array that compares its numbers, for caches: each drive file creates its own array object."""
-
-    array: TransducerArray
-
-    @property
-    def numbers(self) -> tuple[object, ...]:
-        """All values that determine the sound field."""
-        one = self.array
-        return one.position.tobytes(), one.normal.tobytes(), one.pressure, one.frequency, one.response.tobytes()
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, ArrayKey) and self.numbers == other.numbers
-
-    def __hash__(self) -> int:
-        return hash(self.numbers)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
     """Points in rows and columns with a constant pitch: the base of sensor and control grids."""

@@ -28,6 +28,7 @@ from .playback import playback_response as playback_response
 from .playback import radiate as radiate
 from .playback import simulate as simulate
 from .playback import steps_per_frame as steps_per_frame
+from .propagation import ArrayKey as ArrayKey
 from .propagation import focus_amplitude as focus_amplitude
 from .propagation import focus_phase as focus_phase
 from .propagation import off_axis as off_axis

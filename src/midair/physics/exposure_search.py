@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Single
-from midair.model import Acoustics, ArrayKey, Medium, TransducerArray
+from midair.model import Acoustics, Medium, TransducerArray
 from midair.physics.exposure_grid import bands, middle, slow_field, stacks
 from midair.physics.exposure_modes import FieldByModes, Product, Workspace, field_by_modes, power_of
 from midair.physics.exposure_places import Place
-from midair.physics.propagation import transfer_matrix
+from midair.physics.propagation import ArrayKey, transfer_matrix
 
 Complex = NDArray[np.complex64]
 Airs = tuple[Acoustics, ...]

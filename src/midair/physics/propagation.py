@@ -1,5 +1,6 @@
 """The sound field of the array, p = G q (paper, 2.2), its radiation pressure (2.1, 4.1), and its error E (5.1)."""
 
+from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
@@ -207,3 +208,22 @@ def radiation_pressure(amplitude: Array | Complex, medium: Medium) -> Array:
     P = alpha p0^2 / (rho c^2) with p0 = amplitude / sqrt(2) the rms sound pressure, section 2.1.
     """
     return medium.alpha * np.abs(amplitude) ** 2 / (2 * medium.density * medium.speed**2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArrayKey:
+    """Hashable key of an array that compares its numbers, for caches: each drive file creates its own array object."""
+
+    array: TransducerArray
+
+    @property
+    def numbers(self) -> tuple[object, ...]:
+        """All values that determine the sound field."""
+        one = self.array
+        return one.position.tobytes(), one.normal.tobytes(), one.pressure, one.frequency, one.response.tobytes()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ArrayKey) and self.numbers == other.numbers
+
+    def __hash__(self) -> int:
+        return hash(self.numbers)
