@@ -35,6 +35,9 @@ device without sound."""
 _TURN = PHASE_STEPS / (2 * np.pi)
 """Phase steps per radian."""
 
+UNSAMPLED = 1.0
+"""Level in dB that is added to that of sampled poses of a palm, since others are louder (benchmarks/palm_pose.py)."""
+
 _KEY = object()  # Key to the constructor of ExposureClearance, private to this module.
 
 
@@ -430,7 +433,7 @@ def check_exposure_steered(
     own, others = (_measured(each, device, choices, 1) for each in (drive, samples))
     found = replace(
         own,
-        level=np.concatenate([own.level, others.level]),
+        level=np.concatenate([own.level, others.level + UNSAMPLED]),
         air=np.concatenate([own.air, others.air]),
         pressure=max(own.pressure, others.pressure),
     )
@@ -499,13 +502,14 @@ def _clearance(
     drive: Drive | None = None,
     **rest: Any,
 ) -> ExposureClearance:
+    named = (choices.override or "").strip()
     return ExposureClearance(
         drive=drive,
         array=device.array,
         exposure=found,
         outcome=outcome,
-        by=_responsible_person(outcome, choices),
-        named=(choices.override or "").strip(),
+        by=named if outcome == "overridden" else "",
+        named=named,
         gated=device.gated,
         _key=_KEY,
         **rest,
@@ -533,10 +537,6 @@ def _not_felt_note(found: Exposure) -> str:
     """A note if nothing can be felt after attenuation: radiation pressure is proportional to sound pressure squared."""
     weakened = replace(found, pressure=found.pressure * 10 ** (-found.excess / 10))
     return ", and nothing will be felt" if felt_pressure_text(weakened) else ""
-
-
-def _responsible_person(outcome: Outcome, choices: ExposureChoices) -> str:
-    return choices.override.strip() if outcome == "overridden" and choices.override else ""
 
 
 def _weakened(drive: Drive, factor: float, profile: str) -> Drive:
