@@ -11,7 +11,7 @@ from midair.errors import InputError
 from midair.model import AmplitudeFrames, ControlGrid, Provenance, TransducerArray
 from midair.solvers import Glide, Guard, pieces, solve, solve_parts, solve_piece
 from midair.solvers.backend import backend
-from midair.solvers.glide.blocks import FrameBlock, blocks, midpoints, solve_marks
+from midair.solvers.glide_blocks import FrameBlock, blocks, midpoints, solve_marks
 
 SIZES = {"frames": st.integers(1, 400), "coarse": st.integers(1, 40), "size": st.integers(1, 150)}
 
@@ -45,6 +45,11 @@ def test_whole_blocks_do_not_depend_on_later_frames(frames):
     for one, other in zip(short, long, strict=True):
         assert (one.first, one.last) == (other.first, other.last)
         assert np.array_equal(one.marks, other.marks)
+
+
+def test_the_first_block_is_as_short_as_was_asked():
+    first, second, *_ = blocks(5000, coarse=512, size=1024, opening=256)
+    assert (first.last, first.marks.tolist(), second.marks.tolist()) == (256, [0, 256], [768, 1280])
 
 
 def test_a_block_begins_where_the_one_before_it_ends():
