@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import freqz
+from scipy.signal import firwin, freqz, resample_poly, welch
 
 from midair import dsp
 from midair.errors import BandError, InputError, ShapeError
@@ -174,6 +174,26 @@ def test_band_energy_takes_a_band_from_zero():
     x = np.random.default_rng(0).standard_normal(50000)
     assert dsp.band_energy(x, RATE, (0, 500)) == pytest.approx(1, rel=0.05)
     assert dsp.band_energy(x, RATE, (100, 200)) == pytest.approx(0.2, rel=0.1)
+
+
+@pytest.mark.parametrize(("up", "down"), [(4, 1), (1, 4), (7, 3), (89, 20000)])
+def test_resampling_is_that_of_scipy(up, down):
+    x = np.random.default_rng(0).standard_normal((900, 2))
+    fir = firwin(128 * max(up, down) + 1, 1 / max(up, down), window=("kaiser", 8.0))
+    wanted = resample_poly(x, up, down, window=fir, padtype="edge")
+    np.testing.assert_allclose(dsp.resample(x, RATE, RATE * up / down), wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize("segment", [250, 251])
+def test_spectra_are_those_of_scipy(segment):
+    x = np.random.default_rng(0).standard_normal((1001, 2)) + 3
+    frequency, density = dsp.welch(x, RATE, resolution=RATE / segment)
+    wanted = welch(x.T, RATE, nperseg=segment)
+    np.testing.assert_allclose(frequency, wanted[0], atol=1e-12)
+    np.testing.assert_allclose(density.T, wanted[1], atol=1e-15)
+    how = {"window": "blackmanharris", "nperseg": segment, "noverlap": 3 * segment // 4}
+    power = welch(x.T, RATE, **how)[1].sum(axis=1) * RATE / segment
+    np.testing.assert_allclose(dsp.band_energy(x, RATE, (0, 500), resolution=RATE / segment), power, atol=1e-14)
 
 
 @pytest.mark.parametrize("frequency", [5.0, 100.0, 300.0, 470.0])

@@ -158,8 +158,7 @@ class SolvePlan:
         wanted = frames_per_part(self.solver)
         if first and isinstance(self.solver, Glide):
             # The short first block also contains the first mark.
-            block = frames_in_block(self.solver.coarse, self.solver.block_on())
-            wanted = min(frames_in_block(self.solver.coarse, self.solver.opening), block) + 1
+            wanted = min(self.solver.opening, frames_in_block(self.solver.coarse, self.solver.block_on())) + 1
         return int(sounding[wanted - 1]) + 1 if len(sounding) >= wanted else 0
 
     def end_of(self, marks: AmplitudeFrames) -> WarmStart:

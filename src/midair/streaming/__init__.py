@@ -8,7 +8,7 @@ from .lazy_filters import extend as extend
 from .lazy_filters import filter_lazily as filter_lazily
 from .lazy_filters import pad_with_fade as pad_with_fade
 from .lazy_filters import pad_with_silence as pad_with_silence
-from .lazy_filters import resample_lazily as resample_lazily
+from .lazy_filters import resample_poly as resample_poly
 from .lazy_filters import shift_earlier as shift_earlier
 from .lazy_filters import with_context as with_context
 from .lazy_frames import BYTES as BYTES

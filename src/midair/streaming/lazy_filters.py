@@ -141,30 +141,35 @@ def convolve_lazily(x: LazyFrames, fir: Array) -> LazyFrames:
     return cached_blocks(make, x.shape, size=max(_block_frames(x), 2 * pad), kept=2)
 
 
-def resample_lazily(x: LazyFrames, up: int, down: int, fir: Array) -> LazyFrames:
-    """`midair.dsp.resample` of lazy frames with its filter and its fraction, equal to rounding."""
-    from scipy.signal import resample_poly
+def resample_poly(x: Array | LazyFrames, up: int, down: int, fir: Array) -> Array | LazyFrames:
+    """`x` at `up / down` times its rate, as by `scipy.signal.resample_poly`, whose import takes a third of a second.
 
-    # Input frames covered by half of the filter, and whole periods of the fraction, so that the phases agree.
-    half = -(-len(fir) // (2 * up)) + 1
-    frames = -(-len(x) * up // down)
-    periods = max(1, _block_frames(x) // down)
+    `fir` is a low-pass filter of odd length for `up` times the rate. Beyond its ends, `x` is held; lazy if `x` is.
+    """
+    taps, frames = -(-len(fir) // up), -(-len(x) * up // down)
+    if isinstance(x, LazyFrames):
+        # Whole periods of the fraction, so that the phases agree, with input frames for half of the filter.
+        half, periods = taps // 2 + 2, max(1, _block_frames(x) // down)
 
-    def make(first: int, last: int) -> Array:
-        begin = max(0, (first * down // up - half) // down * down)
-        end = min(len(x), -(-last * down // up) + half + 1)
-        # The type stubs accept window names only; the function accepts coefficients too.
-        y = resample_poly(  # pyright: ignore[reportCallIssue]
-            x.read(begin, end),
-            up,
-            down,
-            window=fir,  # pyright: ignore[reportArgumentType]
-            padtype="edge",
-        )
-        skip = begin // down * up
-        return np.asarray(y[first - skip : last - skip], np.float64)
+        def make(first: int, last: int) -> Array:
+            begin = max(0, (first * down // up - half) // down * down)
+            part = x.read(begin, min(len(x), -(-last * down // up) + half))
+            skip = begin // down * up
+            return np.asarray(resample_poly(part, up, down, fir))[first - skip : last - skip]
 
-    return cached_blocks(make, (frames, *x.shape[1:]), size=periods * up, kept=2)
+        return cached_blocks(make, (frames, *x.shape[1:]), size=periods * up, kept=2)
+    # The taps for each place of an output between two frames, those for the last frame first.
+    phases = np.pad(up * fir, (0, taps * up - len(fir))).reshape(taps, up)[::-1].T.copy()
+    held = np.concatenate([np.repeat(x[:1], taps, axis=0), x, np.repeat(x[-1:], taps, axis=0)])
+    windows = np.lib.stride_tricks.sliding_window_view(held.reshape(len(held), -1).T.copy(), taps, axis=1)
+    y = np.empty((frames, *x.shape[1:]))
+    for first in range(min(up, frames)):
+        last, phase = divmod(first * down + len(fir) // 2, up)
+        out = y[first::up]
+        # Every sum is computed alike, so that a part has the bits of the whole.
+        found = np.einsum("ctk,k->tc", windows[:, last + 1 :: down][:, : len(out)], phases[phase])
+        out[:] = found.reshape(out.shape)
+    return y
 
 
 def with_context(x: LazyFrames, reach: int, function: Callable[[Array], Array]) -> LazyFrames:

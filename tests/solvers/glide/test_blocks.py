@@ -47,6 +47,11 @@ def test_whole_blocks_do_not_depend_on_later_frames(frames):
         assert np.array_equal(one.marks, other.marks)
 
 
+def test_the_first_block_is_as_short_as_was_asked():
+    first, second, *_ = blocks(5000, coarse=512, size=1024, opening=256)
+    assert (first.last, first.marks.tolist(), second.marks.tolist()) == (256, [0, 256], [768, 1280])
+
+
 def test_a_block_begins_where_the_one_before_it_ends():
     every = list(blocks(1000, coarse=32, size=100))
     assert [one.last for one in every[:-1]] == [one.first for one in every[1:]]

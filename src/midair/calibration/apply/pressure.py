@@ -1,5 +1,6 @@
 """Convert the sensor's output to the pressure that acted on it (paper, section 3)."""
 
+from collections.abc import Iterator
 from types import NoneType
 from typing import Literal, get_args
 
@@ -186,30 +187,31 @@ def _check_content(recording: Recording, band: Band) -> None:
 
 
 def _share_inside(recording: Recording, band: Band) -> float:
-    """Largest share of a channel's variance in the band; for lazy frames, the first share found that is large enough.
+    """Largest share of a channel's variance in the band, or the first share found that is large enough.
 
     The whole recording and ever shorter segments are analysed, so that a short tap near one end counts too. For shorter
     segments the band is narrowed, so that power outside it does not leak in.
     """
-    variance = np.square(moments(recording.samples).spread)
-    inside, share = np.zeros_like(variance), 0.0
+    variance = np.square(moments(recording.samples).spread).reshape(-1)
+    inside = np.zeros_like(variance)
     for block in blocks(recording.samples, _LONG if isinstance(recording.samples, LazyFrames) else recording.frames):
         # One channel at a time, because a spectrum takes several times the memory of its signal.
-        found = np.reshape([_inside(one, recording.rate, band) for one in channels(block)], variance.shape)
-        inside = inside + found * (len(block) / recording.frames)
-        share = float(np.divide(inside, variance, out=np.zeros_like(inside), where=variance > 0).max())
-        if share >= LEAST:
-            break
-    return share
+        for channel, one in enumerate(channels(block)):
+            before = inside[channel]
+            for found in _inside(one, recording.rate, band):
+                inside[channel] = max(inside[channel], before + float(found) * (len(block) / recording.frames))
+                if inside[channel] >= LEAST * variance[channel] > 0:
+                    return float(inside[channel] / variance[channel])
+    return float(np.divide(inside, variance, out=np.zeros_like(inside), where=variance > 0).max())
 
 
-def _inside(samples: Array, rate: float, band: Band) -> Array:
-    """Mean square within the band, for samples of shape (frame, ...), with the segment length that finds the most."""
+def _inside(samples: Array, rate: float, band: Band) -> Iterator[Array]:
+    """Mean square within the band by each segment length, for one channel."""
     low, high = band
-    inside, length = band_energy(samples, rate, band, resolution=rate / len(samples)), len(samples) // 4
+    length = len(samples) // 4
+    yield band_energy(samples, rate, band, resolution=rate / len(samples))
     while length >= 16 and low + 4 * rate / length < high - 4 * rate / length:
         # The window of `band_energy` leaks over four bins.
         inner = (low + 4 * rate / length, high - 4 * rate / length)
-        inside = np.maximum(inside, band_energy(samples, rate, inner, resolution=rate / length))
+        yield band_energy(samples, rate, inner, resolution=rate / length)
         length //= 4
-    return inside

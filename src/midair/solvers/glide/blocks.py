@@ -44,11 +44,11 @@ def frames_in_block(coarse: int, size: int) -> int:
 def blocks(frames: int, *, coarse: int, size: int, opening: int = 0) -> Iterator[BlockRange]:
     """Yield all blocks of this number of sounding frames, in order.
 
-    `coarse` is the distance between marks (the last frame is a mark, too), `size` the frames of a block, and `opening`
-    those of the first one where it is shorter; both are rounded up to whole distances.
+    `coarse` is the distance between marks (the last frame is a mark, too), `size` the frames of a block, rounded up to
+    whole distances, and `opening` those of the first one where it is shorter.
     """
     size = frames_in_block(coarse, size)
-    begin = min(frames_in_block(coarse, opening), size) if opening else size
+    begin = min(opening, size) if opening else size
     for first in [0, *range(begin, max(frames - 1, 1), size)]:
         last = min(first + (size if first else begin), frames - 1)
         start = first if first == 0 else first + coarse
