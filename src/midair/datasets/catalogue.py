@@ -88,7 +88,7 @@ SAMPLES: Mapping[str, Sample] = {
             "level": "chosen so that it can be felt, not measured: the largest change of any taxel is 90 Pa",
             "speed": "recorded at 20 mm/s and 35.6 Hz, ten times as fast here, as if slid at 200 mm/s; at 5, 10, "
             "20 and 30 mm/s the ridges come every 4.0 mm alike",
-            "felt": "yes, 14 dB above the detection threshold of a palm by a model of skin, what an array plays of it 2 dB "
+            "felt": "yes, 14 dB above the detection threshold of a palm by a model of skin, as an array plays it 2 dB "
             "above the median of people; not tested on people",
         },
     ),

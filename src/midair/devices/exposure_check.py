@@ -89,6 +89,8 @@ class ExposureClearance:
     """Outcome of the check; "exceeded" only on a device without sound."""
     by: str = ""
     """Name of the person responsible for an override."""
+    named: str = ""
+    """Name of the person who would be responsible, stated whether it is needed or not."""
     repeats: int = 1
     """Number of consecutive repeats."""
     gated: bool = True
@@ -503,6 +505,7 @@ def _clearance(
         exposure=found,
         outcome=outcome,
         by=_responsible_person(outcome, choices),
+        named=(choices.override or "").strip(),
         gated=device.gated,
         _key=_KEY,
         **rest,

@@ -59,6 +59,8 @@ class ExposureProfile:
     """Highest mean level of a unit over a minute, 0 to 1; midair's own value, since the makers state none."""
     warming: float = 6.0
     """Highest estimated warming of the palm in K: from 35 °C to the 41 °C of IEC 60601-1 for parts on skin."""
+    hours: float = 24.0
+    """Longest exposure of a person a day for which the source states the limits, in hours."""
 
     def under(self, limit: float) -> "ExposureProfile":
         """The profile with the same limit in dB at all enforced places."""

@@ -3,13 +3,15 @@ import json
 import os
 import subprocess
 import sys
+import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from midair.devices import ExposureChoices, VirtualArray, check_exposure, make_state_folder, state_folder
 from midair.devices.safety.play_log import close_orders, log_end, log_order
-from midair.errors import FileError
+from midair.errors import ExposureError, FileError
 from midair.files import profile_named
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import focus_phase
@@ -27,7 +29,7 @@ def entries():
 def admitted(level, **choices):
     phase = np.tile(focus_phase(ARRAY, np.array([0, 0, 0.2])), (3, 1))
     drive = Drive(phase=phase, level=np.full(3, level), rate=1000.0, array=ARRAY)
-    exposure = ExposureChoices(profile=PROFILE, **choices)
+    exposure = ExposureChoices(**({"profile": PROFILE} | choices))
     return check_exposure(drive, VirtualArray(ARRAY), exposure, repeats=2)
 
 
@@ -102,6 +104,30 @@ def test_an_order_can_be_audited(tmp_path, monkeypatch):
     assert entry["profile"] == "occupational-110"
     limits = {place.name: (place.limit, place.enforced) for place in PROFILE.places}
     assert {name: (one["limit_db"], one["enforced"]) for name, one in entry["places"].items()} == limits
+
+
+def test_a_day_has_no_more_hours_of_sound_than_the_profile():
+    def order(participant="", **choices):
+        admission = admitted(0.001, profile=replace(PROFILE, hours=2e-6), **choices)
+        number = log_order("x.drive.h5", "autd3", admission, participant=participant)
+        time.sleep(0.01)
+        log_end(number, "x.drive.h5", "autd3", "played")
+
+    assert PROFILE.hours == 4
+    order("P1")
+    with pytest.raises(
+        ExposureError,
+        match=r"at most 2e-06 h of sound a day for P1, got .* today and 1.67e-06 h more",
+    ):
+        order("P1")
+    order("P2")
+    order("P1", override="A. Person")
+    assert entries()[-2]["override_by"] == "A. Person"
+    with pytest.raises(ExposureError, match="for P2"):
+        order("P2")
+    order()
+    with pytest.raises(ExposureError, match="for people not named"):
+        order()
 
 
 def test_a_profile_that_was_edited_has_another_hash():

@@ -24,7 +24,7 @@ from midair.devices.safety.lock_files import (
     user,
 )
 from midair.devices.safety.stop_channel import playing_now
-from midair.errors import FileError
+from midair.errors import ExposureError, FileError
 from midair.model import Drive, Medium
 from midair.physics import ExposureProfile
 from midair.streaming import blocks
@@ -49,9 +49,11 @@ def log_order(
     """Log a drive before it is played; return the number of the order, for `log_end`.
 
     A `source` that is a Path is hashed; orders of programs that died are closed first. Raises FileError if the log or
-    the drive's file cannot be used, since nothing plays without a log.
+    the drive's file cannot be used, since nothing plays without a log; ExposureError if the participant, or all who are
+    not named, would be exposed for more hours today (UTC) than the profile permits, unless somebody is responsible.
     """
     close_orders()
+    longer = "" if simulated else _check_hours(admission, participant)
     found, order = admission.exposure, token()
     # A drive that is still being solved and checked is described when the order ends.
     known: dict[str, object] = {"exposure": admission.outcome, "override_by": admission.by}
@@ -75,8 +77,30 @@ def log_order(
             "profile_sha256": hash_of_profile(found.profile),
         }
         | (known if admission.later else exposed(admission))
+        | ({"override_by": longer} if longer else {})
     )
     return order
+
+
+def _check_hours(admission: ExposureClearance, participant: str) -> str:
+    """Name of the person responsible for more hours than the profile permits; empty if there are no more."""
+    profile, drive, today = admission.exposure.profile, admission.drive, datetime.now(UTC).date().isoformat()
+    events = [entry for entry in read_log()[0] if entry["time"].startswith(today)]
+    began = {
+        entry["order"]: datetime.fromisoformat(entry["time"])
+        for entry in events
+        if entry["event"] == "play" and not entry.get("simulated") and entry.get("participant", "") == participant
+    }
+    ends = [entry for entry in events if entry["event"] == "end" and entry["order"] in began]
+    spent = sum((datetime.fromisoformat(end["time"]) - began[end["order"]]).total_seconds() for end in ends)
+    coming = 0.0 if drive is None else drive.frames * admission.repeats / drive.rate
+    if spent + coming > 3600 * profile.hours and not admission.named:
+        raise ExposureError(
+            f"exposure: expected at most {profile.hours:g} h of sound a day for {participant or 'people not named'}, "
+            f"got {spent / 3600:.3g} h today and {coming / 3600:.3g} h more, and {profile.name} holds for no longer: "
+            "go on tomorrow, or name who is responsible with --override-exposure"
+        )
+    return admission.named if spent + coming > 3600 * profile.hours else ""
 
 
 def exposed(admission: ExposureClearance) -> dict[str, object]:

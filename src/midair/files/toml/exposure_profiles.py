@@ -37,6 +37,7 @@ class ProfileSheet:
     place: tuple[PlaceSheet, ...]
     duty: float | None = None
     warming_k: float | None = None
+    hours: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,9 +84,12 @@ def _profile(keys: ProfileSheet) -> ExposureProfile:
     places = tuple(_place(each) for each in keys.place)
     if not any(place.enforced for place in places):
         raise InputError(f"profile {keys.name}: expected at least one enforced limit, got none")
-    heat = {name: value for name, value in (("duty", keys.duty), ("warming", keys.warming_k)) if value is not None}
-    if not all(0 < limit < np.inf for limit in heat.values()) or heat.get("duty", 1) > 1:
-        raise InputError(f"profile {keys.name}: expected a duty above 0 and at most 1, and warming_k above 0 K")
+    stated = {"duty": keys.duty, "warming": keys.warming_k, "hours": keys.hours}
+    heat = {name: value for name, value in stated.items() if value is not None}
+    if not all(0 < limit < np.inf for limit in heat.values()) or heat.get("duty", 1) > 1 or heat.get("hours", 1) > 24:
+        raise InputError(
+            f"profile {keys.name}: expected duty above 0 and at most 1, warming_k above 0 K, hours above 0, at most 24"
+        )
     return ExposureProfile(
         name=keys.name, title=keys.title, source=keys.source, evidence=keys.evidence, places=places, **heat
     )
