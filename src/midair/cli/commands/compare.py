@@ -19,12 +19,15 @@ from midair.cli.output import may_write
 from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
 from midair.evaluate import (
+    FIBRES,
     RATIOS,
     Comparison,
     PalmFidelity,
     PalmFrames,
     PerceptualMetrics,
+    afferent_rates,
     compare,
+    load_touchsim,
     metrics_or_none,
     ratio_text,
 )
@@ -54,6 +57,7 @@ def compare_command(
     seed: int = 0,
     report: Path | None = None,
     film: Path | None = None,
+    touchsim: Path | None = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -79,6 +83,8 @@ def compare_command(
     film
         Write a slow-motion film of a drive to palm.gif or palm.mp4 (needs ffmpeg).
         It shows pressure on the palm and motion of soft skin, target beside reproduction.
+    touchsim
+        Folder of your copy of TouchSim, to print what nerve fibres do by its model.
     force
         Overwrite an existing report or film.
 
@@ -95,6 +101,7 @@ def compare_command(
         may_write(film, force, ".gif", ".mp4")
         if film.suffix.lower() == ".mp4":
             ffmpeg()
+    model = None if touchsim is None else load_touchsim(touchsim)
     original, reproduced = _in_order(original, reproduced)
     told: PalmFidelity | None = None
     if reproduced.name.lower().endswith(DRIVE_SUFFIX):
@@ -119,10 +126,12 @@ def compare_command(
         card = metrics_or_none(before, after)
         if report is not None:
             _write_report(report, before, after, comparison, card, told)
+        played = {"original": before, "reproduced": after}
+        fibres = model and {name: afferent_rates(each, model) for name, each in played.items()}
     advice = next_step(comparison.gain, Settings.of(take.recording.provenance))
     if json:
         skin = {"perception": card and card.plain()["figures"], "verdict": card and card.verdict()}
-        return print_json(plain(comparison) | skin | {"next": advice, "palm": told and told.plain()})
+        return print_json(plain(comparison) | skin | {"next": advice, "palm": told and told.plain(), "fibres": fibres})
     banner(comparison.simulated)
     if card is not None:
         out().print(card.verdict(), style="bold")
@@ -133,6 +142,11 @@ def compare_command(
     print_ratios(comparison.ratios)
     if card is not None:
         print_metrics(card)
+    if fibres:
+        out().print("\nnerve fibres under the cells by TouchSim, original and reproduced", style="bold")
+        for name, kind in FIBRES.items():
+            rates = " and ".join(f"{each[name]:.3g}" for each in fibres.values())
+            out().print(f"  {kind} ({name}): {rates} impulses per second")
     if told is not None:
         print_palm(told)
     if report is not None:

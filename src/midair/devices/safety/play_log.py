@@ -50,7 +50,7 @@ def log_order(
 
     A `source` that is a Path is hashed; orders of programs that died are closed first. Raises FileError if the log or
     the drive's file cannot be used, since nothing plays without a log; ExposureError if the participant, or all who are
-    not named, would be exposed for more hours today (UTC) than the profile permits, unless somebody is responsible.
+    not named, would be exposed for more hours today (UTC) than the profile permits, without an override.
     """
     close_orders()
     longer = "" if simulated else _check_hours(admission, participant)
