@@ -212,12 +212,10 @@ def play(
     return replace(_play(admission, rig, chosen, source=source, progress=progress), followed=tuple(followed))
 
 
-def _play(
-    admission: ExposureClearance, rig: OpenRig, chosen: PlaySettings, *, source: str | Path, progress: Progress | None
-) -> Played:
+def _play(admission: ExposureClearance, rig: OpenRig, chosen: PlaySettings, **how: Any) -> Played:
     """Play a cleared drive on an entered rig, and re-record it if that has a sensor."""
     played = admission.check_for(rig.array)
-    how: Any = {"source": source, "delay": chosen.delay, "progress": progress, "room": chosen.exposure.room}
+    how |= {"delay": chosen.delay, "room": chosen.exposure.room}
     if rig.sensor is None:
         report = play_cleared(admission, rig.array, **how)
         return Played(drive=played, outcome=admission.outcome, report=report)

@@ -4,9 +4,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from threading import Event
 from typing import Self
 
@@ -112,21 +112,19 @@ class SolvedAhead:
 
     def in_time(self, report: Callable[[str], object]) -> ExposureClearance:
         """Wait until the play can begin without a gap, and return its clearance; report if this takes long."""
-        said = False
-        while True:
-            # A part came, or the solver ended.
-            self._news.get()
+        lacks: float | None = None
+        while lacks is None or lacks > 0:
+            # Until a part came, the solver ended, or enough time has passed.
+            with suppress(Empty):
+                self._news.get(timeout=lacks)
             if self._solved.done():
-                return self.finish()
+                break
             lacks, speed = self._lacks()
-            if self._stream is not None and lacks <= 0:
-                return self._stream.clearance()
-            if speed < 1 and not said:
-                said = True
-                report(
-                    f"this computer solves {speed:.2g} s of touch in a second: the first sound comes in about "
-                    f"{max(lacks, 1):.0f} s, so that there is no gap"
-                )
+            if lacks > 0 and speed < 1:
+                wait = f"the first sound comes in about {max(lacks, 1):.0f} s, so that there is no gap"
+                report(f"this computer solves {speed:.2g} s of touch in a second: {wait}")
+                report = bool  # once
+        return self.finish() if self._stream is None or self._solved.done() else self._stream.clearance()
 
     def _lacks(self) -> tuple[float, float]:
         """Time in s by which a play that begins now would be too early, and touch in s that is solved in a second."""
@@ -137,11 +135,12 @@ class SolvedAhead:
             return 0.0, np.inf
         # The first part includes the preparation, which makes its speed a lower bound.
         first = 1 if len(times) > 2 else 0
-        pace = max((times[-1] - times[each]) / (counts[-1] - counts[each]) for each in (first, -2))
-        part = min(rest, frames_per_part(self._settings.solver.solver()))
+        part, passed = min(rest, frames_per_part(self._settings.solver.solver())), time.monotonic() - times[-1]
+        paces = [(times[-1] - times[each]) / (counts[-1] - counts[each]) for each in (first, -2)]
+        pace = max(*paces, passed / part)
         next_late = SLOWER * pace * part - counts[-1] / rate
         last_late = SLOWER * pace * rest - (self._frames - part) / rate
-        return float(max(next_late, last_late) + RESERVE), float(1 / (pace * rate)) if first else np.inf
+        return float(max(next_late, last_late) + RESERVE - passed), float(1 / (pace * rate)) if first else np.inf
 
     def finish(self) -> ExposureClearance:
         """Wait until all is solved and written, and return the clearance of all frames; raises the solver's error."""
