@@ -246,7 +246,7 @@ class Gated:
     name, array, gated, steps_a_turn = "attacked", TransducerArray.autd3(), True, 256
 
 
-def exposure(drives: int, poses: int, first: int = 0) -> None:
+def exposure(drives: int, poses: int, first: int = 0, *, fitted: bool = False) -> None:
     """Print how far the stated levels of steered frames lie above a direct sum: of the admission, and of each frame."""
     profile, room = profile_named(DEFAULT_PROFILE), Medium.at(temperature=22.0, humidity=0.4)
     array, grid = Gated.array, ControlGrid(rows=9, columns=9, pitch=8e-3)
@@ -257,14 +257,19 @@ def exposure(drives: int, poses: int, first: int = 0) -> None:
         for each in places
         for number, air in enumerate(airs)
     }
-    found, spent = np.empty((drives, 4, len(places))), np.zeros(2)
+    found, spent, fit = np.empty((drives, 4, len(places))), np.zeros(2), PalmFit(array, ROOM, grid)
     for number in range(drives):
         rng = np.random.default_rng(first + number)
         drive, palms = random_drive(array, solved, rng, first + number), random_poses(solved, poses, rng)
         stated = clear_followed(drive, Gated, asked, grid).exposure.level.max(axis=0)[:3]  # type: ignore[arg-type]
         frames = rng.integers(0, drive.frames, poses)
         extra = steering_phase(array, ROOM.medium, solved, palms, aim=aims_of(drive, grid)[frames])
-        steered = replace(drive, phase=drive.phase[frames] + extra, level=np.ones(poses))
+        phase = drive.phase[frames] + extra
+        if fitted:
+            for at in range(poses):
+                fit.move(pose_of(palms, at))
+                phase[at] += np.angle(fit(drive.phase[frames[[at]]], phase[[at]])[0])
+        steered = replace(drive, phase=phase, level=np.ones(poses))
         began = time.process_time()
         each = exposure_levels(steered, profile, airs, steps=256)[:, :3]
         spent[0] += time.process_time() - began
@@ -319,6 +324,7 @@ def main() -> None:
     parser.add_argument("--drives", type=int, default=200, help="random drives for exposure (default 200)")
     parser.add_argument("--first", type=int, default=0, help="number of the first of these drives (default 0)")
     parser.add_argument("--random-poses", type=int, default=1000, help="poses of each for exposure (default 1000)")
+    parser.add_argument("--fitted", action="store_true", help="the frames for exposure are fitted, too")
     parser.add_argument("--things", nargs="+", default=["towel", "brush", "sponge", "denim", "hapmat-fabric"])
     parser.add_argument("--poses", nargs="+", choices=POSES, default=list(POSES))
     parser.add_argument("--again", action="store_true", help="solve again for each pose, which takes minutes")
@@ -332,7 +338,7 @@ def main() -> None:
         if "table" in options.part:
             table(things, options.poses, plan, again=options.again)
         if "exposure" in options.part:
-            exposure(options.drives, options.random_poses, options.first)
+            exposure(options.drives, options.random_poses, options.first, fitted=options.fitted)
         if "follow" in options.part:
             follow(things[0], plan, options.data, Path(folder), options.latencies)
 

@@ -1,7 +1,7 @@
 import pytest
 
 from midair.errors import DeviceStateError
-from midair.studio.control import Control
+from midair.studio.studio_state import Control
 
 
 @pytest.fixture

@@ -1,9 +1,12 @@
+import os
 import time
 
+import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from tests.palms import palm_path
 
-from midair.files import load_played, open_take
+from midair.files import load_played, open_take, save_palm_path
 
 pytestmark = pytest.mark.browser
 
@@ -47,6 +50,26 @@ def test_every_frame_arrives_and_a_stalled_page_catches_up(feeling):
     felt = page.page.evaluate("studio.link.state.live_goes.frames")
     page.until(f"studio.room.track.last === {felt} && studio.room.sound.last === {felt}")
     assert page.page.evaluate("studio.room.track.lost") == page.page.evaluate("studio.room.sound.lost") == 0
+    assert page.wrong == []
+
+
+def test_the_palm_of_a_tracker_is_followed(studio_at, look, tmp_path):
+    times = np.arange(6000) / 100
+    centre = np.stack([5e-3 * np.sin(6 * times), 0 * times, 0.2 + 0 * times], axis=1)
+    save_palm_path(palm_path(times, centre), tmp_path / "hand.csv")
+    page = look(studio_at())
+    page.until("studio.link.state.player?.state === 'ready'", timeout=120)
+    page.go("#live")
+    page.until("studio.name === 'live' && !document.querySelector('#live-check').disabled")
+    page.page.get_by_label("Follow the palm of a tracker").fill(f"replay:{tmp_path / 'hand.csv'}")
+    page.page.get_by_label("Its latency, ms").fill("10")
+    page.page.locator("#live-check").click()
+    page.hold_to_begin()
+    page.until("/the palm is followed/.test(document.querySelector('#main').innerText)", timeout=120)
+    if "MIDAIR_PICTURES" in os.environ:
+        page.page.screenshot(path=f"{os.environ['MIDAIR_PICTURES']}/live-follows.png", full_page=True)
+    page.page.locator("#live-end").click()
+    assert "ended normally" in in_silence(page)
     assert page.wrong == []
 
 

@@ -2,7 +2,7 @@ import gzip
 
 from starlette.requests import Request
 
-from midair.studio.web_files import WebFiles
+from midair.studio.application import WebFiles
 
 
 def asked(*headers):

@@ -35,6 +35,9 @@ device without sound."""
 _TURN = PHASE_STEPS / (2 * np.pi)
 """Phase steps per radian."""
 
+UNSAMPLED = 1.0
+"""Level in dB that is added to that of sampled poses of a palm, since others are louder (benchmarks/palm_pose.py)."""
+
 _KEY = object()  # Key to the constructor of ExposureClearance, private to this module.
 
 
@@ -430,7 +433,7 @@ def check_exposure_steered(
     own, others = (_measured(each, device, choices, 1) for each in (drive, samples))
     found = replace(
         own,
-        level=np.concatenate([own.level, others.level]),
+        level=np.concatenate([own.level, others.level + UNSAMPLED]),
         air=np.concatenate([own.air, others.air]),
         pressure=max(own.pressure, others.pressure),
     )

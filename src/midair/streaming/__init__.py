@@ -1,6 +1,5 @@
 """Frames longer than memory: arrays whose frames are read or computed on access, their filters and their storage."""
 
-from .arriving_frames import ArrivingFrames as ArrivingFrames
 from .by_channel import channels as channels
 from .by_channel import medians as medians
 from .lazy_filters import convolve_lazily as convolve_lazily
@@ -25,5 +24,6 @@ from .lazy_frames import from_iterator as from_iterator
 from .lazy_frames import moments as moments
 from .lazy_frames import read_frames as read_frames
 from .lazy_frames import with_cache as with_cache
+from .temp_frames import ArrivingFrames as ArrivingFrames
 from .temp_frames import TempChannels as TempChannels
 from .temp_frames import TempFrames as TempFrames

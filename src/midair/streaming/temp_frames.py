@@ -1,8 +1,9 @@
-"""Temporary frames on disk, in an unnamed file that the system deletes when the program ends."""
+"""Temporary frames on disk, in an unnamed file that the system deletes when the program ends; frames that arrive."""
 
 import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
+from threading import Condition
 from types import TracebackType
 from typing import IO, Any, Self
 
@@ -119,3 +120,48 @@ class TempChannels(_Numbers):
             return np.stack(parts, axis=1).reshape(-1, *shape)
 
         return LazyFrames(read, (self.frames, *shape))
+
+
+class ArrivingFrames(LazyFrames):
+    """Lazy frames of `shape` that come in order and are kept in a temporary file; a read waits for its frames.
+
+    They are kept as bytes, of which `steps` are 1, or as they are if `steps` is None.
+    """
+
+    def __init__(self, shape: tuple[int, ...], *, steps: float | None = None) -> None:
+        super().__init__(self._arrived, shape)
+        self._spool = TempFrames(*shape[1:], kind=np.float64 if steps is None else np.uint8)
+        self._steps, self._news, self._error = steps, Condition(), list[BaseException]()
+
+    @property
+    def there(self) -> int:
+        """Number of frames that have come; raises the error of `fail`."""
+        if self._error:
+            raise self._error[0]
+        return self._spool.frames
+
+    def append(self, block: NDArray[Any]) -> None:
+        """Append frames, as bytes if they are kept so."""
+        with self._news:
+            self._spool.append(block)
+            self._news.notify_all()
+
+    def fail(self, error: BaseException) -> None:
+        """End with an error, which every later read raises."""
+        with self._news:
+            self._error.append(error)
+            self._news.notify_all()
+
+    def kept(self, frames: int) -> LazyFrames:
+        """The first frames, all of which have come; they can be read also after an error."""
+        return LazyFrames(self._kept, (frames, *self.shape[1:]))
+
+    def _arrived(self, first: int, last: int) -> NDArray[np.float64]:
+        with self._news:
+            self._news.wait_for(lambda: self.there >= last)
+        return self._kept(first, last)
+
+    def _kept(self, first: int, last: int) -> NDArray[np.float64]:
+        with self._news:
+            read = self._spool.read(first, last)
+        return read if self._steps is None else read / self._steps

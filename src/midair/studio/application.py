@@ -1,14 +1,15 @@
-"""The studio as an ASGI application: pages, files and one WebSocket."""
+"""The studio as an ASGI application: pages, web files and one WebSocket."""
 
 import asyncio
 import contextlib
+import gzip
 import html
 import time
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator, Callable, Iterable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from urllib.parse import unquote
 
 from starlette.applications import Starlette
@@ -27,11 +28,45 @@ from midair.studio.room_air import RoomAir
 from midair.studio.studio_state import LARGEST_ORDER, Page, StudioState
 from midair.studio.take_data import frames_of, sound_of
 from midair.studio.takes_list import TakesList
-from midair.studio.web_files import WebFiles
 from midair.studio.work import methods_of_modes, warm_up
 from midair.study import media_type
 from midair.version import __version__
 from midair.view import TABLES, WEB, colour_table
+
+_TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
+
+
+@dataclass(frozen=True, slots=True)
+class WebFiles:
+    """Pages, scripts and styles by name; no path is built from a request."""
+
+    files: dict[str, tuple[str, bytes, bytes]]
+    """Media type, contents, and contents compressed by gzip."""
+
+    @classmethod
+    def of(cls, paths: Iterable[Path], filled: Mapping[str, str] | None = None) -> Self:
+        """Load web files and those of folders; the comment of a name in a page is replaced by the text `filled`."""
+        found: dict[str, tuple[str, bytes, bytes]] = {}
+        for path in (one for each in paths for one in (each.iterdir() if each.is_dir() else [each])):
+            if path.suffix not in _TYPES:
+                continue
+            contents = path.read_bytes()
+            if path.suffix == ".html":
+                for name, text in (filled or {}).items():
+                    contents = contents.replace(f"<!-- {name} -->".encode(), text.encode())
+            found[path.name] = (_TYPES[path.suffix], contents, gzip.compress(contents, mtime=0))
+        return cls(found)
+
+    def answer(self, request: Request, name: str) -> Response:
+        """Return a file, compressed if the browser accepts gzip."""
+        if name not in self.files:
+            return PlainTextResponse("not there\n", 404)
+        kind, plain, packed = self.files[name]
+        headers = {"vary": "accept-encoding"}
+        if "gzip" in request.headers.get("accept-encoding", ""):
+            return Response(packed, media_type=kind, headers={**headers, "content-encoding": "gzip"})
+        return Response(plain, media_type=kind, headers=headers)
+
 
 OWN = Path(__file__).parent / "web"
 AFTER = 0.5

@@ -223,7 +223,13 @@ class _LiveSupervisor:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         self._past = None
         cooling = Cooling(report=lambda text: self._pipe.send("heat", text=text))
-        session = live(settings=settings, permit=self._permit, leave=order["leave"], cooling=cooling)
+
+        def told(text: str) -> None:
+            if text.startswith("follow"):
+                self._pipe.send("follow", text=text)
+
+        given = {"settings": settings, "cooling": cooling, "report": told}
+        session = live(permit=self._permit, leave=order["leave"], **given)
         # Created before the first frame: otherwise frames of that time would arrive all at once.
         sight = LiveView(session.order)
         about = sight.about()

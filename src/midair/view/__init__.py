@@ -1,18 +1,15 @@
 """Interactive views of frames, used by the studio, notebooks and standalone pages; also films and sound files."""
 
-from .audio import ChannelSound as ChannelSound
-from .audio import channel_sound as channel_sound
-from .audio import comparison_sounds as comparison_sounds
-from .colours import TABLES as TABLES
-from .colours import colour_table as colour_table
 from .film import Film as Film
 from .film import PalmMaps as PalmMaps
 from .film import ffmpeg as ffmpeg
 from .film import film_of_palm as film_of_palm
 from .film import write_gif as write_gif
 from .film import write_mp4 as write_mp4
+from .frame_encoding import TABLES as TABLES
 from .frame_encoding import Kind as Kind
 from .frame_encoding import Section as Section
+from .frame_encoding import colour_table as colour_table
 from .frame_encoding import encode_counts as encode_counts
 from .frame_encoding import pack as pack
 from .frame_encoding import phase_counts as phase_counts
@@ -25,6 +22,9 @@ from .page_payload import metadata as metadata
 from .page_payload import sections as sections
 from .page_payload import size_of as size_of
 from .pages import WEB as WEB
+from .pages import ChannelSound as ChannelSound
+from .pages import channel_sound as channel_sound
+from .pages import comparison_sounds as comparison_sounds
 from .pages import iframe_page as iframe_page
 from .pages import in_notebook as in_notebook
 from .pages import one_module as one_module

@@ -15,7 +15,7 @@ from midair.array_types import Array
 from midair.errors import InputError, MissingExtraError
 from midair.model import SensorGrid
 from midair.validation import frozen_array
-from midair.view.colours import colour_table
+from midair.view.frame_encoding import colour_table
 from midair.view.view_data import Channels, Sound, ViewData
 
 if TYPE_CHECKING:

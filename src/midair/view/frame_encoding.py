@@ -22,12 +22,24 @@ import struct
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
+
+Table = Literal["inferno", "cividis", "twilight"]
+TABLES: tuple[Table, ...] = ("inferno", "cividis", "twilight")
+"""Two for magnitudes (zero is dark in inferno; cividis suits colour-blind people) and a cyclic one for phases."""
+
+
+def colour_table(name: str) -> NDArray[np.uint8]:
+    """Return 256 RGB colours from the lowest to the highest value, shape (256, 3)."""
+    from matplotlib import colormaps
+
+    return np.asarray(colormaps[name](np.arange(256) / 255, bytes=True)[:, :3], np.uint8)
+
 
 HEADER = struct.Struct("<4BIdQHHf")
 """The 32-byte header of a section."""

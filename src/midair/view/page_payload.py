@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.view.colours import TABLES, colour_table
-from midair.view.frame_encoding import Kind, Section, encode_counts, pack, phase_counts
+from midair.view.frame_encoding import TABLES, Kind, Section, colour_table, encode_counts, pack, phase_counts
 from midair.view.view_data import Channels, Sound, ViewData
 
 CHUNK = 250

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.devices.trackers.clock_fit import ClockFit
+from midair.devices.trackers.tracker import ClockFit
 
 
 @pytest.mark.parametrize("drift", [0.0, 1e-4, -1e-4])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, NonFiniteError
-from midair.files.importers.text_table import read_table
+from midair.files.importers.csv_file import read_table
 
 
 @pytest.mark.parametrize(

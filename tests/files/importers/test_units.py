@@ -1,6 +1,6 @@
 import pytest
 
-from midair.files.importers.units import known_unit
+from midair.files.importers.header import known_unit
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from midair.files.native.retrying_file import RetryingFile
+from midair.files.native.hdf5_recovery import RetryingFile
 
 WRITE = """
 import resource, signal, sys

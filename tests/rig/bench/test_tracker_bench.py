@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from midair.cli.app import run
-from midair.cli.commands.calibrate import tracker as command
+from midair.cli.commands.calibrate import measure_array as command
 from midair.devices import ExposureChoices, RawPose, Tracker
 from midair.devices.trackers.tracker import TrackerOptions
 from midair.errors import DeviceError

@@ -5,10 +5,9 @@ from midair.devices import StreamedSensor
 from midair.devices.sensors.sources import Chunk, Stream
 from midair.errors import DeviceError, MissingExtraError
 from midair.registry import Registry
-from midair.rig.doctor import checkup, sensor_checkup
+from midair.rig.doctor import checkup
 from midair.rig.doctor.check import Check
-from midair.rig.doctor.checkup import run_checks
-from midair.rig.doctor.sensor_checkup import live_sensor_findings, sensor_findings
+from midair.rig.doctor.checkup import live_sensor_findings, run_checks, sensor_findings
 
 
 def test_every_kind_of_sensor_is_checked_without_an_error():
@@ -39,7 +38,7 @@ def test_a_missing_package_gives_advice(wrong, found, advice, monkeypatch):
         def __getitem__(self, name):
             raise wrong
 
-    monkeypatch.setattr(sensor_checkup, "SENSORS", Missing("none", {"audio": "nothing:at_all"}))
+    monkeypatch.setattr(checkup, "SENSORS", Missing("none", {"audio": "nothing:at_all"}))
     (audio,) = [finding for finding in sensor_findings() if finding.subject == "audio: sensors"]
     assert (audio.state, audio.found, audio.advice) == ("missing", found, advice)
 
@@ -73,7 +72,7 @@ class Sick:
 def test_a_live_sensor_is_read(monkeypatch):
     for slow in ("_folder", "_field", "_solver", "_threads"):
         monkeypatch.setattr(checkup, slow, lambda: Check(subject="left out", state="ok", found=""))
-    monkeypatch.setattr(sensor_checkup, "source_sensor", lambda name, wiring: StreamedSensor(Sick(), name=name))
+    monkeypatch.setattr(checkup, "source_sensor", lambda name, wiring: StreamedSensor(Sick(), name=name))
     found = {finding.subject.removeprefix("serial:COM3: "): finding for finding in run_checks("serial:COM3")}
     assert (found["cells that never change"].state, found["cells that never change"].found) == ("broken", "1")
     assert (found["cells that clip"].state, found["cells that clip"].found) == ("broken", "2")

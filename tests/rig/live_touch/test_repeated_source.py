@@ -4,7 +4,7 @@ import numpy as np
 
 from midair.devices import Stream, StreamedSensor
 from midair.rig import VirtualRig
-from midair.rig.live_touch.repeated_source import RepeatedSource, streamed
+from midair.rig.live_touch.process import RepeatedSource, streamed
 
 
 def test_frames_are_repeated_when_they_are_due():

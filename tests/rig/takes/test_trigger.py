@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.rig.takes.trigger import PreRoll, Trigger
+from midair.rig.takes.meters import PreRoll, Trigger
 
 RATE = 1000.0
 

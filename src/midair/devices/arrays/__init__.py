@@ -3,7 +3,6 @@
 from .autd3 import autd3_array as autd3_array
 from .autd3 import autd3_immediate as autd3_immediate
 from .autd3 import pyautd3_array as pyautd3_array
-from .banked_array import BankedArray as BankedArray
 from .immediate import OUTCOMES as OUTCOMES
 from .immediate import ImmediateArray as ImmediateArray
 from .immediate import ImmediateUnits as ImmediateUnits
@@ -12,3 +11,4 @@ from .openmpd import OpenMpdArray as OpenMpdArray
 from .silencer import Silencer as Silencer
 from .silencer import SilencerChoice as SilencerChoice
 from .silencer import choose_silencer as choose_silencer
+from .streaming import BankedArray as BankedArray

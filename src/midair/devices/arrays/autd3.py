@@ -4,9 +4,9 @@ import importlib
 from typing import Any
 
 from midair.devices.arrays.autd3_address import autd3_place
-from midair.devices.arrays.banked_array import BankedArray
 from midair.devices.arrays.immediate import ImmediateArray
 from midair.devices.arrays.silencer import SilencerChoice, named_silencer
+from midair.devices.arrays.streaming import BankedArray
 from midair.errors import MissingExtraError
 from midair.model import RATE, Placement
 

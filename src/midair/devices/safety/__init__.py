@@ -1,6 +1,5 @@
 """Safety: one program per device, a log, a channel through which another terminal stops playback, a guard process."""
 
-from .device_locks import device_lock as device_lock
 from .lock_files import make_state_folder as make_state_folder
 from .lock_files import state_folder as state_folder
 from .play_log import Ending as Ending
@@ -19,5 +18,6 @@ from .stop_channel import process_start_time as process_start_time
 from .stop_channel import stop_playing as stop_playing
 from .stop_channel import uptime as uptime
 from .stop_guard import StopGuard as StopGuard
+from .stop_guard import device_lock as device_lock
 from .stop_input import open_stop_input as open_stop_input
 from .stop_input import stop_on_input as stop_on_input

@@ -1,15 +1,121 @@
-"""Reservation of an array and its stop channel, from the order to play until the array is released."""
+"""Lock of a device among programs; reservation of an array and its stop channel, from the order to play on."""
 
 import _thread
+import contextlib
+import errno
+import hashlib
+import shlex
 import signal
+import socket
+import struct
 import sys
 import threading
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from urllib.parse import quote, unquote
 
-from midair.devices.safety.device_locks import device_lock
+from midair.devices.safety.lock_files import LockFile, held_entry, make_state_folder, state_folder
 from midair.devices.safety.stop_channel import open_stop_channel
-from midair.errors import StoppedError
+from midair.errors import DeviceError, HeldError, StoppedError
+
+
+@contextmanager
+def device_lock(device: str) -> Generator[None]:
+    """While inside, no other program on this computer, and no other part of this one, can lock the device.
+
+    The lock is a system lock on a file in the state folder, and on Linux also a socket name for the whole computer:
+    both end with the process, and a leftover file does not block. On macOS, programs of other users, or with another
+    state folder, get the device; on Windows every program does.
+
+    Colons separate the parts of a name: ``autd3``, which may find any units, excludes ``autd3:eth0``, and vice versa.
+    Raises HeldError if another program uses it, DeviceError if Linux refuses the socket, FileError if the state folder
+    cannot be written.
+    """
+    path = make_state_folder() / f"device-{quote(device, safe='')}.json"
+    held = LockFile.take(path)
+    if held is None:
+        raise _held_error(device, _holder(path))
+    try:
+        held.write({"device": device})
+        # Lock first, then check the others: of two simultaneous programs at least one detects the other.
+        for other in _overlapping(device):
+            if held_entry(other) is not None:
+                raise _held_error(device, _holder(other))
+        with _computer_lock(device):
+            yield
+    finally:
+        held.release()
+
+
+_NAMES = "midair-device:"
+"""Beginning of the socket names, in Linux's abstract namespace: they are no files."""
+
+
+@contextmanager
+def _computer_lock(device: str) -> Generator[None]:
+    """While inside, no program of any user or state folder can lock the device; no effect except on Linux."""
+    if sys.platform != "linux":
+        yield
+        return
+    # A name has 107 bytes at most; a digest keeps out the same device only.
+    name = quote(device, safe="") if len(device) < 30 else hashlib.sha256(device.encode()).hexdigest()
+    with socket.socket(socket.AF_UNIX) as held:
+        try:
+            held.bind(f"\0{_NAMES}{name}")
+            # Its backlog lets others connect, which gives them this process's number and user.
+            held.listen(128)
+        except OSError as wrong:
+            if wrong.errno == errno.EADDRINUSE:
+                raise _held_error(device, _socket_holder(name)) from wrong
+            raise DeviceError(
+                f"{device}: expected a lock for all users of this computer, got {wrong.strerror}"
+            ) from wrong
+        lines: list[str] = []
+        with contextlib.suppress(OSError):
+            lines = Path("/proc/net/unix").read_text(encoding="utf-8", errors="replace").splitlines()
+        for other in {line.partition(f" @{_NAMES}")[2] for line in lines}:
+            if _overlap(device, unquote(other)):
+                raise _held_error(device, _socket_holder(other))
+        yield
+
+
+def _socket_holder(name: str) -> str:
+    """The program that has a socket name."""
+    import pwd
+
+    who = "a program of another user"
+    with contextlib.suppress(OSError, KeyError), socket.socket(socket.AF_UNIX) as call:
+        call.settimeout(0.1)
+        call.connect(f"\0{_NAMES}{name}")
+        process, user, _ = struct.unpack("3i", call.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
+        who = f"process {process} of user {user}"
+        who = f"process {process} of user {pwd.getpwuid(user).pw_name}"
+        words = Path(f"/proc/{process}/cmdline").read_text(encoding="utf-8", errors="replace").split("\0")[:-1]
+        who += f" ({''.join(each if each.isprintable() else '?' for each in shlex.join(words))[:300]})"
+    return f"{who} has it"
+
+
+def _overlapping(device: str) -> list[Path]:
+    """Lock files of devices that contain this one or that it contains."""
+    others = {unquote(path.stem.removeprefix("device-")): path for path in state_folder().glob("device-*.json")}
+    return [path for name, path in others.items() if _overlap(name, device)]
+
+
+def _overlap(one: str, other: str) -> bool:
+    """Whether one of two devices contains the other."""
+    return one.startswith(f"{other}:") or other.startswith(f"{one}:")
+
+
+def _holder(path: Path) -> str:
+    """The program that has a lock file."""
+    entry = held_entry(path) or {}
+    process, command, since = (entry.get(key, "?") for key in ("process", "command", "since"))
+    return f"process {process} ({command}) has had it since {since}"
+
+
+def _held_error(device: str, who: str) -> HeldError:
+    return HeldError(f"{device}: expected a device that no other program uses, {who}; wait until it ends, or end it")
 
 
 class StopGuard:

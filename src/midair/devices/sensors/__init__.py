@@ -1,7 +1,6 @@
 """Sensors: network streams, sound cards, converters, serial ports, and replayed files."""
 
 from .decimated import Decimated as Decimated
-from .replay import ReplaySensor as ReplaySensor
 from .sources import Chunk as Chunk
 from .sources import SensorOptions as SensorOptions
 from .sources import Source as Source
@@ -10,3 +9,4 @@ from .streamed_sensor import StreamedSensor as StreamedSensor
 from .thermometer import Thermometer as Thermometer
 from .wrapped_sensors import PacedSensor as PacedSensor
 from .wrapped_sensors import RemappedSensor as RemappedSensor
+from .wrapped_sensors import ReplaySensor as ReplaySensor

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
-from midair.files.importers.units import known_unit
+from midair.files.importers.header import known_unit
 from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 
 _META, _NEW, _RAW, _INTERLEAVED, _BIG, _DAQMX = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6, 1 << 7

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
-from midair.files.importers.units import known_unit
+from midair.files.importers.header import known_unit
 from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 from midair.files.timestamps import to_fixed_rate
 from midair.model import Unit

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import atomic_file, check_disk_space, existing_file, parse_errors
 from midair.files.native.checksums import Ranges, create_checksums, damage_text, read_rows
-from midair.files.native.hdf5_recovery import is_unclosed, openable
+from midair.files.native.hdf5_recovery import RetryingFile, is_unclosed, openable
 from midair.files.native.inspection import get_ready, inspect
 from midair.files.native.provenance_json import to_json
-from midair.files.native.retrying_file import RetryingFile
 from midair.files.native.schema import BLOCK, FORMAT, TABLE, Entry, Kind
 from midair.streaming import LazyFrames, block_ranges
 from midair.validation import check_finite

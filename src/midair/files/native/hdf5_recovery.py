@@ -1,4 +1,4 @@
-"""Open HDF5 files whose writer was killed or is still running, as if they had been closed.
+"""Open HDF5 files whose writer was killed or still runs, as if they had been closed; output that survives disk errors.
 
 Such a file has a flag that makes HDF5 reject any reader but an SWMR reader, and that one retries endlessly on damaged
 metadata. The file is therefore read with the flag cleared in memory.
@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, BinaryIO, cast
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
+    from typing_extensions import Buffer
+
 
 LARGE = 64_000_000
 """Size in bytes from which a file is not copied into memory."""
@@ -115,3 +117,36 @@ def _rotated(word: int, turn: int) -> int:
 def _is_valid(block: bytes) -> bool:
     whole = len(block) == LENGTH and block[:9] == b"\x89HDF\r\n\x1a\n\x03" and block[9:11] == b"\x08\x08"
     return whole and checksum(block[:-4]) == int.from_bytes(block[-4:], "little")
+
+
+class RetryingFile(FileIO):
+    """A new file that accepts all data but writes nothing after the first disk error, which `check` raises."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "w+")
+        self._refused: OSError | None = None
+
+    def write(self, data: "Buffer", /) -> int:
+        """Write all data, or store the error."""
+        view = memoryview(data).cast("B")
+        left = view if self._refused is None else view[:0]
+        try:
+            while len(left):
+                # The system may write only a part of a large block.
+                left = left[super().write(left) or 0 :]
+        except OSError as wrong:
+            self._refused = wrong
+        return len(view)
+
+    def truncate(self, size: int | None = None, /) -> int:
+        """Set the length, or store the error."""
+        try:
+            return super().truncate(size)
+        except OSError as wrong:
+            self._refused = self._refused or wrong
+            return size or 0
+
+    def check(self) -> None:
+        """Raise the first disk error, if any."""
+        if self._refused is not None:
+            raise self._refused

@@ -1,4 +1,4 @@
-"""Check the installation: Python, libraries, folder, field model, solver, and the parts of the other checks."""
+"""Check the installation: Python, libraries, folder, field model, solver, sensors, and parts of the other checks."""
 
 import importlib.metadata
 import importlib.util
@@ -12,14 +12,26 @@ from pathlib import Path
 import numpy as np
 
 from midair.blas import VARIABLE, WIDE, misses_wide_kernel
+from midair.errors import DeviceError, MidairError, MissingExtraError
 from midair.files import open_take, save
-from midair.model import HEIGHT, RATE, Acoustics, AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
+from midair.model import (
+    HEIGHT,
+    RATE,
+    Acoustics,
+    AmplitudeFrames,
+    ControlGrid,
+    Medium,
+    Recording,
+    SensorWiring,
+    TransducerArray,
+)
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.progress import report_progress
+from midair.recordings import at_limit
 from midair.rig.doctor.array_checkup import array_findings
 from midair.rig.doctor.check import Check, broken, missing, ok
 from midair.rig.doctor.machine_checkup import machine_findings
-from midair.rig.doctor.sensor_checkup import is_live_sensor, live_sensor_findings, sensor_findings
+from midair.rig.names import SENSORS, source_sensor
 from midair.solvers import solve
 
 
@@ -121,3 +133,57 @@ def _kernel() -> Check:
         found=f"{found}, 256 bits on a processor that has 512" if missed else found,
         advice=f"set {VARIABLE}={WIDE} before Python starts: complex products take half the time" if missed else "",
     )
+
+
+def sensor_findings() -> list[Check]:
+    """Check the virtual sensor, and the package, library and connected devices of each kind of live sensor."""
+    return [ok("virtual sensor", "always available, as is replay:FILE"), *(_kind(kind) for kind in SENSORS)]
+
+
+def is_live_sensor(name: str) -> bool:
+    """Whether a name is that of a live sensor rather than of an array."""
+    return name.partition(":")[0] in SENSORS
+
+
+def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[Check]:
+    """Open a live sensor, read it for half a second, and check the samples."""
+    plain = name.partition("?")[0]
+    try:
+        with source_sensor(name, wiring=wiring) as sensor:
+            sensor.start()
+            block = sensor.read(max(2, round(0.5 * sensor.rate)))
+            said = sensor.describe()
+            unit, full_scale = sensor.unit, sensor.full_scale
+    except MidairError as wrong:
+        # A message of midair has advice after its semicolon.
+        found, _, advice = str(wrong).partition("; ")
+        return [broken(plain, found, advice or "see docs, build a sensor")]
+    low, high = block.samples.min(axis=0), block.samples.max(axis=0)
+    largest = np.maximum(np.abs(low), np.abs(high)).ravel()
+    clipping = [] if full_scale is None else [str(each) for each in np.flatnonzero(at_limit(largest, full_scale))]
+    still = [str(channel) for channel in np.flatnonzero(low.ravel() == high.ravel())]
+    return [
+        *(ok(f"{plain}: {subject}", found) for subject, found in said.items()),
+        _channel_check(plain, "cells that never change", still, "check their wires and their supply"),
+        _channel_check(plain, "cells that clip", clipping, "lower the gain"),
+        ok(f"{plain}: samples", f"{low.min():.4g} to {high.max():.4g} {unit}"),
+    ]
+
+
+def _channel_check(name: str, subject: str, cells: list[str], advice: str) -> Check:
+    if not cells:
+        return ok(f"{name}: {subject}", "none")
+    return broken(f"{name}: {subject}", ", ".join(cells), advice)
+
+
+def _kind(kind: str) -> Check:
+    try:
+        driver = SENSORS[kind]
+        found = driver.available()
+    except MissingExtraError as wrong:
+        found, _, advice = str(wrong).partition("; ")
+        return missing(f"{kind}: sensors", found, f"{advice} if you have such a sensor")
+    except DeviceError as wrong:
+        return missing(f"{kind}: sensors", str(wrong), "only needed if you have such a sensor")
+    version = f"{driver.package} {importlib.metadata.version(driver.package)}; " if driver.package else ""
+    return ok(f"{kind}: sensors", version + found)

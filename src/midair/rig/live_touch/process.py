@@ -1,4 +1,4 @@
-"""The separate process of live touch, so that no file, page or person can delay its loop."""
+"""The separate process of live touch, so that no file, page or person can delay its loop; a recording as its source."""
 
 import os
 import signal
@@ -11,9 +11,15 @@ from multiprocessing.reduction import ForkingPickler
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from midair.devices import (
+    Chunk,
     Cooling,
     ImmediateArray,
+    SensorDevice,
+    Stream,
     StreamedSensor,
     autd3_immediate,
     check_exposure_level,
@@ -21,13 +27,12 @@ from midair.devices import (
     process_start_time,
     virtual_immediate,
 )
-from midair.errors import DeviceError, InputError, MidairError, StoppedError, UnknownDeviceError
-from midair.model import Calibration, SensorGrid, Unit
+from midair.errors import DeviceError, DeviceStateError, InputError, MidairError, StoppedError, UnknownDeviceError
+from midair.model import Calibration, SensorGrid, SensorWiring, Unit
 from midair.rig.live_touch.encryption import read_key
 from midair.rig.live_touch.live_loop import LiveLoop, LiveSteering, Pace
 from midair.rig.live_touch.live_settings import LiveSettings, host_and_port
 from midair.rig.live_touch.receiving import NetworkSource
-from midair.rig.live_touch.repeated_source import streamed
 from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
 from midair.rig.live_touch.touch import Rehearsal, Touch
 from midair.rig.live_touch.touch_ring import TouchRing
@@ -36,6 +41,68 @@ from midair.rig.play_lease import LeaseToken, PlayLease
 from midair.rig.playing import tracker_name
 from midair.settings import Settings
 from midair.solvers import one_blas_thread
+
+
+class RepeatedSource:
+    """Repeats `samples`, shape (frame, channel), in real time, in blocks of `block` frames as a converter does."""
+
+    def __init__(self, samples: NDArray[np.float64], stream: Stream, *, block: int = 2) -> None:
+        self._samples, self._stream, self._block = samples, stream, block
+        self._begin = 0.0
+        self._next = 0
+
+    def open(self) -> Stream:
+        """Return the stream."""
+        return self._stream
+
+    def start(self) -> None:
+        """Start with the first frame now."""
+        self._begin, self._next = time.monotonic(), 0
+
+    def pull(self, wait: float) -> Chunk | None:
+        """Return the next block when its last frame is due."""
+        first, rate = self._next, self._stream.rate
+        left = self._begin + (first + self._block) / rate - time.monotonic()
+        if left > wait:
+            time.sleep(wait)
+            return None
+        time.sleep(max(0.0, left))
+        self._next += self._block
+        at = np.arange(first, first + self._block) % len(self._samples)
+        # Time stamp of the end of the frame.
+        taken = self._begin + (first + 1) / rate
+        return Chunk(samples=self._samples[at], first=first, device_time=first / rate, host_time=taken)
+
+    def stop(self) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def describe(self) -> dict[str, str]:
+        """Duration of the period."""
+        return {"round": f"{len(self._samples) / self._stream.rate:g} s, repeated"}
+
+
+def streamed(sensor: SensorDevice, *, longest: float = 30.0) -> StreamedSensor:
+    """Return a live sensor; record an on-demand one (virtual or replayed) for `longest` seconds and repeat it.
+
+    DeviceStateError if the sensor is neither.
+    """
+    if isinstance(sensor, StreamedSensor):
+        return sensor
+    if not sensor.on_demand:
+        raise DeviceStateError(f"{sensor.name}: expected a live sensor, or one that can be repeated")
+    with sensor:
+        sensor.start()
+        block = sensor.read(round(longest * sensor.rate))
+    samples = np.asarray(block.samples).reshape(len(block.samples), -1)
+    stream = Stream(channels=sensor.grid.count, rate=sensor.rate, unit=sensor.unit)
+    wiring = SensorWiring(grid=sensor.grid, order=tuple(range(sensor.grid.count)), unit=sensor.unit)
+    made = StreamedSensor(RepeatedSource(samples, stream), name=sensor.name, wire=lambda _: wiring)
+    made.calibration, made.simulated = sensor.calibration, sensor.simulated
+    return made
+
 
 RATES = (100.0, 2000.0)
 """Frame rates in Hz for live touch: below, no vibration is felt; above, a frame takes longer to compute than it lasts.

@@ -1,22 +1,22 @@
 """Make devices from the names that users type, their calibrations, and the virtual rig."""
 
 from .array_names import ArrayKind as ArrayKind
+from .array_names import KeptCalibration as KeptCalibration
+from .array_names import array_calibration_for as array_calibration_for
+from .array_names import array_calibration_named as array_calibration_named
 from .array_names import array_named as array_named
 from .array_names import array_of_kind as array_of_kind
-from .array_store import KeptCalibration as KeptCalibration
-from .array_store import array_calibration_for as array_calibration_for
-from .array_store import array_calibration_named as array_calibration_named
-from .array_store import calibration_age as calibration_age
-from .array_store import keep_array_calibration as keep_array_calibration
-from .array_store import keep_array_check as keep_array_check
-from .array_store import kept_array_calibration as kept_array_calibration
+from .array_names import calibration_age as calibration_age
+from .array_names import keep_array_calibration as keep_array_calibration
+from .array_names import keep_array_check as keep_array_check
+from .array_names import kept_array_calibration as kept_array_calibration
 from .sensor_names import SENSORS as SENSORS
 from .sensor_names import THERMOMETERS as THERMOMETERS
+from .sensor_names import TRACKERS as TRACKERS
+from .sensor_names import open_tracker as open_tracker
 from .sensor_names import sensor_named as sensor_named
 from .sensor_names import source_sensor as source_sensor
 from .sensor_names import stage_named as stage_named
 from .sensor_names import thermometer_named as thermometer_named
-from .tracker_names import TRACKERS as TRACKERS
-from .tracker_names import open_tracker as open_tracker
 from .virtual_rig import TransducerSpread as TransducerSpread
 from .virtual_rig import VirtualRig as VirtualRig

@@ -32,6 +32,8 @@ class CheckLive(Arguments):
     gain: float = declared(LiveSettings, "gain")
     height_mm: float = declared(LiveSettings, "height", 1e3)
     level: float = declared(LiveSettings, "level")
+    follow: str = Field(default="", max_length=300)
+    latency_ms: float | None = Field(default=None, ge=0, le=1000)
     profile: str = Field(default="", max_length=100)
     attenuate: bool = False
     override: str = Field(default="", max_length=200)
@@ -113,6 +115,8 @@ class LivePanel(Panel):
             "delay": 1e-3 * order.delay_ms,
             "hold": 1e-3 * order.hold_ms,
             "height": 1e-3 * order.height_mm,
+            "follow": order.follow.strip() or None,
+            "tracker_latency": None if order.latency_ms is None else 1e-3 * order.latency_ms,
             "calibration": self._takes.folder.find(order.calibration) if order.calibration else None,
             "exposure": ExposureChoices(
                 profile=profile_named(order.profile or DEFAULT_PROFILE),
@@ -209,6 +213,8 @@ class LivePanel(Panel):
             case "goes":
                 self._store.put(live_goes={**said["goes"], "remembered": said["remembered"]})
                 self._playing.emits(said["emitting"])
+            case "follow":
+                self._show(said=said["text"])
             case "heat":
                 self._playing.paused(said["text"], waits=True)
             case "ended":

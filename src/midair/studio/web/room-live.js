@@ -48,7 +48,7 @@ export default class Live {
     this.pictures = [];
     this.state = { frame: 0, from: 0, channel: 10, span: 1 };
     this.drawn = this.undrawn = this.ticks = 0;
-    this.given = { sensor: "", mapping: "half-wave", delay_ms: 6, hold_ms: 6, gain: 1, height_mm: 200, level: 1, attenuate: false, override: "" };
+    this.given = { sensor: "", mapping: "half-wave", delay_ms: 6, hold_ms: 6, gain: 1, height_mm: 200, level: 1, follow: "", attenuate: false, override: "" };
     for (const name of ["inferno", "twilight"]) colours(name); // loaded before anything is armed
     this._build();
     this._offs = [this.link.on("live", (live) => this._live(live)), this.link.on("live_goes", (goes) => this._goes(goes)), this.link.on("live_about", (about) => this._about(about)), this.link.on("player", () => this.control()), this.link.on("air", (air) => this._air(air))];
@@ -88,6 +88,8 @@ export default class Live {
       field("Gain", make("input", { type: "number", min: 0.05, max: 100, step: 0.05, value: "1", onchange: set("gain") })),
       field("Height, mm", make("input", { type: "number", min: 20, max: 1000, step: 10, value: "200", onchange: set("height_mm") })),
       field("Level", choice([["0.1", "0.1 of full"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]], "1", set("level"))));
+    this.form.append(field("Follow the palm of a tracker", make("input", { type: "text", id: "live-follow", autocomplete: "off", placeholder: "leap:, lsl:NAME, osc:PORT, replay:FILE.csv", onchange: set("follow", false) })),
+      field("Its latency, ms", make("input", { type: "number", id: "live-latency", min: 0, max: 1000, placeholder: "measured", onchange: ({ target }) => { if (target.value === "") delete given.latency_ms; else given.latency_ms = Number(target.value); this._unchecked(); } })));
     this.check = make("button", { type: "button", id: "live-check", onclick: () => this._check() }, "Check exposure");
     this.hold = make("button.main.hold", { type: "button", id: "hold", disabled: true }, "Hold to begin");
     this.verdict = make("p.quiet", { role: "status" }, "Check the exposure first. The check assumes the worst case of the level.");
@@ -169,7 +171,7 @@ export default class Live {
     this.calibration.value = had;
     this.share.value = String(Math.round(100 * live.share));
     if (live.state === "opens") this._say("opening sensor and array …");
-    else if (live.state === "plays") this._say(spoken(this.link.state.live_about?.exposure ?? "playing"));
+    else if (live.state === "plays") this._say(live.said || spoken(this.link.state.live_about?.exposure ?? "playing"));
     else if (live.said) this._say(live.said, /ended normally/.test(live.said) ? "" : "bad");
     if (live.take) this.kept.replaceChildren(`${live.take.name}: ${live.take.duration_s.toFixed(1)} s `, make("a", { href: `#reproduce/${encodeURI(live.take.name)}`, id: "to-reproduce" }, "open in Reproduce"));
     this.control();
@@ -352,8 +354,8 @@ export default class Live {
   }
   _code() {
     const g = this.given, device = this.link.state.player?.device ?? "virtual";
-    const words = [`--sensor "${g.sensor}"`, `--device ${device}`, `--height ${g.height_mm}mm`, `--gain ${g.gain}`, `--level ${g.level}`, `--hold ${g.hold_ms}ms`, `--delay ${g.delay_ms}ms`, `--mapping ${g.mapping}`, "--duration 2s", "--keep felt.h5"];
-    const named = [`height=${g.height_mm / 1000}`, `gain=${g.gain}`, `level=${g.level}`, `hold=${g.hold_ms / 1000}`, `delay=${g.delay_ms / 1000}`, `mapping="${g.mapping}"`];
+    const words = [`--sensor "${g.sensor}"`, `--device ${device}`, `--height ${g.height_mm}mm`, `--gain ${g.gain}`, `--level ${g.level}`, `--hold ${g.hold_ms}ms`, `--delay ${g.delay_ms}ms`, `--mapping ${g.mapping}`, ...(g.follow ? [`--follow "${g.follow}"`, ...(g.latency_ms === undefined ? [] : [`--tracker-latency ${g.latency_ms}ms`])] : []), "--duration 2s", "--keep felt.h5"];
+    const named = [`height=${g.height_mm / 1000}`, `gain=${g.gain}`, `level=${g.level}`, `hold=${g.hold_ms / 1000}`, `delay=${g.delay_ms / 1000}`, `mapping="${g.mapping}"`, ...(g.follow ? [`follow="${g.follow}"`, ...(g.latency_ms === undefined ? [] : [`tracker_latency=${g.latency_ms / 1000}`])] : [])];
     this.studio.code("Live touch", `midair live ${words.join(" ")}`,
       `import midair\n\nif __name__ == "__main__":\n    how = dict(${named.join(", ")})\n    with midair.live("${g.sensor}", "${device}", duration=2.0, **how) as session:\n        session.wait()\n    print(session.statistics.plain())\n`);
   }

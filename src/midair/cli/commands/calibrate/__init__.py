@@ -6,8 +6,7 @@ from midair.cli.help_text import add_command, epilogue, examples_of
 
 from .apply import apply_command, show_command
 from .measure import beam_command, bench_command, measure_command, tone_command
-from .measure_array import array_command
-from .tracker import tracker_command
+from .measure_array import array_command, tracker_command
 
 calibrate_app = App(name="calibrate", help_epilogue=epilogue(examples_of(apply_command)))
 calibrate_app.default(apply_command)

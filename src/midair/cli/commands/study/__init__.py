@@ -4,8 +4,7 @@ from cyclopts import App
 
 from midair.cli.help_text import add_command, epilogue
 
-from .numbers import paper_command, power_command
-from .planning import new_command, plan_command, withdraw_command
+from .planning import new_command, paper_command, plan_command, power_command, withdraw_command
 from .running import markers_command, run_command
 from .study import analyse_command, export_command, verify_command
 
