@@ -154,6 +154,15 @@ def test_a_slow_computer_is_told_before_the_first_sound(monkeypatch):
     assert "so that there is no gap" in line
 
 
+def test_the_play_begins_before_a_part_that_will_come_in_time(monkeypatch):
+    solved, begun, device = [], [], Loud(ARRAY)
+    solver_that(lambda: solved.append(time.sleep(1.0)), monkeypatch, at_once=False)
+    real = device.emit
+    monkeypatch.setattr(device, "emit", lambda *order, **how: begun.append(len(solved)) or real(*order, **how))
+    play_pressure(pressure(rate=500.0), QUICK.but(rate=500.0), loud(SURE, device))
+    assert begun == [1]
+
+
 def test_what_needs_the_whole_drive_is_refused():
     for settings, choices in ((QUICK.but(ears=110.0), SURE), (QUICK, replace(SURE, override=None, attenuate=True))):
         with pytest.raises(InputError, match="use midair solve"):
