@@ -102,7 +102,7 @@ MISTAKES = (
     (
         "export take.h5 take",
         1,
-        ".npz, .mat, .nc, .hjif, .ahap; got 'no ending'",
+        ".npz, .mat, .nc, .hjif, .ahap, .haptic; got 'no ending'",
     ),
     ("export take.h5 take.mp3", 1, "MP3 can be read, not written; writable formats are .h5, .hdf5, .csv"),
     ("export there.drive.h5 x.wav", 1, "expected a name that ends in .npz or .json"),

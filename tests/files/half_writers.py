@@ -92,6 +92,7 @@ WRITERS = {
     },
     "a.hjif": lambda path: files.save(EFFECT, path),
     "a.ahap": lambda path: files.save(EFFECT, path),
+    "a.haptic": lambda path: files.save(EFFECT, path),
     "pressed.h5": with_pressure,
     "repaired.h5": repaired,
     "a.calibration.h5": lambda path: files.save_calibration(FLAT, path),

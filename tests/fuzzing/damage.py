@@ -347,6 +347,7 @@ DAMAGES: dict[str, Damage] = {
     ".json": json_text,
     ".hjif": json_text,
     ".ahap": json_text,
+    ".haptic": json_text,
     ".toml": toml_text,
 }
 """By the end of a name, the longest first."""

@@ -125,7 +125,7 @@ def _robots_and_laboratories(folder: Path) -> None:
 
 def _effects(folder: Path) -> None:
     """Effects as midair writes them, and with what midair only reads."""
-    for ending in (".hjif", ".ahap"):
+    for ending in (".hjif", ".ahap", ".haptic"):
         save(recording(), folder / f"own{ending}")
     keys = [
         {"relative_position": at, "amplitude_modulation": 0.2 * at / 100, "frequency_modulation": 80 + at}

@@ -118,6 +118,7 @@ TARGETS: dict[str, tuple[Callable[[Path], object], ...]] = {
     "own.hjif": (SAYS_RATE,),
     "foreign.hjif": (SAYS_RATE,),
     "own.ahap": (ONE_CHANNEL,),
+    "own.haptic": (ONE_CHANNEL,),
     "foreign.ahap": (ONE_CHANNEL,),
     **{name: (reader,) for name, reader in FOLDER_TARGETS.items()},
 }

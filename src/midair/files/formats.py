@@ -62,6 +62,7 @@ FORMATS: Registry[Format] = Registry(
         ".mcap": "midair.files.importers.mcap_file:MCAP",
         ".hjif": "midair.files.effects:HJIF",
         ".ahap": "midair.files.effects:AHAP",
+        ".haptic": "midair.files.effects:HAPTIC",
     },
 )
 """File formats by the ending of a name, in small letters."""
@@ -103,7 +104,7 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
     ----------
     path : str or PathLike
         Suffix .h5, .hdf5, .csv, .wav, .w64, .rf64, .npz, .npy, .mat, .nc, .flac, .aiff, .ogg, .mp3, .xdf, .tdms or
-        .mcap; .ahap and .hjif effects are rendered to waves.
+        .mcap; .ahap, .hjif and .haptic effects are rendered to waves.
     rate, unit, sensor, scale, channels, stream, packed, mending, streamed
         Facts that a file of another program does not contain: the fields of `ImportOptions`.
 
@@ -163,7 +164,7 @@ def save(
     Parameters
     ----------
     path : str or PathLike
-        Suffix .h5, .hdf5, .csv, .wav, .npz, .mat, .nc, .hjif or .ahap; an existing file is replaced.
+        Suffix .h5, .hdf5, .csv, .wav, .npz, .mat, .nc, .hjif, .ahap or .haptic; an existing file is replaced.
     calibration, pressure
         Calibration of its sensor and calibrated pressure, stored in the same file.
     journal : sequence of Event

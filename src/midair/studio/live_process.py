@@ -228,8 +228,8 @@ class _LiveSupervisor:
             if text.startswith("follow"):
                 self._pipe.send("follow", text=text)
 
-        given = {"settings": settings, "cooling": cooling, "report": told}
-        session = live(permit=self._permit, leave=order["leave"], **given)
+        leave = order["leave"]
+        session = live(settings=settings, permit=self._permit, leave=leave, cooling=cooling, report=told)
         # Created before the first frame: otherwise frames of that time would arrive all at once.
         sight = LiveView(session.order)
         about = sight.about()

@@ -54,7 +54,7 @@ def import_command(
     """Convert a file of another program to a recording.
 
     Reads CSV, NPZ, NPY, MAT, XDF, TDMS, MCAP, and NetCDF and HDF5 files of midair.
-    Reads WAV (also Wave64 and RF64), FLAC, AIFF, Ogg and MP3, and renders effects from .ahap and .hjif.
+    Reads WAV (also Wave64 and RF64), FLAC, AIFF, Ogg and MP3, and renders effects from .ahap, .hjif and .haptic.
     To get pressure without a calibration, give --scale, --sensitivity or --peak.
     A single channel becomes a field with --footprint circle:20mm --speed 50mm/s.
     The command prints all assumptions that it made.
@@ -190,7 +190,7 @@ def export_command(
     Parameters
     ----------
     output
-        File to write: NAME.csv, .wav, .npz, .mat, .nc (NetCDF), .hjif (MPEG haptics), .ahap (Apple) or .h5.
+        File to write: NAME.csv, .wav, .npz, .mat, .nc (NetCDF), .hjif (MPEG), .ahap (Apple), .haptic (Meta) or .h5.
         For a drive NAME.npz or NAME.json: phase in rad and level of every transducer in every frame.
     pressure
         Write the calibrated pressure instead of the raw samples.

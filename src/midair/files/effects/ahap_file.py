@@ -49,7 +49,11 @@ def write_ahap(recording: Recording, path: Path, calibration: Calibration | None
     ]
     with atomic_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
         json.dump({"Version": 1.0, "Pattern": pattern}, file, allow_nan=False, indent=1)
-    return (*_losses(recording, len(starts)), *calibration_lost(calibration, "AHAP"))
+    lost = clip_losses(recording, "sharpness", "intensity")
+    if len(starts) > 1:
+        text = f"{recording.duration:g} s became {len(starts)} events of up to {EVENT_LIMIT:g} s."
+        lost = (*lost, FormatLoss(what="length", text=text))
+    return (*lost, *calibration_lost(calibration, "AHAP"))
 
 
 def envelope(recording: Recording) -> tuple[Array, Array, Array]:
@@ -108,20 +112,19 @@ def _curves(name: str, time: Array, values: Array) -> list[dict[str, Any]]:
     return curves
 
 
-def _losses(recording: Recording, parts: int) -> tuple[FormatLoss, ...]:
+def clip_losses(recording: Recording, pitch: str, strength: str) -> tuple[FormatLoss, ...]:
+    """Losses of an effect with one actuator, whose frequency and amplitude over time have these names."""
     low, high = SHARPNESS
     rows, columns = recording.sensor.shape
     found: list[tuple[Lost, str]] = [
         ("channels", f"{rows} x {columns} cells became one actuator: the position of the pressure is lost."),
-        ("waveform", f"The waveform became an intensity and a sharpness every {STEP * 1e3:g} ms."),
-        ("band", f"Sharpness maps {low:g} to {high:g} Hz; frequencies outside are moved to these limits."),
-        ("scale", "Intensity is relative to the recording's maximum: the absolute level is lost."),
+        ("waveform", f"The waveform became {pitch} and {strength} every {STEP * 1e3:g} ms."),
+        ("band", f"{pitch.capitalize()} maps {low:g} to {high:g} Hz; frequencies outside are moved to these limits."),
+        ("scale", f"{strength.capitalize()} is relative to the recording's maximum: the absolute level is lost."),
         ("provenance", "Sensor and provenance were left out."),
     ]
     if recording.provenance.simulated:
         found.append(("provenance", "The file cannot state that this recording is SIMULATED."))
-    if recording.duration > EVENT_LIMIT:
-        found.append(("length", f"{recording.duration:g} s became {parts} events of up to {EVENT_LIMIT:g} s."))
     return tuple(FormatLoss(what=what, text=text) for what, text in found)
 
 

@@ -81,7 +81,9 @@ class ExportForm(TakeNamed):
     """A file to make of a take, of its drive, or of what was re-recorded."""
 
     of: Literal["", "drive", "rerecorded"] = ""
-    ending: Literal[".csv", ".wav", ".npz", ".mat", ".nc", ".hjif", ".ahap", ".json", ".html", ".gif", ".mp4"]
+    ending: Literal[
+        ".csv", ".wav", ".npz", ".mat", ".nc", ".hjif", ".ahap", ".haptic", ".json", ".html", ".gif", ".mp4"
+    ]
 
 
 class JobNumber(Arguments):

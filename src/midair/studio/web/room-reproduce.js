@@ -42,7 +42,7 @@ export default class Reproduce {
   }
   _build() {
     this.list = takesList();
-    const file = make("input", { type: "file", accept: ".h5,.hdf5,.csv,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.mcap,.ahap,.hjif", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
+    const file = make("input", { type: "file", accept: ".h5,.hdf5,.csv,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.mcap,.ahap,.haptic,.hjif", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
     this.add = make("button", { type: "button", onclick: () => file.click() }, "Add a file");
     this.search = make("input", { type: "search", placeholder: "search", "aria-label": "search the takes", oninput: () => this._found() });
     const own = (words, act) => make("button", { type: "button", disabled: true, onclick: act }, words);
@@ -185,7 +185,7 @@ export default class Reproduce {
   }
   _export() {
     const row = this._row(this.take.name), of = [["", "the recording"], ...(row?.solved ? [["drive", "the drive"]] : []), ...(row?.played ? [["rerecorded", "the re-recording"]] : [])];
-    const WAVES = [[".html", "page with pictures"], [".gif", "film, GIF"], [".mp4", "film, MP4"], [".csv", "CSV"], [".wav", "WAV"], [".npz", "NumPy"], [".mat", "MATLAB"], [".nc", "NetCDF"], [".hjif", "MPEG haptics"], [".ahap", "AHAP"]], DRIVE = [...WAVES.slice(0, 3), [".npz", "NumPy: phases and levels"], [".json", "JSON: phases and levels"]];
+    const WAVES = [[".html", "page with pictures"], [".gif", "film, GIF"], [".mp4", "film, MP4"], [".csv", "CSV"], [".wav", "WAV"], [".npz", "NumPy"], [".mat", "MATLAB"], [".nc", "NetCDF"], [".hjif", "MPEG haptics"], [".ahap", "AHAP"], [".haptic", "Meta Haptics Studio"]], DRIVE = [...WAVES.slice(0, 3), [".npz", "NumPy: phases and levels"], [".json", "JSON: phases and levels"]];
     const ending = choice(WAVES, ".html"), fit = (drive) => ending.replaceChildren(...(drive ? DRIVE : WAVES).map(([value, words]) => make("option", { value }, words)));
     this._ask(`Export ${shortly(this.take.name)}`, "The file is written into the folder exports of this studio.", { of: ["Of", choice(of, "", ({ target }) => fit(target.value === "drive"))], ending: ["As", ending] }, "Export",
       (given) => tried(this.link.order("reproduce", "export", { take: this.take.name, ...given })));
