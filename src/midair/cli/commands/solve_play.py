@@ -303,7 +303,7 @@ def play_command(
         acoustics=None if room is None else Acoustics(medium=room),
         cooling=(heat or HeatOptions()).cooling(),
     )
-    device = settings.device
+    device, target = settings.device, None
     solve, pattern = solve or PlaySolveOptions(), source.suffix.lower() in PATTERN_ENDINGS
     solved = pattern or source.name.lower().endswith(DRIVE_SUFFIX)
     if solved and (solve.typed() or drive is not None or start_at or duration is not None or lead is not None):
@@ -333,22 +333,19 @@ def play_command(
             f"--output, --force, --seed, --spread: expected --device virtual, got {device}; "
             "midair loop re-records a real array"
         )
-    else:
-        target = None
-    if not solved:
-        if correct_air:
-            raise InputError("--correct-air: expected a drive, got a recording; it is solved for --temperature")
-        if drive is not None:
-            may_write(drive, force, DRIVE_SUFFIX)
-        solve.refuse_idle_palm()
-        solving = solve.settings()
-        if room is not None:
-            medium = replace(room, alpha=solving.acoustics.medium.alpha)
-            solving = solving.but(acoustics=replace(solving.acoustics, medium=medium))
-        with stop_on_input(stop_input):
+    with stop_on_input(stop_input):
+        if not solved:
+            if correct_air:
+                raise InputError("--correct-air: expected a drive, got a recording; it is solved for --temperature")
+            if drive is not None:
+                may_write(drive, force, DRIVE_SUFFIX)
+            solve.refuse_idle_palm()
+            solving = solve.settings()
+            if room is not None:
+                medium = replace(room, alpha=solving.acoustics.medium.alpha)
+                solving = solving.but(acoustics=replace(solving.acoustics, medium=medium))
             pressure = _led_pressure(source, solving, start_at, duration, lead)
             return _play_recording(source, pressure, solving, settings, air, drive, target)
-    with stop_on_input(stop_input):
         if target is not None:
             return _play_on_virtual(source, target, settings, air, correct=correct_air)
         if settings.follow is not None:
@@ -412,8 +409,7 @@ def _play_recording(
 ) -> None:
     """Solve a pressure while it plays, and print the result."""
     if heard is not None:
-        target, band = solving.target, solving.calibration.band
-        settings = settings.but(height=target.grid.height, cells=pressure.sensor, band=band)
+        settings = settings.but(height=solving.target.grid.height, cells=pressure.sensor, band=solving.calibration.band)
     rig, device, medium = open_rig(settings=settings), settings.device, solving.acoustics.medium
     if rig.measured is not None:
         print_note(f"array calibration: {rig.measured.described(solving)}")
