@@ -56,9 +56,6 @@ def epilogue(examples: tuple[str, ...]) -> str:
     if not examples:
         return _QUANTITIES
     title = "Example:" if len(examples) == 1 else "Examples:"
-    return "\n".join([title, *(_wrapped(line) for line in examples), "", _QUANTITIES])
-
-
-def _wrapped(example: str) -> str:
-    """An example broken into shell lines that fit 80 columns."""
-    return " \\\n      ".join(wrap(example, 70, initial_indent="  ", break_long_words=False, break_on_hyphens=False))
+    # Broken into shell lines that fit 80 columns.
+    parts = (wrap(line, 70, initial_indent="  ", break_long_words=False, break_on_hyphens=False) for line in examples)
+    return "\n".join([title, *(" \\\n      ".join(lines) for lines in parts), "", _QUANTITIES])

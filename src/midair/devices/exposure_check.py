@@ -502,13 +502,14 @@ def _clearance(
     drive: Drive | None = None,
     **rest: Any,
 ) -> ExposureClearance:
+    named = (choices.override or "").strip()
     return ExposureClearance(
         drive=drive,
         array=device.array,
         exposure=found,
         outcome=outcome,
-        by=_responsible_person(outcome, choices),
-        named=(choices.override or "").strip(),
+        by=named if outcome == "overridden" else "",
+        named=named,
         gated=device.gated,
         _key=_KEY,
         **rest,
@@ -536,10 +537,6 @@ def _not_felt_note(found: Exposure) -> str:
     """A note if nothing can be felt after attenuation: radiation pressure is proportional to sound pressure squared."""
     weakened = replace(found, pressure=found.pressure * 10 ** (-found.excess / 10))
     return ", and nothing will be felt" if felt_pressure_text(weakened) else ""
-
-
-def _responsible_person(outcome: Outcome, choices: ExposureChoices) -> str:
-    return choices.override.strip() if outcome == "overridden" and choices.override else ""
 
 
 def _weakened(drive: Drive, factor: float, profile: str) -> Drive:

@@ -8,6 +8,7 @@ import time
 from collections.abc import AsyncGenerator, Callable, Iterable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 from urllib.parse import unquote
@@ -107,7 +108,7 @@ class Studio:
         self.first = DemoStroke.load()
         self.store = StudioState(lambda: self.playing.sounding)
         self.loop: asyncio.AbstractEventLoop | None = None
-        self.jobs = Jobs(self._job_changed, name="work", warm=warm_up)
+        self.jobs = Jobs(partial(self.later, self._show_job), name="work", warm=warm_up)
         self.reading = Jobs(name="reading")
         self._shown: dict[int, StudioJob] = {}
         self._kept: dict[tuple[str, str, int], bytes] = {}
@@ -192,9 +193,6 @@ class Studio:
         if self.loop is not None and not self._began:
             self._began = True
             self.loop.call_later(AFTER, self.playing.start)
-
-    def _job_changed(self, job: StudioJob) -> None:
-        self.later(self._show_job, job)
 
     def _show_job(self, job: StudioJob) -> None:
         self._shown[job.number] = job

@@ -54,7 +54,7 @@ def demo_stroke() -> DemoStroke:
     from midair.view import encode_counts, pack, unpack
 
     with tempfile.TemporaryDirectory() as folder:
-        make_sample((folder, FIRST), _no_progress)
+        make_sample((folder, FIRST), lambda _stage, _done, _total: None)
         data = TakeData(take=str(Path(folder) / f"{FIRST}.h5"))
         about = facts(data)
         streams: dict[tuple[str, int], bytes] = {}
@@ -66,10 +66,6 @@ def demo_stroke() -> DemoStroke:
                 [encode_counts(values, wanted.kind, dtype="u1", first=wanted.first, rate=about["rate_hz"])]
             )
     return DemoStroke(facts=about, streams=streams)
-
-
-def _no_progress(stage: str, done: int, total: int) -> None:
-    """Ignore the progress."""
 
 
 if __name__ == "__main__":

@@ -278,7 +278,11 @@ class _Player:
         if self.device != "virtual":
             self.array.participant = order.get("participant", "")
             # A pause within the stimulus of a study would change it, so there hot units end the play.
-            self.array.cooling = self._cooling() if order.get("waits") else None
+            self.array.cooling = None
+            if order.get("waits"):
+                self.array.cooling = Cooling(
+                    report=lambda text: self.pipe.send("heat", text=text), agreed=self.waits.is_set
+                )
             with under_lease(self.array, self.permit, leave):
                 report = play_cleared(admission, self.array, source=path, progress=self._progress(leave), room=room)
             return {"output": "", **asdict(report)}
@@ -294,9 +298,6 @@ class _Player:
         if output:
             save(heard, Path(output), calibration=sensor.calibration)
         return {"output": Path(output).name if output else "", "frames": admission.drive.frames}
-
-    def _cooling(self) -> Cooling:
-        return Cooling(report=lambda text: self.pipe.send("heat", text=text), agreed=self.waits.is_set)
 
     def _progress(self, leave: Any, paced: float = 0.0) -> Any:
         """Return a callback that reports progress; a virtual array is slowed down to real time."""

@@ -117,19 +117,16 @@ class RequestGuard:
                 return "the request came from another page"
         elif "origin" in headers and _one(headers, "origin") != f"http://{_one(headers, 'host')}":
             return "the request came from another page"
-        if "sec-fetch-site" in headers and _one(headers, "sec-fetch-site") not in self._sites(scope):
+        enters = scope["type"] == "http" and scope["path"] == ENTRY
+        # The link may be opened from any page: its key is the proof, and it leads only to the start page.
+        sites = ("none", "same-origin", *(("cross-site", "same-site") if enters else ()))
+        if "sec-fetch-site" in headers and _one(headers, "sec-fetch-site") not in sites:
             return "the request came from another page"
-        if scope["type"] == "http" and scope["path"] == ENTRY:
+        if enters:
             return ""
         if not self._keys.known(_one(headers, "cookie")):
             return "this browser is not logged in: open the link that midair studio printed; it works once"
         return ""
-
-    def _sites(self, scope: Scope) -> tuple[str, ...]:
-        # The link may be opened from any page: its key is the proof, and it leads only to the start page.
-        if scope["type"] == "http" and scope["path"] == ENTRY:
-            return ("none", "same-origin", "cross-site", "same-site")
-        return ("none", "same-origin")
 
     def _enter(self, scope: Scope) -> ASGIApp:
         """Exchange the key of a link for the cookie."""

@@ -14,9 +14,7 @@ from midair.errors import MidairError
 from midair.model import Event
 from midair.rig import (
     Drift,
-    Levels,
     RecordSettings,
-    Take,
     TakeOrder,
     TapTest,
     View,
@@ -184,7 +182,16 @@ class _SensorLoop:
         except MidairError as wrong:
             self._pipe.send("failed", error=str(wrong))
             return
-        self._pipe.send("taken", **_take_info(take, self._sensor.rate))
+        rate = self._sensor.rate
+        self._pipe.send(
+            "taken",
+            path="" if take.path is None else str(take.path),
+            frames=take.frames,
+            duration_s=take.frames / rate,
+            lost=take.lost,
+            end=take.end,
+            problems=[list(row) for row in take_problems(take, rate)],
+        )
 
     def _taps(self) -> None:
         """Identify the channel of each cell by taps; a virtual sensor simulates them."""
@@ -245,32 +252,11 @@ class _TakeObserver:
             wanted=view.wanted,
             lost=view.lost,
             drift_ppm=None if view.rate is None or not view.rate.certain else round(view.rate.ppm, 1),
-            **_levels(view.levels),
+            **{name: np.round(getattr(view.levels, name), 6).tolist() for name in ("rms", "peak", "highest")},
+            **{name: getattr(view.levels, name).tolist() for name in ("clipped", "dead", "stuck")},
         )
 
     def tell(self, event: Event, drift: Drift | None = None) -> None:
         """Send an event."""
         said = event_message(event, self._sensor.rate, self._sensor.grid, drift)
         self._pipe.send("event", event=event.kind, channel=event.channel, said=said)
-
-
-def _levels(levels: Levels) -> dict[str, Any]:
-    return {
-        "rms": np.round(levels.rms, 6).tolist(),
-        "peak": np.round(levels.peak, 6).tolist(),
-        "highest": np.round(levels.highest, 6).tolist(),
-        "clipped": levels.clipped.tolist(),
-        "dead": levels.dead.tolist(),
-        "stuck": levels.stuck.tolist(),
-    }
-
-
-def _take_info(take: Take, rate: float) -> dict[str, Any]:
-    return {
-        "path": "" if take.path is None else str(take.path),
-        "frames": take.frames,
-        "duration_s": take.frames / rate,
-        "lost": take.lost,
-        "end": take.end,
-        "problems": [list(row) for row in take_problems(take, rate)],
-    }

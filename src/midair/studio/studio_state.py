@@ -157,7 +157,8 @@ class StudioState:
             return
         self.state |= changed
         self._number += 1
-        self._broadcast(json.dumps({"number": self._number, "set": changed}))
+        for page in list(self.pages.values()):
+            self._queue(page, json.dumps({"number": self._number, "set": changed}))
 
     def enter(self, wire: Wire) -> Page:
         """Add a page and send it the whole state."""
@@ -240,10 +241,6 @@ class StudioState:
             self.control.check(page.number)
         done = act(page, arguments)
         return await done if isinstance(done, Awaitable) else done
-
-    def _broadcast(self, text: str) -> None:
-        for page in list(self.pages.values()):
-            self._queue(page, text)
 
     def _queue(self, page: Page, text: str) -> None:
         try:

@@ -2,7 +2,7 @@ import socket
 
 import pytest
 
-from midair.devices.arrays.autd3_address import SERVER_PORT, SIMULATOR_PORT, autd3_place
+from midair.devices.arrays.autd3 import SERVER_PORT, SIMULATOR_PORT, autd3_place
 from midair.errors import UnknownDeviceError
 
 PLACES = {

@@ -13,7 +13,7 @@ from midair.files import profile_named
 from midair.model import ControlGrid
 from midair.pipeline import calibrated_pressure, reproduce
 from midair.rig import OpenRig, PlaySettings, VirtualRig, default_exposure, rerecord
-from midair.rig.correction.passes import no_progress, play_pass
+from midair.rig.correction.iteration import no_progress, play_pass
 from midair.settings import Settings
 
 RIG = VirtualRig()
@@ -104,7 +104,7 @@ def test_the_drive_is_found_in_what_a_real_sensor_heard(drive):
 
 
 def play_pass_with_tail(rig, tail=0.3):
-    import midair.rig.correction.passes as passes
+    import midair.rig.correction.iteration as passes
 
     kept = passes.rerecord
     passes.rerecord = lambda *arguments, **others: kept(*arguments, tail=tail, **others)

@@ -81,7 +81,7 @@ def doctor_command(
         array = array_named(device, None if placement is None else load_placement(placement), silencer="off")
         with array, nullcontext() if sensor is None else sensor_named(sensor, VirtualRig(height=height)) as above:
             banner(array.simulated)
-            findings = run_wizard(array, _no_person if yes else _ask, choices, sensor=above, height=height)
+            findings = run_wizard(array, (lambda _: None) if yes else _ask, choices, sensor=above, height=height)
         print_note(f"report stored: {store_checkup(array.name, findings)}")
     if json:
         print_json([asdict(finding) for finding in findings])
@@ -102,7 +102,3 @@ def _ask(question: str) -> str:
     if not line:
         raise InputError("expected an answer, got the end of the input; no report was stored; without a person: --yes")
     return line.strip().lower()
-
-
-def _no_person(_: str) -> None:
-    """Give no answer."""

@@ -22,7 +22,7 @@ from autd3.value import SysTime
 from autd3_pattern import PhaseBuffer
 
 from midair.devices.arrays import autd3_commands as commands
-from midair.devices.arrays.autd3_address import Autd3Address
+from midair.devices.arrays.autd3 import Autd3Address
 from midair.devices.arrays.autd3_udp import Autd3Udp
 from midair.devices.arrays.banks import UnitsState
 from midair.devices.arrays.immediate import OUTCOMES

@@ -15,7 +15,7 @@ from autd3 import Autd3Error, Client, ClientConfig, Duration, Interface, ServerL
 from autd3.commands import CpuConfig, ReleaseFailsafe, SetCpuConfig
 
 from midair.devices.arrays import autd3_commands as commands
-from midair.devices.arrays.autd3_address import Autd3Address
+from midair.devices.arrays.autd3 import Autd3Address
 from midair.devices.arrays.banks import TooLateError, UnitsState
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes

@@ -104,7 +104,7 @@ class Outbox:
     def due(self) -> bytes:
         """Lines that can be sent now."""
         data = b""
-        while self._waiting and self._bytes_sent() + len(self._waiting[0]) + 1 < RECEIVES:
+        while self._waiting and sum(len(line) + 1 for line in (*self._sent, self._waiting[0])) < RECEIVES:
             self._sent.append(self._waiting.popleft())
             data += f"{self._sent[-1]}\n".encode()
         return data
@@ -119,9 +119,6 @@ class Outbox:
         """Drop all lines, after a reset of Grbl."""
         self._waiting.clear()
         self._sent.clear()
-
-    def _bytes_sent(self) -> int:
-        return sum(len(line) + 1 for line in self._sent)
 
 
 def _parse_position(text: str) -> Place:

@@ -225,8 +225,9 @@ def _stop(path: Path, timeout: float) -> Stopped | None:
     state, entry = found
     if state != "held":
         return None if state == "ended" else _dead_program(process=0, device="unknown")
-    who = {"process": _number(entry["process"]), "device": str(entry.get("device", path.name))}
-    fields: dict[str, Any] = {**who, "command": str(entry["command"])}
+    process = entry["process"] if isinstance(entry["process"], int) else 0
+    fields: dict[str, Any] = {"process": process, "device": str(entry.get("device", path.name))}
+    fields["command"] = str(entry["command"])
     if not _complete(entry):
         return Stopped(**fields, outcome="no answer", reason=f"{path.name} holds no port and secret")
     answer, reason = _request_silence(entry, end)
@@ -270,7 +271,3 @@ def _state_by(path: Path, end: float) -> str:
 def _complete(entry: dict[str, Any]) -> bool:
     port, secret = entry.get("port"), entry.get("secret")
     return isinstance(port, int) and 0 < port < 65536 and isinstance(secret, str) and secret.isalnum()
-
-
-def _number(value: object) -> int:
-    return value if isinstance(value, int) else 0

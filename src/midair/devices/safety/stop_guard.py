@@ -39,8 +39,8 @@ def device_lock(device: str) -> Generator[None]:
     try:
         held.write({"device": device})
         # Lock first, then check the others: of two simultaneous programs at least one detects the other.
-        for other in _overlapping(device):
-            if held_entry(other) is not None:
+        for other in state_folder().glob("device-*.json"):
+            if _overlap(unquote(other.stem.removeprefix("device-")), device) and held_entry(other) is not None:
                 raise _held_error(device, _holder(other))
         with _computer_lock(device):
             yield
@@ -94,12 +94,6 @@ def _socket_holder(name: str) -> str:
         words = Path(f"/proc/{process}/cmdline").read_text(encoding="utf-8", errors="replace").split("\0")[:-1]
         who += f" ({''.join(each if each.isprintable() else '?' for each in shlex.join(words))[:300]})"
     return f"{who} has it"
-
-
-def _overlapping(device: str) -> list[Path]:
-    """Lock files of devices that contain this one or that it contains."""
-    others = {unquote(path.stem.removeprefix("device-")): path for path in state_folder().glob("device-*.json")}
-    return [path for name, path in others.items() if _overlap(name, device)]
 
 
 def _overlap(one: str, other: str) -> bool:

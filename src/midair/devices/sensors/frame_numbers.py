@@ -68,7 +68,8 @@ class CountedFrames:
                 break
             at += int(off[0])
             if ahead[off[0]] < 0:
-                if self._stopped(counter[at:]):
+                # A float counter has stopped at its limit.
+                if not self._whole and bool((counter[at:] == self._full).all()):
                     return None
                 raise ValueError("went back")
             expected[at:] += int(ahead[off[0]])
@@ -84,10 +85,6 @@ class CountedFrames:
             return ahead
         precision = np.spacing(counter.astype(self._dtype)).astype(np.float64)
         return np.where(np.abs(ahead) <= np.where(precision > 1, precision / 2, 0), 0, ahead)
-
-    def _stopped(self, counter: Array) -> bool:
-        """True for a float counter that has stopped at its limit."""
-        return not self._whole and bool((counter == self._full).all())
 
 
 class SteadyStamps:
@@ -158,7 +155,9 @@ class StampedFrames:
             elif len(seen) == self._confirm:
                 half = slice(self._confirm // 2, self._confirm)
                 behind = float(self._late()[half].min())
-                if self._jumped(behind, float(self._delays[half].min())):
+                # A jump, since after lost frames none arrives faster than before.
+                delay = float(self._delays[half].min())
+                if behind < 0 or (behind > JUMP and min(self._soonest) - delay > behind / 2):
                     self._earliest = [each + behind for each in self._earliest]
                     self._soonest = [each - behind for each in self._soonest]
                     continue
@@ -181,10 +180,6 @@ class StampedFrames:
         """Frames off the time grid: late, or, once it has settled, early."""
         early = len(self._earliest) == self._parts
         return (late > self._limit()) | (early & (late < -self._limit()))
-
-    def _jumped(self, behind: float, delay: float) -> bool:
-        """Whether stamps that are late by `behind` show a jump: after lost frames none arrives faster than before."""
-        return behind < 0 or (behind > JUMP and min(self._soonest) - delay > behind / 2)
 
     def _limit(self) -> float:
         least = 1.5 / self._rate

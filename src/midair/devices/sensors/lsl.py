@@ -167,7 +167,9 @@ class LslSource:
                 raise InputError(f"lsl: expected a counter among channels 0 to {channels - 1}, got {self._counter}")
             channels -= 1
         self._host_name = str(info.hostname())
-        unit, scale = _unit(info.get_channel_units(), self._counter)
+        stated = info.get_channel_units() or []
+        names = {(name or "").lower() for at, name in enumerate(stated) if at != self._counter}
+        unit, scale = UNITS.get(names.pop(), (None, 1.0)) if len(names) == 1 else (None, 1.0)
         stored = "f4" if info.channel_format() in (pylsl.cf_float32, pylsl.cf_int16, pylsl.cf_int8) else "f8"
         return Stream(channels=channels, rate=self._rate, unit=unit, scale=scale, stored=stored)
 
@@ -215,12 +217,6 @@ class LslSource:
 
     def _lost(self) -> DeviceError:
         return DeviceError(f"lsl: lost the sender of {self._name!r}; make sure that it runs, then start again")
-
-
-def _unit(stated: list[str | None] | None, counter: int | None) -> tuple[Unit | None, float]:
-    """The common unit of all channels, if they state a known one, and its scale."""
-    names = {(name or "").lower() for at, name in enumerate(stated or []) if at != counter}
-    return UNITS.get(names.pop(), (None, 1.0)) if len(names) == 1 else (None, 1.0)
 
 
 class LslSensor(SensorOptions):

@@ -123,8 +123,11 @@ class VirtualSensor(SensorDevice):
             more = min(max(self._taken, 2 * len(self._samples)), round(WHOLE * self.rate))
             self._samples = self._sense(max(self._taken, more))
         now = first / self.rate
+        part = self._samples[first : self._taken]
+        if not self.streamed:
+            part = np.asarray(part)
         # Lazy frames are typed as the array that they represent.
-        return FrameBlock(samples=cast("Any", self._part(first)), first=first, device_time=now, host_time=now)
+        return FrameBlock(samples=cast("Any", part), first=first, device_time=now, host_time=now)
 
     def stop(self) -> None:
         """Stop sampling."""
@@ -132,10 +135,6 @@ class VirtualSensor(SensorDevice):
 
     def close(self) -> None:
         """Do nothing: there is no device to close."""
-
-    def _part(self, first: int) -> np.ndarray | LazyFrames:
-        part = self._samples[first : self._taken]
-        return part if self.streamed or not isinstance(part, LazyFrames) else np.asarray(part)
 
     def _sense(self, frames: int) -> np.ndarray | LazyFrames:
         pressure, over = self._skin.pressure(frames * self._oversample), self._oversample

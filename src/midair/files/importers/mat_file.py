@@ -43,7 +43,8 @@ def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportO
 
 def _chosen(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> str:
     """Name of the array of frames: the chosen one, or "samples", or the only one."""
-    names = [name for name, array in arrays.items() if _frames(array)]
+    numbers = {name: each for name, each in arrays.items() if isinstance(each, np.ndarray) and each.dtype.kind in "fiu"}
+    names = [name for name, array in numbers.items() if array.ndim in (1, 2, 3) and array.size > 1]
     found = ", ".join(f"{name} {np.shape(array)}" for name, array in arrays.items()) or "nothing"
     if given.stream is not None:
         if given.stream not in names:
@@ -68,11 +69,6 @@ def _own(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> OpenedT
     recording = recording_from(header, samples, path)
     given.check(recording, path)
     return OpenedTake(recording=recording)
-
-
-def _frames(array: Any) -> bool:
-    """True for more than one real number with one to three axes."""
-    return isinstance(array, np.ndarray) and array.dtype.kind in "fiu" and array.ndim in (1, 2, 3) and array.size > 1
 
 
 def _text(array: Any) -> str:

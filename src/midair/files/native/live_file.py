@@ -162,7 +162,7 @@ class AtomicHdf5File:
         """Write all buffered data, with `closed` to the device; after an OSError the file is unchanged for readers."""
         # HDF5 has discarded data beyond the end. The order is safe for a concurrent reader; the superblock is last.
         inside = [(place, data) for place, data in self._pending.items() if 0 < place < self._size]
-        for place, data in sorted(inside, key=lambda item: _rank(item[1])):
+        for place, data in sorted(inside, key=lambda each: _ORDER.index(each[1][:4]) if each[1][:4] in _ORDER else -1):
             self._write_all(data, place)
         if closed or 0 in self._pending:
             os.lseek(self._handle, 0, os.SEEK_SET)
@@ -178,7 +178,3 @@ class AtomicHdf5File:
         rest = memoryview(data)
         while rest:
             rest = rest[os.write(self._handle, rest) :]
-
-
-def _rank(data: bytes) -> int:
-    return _ORDER.index(data[:4]) if data[:4] in _ORDER else -1

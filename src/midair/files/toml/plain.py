@@ -89,12 +89,10 @@ def _alternatives(hint: Any) -> tuple[Any, ...]:
 
 def _kinds(kinds: tuple[Any, ...]) -> str:
     parts = [
-        " or ".join(str(each) for each in get_args(kind)) if get_origin(kind) is Literal else _name(kind)
+        " or ".join(str(each) for each in get_args(kind))
+        if get_origin(kind) is Literal
+        else (kind.__name__ if isinstance(kind, type) and not get_args(kind) else str(kind))
         for kind in kinds
         if kind is not type(None)
     ]
     return " or ".join(parts)
-
-
-def _name(kind: Any) -> str:
-    return kind.__name__ if isinstance(kind, type) and not get_args(kind) else str(kind)

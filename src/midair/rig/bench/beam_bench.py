@@ -52,10 +52,13 @@ def calibrate_by_beam(
     steps = samples_per_frame(sensor, plan.rate, "the beam's")
     field = beam_field(array.array, sensor.grid, setting, acoustics=acoustics)
     strongest = float(field.middle.mean())
-    level = _level(plan, strongest)
+    # In the firmware's steps of 1/255.
+    level = np.rint(255 * np.sqrt(plan.waveform * min(plan.top / strongest, 1.0))) / 255
+    # An array with real firmware has discrete pulse widths.
+    played = amplitude_of(np.rint(level * 255).astype(np.uint8)) if array.gated else level
     recordings: list[Recording] = []
     output: list[Complex] = []
-    expected, commanded, slow = _command(plan, strongest, _played_amplitude(level, array), dynamics)
+    expected, commanded, slow = _command(plan, strongest, played, dynamics)
     cells = sensor.grid.count
     for cell in range(cells):
         drive = _drive(plan, level, array, focus_position(sensor.grid, cell, setting), acoustics)
@@ -84,16 +87,6 @@ def calibrate_by_beam(
     )
     told = replace(recordings[0], provenance=life)
     return measure_beam(reading, sensor=told, quiet=record_silence(sensor), date=date, version=version)
-
-
-def _level(plan: BeamPlan, strongest: float) -> Array:
-    """Level of the drive, shape (frame,), in the firmware's steps of 1/255."""
-    return np.rint(255 * np.sqrt(plan.waveform * min(plan.top / strongest, 1.0))) / 255
-
-
-def _played_amplitude(level: Array, array: ArrayDevice) -> Array:
-    """Amplitude of a level: an array with real firmware has discrete pulse widths."""
-    return amplitude_of(np.rint(level * 255).astype(np.uint8)) if array.gated else level
 
 
 def _command(

@@ -17,6 +17,8 @@ from .drive_rerecording import palm_of_drive as palm_of_drive
 from .drive_rerecording import palm_of_loop as palm_of_loop
 from .drive_rerecording import played_chain as played_chain
 from .drive_rerecording import rerecord_drive as rerecord_drive
+from .iteration import Stage as Stage
+from .iteration import no_progress as no_progress
 from .laboratory import laboratory_of_loop as laboratory_of_loop
 from .loop_report import FIELD_TITLE as FIELD_TITLE
 from .loop_report import view_of_loop as view_of_loop
@@ -27,5 +29,3 @@ from .outcomes import comparison_rows as comparison_rows
 from .outcomes import metrics_of_loop as metrics_of_loop
 from .outcomes import next_step as next_step
 from .outcomes import summarise_outcomes as summarise_outcomes
-from .passes import Stage as Stage
-from .passes import no_progress as no_progress

@@ -31,8 +31,8 @@ from midair.pipeline import (
     with_fitted_gain,
 )
 from midair.rig.correction.drive_rerecording import palm_of_drive
+from midair.rig.correction.iteration import Stage, no_progress
 from midair.rig.correction.laboratory import laboratory_loss
-from midair.rig.correction.passes import Stage, no_progress
 from midair.rig.names import VirtualRig
 from midair.settings import Settings
 from midair.targets import add_lead, mapping_of

@@ -23,8 +23,7 @@ from midair.physics import (
     transfer_matrix,
 )
 from midair.pipeline import calibrated_pressure, check_size, compensate_pressure, map_pressure, required_lead
-from midair.rig.correction.iteration import run_iterations
-from midair.rig.correction.passes import Pass, Stage, no_progress, play_pass
+from midair.rig.correction.iteration import Pass, Stage, no_progress, play_pass, run_iterations
 from midair.rig.opening import OpenRig, open_rig
 from midair.rig.playing import rerecord
 from midair.settings import MODES, Mode, Settings

@@ -12,7 +12,7 @@ from midair.model import BAND, Acoustics, Calibration, Drive, Palm, PressureFram
 from midair.physics import PlaybackChain, simulate, transfer_matrix
 from midair.pipeline import calibrated_pressure
 from midair.rig.correction.correction_loop import Loop
-from midair.rig.correction.passes import Stage, no_progress
+from midair.rig.correction.iteration import Stage, no_progress
 from midair.rig.names import VirtualRig
 from midair.rig.playing import default_exposure, rerecord
 from midair.settings import Settings

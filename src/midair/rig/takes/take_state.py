@@ -158,7 +158,8 @@ class Companion(Protocol):
 
 def event_message(event: Event, rate: float, grid: SensorGrid, drift: Drift | None = None) -> str:
     """One sentence for an event of a sensor with `rate` frames per second."""
-    channel = f"channel {event.channel} ({_cell_name(event.channel, grid)})"
+    row, column = divmod(max(event.channel, 0), grid.columns)
+    channel = f"channel {event.channel} (row {row}, column {column})"
     words = {
         "lost": _lost(event, rate),
         "clipped": f"{channel} clips: reduce its gain, or press less",
@@ -200,11 +201,6 @@ def _lost(event: Event, rate: float) -> str:
             "uncertain"
         )
     return f"{event.frames} frames ({1e3 * event.frames / rate:.4g} ms) were lost; the last good one is repeated"
-
-
-def _cell_name(channel: int, grid: SensorGrid) -> str:
-    row, column = divmod(max(channel, 0), grid.columns)
-    return f"row {row}, column {column}"
 
 
 def _drift(ppm: float, drift: Drift | None) -> str:

@@ -128,17 +128,14 @@ def folder_of_session(where: Path | None = None) -> Generator[Path]:
 def sweep(place: Path) -> list[Path]:
     """Remove the folders of dead studios of this user; returns those removed."""
     gone: list[Path] = []
+    user = os.getuid() if hasattr(os, "getuid") else 0  # as st_uid is on Windows
     for folder in place.glob(f"{PREFIX}*"):
         # Another process may own this folder or be removing it too.
         with suppress(OSError, DeviceStateError):
-            if not folder.is_symlink() and folder.is_dir() and _ours(folder) and _left(folder):
+            if not folder.is_symlink() and folder.is_dir() and folder.stat().st_uid == user and _left(folder):
                 shutil.rmtree(folder)
                 gone.append(folder)
     return gone
-
-
-def _ours(folder: Path) -> bool:
-    return not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
 
 
 def _left(folder: Path) -> bool:

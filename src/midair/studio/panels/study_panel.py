@@ -183,8 +183,8 @@ class StudyPanel(Panel):
             wait=self._wait,
             quiet_s=quiet,
             stop=self._playing.permit.stop,
-            tell=self._show_due,
-            show=self._show_media,
+            tell=lambda said: self._later(lambda: self._show(due=said) if self._session is not None else None),
+            show=lambda media: self._later(lambda: self._show(media=media) if self._session is not None else None),
             folder=study.path,
         )
         drives = any(stimulus.kind == "drive" for stimulus in plan.design.stimuli)
@@ -259,7 +259,7 @@ class StudyPanel(Panel):
         self._playing.begin_presentation()
         self._show(busy=True, error="")
         try:
-            await self._do(lambda: session.present(self._cue))
+            await self._do(lambda: session.present(lambda text: self._later(lambda: self._show(cue=text))))
             self._note(f"trial {number} presented")
         except MidairError as wrong:
             self._show(error=str(wrong))
@@ -370,16 +370,6 @@ class StudyPanel(Panel):
         if self._loop is None:
             raise StoppedError("study: the studio is closing")
         return self._loop
-
-    def _cue(self, text: str) -> None:
-        """Show a text to the participant as a stimulus begins."""
-        self._later(lambda: self._show(cue=text))
-
-    def _show_due(self, said: str) -> None:
-        self._later(lambda: self._show(due=said) if self._session is not None else None)
-
-    def _show_media(self, media: dict[str, str] | None) -> None:
-        self._later(lambda: self._show(media=media) if self._session is not None else None)
 
     def _note(self, said: str) -> None:
         self._about["log"] = [*self._about["log"], said][-30:]

@@ -1,0 +1,354 @@
+"""The commands `sweep patterns`, `sweep recordings` and `sweep report`: solve many targets in parallel."""
+
+import itertools
+import os
+import time
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, CycloptsError, Parameter
+from rich.table import Table as Shown
+
+from midair.cli.console import banner, bars, err, out, print_json, verbosity
+from midair.cli.exposure_options import AirOptions, print_air
+from midair.cli.help_text import add_command, epilogue
+from midair.cli.options import Json, OptionalTime, SolveOptions, Time
+from midair.cli.quantities import quantity
+from midair.cli.time_estimates import estimate_text, remember_speed
+from midair.errors import InputError
+from midair.files import open_take
+from midair.model import HEIGHT, Acoustics, Directivity, Medium, TransducerArray
+from midair.model import Progress as Advance
+from midair.pipeline import calibrated_pressure, with_fitted_gain
+from midair.sweep import (
+    PatternReport,
+    PatternResults,
+    PatternSweep,
+    RecordingSweep,
+    Sweep,
+    SweepTrial,
+    TrialReport,
+    load_sweep,
+    report_of,
+    run_sweep,
+    trial_report,
+    write_sweep_report,
+    write_trial_report,
+)
+
+_STORE = "NAME.zarr, new or of the same sweep; or an address that fsspec can open."
+_SCHEDULER = "Address of a Dask scheduler, such as tls://host:8786. [default: processes on this computer]"
+Store = Annotated[str, Parameter(help=_STORE)]
+Bits = Annotated[int, Parameter(help="Bits to which phases are rounded for the second E.")]
+Scheduler = Annotated[str | None, Parameter(help=_SCHEDULER)]
+Workers = Annotated[int | None, Parameter(help="Processes on this computer. [default: one per core]")]
+
+
+def run_with_bar(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | None) -> int:
+    """Run a sweep with a progress bar and return the exit status."""
+    if not where.rstrip("/").endswith(".zarr"):
+        raise InputError(f"{where}: expected a name that ends in .zarr for a sweep")
+    try:
+        # Everything that decides the speed.
+        method = f" {sweep.method}" if isinstance(sweep, PatternSweep) else ""
+        workload = f"{sweep.kind}{method} {os.cpu_count()} cores"
+        with sweep_bar("patterns" if sweep.kind == "patterns" else "frames", workload) as progress:
+            run_sweep(sweep, where, scheduler=scheduler, workers=workers, progress=progress)
+    except KeyboardInterrupt:
+        err().print("midair: stopped; the results so far are stored; run the same command again to resume")
+        return 130
+    return 0
+
+
+@contextmanager
+def sweep_bar(items: str, workload: str) -> Generator[Advance]:
+    """A progress bar on stderr, with a time estimate before; the measured speed is stored afterwards."""
+    kind, begun, last = f"sweep {workload}", (0, 0.0), (0, 0.0)
+    with bars(items, width=24, name="", digits=1, period=120) as shown:
+        task = shown.add_task("sweep", total=None, start=False)
+
+        def report(done: int, total: int) -> None:
+            nonlocal begun, last
+            last = (done, time.monotonic())
+            if shown.tasks[0].total is None:
+                begun = last
+                line = estimate_text(kind, total - done)
+                if line and total > done and not verbosity().quiet:
+                    shown.console.print(line, style="dim")
+                shown.reset(task, total=total, completed=done)
+            else:
+                shown.update(task, completed=done)
+
+        yield report
+    remember_speed(kind, last[0] - begun[0], last[1] - begun[1])
+
+
+def _table(texts: Sequence[str], figures: Sequence[str]) -> Shown:
+    """A table of E with columns of text and of figures."""
+    banner(True)
+    table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
+    for name in texts:
+        table.add_column(name, no_wrap=True)
+    for name in figures:
+        table.add_column(name, justify="right")
+    return table
+
+
+def show_patterns(report: PatternReport) -> None:
+    """Print a table of the conditions."""
+    heads = ("strength", "height", "patterns", "mean", "sd", "median", "95 %", "worst", "rounded", "worst")
+    table = _table((), heads)
+    for row in report.conditions:
+        where = (f"{row['strength']:g}", f"{row['height_mm']:g}mm", f"{row['patterns']}")
+        shares = ("mean", "sd", "median", "p95", "worst", "mean_rounded", "worst_rounded")
+        table.add_row(*where, *(f"{100 * row[name]:.2f}" for name in shares))
+    out().print(table)
+    out().print(report.words)
+
+
+def show_trials(report: TrialReport) -> None:
+    """Print a table of the trials."""
+    table = _table(("recording", "variant"), ("frames", "strength", "mean", "95 %", "worst", "rounded", "worst"))
+    shares = ("mean", "p95", "worst", "mean_rounded", "worst_rounded")
+    for row in report.rows:
+        figures = (f"{row['frames']}", f"{row['strength']:.3f}", *(f"{100 * row[name]:.2f}" for name in shares))
+        table.add_row(row["recording"], row["variant"], *figures)
+    console = out()
+    console.print(table, width=max(console.width, 120), crop=False)
+    out().print(report.words)
+
+
+Numbers = Annotated[tuple[float, ...], Parameter(consume_multiple=True)]
+Lengths = Annotated[tuple[float, ...], quantity("m", many=-1), Parameter(consume_multiple=True, metavar="QUANTITIES")]
+
+
+def patterns_command(
+    output: Store,
+    /,
+    *,
+    strength: Numbers = (0.1, 0.2),
+    height: Lengths = (HEIGHT,),
+    count: int = 65535,
+    curve_strength: Numbers = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4),
+    curve_height: Lengths = (0.15, 0.175, 0.2, 0.225, 0.25, 0.275, 0.3),
+    curves: int = 512,
+    seed: int = 2024,
+    method: str = "fast",
+    iterations: int | None = None,
+    directivity: Directivity = "point",
+    attenuation: float | None = None,
+    air: AirOptions | None = None,
+    bits: Bits = 8,
+    chunk: int = 512,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+) -> int:
+    """Solve binary 4 x 4 patterns at each strength and height, or resume an interrupted sweep.
+
+    The defaults are the paper's experiment 5.1: all 65535 patterns, point sources, no attenuation.
+    Results are stored in a Zarr group as they are computed; run the same command again to resume.
+
+    Parameters
+    ----------
+    strength
+        Target peak relative to a single focus of the whole array.
+    height
+        Height of the control points above the array.
+    count
+        Number of patterns, drawn with the seed; 65535 is all.
+    curve_strength
+        Strengths for the curve of E over strength, at the first height.
+    curve_height
+        Heights for the curves of E over height, at each strength.
+    curves
+        Number of patterns for the curves; 0 for no curves.
+    seed
+        Random seed of the order of the patterns.
+    method
+        Solver, as in midair solve.
+    iterations
+        Maximum iterations of the solver. [default: that of the solver]
+    directivity
+        Directivity of a transducer.
+    attenuation
+        Attenuation of sound in air, in Np/m. [default: 0, or that of the stated air]
+    air
+        Air, given by its temperature. [default: the paper's 340 m/s]
+    chunk
+        Patterns per task; a killed process loses at most one task.
+
+    Examples
+    --------
+    $ midair sweep patterns patterns.zarr --count 1000 --strength 0.1
+    """
+    medium = (air or AirOptions()).medium() or Medium(attenuation=0.0)
+    if attenuation is not None:
+        medium = replace(medium, attenuation=attenuation)
+    sweep = PatternSweep(
+        strengths=strength,
+        heights=height,
+        count=count,
+        curve_strengths=curve_strength,
+        curve_heights=curve_height,
+        curve_count=curves,
+        seed=seed,
+        method=method,
+        iterations=iterations,
+        acoustics=Acoustics(medium=medium, directivity=directivity),
+        bits=bits,
+        chunk=chunk,
+    )
+    status = run_with_bar(sweep, output, scheduler=scheduler, workers=workers)
+    if status == 0:
+        show_patterns(report_of(PatternResults.of(load_sweep(output))))
+        out().print(f"Next: midair sweep report {output}")
+    return status
+
+
+Choice = tuple[str, Any]
+
+
+def recordings_command(
+    output: Store,
+    /,
+    *sources: Path,
+    vary: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
+    options: SolveOptions | None = None,
+    start_at: Time = 0.0,
+    duration: OptionalTime = None,
+    bits: Bits = 8,
+    blocks: int = 4,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+) -> int:
+    """Solve recordings with many settings, or resume an interrupted sweep.
+
+    Every recording is solved with every combination of the varied options, and E of every frame is stored.
+    Run the same command again to resume.
+
+    Parameters
+    ----------
+    sources
+        Recordings with a calibration.
+    vary
+        Options of midair solve to vary, as OPTION=VALUE,VALUE.
+        Example: method=fast,glide height=150mm,200mm band="20Hz 470Hz,20Hz 200Hz"
+    start_at
+        Start of the part to use in each recording.
+    duration
+        Length of the part to use in each recording. [default: to the end]
+    blocks
+        Blocks of method glide per task; a long recording is divided among processes with an identical result.
+
+    Examples
+    --------
+    $ midair sweep recordings sweep.zarr take.h5 --vary height=150mm,200mm --duration 0.1s
+    """
+    if not sources:
+        raise InputError("sweep: expected recordings after the name of the sweep, got none")
+    options = options or SolveOptions()
+    variants = _variants(options, vary)
+    for _, chosen in variants:
+        chosen.refuse_idle_palm()
+    if not any(text.startswith("temperature=") for text in vary):
+        print_air(options.settings().acoustics.medium, stated=options.air_is_stated)
+    trials = [_trial(source, name, chosen, start_at, duration) for name, chosen in variants for source in sources]
+    status = run_with_bar(
+        RecordingSweep(trials=tuple(trials), bits=bits, blocks=blocks), output, scheduler=scheduler, workers=workers
+    )
+    if status == 0:
+        show_trials(trial_report(load_sweep(output)))
+        out().print(f"Next: midair sweep report {output}")
+    return status
+
+
+def _trial(source: Path, variant: str, options: SolveOptions, start: float, duration: float | None) -> SweepTrial:
+    settings = options.settings()
+    # Lazy frames as in midair solve; their filters agree with those of an array to a few parts in a million.
+    take = open_take(source, streamed=settings.solver.name == "glide")
+    pressure = calibrated_pressure(take.recording, take.calibration, settings)
+    part = pressure if start == 0 and duration is None else pressure.cut(start, duration)
+    known = with_fitted_gain(part, TransducerArray.autd3(), settings)
+    return SweepTrial(recording=source.name, variant=variant, pressure=part, settings=known)
+
+
+def _variants(options: SolveOptions, vary: Sequence[str]) -> list[tuple[str, SolveOptions]]:
+    """Every combination: its name, and its options."""
+    axes = [_axis(text) for text in vary]
+    names = [name for axis in axes for name in {field for _, (field, _) in axis}]
+    if len(set(names)) < len(names):
+        raise InputError(f"--vary: expected each option once, got {' '.join(vary)}")
+    made: Any = options
+    return [
+        (" ".join(spelt for spelt, _ in chosen), replace(made, **dict(choice for _, choice in chosen)))
+        for chosen in itertools.product(*axes)
+    ]
+
+
+def _axis(text: str) -> list[tuple[str, Choice]]:
+    """The values of OPTION=VALUE,VALUE: as written, and as `midair solve` parses them."""
+    name, equals, values = text.partition("=")
+    if not equals or not all(value.strip() for value in values.split(",")):
+        raise InputError(f"--vary: expected OPTION=VALUE,VALUE such as height=150mm,200mm, got {text!r}")
+    field = name.strip().replace("-", "_")
+    return [
+        (f"{name}={value.strip()}", (field, _read(name.strip(), field, value.split()))) for value in values.split(",")
+    ]
+
+
+def _read(name: str, field: str, tokens: Sequence[str]) -> Any:
+    reader = App(result_action="return_value")
+
+    @reader.default
+    def read(*, options: SolveOptions | None = None) -> SolveOptions:  # pyright: ignore[reportUnusedFunction]
+        return options or SolveOptions()
+
+    try:
+        found = reader([f"--{name}", *tokens], exit_on_error=False, print_error=False)
+        return getattr(found, field)
+    except CycloptsError as wrong:
+        raise InputError(f"--vary {name}: {' '.join(str(wrong).split())}") from None
+
+
+def report_command(source: str, /, *, output: Path | None = None, json: Json = False) -> None:
+    """Write tables (CSV) and figures (PNG) of a sweep, finished or not.
+
+    Patterns: histogram of E, examples, E over strength and height. Recordings: distribution of E in each trial.
+
+    Parameters
+    ----------
+    source
+        NAME.zarr, or an address that fsspec can open.
+    output
+        Output folder. [default: NAME.report, in the current folder for a remote sweep]
+
+    Examples
+    --------
+    $ midair sweep report patterns.zarr
+    """
+    here = Path(source.rpartition("/")[2] if "://" in source else source)
+    folder, results = output or here.with_suffix(".report"), load_sweep(source)
+    if results.kind == "recordings":
+        report, files = trial_report(results), write_trial_report(results, folder)
+    else:
+        known = PatternResults.of(results)
+        report, files = report_of(known), write_sweep_report(known, folder)
+    if json:
+        return print_json(report.plain() | {"files": [str(file) for file in files]})
+    if isinstance(report, TrialReport):
+        show_trials(report)
+    else:
+        show_patterns(report)
+    out().print("\n".join(str(file) for file in files))
+    return None
+
+
+sweep_app = App(
+    name="sweep", help_epilogue=epilogue(("midair sweep patterns patterns.zarr --count 1000 --strength 0.1",))
+)
+add_command(sweep_app, patterns_command, "patterns")
+add_command(sweep_app, recordings_command, "recordings")
+add_command(sweep_app, report_command, "report")
