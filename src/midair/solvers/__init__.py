@@ -30,6 +30,7 @@ from .problem import Start as Start
 from .problem import WarmStart as WarmStart
 from .problem import error_of as error_of
 from .solve_plan import automatic_level as automatic_level
+from .solve_plan import frames_per_part as frames_per_part
 from .solver_settings import MethodSettings as MethodSettings
 from .solver_settings import settings_type as settings_type
 from .solving import read_solver_blocks as read_solver_blocks
