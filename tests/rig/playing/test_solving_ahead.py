@@ -41,8 +41,6 @@ def _folder(tmp_path, monkeypatch):
 
 
 class Loud(VirtualArray):
-    """A virtual array that is treated as one with sound."""
-
     gated = True
 
 
@@ -129,8 +127,6 @@ def test_an_inadmissible_later_part_ends_the_play_in_silence_and_leaves_no_file(
 
 
 def test_an_error_of_the_solver_silences_the_array(monkeypatch):
-    """The second part fails after the order to play."""
-
     def fail():
         wait_until(Path("state/played.jsonl").exists)
         raise InputError("the solver: expected to go on, got an error")
@@ -144,23 +140,17 @@ def test_an_error_of_the_solver_silences_the_array(monkeypatch):
     assert list(Path().glob("*drive*")) == []
 
 
-def test_a_slow_computer_is_told_before_the_first_sound(monkeypatch):
-    """A part that lasts .13 s takes .3 s: the play waits, and says for how long."""
-    solver_that(lambda: time.sleep(0.3), monkeypatch, at_once=False)
-    lines = []
-    play_pressure(pressure(1500, 2000.0), QUICK.but(rate=2000.0), loud(SURE), report=lines.append)
-    (line,) = lines
-    assert line.startswith("this computer solves 0.")
-    assert "so that there is no gap" in line
-
-
-def test_the_play_begins_before_a_part_that_will_come_in_time(monkeypatch):
-    solved, begun, device = [], [], Loud(ARRAY)
+def test_a_slow_computer_says_so_and_begins_before_a_part_that_will_come_in_time(monkeypatch):
+    """A part that lasts .5 s takes 1 s: the play waits, and says for how long."""
+    solved, begun, lines, device = [], [], [], Loud(ARRAY)
     solver_that(lambda: solved.append(time.sleep(1.0)), monkeypatch, at_once=False)
     real = device.emit
     monkeypatch.setattr(device, "emit", lambda *order, **how: begun.append(len(solved)) or real(*order, **how))
-    play_pressure(pressure(rate=500.0), QUICK.but(rate=500.0), loud(SURE, device))
+    play_pressure(pressure(rate=500.0), QUICK.but(rate=500.0), loud(SURE, device), report=lines.append)
     assert begun == [1]
+    (line,) = lines
+    assert line.startswith("this computer solves 0.")
+    assert "so that there is no gap" in line
 
 
 def test_what_needs_the_whole_drive_is_refused():
