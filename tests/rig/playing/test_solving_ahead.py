@@ -61,15 +61,15 @@ def log():
 
 
 def solver_that(does, monkeypatch, *, at_once=True):
-    """The solver does something after each part; `at_once`: the play begins with the first part."""
+    """The solver does something before each part, given its number; `at_once`: the play begins with the first part."""
 
     def parts(*arguments, **how):
         target, made = reproduce_stream(*arguments, **how)
 
         def parts():
-            for part in made:
+            for number, part in enumerate(made):
+                does(number)
                 yield part
-                does()
 
         return target, parts()
 
@@ -108,7 +108,7 @@ def test_the_virtual_rig_rerecords_what_it_would_of_the_file():
 
 
 def test_an_inadmissible_later_part_ends_the_play_in_silence_and_leaves_no_file(solved, monkeypatch):
-    solver_that(lambda: None, monkeypatch)
+    solver_that(lambda _: None, monkeypatch)
     levels = measure_exposure(load_solution(solved).drive, ARRAY, SURE.profile).level
     first, rest = levels[:257].max(axis=0), levels[257:].max(axis=0)
     # Only the place that gets louder later is limited.
@@ -127,9 +127,10 @@ def test_an_inadmissible_later_part_ends_the_play_in_silence_and_leaves_no_file(
 
 
 def test_an_error_of_the_solver_silences_the_array(monkeypatch):
-    def fail():
-        wait_until(Path("state/played.jsonl").exists)
-        raise InputError("the solver: expected to go on, got an error")
+    def fail(number):
+        if number:
+            wait_until(Path("state/played.jsonl").exists)
+            raise InputError("the solver: expected to go on, got an error")
 
     solver_that(fail, monkeypatch)
     device = Loud(ARRAY)
@@ -143,11 +144,11 @@ def test_an_error_of_the_solver_silences_the_array(monkeypatch):
 def test_a_slow_computer_says_so_and_begins_before_a_part_that_will_come_in_time(monkeypatch):
     """A part that lasts .5 s takes 1 s: the play waits, and says for how long."""
     solved, begun, lines, device = [], [], [], Loud(ARRAY)
-    solver_that(lambda: solved.append(time.sleep(1.0)), monkeypatch, at_once=False)
+    solver_that(lambda _: solved.append(time.sleep(1.0)), monkeypatch, at_once=False)
     real = device.emit
     monkeypatch.setattr(device, "emit", lambda *order, **how: begun.append(len(solved)) or real(*order, **how))
     play_pressure(pressure(rate=500.0), QUICK.but(rate=500.0), loud(SURE, device), report=lines.append)
-    assert begun == [1]
+    assert begun == [2]
     (line,) = lines
     assert line.startswith("this computer solves 0.")
     assert "so that there is no gap" in line
@@ -163,7 +164,7 @@ def test_what_needs_the_whole_drive_is_refused():
 def test_a_play_that_waits_for_frames_is_silent_and_goes_on(monkeypatch):
     """Frames that come too late on emulated units: a gap, no repeated frame, and all frames are played."""
     pytest.importorskip("autd3")
-    solver_that(lambda: wait_until(Path("state/played.jsonl").exists) and time.sleep(1.0), monkeypatch)
+    solver_that(lambda part: part and wait_until(Path("state/played.jsonl").exists) and time.sleep(1.0), monkeypatch)
     rig = open_rig("autd3:emulator", exposure=SURE)
     report = play_pressure(pressure(rate=1000.0), QUICK.but(rate=1000.0), rig).report
     assert (report.frames, report.repeated) == (800, 0)
