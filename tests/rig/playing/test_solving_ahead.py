@@ -4,8 +4,10 @@ import json
 import subprocess
 import sys
 import time
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -21,6 +23,7 @@ from midair.model import PressureFrames, SensorGrid, TransducerArray
 from midair.pipeline import reproduce_stream
 from midair.rig import PlaySettings, open_rig, play, play_pressure, record
 from midair.rig.opening import OpenRig
+from midair.rig.playing import SolvedAhead
 from midair.settings import Settings
 from midair.solvers import Glide
 
@@ -60,8 +63,8 @@ def log():
     return [json.loads(line) for line in Path("state/played.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
-def solver_that(does, monkeypatch, *, at_once=True):
-    """The solver does something before each part, given its number; `at_once`: the play begins with the first part."""
+def solver_that(does, monkeypatch):
+    """The solver does something before each part, given its number, and the play begins with the first one."""
 
     def parts(*arguments, **how):
         target, made = reproduce_stream(*arguments, **how)
@@ -74,8 +77,7 @@ def solver_that(does, monkeypatch, *, at_once=True):
         return target, parts()
 
     monkeypatch.setattr("midair.rig.playing.solving_ahead.reproduce_stream", parts)
-    if at_once:
-        monkeypatch.setattr("midair.rig.playing.solving_ahead.SolvedAhead._lacks", lambda _: (0.0, np.inf))
+    monkeypatch.setattr("midair.rig.playing.solving_ahead.SolvedAhead._lacks", lambda _: (0.0, np.inf))
 
 
 @pytest.fixture(name="solved", scope="module")
@@ -141,17 +143,19 @@ def test_an_error_of_the_solver_silences_the_array(monkeypatch):
     assert list(Path().glob("*drive*")) == []
 
 
-def test_a_slow_computer_says_so_and_begins_before_a_part_that_will_come_in_time(monkeypatch):
-    """A part that lasts .5 s takes 1 s: the play waits, and says for how long."""
-    solved, begun, lines, device = [], [], [], Loud(ARRAY)
-    solver_that(lambda _: solved.append(time.sleep(1.0)), monkeypatch, at_once=False)
-    real = device.emit
-    monkeypatch.setattr(device, "emit", lambda *order, **how: begun.append(len(solved)) or real(*order, **how))
-    play_pressure(pressure(rate=500.0), QUICK.but(rate=500.0), loud(SURE, device), report=lines.append)
-    assert begun == [2]
+def test_a_slow_computer_says_so_and_begins_when_the_rest_will_come_in_time():
+    """Parts of .5 s take 1 s, and 287 of 800 frames are to come: 1.2 * 287 / 256 - (800 - 256) / 500 + .3 = .56 s."""
+    ahead = SolvedAhead(pressure(), ARRAY, Loud(ARRAY), QUICK.but(rate=500.0), PlaySettings(), None)
+    lines, now = [], time.monotonic()
+    ahead._arrived, ahead._frames = [(now - 3, 0), (now - 1, 257), (now, 513)], 800
+    ahead._solved, ahead._stream = Future(), SimpleNamespace(clearance=lambda: "cleared")
+    ahead._news.put(None)
+    assert ahead.in_time(lines.append) == "cleared"
+    assert 0.557 <= time.monotonic() - now < 0.9
     (line,) = lines
-    assert line.startswith("this computer solves 0.")
-    assert "so that there is no gap" in line
+    assert line == (
+        "this computer solves 0.51 s of touch in a second: the first sound comes in about 1 s, so that there is no gap"
+    )
 
 
 def test_what_needs_the_whole_drive_is_refused():
