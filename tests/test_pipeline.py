@@ -221,6 +221,8 @@ def test_a_drive_above_its_level_is_solved_with_less_gain(monkeypatch):
     assert weaker_settings(played_drive(), Settings()) is None
     with pytest.raises(InputError, match=r"ears: expected a drive below 110 dB, got one 2\.0 dB above it"):
         played(ears=110.0, method="naive")
+    with pytest.raises(InputError, match="ears: expected a faster method, got lm; use --mode quiet"):
+        played(ears=110.0, method="lm")
 
 
 def played_drive():

@@ -202,6 +202,9 @@ _PROBED = 128
 
 def _part_under(limit: float, pressure: PressureFrames, array: TransducerArray, settings: Settings) -> float:
     """Part of the gain, up to 1, with which some frames of a target meet a level at the ears."""
+    if settings.solver.name in ("lm", "exact"):
+        # A thousand frames and more are solved for the gain.
+        raise InputError(f"ears: expected a faster method, got {settings.solver.name}; use --mode quiet")
     target = target_amplitude(pressure, settings)
     power = np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
     some = np.union1d(np.argsort(power)[-_PROBED:], np.arange(0, target.frames, max(1, target.frames // _PROBED)))

@@ -29,6 +29,11 @@ from midair.calibration.measure.unit_poses import cell_places, differences, fit_
 from midair.model import ArrayCalibration, Progress, Provenance
 from midair.physics import TransducerDynamics, transfer_matrix
 
+_UNIT_ERROR = 0.09e-3
+"""Standard uncertainty in m of x and y of a unit, since directivity and gel differ from the model: fitted to arrays
+of another model (benchmarks/unknown_arrays.py).
+"""
+
 _CLOSE = 1.5
 """Power of the remainder over that of the noise below which a fit may end, once the units stay where they are."""
 
@@ -169,7 +174,8 @@ def _result(
     }
     pose, covariance = units
     if len(pose) > 1:
-        pose, covariance = differences(field.array, pose, covariance)
+        unlike = np.diag(np.tile([_UNIT_ERROR**2] * 2 + [0.0] * 5, len(pose)))
+        pose, covariance = differences(field.array, pose, covariance + unlike)
     return ArrayCalibration(
         array=field.array,
         response=np.where(dead, 0, response),
