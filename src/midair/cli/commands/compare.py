@@ -16,10 +16,9 @@ from midair.cli.comparisons import (
     print_ratios,
     settings_of_rerecording,
 )
-from midair.cli.console import banner, out, print_figures, print_json, print_note, progress_bars, verbosity
+from midair.cli.console import banner, out, print_figures, print_json, print_note, progress_bars, verbosity, workload_of
 from midair.cli.options import BandOptions, Force, Json, Spread
 from midair.cli.output import may_write
-from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
 from midair.evaluate import (
     FIBRES,

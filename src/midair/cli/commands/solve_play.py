@@ -10,7 +10,16 @@ from typing import Any
 import numpy as np
 
 from midair.cli.comparisons import calibrated_part, unreproduced_rows, with_array_calibration, with_unreproduced
-from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars
+from midair.cli.console import (
+    banner,
+    duration_text,
+    is_speed_known,
+    print_json,
+    print_note,
+    print_rows,
+    progress_bars,
+    workload_of,
+)
 from midair.cli.exposure_options import (
     AirOptions,
     ExposureOptions,
@@ -33,7 +42,6 @@ from midair.cli.options import (
     settings_from,
 )
 from midair.cli.output import level_of_file, level_rows, may_write, reserved, solve_error, warn_level
-from midair.cli.time_estimates import duration_text, is_speed_known, workload_of
 from midair.devices import ArrayDevice, ExposureClearance, PlayReport, check_exposure, stop_on_input
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
