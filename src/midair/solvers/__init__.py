@@ -32,6 +32,7 @@ from .problem import Start as Start
 from .problem import WarmStart as WarmStart
 from .problem import error_of as error_of
 from .solve_plan import automatic_level as automatic_level
+from .solve_plan import frames_per_part as frames_per_part
 from .solving import read_solver_blocks as read_solver_blocks
 from .solving import solve as solve
 from .solving import solve_parts as solve_parts
