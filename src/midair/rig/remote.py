@@ -1,8 +1,4 @@
-"""Remote control: clients play checked drives through JSON over WebSocket, or through OSC (docs/remote.md).
-
-An asyncio server answers the clients; a thread sends silent frames until a play is triggered, and then its frames while
-the lease of the client in control lasts.
-"""
+"""Remote control: clients play checked drives through JSON over WebSocket, or through OSC (docs/remote.md)."""
 
 import asyncio
 import json
@@ -15,17 +11,18 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from hmac import compare_digest
 from http import HTTPStatus
 from math import ceil
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+from pydantic import ConfigDict, Field, ValidationError, create_model
 from pydantic_core import from_json
 from websockets.asyncio.server import Request, Response, ServerConnection, broadcast
 from websockets.asyncio.server import serve as serve_websockets
@@ -54,10 +51,9 @@ from midair.rig.play_lease import LeaseToken, PlayLease
 from midair.rig.playing import Follower, FollowRules, PlaySettings, clear_followed, grid_of, immediate_array, wait_until
 from midair.rig.signals import signals_end_the_program
 
-LEASE, LEAVES = 0.5, 5.0
-"""Times in s without a sign of life after which the client in control loses the array, and after which any has left."""
-REPEATED, FADE, WORD = 60.0, 0.005, 0.008
-"""Times in s: for which the check repeats a drive, of a change of the level from 0 to 1, between silent frames."""
+LEASE, LEAVES, REPEATED, FADE, WORD = 0.5, 5.0, 60.0, 0.005, 0.008
+"""Times in s: without a sign of life until the client in control loses the array, and until any has left; for which the
+check repeats a drive; of a change of the level from 0 to 1; between silent frames."""
 STATES, MOST, LINES = 60, 1000, 20
 """States that each client gets a second; messages of one client a second; refusals that are printed."""
 ENDINGS = (".drive.h5", *PATTERN_ENDINGS)
@@ -71,9 +67,7 @@ _FIELDS: dict[str, dict[str, Any]] = {
     "palm": {"pose": (list[float], Field(min_length=9, max_length=9)), "confidence": (float, Field(1.0, ge=0, le=1))},
 }
 _RULES = ConfigDict(extra="forbid", allow_inf_nan=False)
-MESSAGES: dict[str, type[BaseModel]] = {
-    name: create_model(name, __config__=_RULES, **fields) for name, fields in _FIELDS.items()
-}
+MESSAGES = {name: create_model(name, __config__=_RULES, **fields) for name, fields in _FIELDS.items()}
 """Fields of all messages of clients, by name, for JSON and OSC."""
 
 
@@ -102,13 +96,9 @@ def read_osc(packet: bytes) -> Iterator[tuple[str, str, Any]]:
 
 def osc_packet(address: str, *values: float | str) -> bytes:
     """An OSC message with numbers and texts."""
-
-    def packed(value: float | str) -> bytes:
-        raw = value.encode("ascii", "replace") if isinstance(value, str) else b""
-        return raw + bytes(4 - len(raw) % 4) if isinstance(value, str) else struct.pack(">f", value)
-
     tags = "," + "".join("s" if isinstance(each, str) else "f" for each in values)
-    return b"".join(packed(each) for each in (address, tags, *values))
+    raw = [each.encode("ascii", "replace") if isinstance(each, str) else each for each in (address, tags, *values)]
+    return b"".join(e + bytes(4 - len(e) % 4) if isinstance(e, bytes) else struct.pack(">f", e) for e in raw)
 
 
 def _read(name: Any, fields: dict[str, Any], *, strict: bool) -> tuple[str, Any]:
@@ -138,19 +128,6 @@ class _Palm:
         return []
 
 
-class _Loaded(NamedTuple):
-    drive: Drive
-    levels: Any
-    """Sound pressure levels in dB by the exposure check, shape (frame, place)."""
-    about: dict[str, Any]
-    put: Put
-    log: Callable[[str, str], None]
-    report: dict[str, Any]
-    follower: Follower | None
-    frames: Callable[[slice, Any], tuple[Any, Any]]
-    """Phases (frame, unit, transducer) and intensities (frame,) of frames that sound at times of this computer."""
-
-
 class _Player:
     """Plays loaded drives inside `drives_to_come` of an array, in a thread that runs `run` until a trigger is None."""
 
@@ -159,12 +136,12 @@ class _Player:
         silence = np.zeros((array.placement.units, array.array.count // array.placement.units), np.uint8)
         self._quiet = partial(self._put, quiet, silence, 0)
         self.permit, self._token = PlayLease(), LeaseToken(number=0, stops=0)
-        self.loaded: dict[str, _Loaded] = {}
+        self.loaded: dict[str, SimpleNamespace] = {}
         self.level, self._late, self._failsafe = 1.0, 0, 0
         self.palm, self.silent = _Palm(), threading.Event()
         self.tracker = Tracker(self.palm, name="palm", options=TRACKERS["osc"]())
-        self.triggers = queue.SimpleQueue[tuple[_Loaded, int, LeaseToken] | None]()
-        self._now: tuple[_Loaded, int, float, int] | None = None
+        self.triggers = queue.SimpleQueue[tuple[SimpleNamespace, int, LeaseToken] | None]()
+        self._now: tuple[SimpleNamespace, int, float, int] | None = None
 
     def load(self, path: Path, duration: float | None, follow: bool) -> dict[str, Any]:
         """Read or draw a file, check its exposure and log the order; slow, for a thread of its own."""
@@ -187,6 +164,7 @@ class _Player:
         phases, intensities = np.asarray(phase_bytes(drive, units)), np.asarray(intensity_bytes(drive, 1))
 
         def frames(part: slice, times: Any) -> tuple[Any, Any]:
+            # Phases and intensities of frames that sound at times of this computer's clock.
             if follower is None:
                 return phases[part], intensities[part]
             steered = admission.steered(*follower.steered(part, times))
@@ -196,8 +174,8 @@ class _Player:
         about: dict[str, Any] = {"file": path.name, "seconds": drive.frames / drive.rate, "rate_hz": drive.rate}
         about |= {"follow": follow, "exposure": admission.verdict()}
         put, log = self._begin(admission, path, report)
-        made: Any = {"put": put, "log": log, "report": report, "follower": follower, "frames": frames, "about": about}
-        self.loaded[path.name] = _Loaded(drive=drive, levels=admission.exposure.level, **made)
+        made = {"put": put, "log": log, "report": report, "follower": follower, "frames": frames, "about": about}
+        self.loaded[path.name] = SimpleNamespace(drive=drive, levels=admission.exposure.level, **made)
         return about
 
     def _drawn(self, path: Path, duration: float | None) -> Drive:
@@ -207,7 +185,7 @@ class _Player:
         life = drawn_settings(foci, acoustics).noted(Provenance(source=path.name))
         return replace(draw(foci, array, acoustics=acoustics).drive, provenance=life)
 
-    def trigger(self, file: str, repeats: int) -> _Loaded:
+    def trigger(self, file: str, repeats: int) -> SimpleNamespace:
         """Play a loaded file now."""
         if file not in self.loaded:
             raise InputError(f"file: expected one that is loaded, {sorted(self.loaded)}, got {file[:60]!r}; load it")
@@ -219,14 +197,15 @@ class _Player:
 
     def state(self) -> dict[str, Any]:
         """What plays now, its level, and the levels at the places of the exposure profile in dB."""
-        state: dict[str, Any] = {"playing": None, "seconds": 0.0, "drive": 0.0, "places_db": {}}
-        if (now := self._now) is not None:
-            loaded, number, gain, intensity = now
-            levels = loaded.levels[number % loaded.drive.frames] + 20 * np.log10(max(gain, 1e-9))
-            places = zip(self._settings.exposure.profile.places, levels, strict=True)
-            state["places_db"] = {place.name: round(float(each), 1) for place, each in places if each > 0}
-            state |= {"playing": loaded.about["file"], "seconds": number / loaded.drive.rate, "drive": intensity / 255}
-        return state | {"level": self.level, "late": self._late, "failsafe": self._failsafe}
+        state = {"level": self.level, "late": self._late, "failsafe": self._failsafe}
+        if (now := self._now) is None:
+            return state | {"playing": None, "seconds": 0.0, "drive": 0.0, "places_db": {}}
+        loaded, number, gain, intensity = now
+        levels = loaded.levels[number % loaded.drive.frames] + 20 * np.log10(max(gain, 1e-9))
+        places = zip(self._settings.exposure.profile.places, levels, strict=True)
+        loud = {place.name: round(float(each), 1) for place, each in places if each > 0}
+        state |= {"playing": loaded.about["file"], "seconds": number / loaded.drive.rate}
+        return state | {"drive": intensity / 255, "places_db": loud}
 
     def run(self) -> None:
         """Send silent frames, and play each trigger."""
@@ -250,7 +229,7 @@ class _Player:
             self._failsafe += 1
             self._array.resume()
 
-    def _play(self, loaded: _Loaded, repeats: int, token: LeaseToken) -> None:
+    def _play(self, loaded: SimpleNamespace, repeats: int, token: LeaseToken) -> None:
         """Play to the end, or until the next trigger or the end of the lease."""
         units, rate, frames = self._array.units, loaded.drive.rate, loaded.drive.frames
         period, ahead, step = divider(rate) * TICK, round(1e9 * min(self._array.hold, 5 / rate)), 1 / (rate * FADE)
@@ -289,23 +268,13 @@ class _Player:
         return self._quiet(first + number * period)
 
 
-@dataclass(slots=True, eq=False)
-class _Client:
-    number: int
-    send: Callable[[str, dict[str, Any]], None]
-    seen: float
-    second: int = 0
-    count: int = 0
-    gone: bool = False
-
-
 class _Server(asyncio.DatagramProtocol):
     """Answers clients that have the key, and lets one of them control the player; `report` gets a line a refusal."""
 
     def __init__(self, player: _Player, folder: Path, key: str, report: Callable[[str], object]) -> None:
         self._player, self._folder, self._key, self._report = player, folder.resolve(), key.encode(), report
-        self._clients: dict[Any, _Client] = {}
-        self._control: _Client | None = None
+        self._clients: dict[Any, SimpleNamespace] = {}
+        self._control: SimpleNamespace | None = None
         self._osc: asyncio.DatagramTransport | None = None
         self._entered = self._refused = 0
         self._tasks, self._loading = set[asyncio.Task[None]](), asyncio.Lock()
@@ -364,7 +333,7 @@ class _Server(asyncio.DatagramProtocol):
             alive.cancel()
             self._leave(connection)
 
-    async def _watch(self, client: _Client, connection: ServerConnection) -> None:
+    async def _watch(self, client: SimpleNamespace, connection: ServerConnection) -> None:
         """Renew the lease of a client while it answers pings, as WebSocket clients do by themselves."""
         with suppress(ConnectionClosed):
             while True:
@@ -392,9 +361,10 @@ class _Server(asyncio.DatagramProtocol):
         if self._osc is not None:
             self._osc.sendto(osc_packet(f"/midair/{name}", *values), addr)
 
-    def _enter(self, place: Any, send: Callable[[str, dict[str, Any]], None]) -> _Client:
+    def _enter(self, place: Any, send: Callable[[str, dict[str, Any]], None]) -> SimpleNamespace:
         self._entered += 1
-        self._clients[place] = client = _Client(self._entered, send, time.monotonic())
+        counts: Any = {"number": self._entered, "seen": time.monotonic(), "second": 0, "count": 0, "gone": False}
+        self._clients[place] = client = SimpleNamespace(send=send, **counts)
         return client
 
     def _leave(self, place: Any) -> None:
@@ -402,12 +372,12 @@ class _Server(asyncio.DatagramProtocol):
         client.gone = True
         self._lose_control(client)
 
-    def _lose_control(self, client: _Client) -> None:
+    def _lose_control(self, client: SimpleNamespace) -> None:
         if client is self._control:
             self._control = None
             self._player.permit.stop()
 
-    def _lives(self, client: _Client) -> None:
+    def _lives(self, client: SimpleNamespace) -> None:
         client.seen = time.monotonic()
         if client is self._control and self._player.permit.armed:
             self._player.permit.renew(lasts=LEASE)
@@ -417,7 +387,7 @@ class _Server(asyncio.DatagramProtocol):
         if self._refused <= LINES:
             self._report(f"refused: {why}" + "; no more of these lines" * (self._refused == LINES))
 
-    def _answer(self, client: _Client, read: Callable[[], tuple[str, Any]]) -> None:
+    def _answer(self, client: SimpleNamespace, read: Callable[[], tuple[str, Any]]) -> None:
         """Begin to do what a message asks, in the order of their arrival; InputError if there are too many."""
         client.count = client.count + 1 if (now := int(time.monotonic())) == client.second else 1
         client.second = now
@@ -429,7 +399,7 @@ class _Server(asyncio.DatagramProtocol):
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def _do(self, client: _Client, read: Callable[[], tuple[str, Any]]) -> None:
+    async def _do(self, client: SimpleNamespace, read: Callable[[], tuple[str, Any]]) -> None:
         name, found, player, held = "", dict[str, Any](), self._player, self._control
         if client.gone or client.count > MOST:
             return
@@ -462,9 +432,10 @@ class _Server(asyncio.DatagramProtocol):
                 case "palm":
                     player.palm.add(RawPose(stamp=time.monotonic(), values=message.pose, confidence=message.confidence))
                     return
+                case "release":
+                    self._lose_control(client)
                 case _:
-                    if name == "release":
-                        self._lose_control(client)
+                    pass
         except (MidairError, ValueError, OSError) as wrong:
             if isinstance(wrong, FileError) and name == "play":  # nothing plays without a log
                 player.permit.stop()

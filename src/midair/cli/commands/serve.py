@@ -10,10 +10,8 @@ from midair.cli.options import StopInput, options_from, settings_from
 from midair.devices import stop_on_input
 from midair.rig import PlaySettings, read_key, request_realtime, serve
 
-_DEVICES = "virtual: without sound. autd3, autd3:INTERFACE, autd3:emulator: units that accept single frames."
 
-
-@options_from(PlaySettings, "device", "placement", "silencer", "participant", device=_DEVICES)
+@options_from(PlaySettings, "device", "placement", "silencer", "participant", device="virtual, autd3, autd3:INTERFACE.")
 class ServeOptions:
     """Array and playback."""
 
@@ -52,8 +50,8 @@ def serve_command(
     $ midair serve effects --device autd3 --attenuate
     """
     secret = secrets.token_urlsafe(16) if key is None else read_key(key).hex()
-    choices, cooling = (exposure or ExposureOptions()).choices((air or AirOptions()).medium()), heat or HeatOptions()
-    settings = settings_from(PlaySettings, options or ServeOptions(), exposure=choices, cooling=cooling.cooling())
+    choices, waits = (exposure or ExposureOptions()).choices((air or AirOptions()).medium()), heat or HeatOptions()
+    settings = settings_from(PlaySettings, options or ServeOptions(), exposure=choices, cooling=waits.cooling())
     banner(settings.device == "virtual")
     # Before an SDK starts its threads, which inherit the priority.
     granted = request_realtime()
