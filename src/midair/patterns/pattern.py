@@ -155,7 +155,10 @@ class Pattern(Checked):
         """The foci of every frame for `duration` in s, one pass if None. Raises InputError for a loop without one."""
         seconds = self.duration_s if duration is None else duration
         if seconds is None:
-            raise InputError("duration: expected a time, since the pattern is a loop; give --duration or duration_s")
+            raise InputError(
+                "duration: expected a time, since the pattern is a loop; give duration_s in the file, or "
+                "midair draw --duration"
+            )
         frames = max(round(seconds * self.rate_hz), 1)
         check_memory_for(100.0 * frames * len(self.spot), f"{seconds:g} s of the pattern", "make it shorter")
         time = np.arange(frames) / self.rate_hz
