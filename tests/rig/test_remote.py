@@ -86,7 +86,7 @@ class Served:
 @pytest.fixture
 def served(tmp_path, monkeypatch):
     units = VirtualUnits(kept=100_000)
-    monkeypatch.setattr(remote, "virtual_immediate", lambda placement: virtual_immediate(placement, units=units))
+    monkeypatch.setattr(remote, "immediate_array", lambda *_: virtual_immediate(units=units))
     one = Served(tmp_path, units)
     yield one
     one.close()

@@ -1,7 +1,6 @@
 """Drivers of arrays, sensors and motion stages, real and virtual, and the exposure check."""
 
 from .arrays import BankedArray as BankedArray
-from .arrays import BeginOrder as BeginOrder
 from .arrays import ImmediateArray as ImmediateArray
 from .arrays import ImmediateUnits as ImmediateUnits
 from .arrays import OpenMpdArray as OpenMpdArray

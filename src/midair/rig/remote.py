@@ -14,12 +14,10 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from hmac import compare_digest
-from http import HTTPStatus
 from math import ceil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 from pydantic import ConfigDict, Field, ValidationError, create_model
@@ -30,9 +28,7 @@ from websockets.exceptions import ConnectionClosed
 
 from midair.devices import (
     TICK,
-    BeginOrder,
     ImmediateArray,
-    Put,
     RawPose,
     Tracker,
     check_exposure,
@@ -40,7 +36,6 @@ from midair.devices import (
     intensity_bytes,
     osc_messages,
     phase_bytes,
-    virtual_immediate,
 )
 from midair.errors import DeviceError, DeviceStateError, FileError, InputError, MidairError, SilentFramesError
 from midair.files import load_solution
@@ -131,7 +126,7 @@ class _Palm:
 class _Player:
     """Plays loaded drives inside `drives_to_come` of an array, in a thread that runs `run` until a trigger is None."""
 
-    def __init__(self, array: ImmediateArray, settings: PlaySettings, quiet: Put, begin: BeginOrder) -> None:
+    def __init__(self, array: ImmediateArray, settings: PlaySettings, quiet: Any, begin: Any) -> None:
         self._array, self._settings, self._begin = array, settings, begin
         silence = np.zeros((array.placement.units, array.array.count // array.placement.units), np.uint8)
         self._quiet = partial(self._put, quiet, silence, 0)
@@ -222,7 +217,7 @@ class _Player:
                 return
             self._play(*trigger)
 
-    def _put(self, put: Put, *frame: Any) -> None:
+    def _put(self, put: Callable[..., None], *frame: Any) -> None:
         try:
             put(*frame)
         except SilentFramesError:  # the program was held up for 50 ms; the next frame sounds again
@@ -314,11 +309,10 @@ class _Server(asyncio.DatagramProtocol):
             await asyncio.sleep(due - now)
 
     def _check(self, connection: ServerConnection, request: Request) -> Response | None:
-        given = parse_qs(urlsplit(request.path).query).get("key", [""])[0]
-        if compare_digest(given.encode(errors="replace"), self._key):
+        if compare_digest(request.path.encode(errors="replace"), b"/?key=" + self._key):
             return None
         self._refuse("a connection without the key")
-        return connection.respond(HTTPStatus.UNAUTHORIZED, "midair serve: expected the address with its ?key=\n")
+        return connection.respond(401, "midair serve: expected the address with its ?key=\n")
 
     async def _talk(self, connection: ServerConnection) -> None:
         """Serve one WebSocket client until it leaves or floods."""
@@ -460,7 +454,7 @@ def serve(
     use or the array is lost, StoppedError after `midair stop`.
     """
     chosen = settings or PlaySettings()
-    array = virtual_immediate(chosen.placement) if chosen.device == "virtual" else immediate_array(chosen, RATE)
+    array = immediate_array(chosen, RATE)
     array.cooling, array.participant = chosen.cooling, chosen.participant
     with (
         signals_end_the_program(),

@@ -24,7 +24,6 @@ from midair.devices import (
     Tracker,
     check_exposure,
     measure_exposure,
-    virtual_immediate,
 )
 from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError
 from midair.files import load_solution, profile_named, save
@@ -315,7 +314,7 @@ class _Player:
             raise DeviceStateError("play: expected the tracker of the check, it is closed; check the exposure again")
         (drive, how), tracker, leave = self.followed, self.palm.tracker, order["leave"]
         self.held.close()
-        self.array = array = virtual_immediate() if self.device == "virtual" else immediate_array(how, drive.rate)
+        self.array = array = immediate_array(how, drive.rate)
         array.participant = order.get("participant", "")
         told: Any = {"source": path, "report": self.palm.said.append, "progress": self._progress(leave)}
         try:

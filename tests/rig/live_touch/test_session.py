@@ -67,7 +67,7 @@ def test_a_missing_calibration_is_an_error_at_once():
     ("wrong", "error", "words"),
     [
         ({"sensor": "nothing"}, UnknownDeviceError, "expected virtual:OBJECT"),
-        ({"device": "pyautd3:nop"}, UnknownDeviceError, "support single frames"),
+        ({"device": "pyautd3:nop"}, UnknownDeviceError, "accept single frames"),
         ({"device": "autd3:emulator"}, ExposureError, "take responsibility"),
     ],
 )

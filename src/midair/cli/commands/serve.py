@@ -42,7 +42,7 @@ def serve_command(
     ports
         TCP port for WebSocket and UDP port for OSC; 0 selects a free one.
     key
-        File of a key, as of midair live --new-key. [default: a new key at each start]
+        File of a key, as midair live --new-key makes one. [default: a new key at each start]
 
     Examples
     --------

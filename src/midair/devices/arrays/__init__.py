@@ -4,7 +4,6 @@ from .autd3 import autd3_array as autd3_array
 from .autd3 import autd3_immediate as autd3_immediate
 from .autd3 import pyautd3_array as pyautd3_array
 from .immediate import OUTCOMES as OUTCOMES
-from .immediate import BeginOrder as BeginOrder
 from .immediate import ImmediateArray as ImmediateArray
 from .immediate import ImmediateUnits as ImmediateUnits
 from .immediate import Put as Put

@@ -23,9 +23,6 @@ from midair.model import Drive, Medium, Placement, Progress
 Put = Callable[[Bytes, int, int], None]
 """Called with phases (unit, transducer of the unit), one intensity for all, and the instant of device time in ns."""
 
-BeginOrder = Callable[[ExposureClearance, str | Path, dict[str, Any]], tuple[Put, Callable[[str, str], None]]]
-"""Logs an order with a source, and at its end a report; returns what plays up to the drive's level, and logs events."""
-
 OUTCOMES = ("sent", "answered", "lost", "late", "crowded", "hot", "failsafe")
 """Outcomes that units count: frames sent, answered, lost (no answer), late, crowded and hot (never sent); and how often
 the failsafe acted."""
@@ -104,8 +101,12 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
             said |= _since(before, self.units.told())
 
     @contextmanager
-    def drives_to_come(self) -> Generator[tuple[Put, BeginOrder]]:
-        """Yield a function for silent frames, and one that begins an order for a checked drive; all end on exit."""
+    def drives_to_come(self) -> Generator[tuple[Put, Callable[..., tuple[Put, Callable[[str, str], None]]]]]:
+        """Yield a function for silent frames, and one that begins an order for a checked drive; all end on exit.
+
+        That one takes the clearance, the source and a report for the end of the order, and returns a function for
+        frames up to the level of the drive, and one that logs an event.
+        """
         with ExitStack() as orders:
 
             def begin(admission: ExposureClearance, source: str | Path, report: dict[str, Any]) -> Any:

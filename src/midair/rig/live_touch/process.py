@@ -21,13 +21,11 @@ from midair.devices import (
     SensorDevice,
     Stream,
     StreamedSensor,
-    autd3_immediate,
     check_exposure_level,
     ordered_at,
     process_start_time,
-    virtual_immediate,
 )
-from midair.errors import DeviceError, DeviceStateError, InputError, MidairError, StoppedError, UnknownDeviceError
+from midair.errors import DeviceError, DeviceStateError, InputError, MidairError, StoppedError
 from midair.model import Calibration, SensorGrid, SensorWiring, Unit
 from midair.rig.live_touch.encryption import read_key
 from midair.rig.live_touch.live_loop import LiveLoop, LiveSteering, Pace
@@ -38,7 +36,7 @@ from midair.rig.live_touch.touch import Rehearsal, Touch
 from midair.rig.live_touch.touch_ring import TouchRing
 from midair.rig.names import VirtualRig, array_calibration_for, open_tracker, sensor_named
 from midair.rig.play_lease import LeaseToken, PlayLease
-from midair.rig.playing import tracker_name
+from midair.rig.playing import PlaySettings, immediate_array, tracker_name
 from midair.settings import Settings
 from midair.solvers import one_blas_thread
 
@@ -343,13 +341,6 @@ def calibration_for(order: LiveSettings, sensor: StreamedSensor) -> Calibration 
 
 
 def array_for(order: LiveSettings, rate: float) -> ImmediateArray:
-    """Make the array, not yet open; UnknownDeviceError if it does not support single frames."""
-    kind, _, where = order.device.partition(":")
-    if order.device == "virtual":
-        return virtual_immediate(order.placement, hold=order.hold)
-    if kind == "autd3":
-        return autd3_immediate(where or "auto", order.placement, silencer=order.silencer, rate=rate, hold=order.hold)
-    raise UnknownDeviceError(
-        "live: expected virtual, autd3, autd3:INTERFACE or autd3:emulator, which support single frames with their "
-        f"instant, got {order.device!r}; use midair play for recordings on other arrays"
-    )
+    """The array of the settings, not yet open."""
+    played = PlaySettings(device=order.device, placement=order.placement, silencer=order.silencer)
+    return immediate_array(played, rate, hold=order.hold)

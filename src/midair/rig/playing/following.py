@@ -23,6 +23,7 @@ from midair.devices import (
     divider,
     intensity_bytes,
     phase_bytes,
+    virtual_immediate,
 )
 from midair.errors import InputError, SilentFramesError, UnknownDeviceError
 from midair.model import ControlGrid, Drive, PalmPath, Progress
@@ -278,9 +279,13 @@ class FollowedPlay:
     """Time from the newest pose to the sending of a block of frames in s: median and 99 %; NaN without poses."""
 
 
-def immediate_array(settings: PlaySettings, rate: float) -> ImmediateArray:
+def immediate_array(settings: PlaySettings, rate: float, *, hold: float | None = None) -> ImmediateArray:
     """The array of the settings, not yet open, for single frames. Raises UnknownDeviceError if it has none."""
     kind, _, where = settings.device.partition(":")
+    # Units queue seven frames.
+    hold = hold or min(0.006, 5 / rate)
+    if settings.device == "virtual":
+        return virtual_immediate(settings.placement, hold=hold)
     if kind != "autd3":
         raise UnknownDeviceError(
             f"--device: expected virtual or autd3, autd3:INTERFACE, autd3:emulator, which accept single frames, got "
@@ -291,8 +296,6 @@ def immediate_array(settings: PlaySettings, rate: float) -> ImmediateArray:
             f"--palm-path: expected --device virtual, got {settings.device}, above which a real palm moves"
         )
     silencer = "off" if settings.silencer == "auto" else settings.silencer
-    # Units queue seven frames.
-    hold = min(0.006, 5 / rate)
     return autd3_immediate(where or "auto", settings.placement, silencer=silencer, rate=rate, hold=hold)
 
 
