@@ -12,6 +12,7 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,12 +25,11 @@ from tests.waiting import wait_until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from midair.devices import ExposureChoices, VirtualUnits, check_exposure, read_log, stop_playing, virtual_immediate
+from midair.devices import VirtualUnits, check_exposure, read_log, stop_playing, virtual_immediate
 from midair.errors import ExposureError, StoppedError
-from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics import focus_phase
-from midair.rig import PlaySettings, dose_report, remote
+from midair.rig import PlaySettings, default_exposure, dose_report, remote
 from midair.rig.remote import MESSAGES, osc_packet
 
 ARRAY = TransducerArray.autd3()
@@ -99,6 +99,7 @@ def test_a_script_loads_plays_sets_the_level_and_stops(served):
         assert (found["files"], [one["seconds"] for one in found["loaded"]]) == (["tap.toml"], [0.1])
         loud = max(intensity for _, intensity, _ in list(served.units.frames))
         wait_until(lambda: state(client)["playing"] == "tap.toml")
+        assert "level: Input should be a valid number, got '1'" in ask(client, "level", level="1")["error"]
         ask(client, "level", level=0.5)
         wait_until(lambda: served.units.frames[-1][1] == int(0.5 * loud))
         told = state(client)
@@ -123,8 +124,8 @@ def test_osc_does_the_same(served):
         def send(do, *values):
             osc.sendto(build_msg(f"/midair/{do}", values).dgram, served.osc)
 
-        def heard(name, first=""):
-            while not ((found := OscMessage(osc.recv(65536))).address == name and first in found.params[0]):
+        def heard(name, word):
+            while not ((found := OscMessage(osc.recv(65536))).address == name and word in found.params[0]):
                 pass
             return found.params
 
@@ -153,27 +154,24 @@ def test_a_second_client_cannot_play_but_can_stop(served):
         assert state(first)["control"] == 2
 
 
-def test_a_client_that_hangs_loses_the_array_within_half_a_second_and_another_gets_it(served):
+@pytest.mark.parametrize("way", ["hangs", "goes", "floods"])
+def test_a_client_that_hangs_goes_or_floods_ends_in_silence_and_another_gets_control(served, way):
     with served.playing() as client:
-        client.send_data = lambda: None  # no pong leaves
         began = time.monotonic()
+        if way == "hangs":
+            client.send_data = lambda: None  # no pong leaves
+        elif way == "goes":
+            client.socket.shutdown(socket.SHUT_RDWR)
+        else:
+            with pytest.raises(ConnectionClosed):
+                for _ in range(100_000):
+                    client.send('{"do": "play", "file": "tap.toml", "repeats": 0}')
+            began = time.monotonic()
         wait_until(lambda: not served.sounds())
-        assert 0.2 < time.monotonic() - began < 0.7
+        assert (0.2 if way == "hangs" else 0) < time.monotonic() - began < (0.7 if way == "hangs" else 0.3)
         with served.client() as other:
             assert "error" not in ask(other, "control")
-
-
-def test_a_client_that_is_gone_or_floods_ends_in_silence(served):
-    with served.playing() as client:
-        client.socket.shutdown(socket.SHUT_RDWR)
-        wait_until(lambda: not served.sounds(), limit=0.3)
-    with served.playing() as client:
-        with pytest.raises(ConnectionClosed):
-            for _ in range(100_000):
-                client.send('{"do": "play", "file": "tap.toml", "repeats": 0}')
-        wait_until(lambda: not served.sounds(), limit=0.3)
-        time.sleep(0.1)
-        assert not served.sounds()
+            assert not served.sounds()
 
 
 def test_midair_stop_ends_the_server(served):
@@ -186,13 +184,11 @@ def test_midair_stop_ends_the_server(served):
 def test_the_device_refuses_more_than_the_level_of_the_drive():
     drive = Drive(phase=np.zeros((2, ARRAY.count)), level=np.array([0.1, 0.2]), rate=1000.0, array=ARRAY)
     with virtual_immediate() as array, array.drives_to_come() as (quiet, begin):
-        choices = ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
-        put, _ = begin(check_exposure(drive, array, choices), "test", {})
-        phases = np.zeros((4, 249), np.uint8)
-        put(phases, 51, array.units.now() + 10**7)
+        put, _ = begin(check_exposure(drive, array, default_exposure()), "test", {})
+        put(np.zeros((4, 249), np.uint8), 51, array.units.now() + 10**7)
         for sound, more in ((put, 52), (quiet, 1)):
             with pytest.raises(ExposureError, match="expected intensities up to"):
-                sound(phases, more, 0)
+                sound(np.zeros((4, 249), np.uint8), more, 0)
 
 
 HUGE = ["1e308", "-1", "NaN", "Infinity", "9" * 400, "[]", "null", '"1"', "true", "{}"]
@@ -235,15 +231,15 @@ def test_the_page_names_every_message_and_field():
 @pytest.mark.long
 @pytest.mark.parametrize("language", ["python", "javascript"])
 def test_the_clients_of_the_page_run(served, language, tmp_path):
-    node = ["node", "--experimental-websocket", "--no-warnings"]
-    program = [sys.executable] if language == "python" else node
-    if language == "javascript" and (not shutil.which("node") or subprocess.run([*node, "-v"], check=False).returncode):
+    programs = {"python": [sys.executable], "javascript": ["node", "--experimental-websocket", "--no-warnings"]}
+    program = programs[language]
+    if not shutil.which(program[0]) or subprocess.run([*program, "--version"], check=False).returncode:
         pytest.skip("no Node.js with WebSocket here")
     (code,) = re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
     (tmp_path / "client.mjs").write_text(code, encoding="utf-8")
     line = [*program, tmp_path / "client.mjs", served.url + KEY]
-    done = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True)
-    assert [word in done.stdout for word in ("rate_hz", "play", "silent", "error")] == [True, True, True, False]
+    told = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True).stdout
+    assert [word in told for word in ("rate_hz", "play", "silent", "error")] == [True, True, True, False]
     assert any(intensity for _, intensity, _ in served.units.frames)
     assert not served.sounds()
 
@@ -270,7 +266,7 @@ def test_frames_follow_the_palm_that_clients_report(served):
 @pytest.mark.long
 @pytest.mark.parametrize("attenuate", [False, True])
 def test_on_emulated_units_the_check_decides_and_a_trigger_is_on_the_wire_in_time(tap, tmp_path, attenuate):
-    choices = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), attenuate=attenuate)
+    choices = replace(default_exposure(), attenuate=attenuate)
     served, times = Served(tmp_path, None, device=f"autd3:{tap.address}", exposure=choices), []
     with closing(served), served.client() as client:
         loaded = ask(client, "load", file="tap.toml")

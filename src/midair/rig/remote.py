@@ -71,8 +71,9 @@ def read_json(text: str | bytes) -> tuple[str, Any]:
     try:
         found = from_json(text)
     except ValueError:
-        raise InputError("expected JSON, got other text") from None
-    found = found if isinstance(found, dict) else {}
+        found = None
+    if not isinstance(found, dict):
+        raise InputError("expected an object in JSON, got other text")
     return _read(found.pop("do", None), found, strict=True)
 
 
