@@ -7,20 +7,28 @@ units is compared with that of this computer by silent frames, which are sent 6 
 from __future__ import annotations
 
 import argparse
+import asyncio
 import json
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
 from tests.simulators.udp_proxy import UdpProxy
+from tests.waiting import wait_until
 from websockets.sync.client import ClientConnection, connect
 
 from benchmarks.live_outside import SILENT_PATTERN, frames_on, plain, watch_in_time
+from midair.rig import PlaySettings, remote
+from midair.rig.remote import MESSAGES
 
 PATTERN = "duration_s = {seconds}\nrate_hz = {rate}\n[[spot]]\npressure_pa = 20\n"
+KEY = "secret"
 HOLD, TURN = 6_000, 2**32
 """Time by which silent frames are sent ahead of their instants, and where the clock of the units begins anew, in us."""
 
@@ -61,6 +69,60 @@ def wire(tap: UdpProxy, since: int, *, loud: bool, patience: float = 1.0) -> tup
                 return at, int.from_bytes(datagram[6:10], "little")
         time.sleep(0.0005)
     return np.nan, 0
+
+
+class Here:
+    """A server in a thread of this program, on virtual units that keep their frames, or on others."""
+
+    def __init__(self, folder, units, **settings):
+        self.units, self.lines, ready = units, [], threading.Event()
+        (folder / "tap.toml").write_text(PATTERN.format(seconds=0.1, rate=1000), encoding="utf-8")
+
+        def note(tcp, udp):
+            self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
+            self.url, self.osc = f"ws://127.0.0.1:{tcp}/?key=", ("127.0.0.1", udp)
+            ready.set()
+
+        how = {"settings": PlaySettings(**settings), "report": self.lines.append, "ready": note}
+        self._pool = ThreadPoolExecutor(1)
+        self.end = self._pool.submit(remote.serve, folder, key=KEY, ports=(0, 0), **how)
+        assert ready.wait(20), self.end
+
+    def close(self):
+        with suppress(RuntimeError):  # it has ended
+            self._loop.call_soon_threadsafe(self._task.cancel)
+        self._pool.shutdown()
+
+    def sounds(self):
+        """Whether the newest frame has sound."""
+        return bool(self.units.frames) and self.units.frames[-1][1] > 0
+
+    def client(self, key=KEY):
+        return connect(self.url + key, max_queue=None, close_timeout=0.2)
+
+    @contextmanager
+    def playing(self):
+        with self.client() as client:
+            assert "error" not in ask(client, "load", file="tap.toml")
+            assert not self.sounds()
+            assert "error" not in ask(client, "play", file="tap.toml", repeats=0)
+            wait_until(self.sounds)
+            yield client
+
+
+def state(client):
+    """The newest state."""
+    ask(client, "list")
+    while "state" not in (found := json.loads(client.recv(10))):
+        pass
+    return found["state"]
+
+
+HUGE = ["1e308", "-1", "NaN", "Infinity", "9" * 400, "[]", "null", '"1"', "true", "{}"]
+FIELDS = [f'{{"do": "{do}", "{name}": {each}}}' for do in MESSAGES for name in ("file", "level") for each in HUGE]
+FILES = [f'{{"do": "load", "file": "{file}"}}' for file in ("../../etc/passwd", "a\\u0000.toml", "/etc/passwd")]
+HOSTILE = [*FIELDS, *FILES, *HUGE, "[" * 20_000, '{"do":' * 5000, '{"do": "play", "file": "tap.toml", "gain": 2}']
+"""Messages that are none."""
 
 
 def main() -> None:

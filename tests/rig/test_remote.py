@@ -1,6 +1,5 @@
 """Remote control: what clients can do, and what they cannot, over real sockets on this computer."""
 
-import asyncio
 import json
 import random
 import re
@@ -8,89 +7,37 @@ import shutil
 import socket
 import subprocess
 import sys
-import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from benchmarks.live_outside import frames_on
-from benchmarks.remote import ask, wire
+from benchmarks.remote import HOSTILE, KEY, Here, ask, state, wire
 from pythonosc.osc_message import OscMessage
 from pythonosc.osc_message_builder import build_msg
 from tests.waiting import wait_until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
 
-from midair.devices import VirtualUnits, check_exposure, read_log, stop_playing, virtual_immediate
-from midair.errors import ExposureError, StoppedError
-from midair.model import Acoustics, Drive, Medium, TransducerArray
+from midair.devices import VirtualUnits, read_log, stop_playing, virtual_immediate
+from midair.errors import StoppedError
+from midair.model import Acoustics, Medium, TransducerArray
 from midair.physics import focus_phase
-from midair.rig import PlaySettings, default_exposure, dose_report, remote
+from midair.rig import default_exposure, dose_report, remote
 from midair.rig.remote import MESSAGES, osc_packet
 
 ARRAY = TransducerArray.autd3()
-TAP = "duration_s = 0.1\nrate_hz = 1000\n[[spot]]\npressure_pa = 20\n"
-KEY = "secret"
 PAGE = (Path(__file__).parents[2] / "docs" / "remote.md").read_text(encoding="utf-8")
-
-
-class Served:
-    """A server in a thread, on virtual units that keep their frames or on others."""
-
-    def __init__(self, folder, units, **settings):
-        self.units, self.lines, ready = units, [], threading.Event()
-        (folder / "tap.toml").write_text(TAP, encoding="utf-8")
-
-        def note(tcp, udp):
-            self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
-            self.url, self.osc = f"ws://127.0.0.1:{tcp}/?key=", ("127.0.0.1", udp)
-            ready.set()
-
-        how = {"settings": PlaySettings(**settings), "report": self.lines.append, "ready": note}
-        self._pool = ThreadPoolExecutor(1)
-        self.end = self._pool.submit(remote.serve, folder, key=KEY, ports=(0, 0), **how)
-        assert ready.wait(20), self.end
-
-    def close(self):
-        with suppress(RuntimeError):  # it has ended
-            self._loop.call_soon_threadsafe(self._task.cancel)
-        self._pool.shutdown()
-
-    def sounds(self):
-        """Whether the newest frame has sound."""
-        return bool(self.units.frames) and self.units.frames[-1][1] > 0
-
-    def client(self, key=KEY):
-        return connect(self.url + key, max_queue=None, close_timeout=0.2)
-
-    @contextmanager
-    def playing(self):
-        with self.client() as client:
-            assert "error" not in ask(client, "load", file="tap.toml")
-            assert not self.sounds()
-            assert "error" not in ask(client, "play", file="tap.toml", repeats=0)
-            wait_until(self.sounds)
-            yield client
 
 
 @pytest.fixture
 def served(tmp_path, monkeypatch):
     units = VirtualUnits(kept=100_000)
     monkeypatch.setattr(remote, "immediate_array", lambda *_: virtual_immediate(units=units))
-    with closing(Served(tmp_path, units)) as one:
+    with closing(Here(tmp_path, units)) as one:
         yield one
-
-
-def state(client):
-    """The newest state."""
-    ask(client, "list")
-    while "state" not in (found := json.loads(client.recv(10))):
-        pass
-    return found["state"]
 
 
 def test_a_script_loads_plays_sets_the_level_and_stops(served):
@@ -181,22 +128,6 @@ def test_midair_stop_ends_the_server(served):
     assert [each["outcome"] for each in read_log()[0] if each["event"] == "end"] == ["stopped"]
 
 
-def test_the_device_refuses_more_than_the_level_of_the_drive():
-    drive = Drive(phase=np.zeros((2, ARRAY.count)), level=np.array([0.1, 0.2]), rate=1000.0, array=ARRAY)
-    with virtual_immediate() as array, array.drives_to_come() as (quiet, begin):
-        put, _ = begin(check_exposure(drive, array, default_exposure()), "test", {})
-        put(np.zeros((4, 249), np.uint8), 51, array.units.now() + 10**7)
-        for sound, more in ((put, 52), (quiet, 1)):
-            with pytest.raises(ExposureError, match="expected intensities up to"):
-                sound(np.zeros((4, 249), np.uint8), more, 0)
-
-
-HUGE = ["1e308", "-1", "NaN", "Infinity", "9" * 400, "[]", "null", '"1"', "true", "{}"]
-FIELDS = [f'{{"do": "{do}", "{name}": {each}}}' for do in MESSAGES for name in ("file", "level") for each in HUGE]
-FILES = [f'{{"do": "load", "file": "{file}"}}' for file in ("../../etc/passwd", "a\\u0000.toml", "/etc/passwd")]
-HOSTILE = [*FIELDS, *FILES, *HUGE, "[" * 20_000, '{"do":' * 5000, '{"do": "play", "file": "tap.toml", "gain": 2}']
-
-
 @pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=pytest.mark.long)])
 def test_hostile_messages_make_no_sound_and_few_lines(served, count):
     with served.client() as good, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as osc:
@@ -267,7 +198,7 @@ def test_frames_follow_the_palm_that_clients_report(served):
 @pytest.mark.parametrize("attenuate", [False, True])
 def test_on_emulated_units_the_check_decides_and_a_trigger_is_on_the_wire_in_time(tap, tmp_path, attenuate):
     choices = replace(default_exposure(), attenuate=attenuate)
-    served, times = Served(tmp_path, None, device=f"autd3:{tap.address}", exposure=choices), []
+    served, times = Here(tmp_path, None, device=f"autd3:{tap.address}", exposure=choices), []
     with closing(served), served.client() as client:
         loaded = ask(client, "load", file="tap.toml")
         for _ in range(200 if attenuate else 1):
