@@ -43,7 +43,7 @@ class Served:
         assert self.process.stdout is not None
         self.address = self.process.stdout.readline().split()[1]
         words = self.process.stdout.readline().split()
-        self.osc = ("127.0.0.1", int(words[1].strip(",").rsplit(":", 1)[1]))
+        self.osc = ("127.0.0.1", int(words[1].rsplit(":", 1)[1]))
         self.key = words[3]
 
     def close(self) -> None:

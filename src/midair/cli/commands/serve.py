@@ -2,9 +2,10 @@
 
 import gc
 import secrets
+import sys
 from pathlib import Path
 
-from midair.cli.console import banner, print_note, print_rows
+from midair.cli.console import banner, print_note
 from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions
 from midair.cli.options import StopInput, options_from, settings_from
 from midair.devices import stop_on_input
@@ -54,12 +55,13 @@ def serve_command(
     settings = settings_from(PlaySettings, options or ServeOptions(), exposure=choices, cooling=waits.cooling())
     banner(settings.device == "virtual")
     # Before an SDK starts its threads, which inherit the priority.
-    granted = request_realtime()
+    print_note(request_realtime().words())
     gc.enable()
 
     def ready(tcp: int, udp: int) -> None:
-        rows = [("WebSocket", f"ws://{host}:{tcp}/?key={secret}"), ("OSC", f"{host}:{udp}, key {secret}")]
-        print_rows([*rows, ("computer", granted.words())])
+        # A table would fold the address.
+        sys.stdout.write(f"WebSocket ws://{host}:{tcp}/?key={secret}\nOSC {host}:{udp} key {secret}\n")
+        sys.stdout.flush()
 
     with stop_on_input(stop_input):
         serve(folder, key=secret, settings=settings, host=host, ports=ports, report=print_note, ready=ready)
