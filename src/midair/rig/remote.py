@@ -37,7 +37,15 @@ from midair.devices import (
     osc_messages,
     phase_bytes,
 )
-from midair.errors import DeviceError, DeviceStateError, FileError, InputError, MidairError, SilentFramesError
+from midair.errors import (
+    DeviceError,
+    DeviceStateError,
+    FileError,
+    InputError,
+    MidairError,
+    MissingFileError,
+    SilentFramesError,
+)
 from midair.files import load_solution
 from midair.model import RATE, Acoustics, Drive, Medium, Provenance
 from midair.patterns import PATTERN_ENDINGS, draw, drawn_settings, load_pattern
@@ -455,6 +463,8 @@ def serve(
     use or the array is lost, StoppedError after `midair stop`.
     """
     chosen = settings or PlaySettings()
+    if not folder.is_dir():
+        raise MissingFileError(f"{folder}: expected a folder of drives and patterns, got none")
     array = immediate_array(chosen, RATE)
     array.cooling, array.participant = chosen.cooling, chosen.participant
     with (
