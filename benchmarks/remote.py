@@ -9,6 +9,8 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
+import random
+import socket
 import subprocess
 import sys
 import tempfile
@@ -19,6 +21,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
+from pythonosc.osc_message import OscMessage
+from pythonosc.osc_message_builder import build_msg
 from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 from websockets.sync.client import ClientConnection, connect
@@ -123,6 +127,40 @@ FIELDS = [f'{{"do": "{do}", "{name}": {each}}}' for do in MESSAGES for name in (
 FILES = [f'{{"do": "load", "file": "{file}"}}' for file in ("../../etc/passwd", "a\\u0000.toml", "/etc/passwd")]
 HOSTILE = [*FIELDS, *FILES, *HUGE, "[" * 20_000, '{"do":' * 5000, '{"do": "play", "file": "tap.toml", "gain": 2}']
 """Messages that are none."""
+
+
+class OscClient(socket.socket):
+    """A client that writes and reads OSC by python-osc."""
+
+    def __init__(self, server: tuple[str, int]) -> None:
+        super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
+        self.server = server
+        self.settimeout(10)
+
+    def send(self, do: str, *values: object) -> None:
+        self.sendto(build_msg(f"/midair/{do}", values).dgram, self.server)
+
+    def heard(self, name: str, word: str) -> list:
+        """Values of the next message of a name whose text has a word."""
+        while not ((found := OscMessage(self.recv(65536))).address == name and word in found.params[0]):
+            pass
+        return found.params
+
+
+def attack(served: Here, count: int) -> int:
+    """Send hostile messages over WebSocket and OSC; return how many were answered by an error."""
+    answers, dice = 0, random.Random(1)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as osc:
+        for number in range(0, count, 100):
+            with served.client() as bad:
+                for each in range(number, number + 100):
+                    raw = dice.choice([dice.choice(HOSTILE).encode(), dice.randbytes(dice.randrange(300))])
+                    bad.send(raw)
+                    osc.sendto(raw[:5000], served.osc)
+                    osc.sendto(remote.osc_packet(f"/midair/{each % 3}", KEY, 1e9, "x" * 50), served.osc)
+                while answers < number + 100:
+                    answers += "error" in json.loads(bad.recv(10)).get("answer", {})
+    return answers
 
 
 def main() -> None:

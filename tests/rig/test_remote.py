@@ -1,7 +1,6 @@
 """Remote control: what clients can do, and what they cannot, over real sockets on this computer."""
 
 import json
-import random
 import re
 import shutil
 import socket
@@ -15,9 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.live_outside import frames_on
-from benchmarks.remote import HOSTILE, KEY, Here, ask, state, wire
-from pythonosc.osc_message import OscMessage
-from pythonosc.osc_message_builder import build_msg
+from benchmarks.remote import KEY, Here, OscClient, ask, attack, state, wire
 from tests.waiting import wait_until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -26,7 +23,7 @@ from midair.errors import StoppedError
 from midair.model import Acoustics, Medium, TransducerArray
 from midair.physics import focus_phase
 from midair.rig import default_exposure, dose_report, remote
-from midair.rig.remote import MESSAGES, osc_packet
+from midair.rig.remote import MESSAGES
 
 ARRAY = TransducerArray.autd3()
 PAGE = (Path(__file__).parents[2] / "docs" / "remote.md").read_text(encoding="utf-8")
@@ -65,27 +62,17 @@ def test_a_script_loads_plays_sets_the_level_and_stops(served):
 
 
 def test_osc_does_the_same(served):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as osc:
-        osc.settimeout(10)
-
-        def send(do, *values):
-            osc.sendto(build_msg(f"/midair/{do}", values).dgram, served.osc)
-
-        def heard(name, word):
-            while not ((found := OscMessage(osc.recv(65536))).address == name and word in found.params[0]):
-                pass
-            return found.params
-
-        send("load", KEY, "tap.toml")
-        assert json.loads(heard("/midair/answer", "seconds")[0])["seconds"] == 0.1
-        send("play", KEY, "tap.toml", 0.0)
+    with OscClient(served.osc) as osc:
+        osc.send("load", KEY, "tap.toml")
+        assert json.loads(osc.heard("/midair/answer", "seconds")[0])["seconds"] == 0.1
+        osc.send("play", KEY, "tap.toml", 0.0)
         wait_until(served.sounds)
-        send("level", KEY, 0.25)
+        osc.send("level", KEY, 0.25)
         wait_until(lambda: 0 < served.units.frames[-1][1] < 10)
-        assert len(heard("/midair/state", "tap.toml")) == 6
-        send("level", "wrong", 1.0)
+        assert len(osc.heard("/midair/state", "tap.toml")) == 6
+        osc.send("level", "wrong", 1.0)
         wait_until(lambda: any("the key" in line for line in served.lines))
-        send("stop")  # a stop needs no key
+        osc.send("stop")  # a stop needs no key
         wait_until(lambda: not served.sounds())
 
 
@@ -130,19 +117,10 @@ def test_midair_stop_ends_the_server(served):
 
 @pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=pytest.mark.long)])
 def test_hostile_messages_make_no_sound_and_few_lines(served, count):
-    with served.client() as good, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as osc:
+    with served.client() as good:
         ask(good, "load", file="tap.toml")
         ask(good, "release")
-        answers, dice = 0, random.Random(1)
-        for number in range(0, count, 100):
-            with served.client() as bad:
-                for each in range(number, number + 100):
-                    raw = dice.choice([dice.choice(HOSTILE).encode(), dice.randbytes(dice.randrange(300))])
-                    bad.send(raw)
-                    osc.sendto(raw[:5000], served.osc)
-                    osc.sendto(osc_packet(f"/midair/{each % 3}", KEY, 1e9, "x" * 50), served.osc)
-                while answers < number + 100:
-                    answers += "error" in json.loads(bad.recv(10)).get("answer", {})
+        assert attack(served, count) == count
         for key in ("", "wrong", "%00%ff"):
             with pytest.raises(InvalidStatus):
                 served.client(key)
