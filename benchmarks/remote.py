@@ -129,6 +129,18 @@ HOSTILE = [*FIELDS, *FILES, *HUGE, "[" * 20_000, '{"do":' * 5000, '{"do": "play"
 """Messages that are none."""
 
 
+def trigger_times(tap: UdpProxy, client: ClientConnection, count: int) -> list[float]:
+    """Seconds from triggers to the wire."""
+    times: list[float] = []
+    for _ in range(count):
+        tap.sent.clear()
+        began = time.monotonic()
+        client.send('{"do": "play", "file": "tap.toml"}')
+        times.append(wire(tap, 0, loud=True, patience=0.5)[0] - began)
+        ask(client, "stop")
+    return times
+
+
 class OscClient(socket.socket):
     """A client that writes and reads OSC by python-osc."""
 

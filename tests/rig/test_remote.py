@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.live_outside import frames_on
-from benchmarks.remote import KEY, Here, OscClient, ask, attack, state, wire
+from benchmarks.remote import KEY, Here, OscClient, ask, attack, state, trigger_times
 from tests.waiting import wait_until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -176,15 +176,10 @@ def test_frames_follow_the_palm_that_clients_report(served):
 @pytest.mark.parametrize("attenuate", [False, True])
 def test_on_emulated_units_the_check_decides_and_a_trigger_is_on_the_wire_in_time(tap, tmp_path, attenuate):
     choices = replace(default_exposure(), attenuate=attenuate)
-    served, times = Here(tmp_path, None, device=f"autd3:{tap.address}", exposure=choices), []
+    served = Here(tmp_path, None, device=f"autd3:{tap.address}", exposure=choices)
     with closing(served), served.client() as client:
         loaded = ask(client, "load", file="tap.toml")
-        for _ in range(200 if attenuate else 1):
-            tap.sent.clear()
-            began = time.monotonic()
-            client.send('{"do": "play", "file": "tap.toml"}')
-            times.append(wire(tap, 0, loud=True, patience=0.5)[0] - began)
-            ask(client, "stop")
+        times = trigger_times(tap, client, 200 if attenuate else 1)
         if attenuate:
             assert np.median(times) < 0.02
             (order,) = [each for each in read_log()[0] if each["event"] == "play"]
