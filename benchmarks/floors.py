@@ -16,8 +16,7 @@ import numpy as np
 
 from benchmarks.targets import binary, patterns, problem_of, towel
 from midair.solvers import Exact, Fast, Problem, error_of, one_blas_thread
-from midair.solvers.exact import state_at
-from midair.solvers.mode_system import System
+from midair.solvers.exact import System, state_at
 from midair.solvers.modes import modes
 
 TABLE = Path(__file__).with_name("floors.json")

@@ -23,7 +23,7 @@ from midair.pipeline import resample_pressure
 from midair.settings import best_mode
 from midair.solvers import Fast, Problem, error_of, one_blas_thread
 from midair.solvers.backend import Backend, backend
-from midair.solvers.device import phases_and_errors
+from midair.solvers.problem import phases_and_errors
 
 ALL, MINUTE = 65535, 60.0
 COMPARED = 64

@@ -7,8 +7,7 @@ import numpy as np
 from benchmarks.clock import fastest, heading, line
 from benchmarks.yardstick import Plain
 from midair.solvers import Exact, LevenbergMarquardt, Live, Problem
-from midair.solvers.exact import state_at
-from midair.solvers.mode_system import System
+from midair.solvers.exact import System, state_at
 from midair.solvers.modes import modes
 
 

@@ -25,7 +25,7 @@ from midair.model import (
     Solution,
     TransducerArray,
 )
-from midair.physics import focus_amplitude, radiation_pressure, sound_amplitude, transfer_matrix
+from midair.physics import ArrayKey, focus_amplitude, radiation_pressure, sound_amplitude, transfer_matrix
 from midair.settings import Settings
 from midair.solvers import solve
 from midair.streaming import blocks, read_frames
@@ -129,8 +129,7 @@ def headroom(
     array: TransducerArray, grid: ControlGrid, acoustics: Acoustics | None = None, *, sensor: SensorGrid | None = None
 ) -> Headroom:
     """Largest pressures of `array` at the height of `grid`, cached; `sensor` (4 x 4 if None) has the cells."""
-    key = array.position.tobytes() + array.normal.tobytes()
-    return _headroom(_Keyed(array=array, key=(key, array.pressure, array.frequency)), grid, acoustics, sensor)
+    return _headroom(ArrayKey(array), grid, acoustics, sensor)
 
 
 def level_of(
@@ -211,22 +210,8 @@ def _pa(value: float) -> str:
     return f"{float(f'{value:.2g}'):g} Pa"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Keyed:
-    """A hashable array for a cache: equal when its numbers are equal."""
-
-    array: TransducerArray
-    key: tuple[bytes, float, float]
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Keyed) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
-
-
 @lru_cache(maxsize=32)
-def _headroom(keyed: _Keyed, grid: ControlGrid, acoustics: Acoustics | None, sensor: SensorGrid | None) -> Headroom:
+def _headroom(keyed: ArrayKey, grid: ControlGrid, acoustics: Acoustics | None, sensor: SensorGrid | None) -> Headroom:
     acoustics = acoustics or Acoustics()
     focus = radiation_pressure(np.array(focus_amplitude(grid, keyed.array, acoustics=acoustics)), acoustics.medium)
     even = interpolation_matrix(sensor or SensorGrid(), grid).sum(axis=1)

@@ -8,9 +8,8 @@ from midair.cli.keys import Keys, Signals
 from midair.cli.meter_screen import MeterScreen, decibels, meters
 from midair.devices import ReplaySensor
 from midair.model import Event, Recording, SensorGrid
-from midair.rig.takes.clocks import Drift
 from midair.rig.takes.meters import Meters
-from midair.rig.takes.take_state import View
+from midair.rig.takes.take_state import Drift, View
 
 
 def sensor_of(rows=4, columns=4):

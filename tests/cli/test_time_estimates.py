@@ -4,9 +4,8 @@ import tomllib
 import numpy as np
 import pytest
 
-from midair.cli import run, time_estimates
-from midair.cli.console import progress_bars
-from midair.cli.time_estimates import duration_text, estimate_text, remember_speed
+from midair.cli import console, run
+from midair.cli.console import duration_text, estimate_text, progress_bars, remember_speed
 from midair.files import save
 from midair.model import Recording
 
@@ -57,7 +56,7 @@ def test_a_file_that_cannot_be_read_or_written_is_ignored(monkeypatch, stored):
 
 
 def test_finished_work_gives_the_next_estimate(monkeypatch, capsys, stored):
-    monkeypatch.setattr(time_estimates, "MEASURED", 0.0)
+    monkeypatch.setattr(console, "MEASURED", 0.0)
     with progress_bars("solve exact", 3000) as stage:
         stage("solve, pass 1")(3000, 3000)
     assert "no time estimate yet" in capsys.readouterr().err
@@ -68,7 +67,7 @@ def test_finished_work_gives_the_next_estimate(monkeypatch, capsys, stored):
 
 
 def test_interrupted_work_stores_no_speed(monkeypatch, stored):
-    monkeypatch.setattr(time_estimates, "MEASURED", 0.0)
+    monkeypatch.setattr(console, "MEASURED", 0.0)
     with pytest.raises(KeyboardInterrupt), progress_bars("solve exact", 3000) as stage:
         stage("solve")(10, 3000)
         raise KeyboardInterrupt

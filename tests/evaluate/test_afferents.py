@@ -4,8 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from midair.cli.commands.compare import load_touchsim
 from midair.errors import InputError
-from midair.evaluate import SkinModel, afferent_rates, load_touchsim
+from midair.evaluate import SkinModel, afferent_rates
 from midair.model import PressureFrames
 
 

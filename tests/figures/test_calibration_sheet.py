@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from midair.calibration import measure_calibration, measure_tone
-from midair.calibration.measure.excitation import noise_signal
+from midair.calibration.measure.referenced_take import noise_signal
 from midair.figures import png_bytes
 from midair.figures.calibration_sheet import calibration_figure
 from midair.model import Calibration, SensorGrid

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from midair.physics import SensorModel, lazy_sensing, sense, sense_lazily
-from midair.physics.lazy_sensing import channel_volts
+from midair.physics import SensorModel, sense, sense_lazily
+from midair.physics.sensing import channel_volts
 from midair.streaming import LazyFrames
 
 MIXED = SensorModel(crosstalk=np.eye(16) + 0.05, saturation=2.0).with_spread(seed=1)
@@ -11,7 +11,7 @@ MIXED = SensorModel(crosstalk=np.eye(16) + 0.05, saturation=2.0).with_spread(see
 @pytest.mark.parametrize("model", [SensorModel(), MIXED], ids=["alone", "mixed"])
 def test_lazy_sensing_equals_sensing(model, monkeypatch):
     """To the last bit: the converter's steps are far above the rounding of sums."""
-    monkeypatch.setattr(lazy_sensing, "_FRAMES", 100)
+    monkeypatch.setattr("midair.physics.sensing._FRAMES", 100)
     pressure = 20 * np.random.default_rng(0).standard_normal((2 * 1237, 4, 4))
     wanted = sense(model, pressure, 1000.0, rng=np.random.default_rng(5), oversample=2)
     lazy = LazyFrames(lambda a, b: pressure[a:b], pressure.shape)

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from midair.solvers import LevenbergMarquardt, Problem
+from midair.solvers.exact import System
 from midair.solvers.levenberg_marquardt import primal_step
-from midair.solvers.mode_system import System
 from midair.solvers.modes import modes
 from midair.solvers.problem import jacobian
 

@@ -3,7 +3,7 @@ import pytest
 
 from midair.model import SensorGrid
 from midair.solvers import LevenbergMarquardt, Problem, error_of
-from midair.solvers.sequence import FrameAnswer, solve_in_turn
+from midair.solvers.levenberg_marquardt import FrameAnswer, solve_in_turn
 
 
 def moving_blob(frames, rate=1000.0):

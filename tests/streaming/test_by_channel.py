@@ -20,7 +20,7 @@ SIGNALS = {
 @pytest.mark.parametrize("few", [2**16, 7])
 @pytest.mark.parametrize("x", SIGNALS.values(), ids=list(SIGNALS))
 def test_they_equal_numpy_bit_by_bit(x, few, monkeypatch):
-    monkeypatch.setattr("midair.streaming.by_channel._FEW", few)
+    monkeypatch.setattr("midair.streaming.lazy_frames._FEW", few)
     monkeypatch.setattr("midair.streaming.lazy_frames.BYTES", 2**15)
     lazy = LazyFrames(lambda first, last: x[first:last], x.shape)
     with np.errstate(over="ignore"):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair import dsp
-from midair.calibration.apply.inverse import default_taps, inverse_response
+from midair.calibration.inverse import default_taps, inverse_response
 from midair.model import SensorGrid
 from midair.physics import SensorModel, calibration_of
 from midair.streaming import LazyFrames, shift_earlier, with_context

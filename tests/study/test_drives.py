@@ -11,8 +11,7 @@ from midair.model import ControlGrid, Drive, Solution, TransducerArray
 from midair.physics import focus_phase
 from midair.rig import VirtualRig, record
 from midair.settings import Settings
-from midair.study.design.question import Question
-from midair.study.design.stimulus import Stimulus
+from midair.study.design.question import Question, Stimulus
 from midair.study.design.study_design import Block, Design
 from midair.study.drives import check_digests, digest_of_file, prepare_drives
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from tests.study.simulated import simulate
 
-from midair.study.design.analysis_plan import PlannedPower
 from midair.study.design.answers import answers_table
+from midair.study.design.study_design import PlannedPower
 from midair.study.findings import analyse, data_of_answers
-from midair.study.findings.threshold_findings import adaptive
+from midair.study.findings.rating_findings import adaptive
 from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.registration import plan_parts
 from midair.study.statistics import f_measure, proportion_correct

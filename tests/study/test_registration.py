@@ -4,8 +4,8 @@ from hashlib import sha256
 import pytest
 
 from midair.cli import run as midair
-from midair.study.design.analysis_plan import Analysis, Exclusions
 from midair.study.design.plan import draw_plan
+from midair.study.design.study_design import Analysis, Exclusions
 from midair.study.folder import read_design, template_text
 from midair.study.registration import analysis_in_words, exclusions_in_words, plan_page
 from midair.study.statistics import power_paired_t

@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from midair.errors import InputError
 from midair.study import Chance, confusion_matrix
 from midair.study.findings.finding import Choices
-from midair.study.study_figures import chance_figure, confusion_figure, f_figure, power_figure, rating_figure
+from midair.study.study_report import chance_figure, confusion_figure, f_figure, power_figure, rating_figure
 
 OBJECTS = ["brush", "sponge", "towel"]
 

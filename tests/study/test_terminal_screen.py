@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from midair.study.design.question import Question
-from midair.study.session.steps import TrialStep
+from midair.study.session.trials import TrialStep
 from midair.study.terminal_screen import Keyboard, TerminalScreen, keyboard_of_terminal
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such terminals")

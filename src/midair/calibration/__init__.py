@@ -4,16 +4,13 @@ A calibration is measured against a reference (`measure_calibration`, `measure_t
 (`midair.calibration.measure.beam`). `fit_array` measures the transducers of an array.
 """
 
-from .apply import CausalInverse as CausalInverse
-from .apply import Method as Method
-from .apply import calibrate as calibrate
-from .apply import causal_error as causal_error
-from .apply import causal_fir as causal_fir
-from .apply import default_taps as default_taps
-from .apply import inverse_fir as inverse_fir
-from .apply import inverse_response as inverse_response
-from .apply import typical_uncertainty as typical_uncertainty
-from .apply import undo_matrix as undo_matrix
+from .inverse import CausalInverse as CausalInverse
+from .inverse import causal_error as causal_error
+from .inverse import causal_fir as causal_fir
+from .inverse import default_taps as default_taps
+from .inverse import inverse_fir as inverse_fir
+from .inverse import inverse_response as inverse_response
+from .inverse import undo_matrix as undo_matrix
 from .measure import ArrayCheck as ArrayCheck
 from .measure import ArrayCodes as ArrayCodes
 from .measure import ArrayField as ArrayField
@@ -46,3 +43,6 @@ from .measure import scale_to_tone as scale_to_tone
 from .measure import split_channel as split_channel
 from .measure import sweep_signal as sweep_signal
 from .measure import tone_amplitudes as tone_amplitudes
+from .pressure import Method as Method
+from .pressure import calibrate as calibrate
+from .pressure import typical_uncertainty as typical_uncertainty

@@ -181,6 +181,8 @@ def _usage(wrong: CycloptsError, tokens: Sequence[str]) -> str:
         given = tokens[tokens.index(wrong.keyword) + 1]
         if re.match(r"-[\d.]", given):
             return f"{wrong.keyword}: expected a value, got {given}; none below 0 is allowed"
+        if "requires 2 positional" in str(wrong):
+            return f"{wrong.keyword}: expected two values with a space between, got {given}"
     return str(wrong).strip()
 
 

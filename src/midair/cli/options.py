@@ -253,16 +253,9 @@ def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: 
             help="Preset that other options override; quiet: under --ears.",
             show_default=_constant_default("best"),
         )
-        path = Parameter(
-            name="--settings",
-            help="Read settings from a TOML file or a drive.",
-            show_default=False,
-        )
-        palm = Parameter(
-            name="--palm",
-            help="TOML file with a palm's outline. [default: disc of 85 mm]",
-            show_default=False,
-        )
+        path = Parameter(name="--settings", help="Read settings from a TOML file or a drive.", show_default=False)
+        outline = "TOML file with a palm's outline. [default: disc of 85 mm]"
+        palm = Parameter(name="--palm", help=outline, show_default=False)
         first = [
             ("mode", Annotated[Mode | None, mode], field(default=None)),
             ("settings_file", Annotated[Path | None, path], field(default=None)),
@@ -283,9 +276,15 @@ if TYPE_CHECKING:
     class SolveOptions(_SettingsOptions):
         """How pressure becomes sound."""
 
+    class PlaySolveOptions(_SettingsOptions):
+        """How a recording is solved while it plays."""
+
 else:
     BandOptions = _options("BandOptions", "Which part of a recording counts.", ("band", "rate", "inverse"))
     SolveOptions = _options("SolveOptions", "How pressure becomes sound.", modes=True)
+    # The room's air is an option of playing.
+    _solved = [choice.name for choice in CHOICES if choice.name not in ("temperature", "humidity")]
+    PlaySolveOptions = _options("PlaySolveOptions", "How a recording is solved while it plays.", _solved, modes=True)
 
 
 _SHARED = ("band", "height", "pitch", "points", "temperature", "humidity", "directivity")

@@ -295,7 +295,9 @@ class _PendingFrames:
         corrected = replace(self.solution, drive=replace(drive, phase=np.mod(phase, 2 * np.pi)))
         # Earlier frames matter only as long as the responses of the low-pass and the transducers last.
         gone = max(0, end - self.settings.around)
-        start = self.tracking.radiated(_command(corrected.cut(0, gone).drive), self.start)[-1] if gone else self.start
+        start = self.start
+        if gone:
+            start = self.tracking.radiated(corrected.cut(0, gone).drive.q.astype(np.complex64), start)[-1]
         left = corrected.cut(gone, drive.frames)
         rest = replace(self, solution=left, wanted=self.wanted[gone:], start=start, kept=end - gone)
         return corrected.cut(self.kept, end), rest
@@ -304,7 +306,8 @@ class _PendingFrames:
         """Corrected phases of the frames of a block."""
         frames = min(part.stop + self.settings.around, self.solution.drive.frames)
         solution, wanted = self.solution.cut(0, frames), self.wanted[:frames]
-        metric, command = self.settings.metric(part, frames, solution.drive.rate), _command(solution.drive)
+        metric = self.settings.metric(part, frames, solution.drive.rate)
+        command = solution.drive.q.astype(np.complex64)
         turned = command.copy()
 
         def cost(turn: Single) -> tuple[float, Single]:
@@ -323,8 +326,3 @@ class _PendingFrames:
             memory=self.settings.memory,
         )
         return np.asarray(solution.drive.phase)[part] + turn
-
-
-def _command(drive: Drive) -> Waves:
-    level = np.asarray(drive.level).reshape(drive.frames, -1)
-    return np.asarray(level * np.exp(1j * np.asarray(drive.phase)), np.complex64)

@@ -1,13 +1,14 @@
-"""Gain of the beam, and gain correction of a reproduction, from re-recordings (paper, 5.2)."""
+"""Gain of the beam and gain correction, from re-recordings (paper, 5.2), and correction for another speed of sound."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
-from midair.model import RATE, Acoustics, Drive, Provenance, TransducerArray
-from midair.physics import focus_phase, radiation_pressure, transfer_matrix
+from midair.model import RATE, Acoustics, Drive, Medium, Provenance, TransducerArray
+from midair.physics import focus_phase, radiation_pressure, transfer_matrix, wavenumber
+from midair.streaming import LazyFrames
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,3 +132,24 @@ def amplitude_gain(measured_gain: float, *, limit: float = 4.0) -> float:
             f"gain: expected above 0, got {measured_gain:g}; the reproduction does not resemble the original"
         )
     return float(np.clip(1 / measured_gain, 1 / limit, limit))
+
+
+def correct_air(drive: Drive, room: Medium, centre: Array) -> Drive:
+    """Change the phases of a drive so that its waves arrive at one point as they do in the air it was solved for.
+
+    ``phase_i - (k_room - k_solved) d_i``, with d_i the distance of transducer i from the point `centre` (m), such as
+    the centre of the control points, and k = 2 pi f / c. The correction is exact at the point and approximate around
+    it; levels do not change. The result is a drive for the air of the room.
+    """
+    change = wavenumber(drive.array, room) - wavenumber(drive.array, drive.acoustics.medium)
+    shift = change * np.linalg.norm(drive.array.position - centre, axis=1)
+    phase = drive.phase
+    lazy = isinstance(phase, LazyFrames)
+    return replace(
+        drive,
+        phase=phase.mapped(lambda block: block - shift) if lazy else phase - shift,
+        acoustics=replace(drive.acoustics, medium=room),
+        provenance=drive.provenance.then(
+            "correct_air", {"from_m_s": drive.acoustics.medium.speed, "to_m_s": room.speed}
+        ),
+    )

@@ -60,7 +60,7 @@ class MinimumNorm:
         phase, now = np.array(drive.phase), np.zeros(drive.array.count, complex)
         for first in range(0, drive.frames, self.together):
             part = slice(first, min(first + self.together, drive.frames))
-            command = _command(drive, part)
+            command = drive.q_of(part)
             # Two moments per frame: its middle, and its end, where the next one starts.
             radiated = envelope(command, drive.rate, 2, self.dynamics, start=now)
             now = radiated[-1]
@@ -95,8 +95,3 @@ def _step(lacking: Array, weights: Array, G: Complex, field: Complex, command: C
     least = np.where(sounds, floor * slope / np.where(sounds, pressed, 1), 1)
     solved: Any = np.linalg.solve(system + least[:, None, None] * np.eye(len(weights)), lacking[..., None])
     return np.asarray((J.transpose(0, 2, 1) @ solved)[..., 0] * sounds[:, None], np.float64)
-
-
-def _command(drive: Drive, part: slice) -> Complex:
-    level = np.asarray(drive.level)[part].reshape(part.stop - part.start, -1)
-    return np.asarray(level * np.exp(1j * np.asarray(drive.phase)[part]), np.complex128)

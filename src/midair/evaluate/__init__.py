@@ -5,7 +5,6 @@ from midair.physics import relative_error as relative_error
 
 from .afferents import FIBRES as FIBRES
 from .afferents import afferent_rates as afferent_rates
-from .afferents import load_touchsim as load_touchsim
 from .alignment import advance as advance
 from .alignment import apply_band_twice as apply_band_twice
 from .alignment import band_settling_frames as band_settling_frames

@@ -3,15 +3,11 @@
 TouchSim states no licence: midair contains nothing of it, and calls its classes `Stimulus` and `AfferentPopulation`.
 """
 
-import importlib
-import sys
 import warnings
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from midair.errors import InputError
 from midair.evaluate.perception import SkinModel
 from midair.model import PressureFrames
 
@@ -25,7 +21,7 @@ LONGEST = 10.0
 def afferent_rates(pressure: PressureFrames, model: Any) -> dict[str, float]:
     """Mean impulses per second of each class of `FIBRES`, for a fibre of each kind under the middle of each cell.
 
-    `model` is the package of `load_touchsim`. Displacements are those of `SkinModel` under each cell, and the fibres
+    `model` is the package of a copy. Displacements are those of `SkinModel` under each cell, and the fibres
     have no noise.
     """
     skin, pitch = SkinModel(), 1e3 * pressure.sensor.pitch
@@ -46,16 +42,3 @@ def afferent_rates(pressure: PressureFrames, model: Any) -> dict[str, float]:
             fibres = [model.Afferent(name, location=at, idx=kind, noisy=False) for at in middles for kind in kinds]
             rates[name] = float(np.mean(model.AfferentPopulation(*fibres).response(stimulus).rate()))
     return rates
-
-
-def load_touchsim(folder: Path) -> Any:
-    """Import the package touchsim of a folder; InputError if there is none, or one of its dependencies is missing."""
-    if not (folder / "touchsim" / "__init__.py").is_file():
-        raise InputError(f"--touchsim: expected a folder that contains the package touchsim, got {folder}")
-    sys.path.insert(0, str(folder))
-    try:
-        return importlib.import_module("touchsim")
-    except ImportError as wrong:
-        raise InputError(f"--touchsim: expected its dependencies to be installed, got: {wrong}") from wrong
-    finally:
-        sys.path.remove(str(folder))

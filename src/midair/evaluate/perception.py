@@ -8,6 +8,7 @@ threshold curve T below. A test compares them with numbers of vibromaf.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,7 +159,7 @@ def st_sim(reference: Array, distorted: Array) -> float:
     The signals, shape (sample,), at 8 kHz are on one scale; the longer one is cut. The result is 1 for equal signals, 0
     for no similarity; above 1 if the distorted signal is felt more than the reference.
     """
-    return _over_stretches(reference, distorted, _StSim())
+    return _alone(reference, distorted)[0]
 
 
 def spqi(reference: Array, distorted: Array) -> float:
@@ -171,7 +172,7 @@ def spqi(reference: Array, distorted: Array) -> float:
     The signals, shape (sample,), at 8 kHz are on one scale; the longer one is cut. The result is 1 for equal signals;
     .02 if the difference is as large as the reference.
     """
-    return _over_stretches(reference, distorted, _Spqi())
+    return _alone(reference, distorted)[1]
 
 
 def similarities(reference: Array | LazyFrames, distorted: Array | LazyFrames, *, compared: NDArray[np.bool_]) -> Array:
@@ -180,73 +181,46 @@ def similarities(reference: Array | LazyFrames, distorted: Array | LazyFrames, *
     The signals (sample, ...) at 8 kHz are on one scale and read once; the longer one is cut.
     """
     those, found = np.flatnonzero(compared), np.full((2, len(compared)), np.nan)
-    sums = [(_StSim(), _Spqi()) for _ in those]
+    sums = np.zeros((len(those), 6))
     for x, y in _stretches(reference, distorted):
         a, b = x.reshape(len(x), -1), y.reshape(len(y), -1)
-        for channel, both in zip(those, sums, strict=True):
-            for each in both:
-                each.add(a[:, channel], b[:, channel])
-    for channel, (temporal, spectral) in zip(those, sums, strict=True):
-        found[:, channel] = temporal.value, spectral.value
+        for channel, each in zip(those, sums, strict=True):
+            each += _similarity_sums(a[:, channel], b[:, channel])
+    found[:, those] = np.reshape([_similarity(each) for each in sums], (-1, 2)).T
     return found
 
 
-def _over_stretches(reference: Array, distorted: Array, found: "_StSim | _Spqi") -> float:
-    for each, other in _stretches(np.asarray(reference, float), np.asarray(distorted, float)):
-        found.add(each, other)
-    return found.value
+def _alone(reference: Array, distorted: Array) -> tuple[float, float]:
+    """ST-SIM and SPQI of one channel."""
+    whole = _stretches(np.asarray(reference, float), np.asarray(distorted, float))
+    return _similarity(sum(_similarity_sums(*each) for each in whole))
 
 
-class _StSim:
-    """Running sums of ST-SIM."""
+def _similarity_sums(reference: Array, distorted: Array) -> Array:
+    """Sums over whole blocks: tau, s and blocks of ST-SIM, terms and blocks of SPQI; 1 more if the signals differ."""
+    from scipy.special import ndtr
 
-    def __init__(self) -> None:
-        self._temporal, self._spectral, self._count, self._same = 0.0, 0.0, 0, True
-
-    def add(self, reference: Array, distorted: Array) -> None:
-        """Add whole blocks of both signals."""
-        from scipy.special import ndtr
-
-        r, d = blocks(reference), blocks(distorted)
-        heard = r.std(axis=1) > 0
-        self._temporal += _alike(_standard(r[heard]), _standard(d[heard]))
-        felt = (ndtr(perceptual_spectrum(x)[heard] / 12) for x in (reference, distorted))
-        self._spectral += _alike(*felt)
-        self._count += int(heard.sum())
-        self._same = self._same and np.array_equal(reference, distorted)
-
-    @property
-    def value(self) -> float:
-        """ST-SIM of all blocks so far."""
-        if self._same or not self._count:
-            return float(self._same)
-        temporal, spectral = self._temporal / self._count, self._spectral / self._count
-        return float(max(temporal, 0.0) ** (2 / 3) * spectral ** (1 / 3))
+    r, d = blocks(reference), blocks(distorted)
+    spectra = [perceptual_spectrum(x) for x in (reference, distorted)]
+    varies = r.std(axis=1) > 0
+    temporal = _alike(_standard(r[varies]), _standard(d[varies]))
+    spectral = _alike(*(ndtr(each[varies] / 12) for each in spectra))
+    before, after = (10 ** (each / 10) for each in spectra)
+    power = before.sum(axis=1)
+    heard = power > 0
+    with np.errstate(divide="ignore"):
+        apart = 10 * np.log10(np.abs(before - after)[heard].sum(axis=1) / (power[heard] + np.finfo(float).eps))
+    total = float(np.sum((1 - np.tanh(0.3 * apart + 2.0)) / 2))
+    return np.array([temporal, spectral, varies.sum(), total, heard.sum(), not np.array_equal(reference, distorted)])
 
 
-class _Spqi:
-    """Running sums of SPQI."""
-
-    def __init__(self) -> None:
-        self._total, self._count, self._same = 0.0, 0, True
-
-    def add(self, reference: Array, distorted: Array) -> None:
-        """Add whole blocks of both signals."""
-        r, d = (10 ** (perceptual_spectrum(x) / 10) for x in (reference, distorted))
-        power = r.sum(axis=1)
-        heard = power > 0
-        with np.errstate(divide="ignore"):
-            apart = 10 * np.log10(np.abs(r - d)[heard].sum(axis=1) / (power[heard] + np.finfo(float).eps))
-        self._total += float(np.sum((1 - np.tanh(0.3 * apart + 2.0)) / 2))
-        self._count += int(heard.sum())
-        self._same = self._same and np.array_equal(reference, distorted)
-
-    @property
-    def value(self) -> float:
-        """SPQI of all blocks so far."""
-        if self._same or not self._count:
-            return float(self._same)
-        return self._total / self._count
+def _similarity(sums: Any) -> tuple[float, float]:
+    """ST-SIM and SPQI from `_similarity_sums` of all stretches; for equal or silent signals 1 or 0."""
+    temporal, spectral, varying, total, heard, differ = (float(each) for each in sums)
+    if not differ:
+        return 1.0, 1.0
+    alike = max(temporal / varying, 0.0) ** (2 / 3) * (spectral / varying) ** (1 / 3) if varying else 0.0
+    return alike, total / heard if heard else 0.0
 
 
 def pacinian_level(pressure: Array | LazyFrames, rate: float, skin: SkinModel | None = None) -> Array:

@@ -8,10 +8,14 @@ from .errors import laboratory_figure as laboratory_figure
 from .errors import passes_figure as passes_figure
 from .errors import trials_figure as trials_figure
 from .maps import PalmPanel as PalmPanel
+from .maps import beam_figure as beam_figure
 from .maps import card_figure as card_figure
+from .maps import exposure_figure as exposure_figure
 from .maps import maps_figure as maps_figure
 from .maps import palm_figure as palm_figure
 from .maps import phase_figure as phase_figure
+from .maps import spectra_figure as spectra_figure
+from .maps import traces_figure as traces_figure
 from .paper_figures import Curve as Curve
 from .paper_figures import Example as Example
 from .paper_figures import FieldRow as FieldRow
@@ -27,7 +31,3 @@ from .style import new_figure as new_figure
 from .style import plain_axes as plain_axes
 from .style import png_bytes as png_bytes
 from .style import render_page as render_page
-from .traces import beam_figure as beam_figure
-from .traces import exposure_figure as exposure_figure
-from .traces import spectra_figure as spectra_figure
-from .traces import traces_figure as traces_figure

@@ -130,7 +130,11 @@ class ImportedData:
             settings["scale_pa"] = given.scale
         provenance = Provenance(source=path.name, notes=self.notes).then("import", {**settings, "report": report})
         if given.mending is not None:
-            provenance = provenance.then("mend", _mend_settings(mended, given.mending))
+            # The positions of the first thousand gaps.
+            gaps = tuple((event.channel, event.frame, event.frames) for event in mended.journal)
+            said = {"longest_s": given.mending.longest, "fill": given.mending.fill, "gaps": len(gaps)}
+            said |= {"numbers": sum(frames for *_, frames in gaps), "channel_frame_frames": gaps[:1000]}
+            provenance = provenance.then("mend", said)
         scale = given.scale or 1.0
         samples = each_frame(
             mended.samples, lambda block: block.reshape(len(block), *sensor.shape) * scale, exact=of_two(scale)
@@ -260,18 +264,6 @@ def _gap_report(mended: Mended, rate: float) -> tuple[str, ...]:
         f"{missing} numbers were missing in {len(mended.journal)} gaps and were interpolated, the longest "
         f"{longest.frames / rate * 1e3:.4g} ms from {longest.frame / rate:.4g} s on in channel {longest.channel}.",
     )
-
-
-def _mend_settings(mended: Mended, mending: Mending) -> dict[str, Setting]:
-    """Settings for the provenance: method and the positions of the first thousand gaps."""
-    places = tuple((event.channel, event.frame, event.frames) for event in mended.journal)
-    return {
-        "longest_s": mending.longest,
-        "fill": mending.fill,
-        "gaps": len(places),
-        "numbers": sum(frames for *_, frames in places),
-        "channel_frame_frames": places[:1000],
-    }
 
 
 def of_two(scale: float) -> bool:

@@ -18,8 +18,10 @@ from .drive import Solution as Solution
 from .drive import Status as Status
 from .frames import AmplitudeFrames as AmplitudeFrames
 from .frames import PressureFrames as PressureFrames
+from .geometry import UNIT as UNIT
 from .geometry import Board as Board
 from .geometry import ControlGrid as ControlGrid
+from .geometry import Placement as Placement
 from .geometry import SensorGrid as SensorGrid
 from .geometry import TransducerArray as TransducerArray
 from .geometry import array_of_boards as array_of_boards
@@ -27,16 +29,15 @@ from .medium import Acoustics as Acoustics
 from .medium import Directivity as Directivity
 from .medium import Medium as Medium
 from .palm import Palm as Palm
-from .palm_pose import PalmPath as PalmPath
-from .palm_pose import TrackerPlacement as TrackerPlacement
-from .placement import UNIT as UNIT
-from .placement import Placement as Placement
+from .palm import PalmPath as PalmPath
+from .palm import TrackerPlacement as TrackerPlacement
 from .provenance import Provenance as Provenance
 from .provenance import Setting as Setting
 from .provenance import Step as Step
 from .recording import Event as Event
 from .recording import EventKind as EventKind
 from .recording import Recording as Recording
+from .recording import SensorWiring as SensorWiring
 from .recording import Unit as Unit
 from .stage import Heading as Heading
 from .stage import Place as Place
@@ -44,4 +45,3 @@ from .stage import StageSetup as StageSetup
 from .stage import StageStamp as StageStamp
 from .stage import check_reached as check_reached
 from .stage import speed_of as speed_of
-from .wiring import SensorWiring as SensorWiring

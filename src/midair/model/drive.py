@@ -73,8 +73,13 @@ class Drive:
     @property
     def q(self) -> NDArray[np.complex128]:
         """Complex drive of each transducer (paper, eq. 4), shape (frame, transducer), magnitude 0 to 1."""
-        level = self.level if self.level.ndim == 2 else self.level[:, None]
-        return np.asarray(level * np.exp(1j * self.phase), np.complex128)
+        return self.q_of(slice(None))
+
+    def q_of(self, which: slice | NDArray[np.intp]) -> NDArray[np.complex128]:
+        """`q` of these frames."""
+        phase = np.asarray(self.phase[which])
+        level = np.asarray(self.level[which]).reshape(len(phase), -1)
+        return np.asarray(level * np.exp(1j * phase), np.complex128)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

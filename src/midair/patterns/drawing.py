@@ -246,4 +246,4 @@ def _distinct(position: Array) -> tuple[Array, NDArray[np.intp]]:
 
 
 def _mm(place: Array) -> str:
-    return "(" + ", ".join(f"{1e3 * each:.4g}" for each in place) + ") mm"
+    return "(" + ", ".join(f"{round(1e3 * each, 1) + 0:g}" for each in place) + ") mm"

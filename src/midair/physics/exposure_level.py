@@ -15,11 +15,11 @@ from threadpoolctl import threadpool_limits
 from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
+from midair.physics.exposure_modes import Workspace, drive_parts
 from midair.physics.exposure_places import ExposureProfile, Place
-from midair.physics.exposure_search import Searches, Workspace, ceiling, drive_parts, point_search, searches_of
+from midair.physics.exposure_search import Searches, ceiling, point_search, searches_of
 from midair.physics.heating import PUBLISHED_TIME, HeatSoFar, palm_warming
-from midair.physics.propagation import transfer_matrix
-from midair.physics.radiation import radiation_pressure
+from midair.physics.propagation import radiation_pressure, transfer_matrix
 from midair.progress import report_progress
 from midair.validation import frozen_array
 
@@ -301,7 +301,7 @@ def _nonlinearity(drive: Drive, profile: ExposureProfile, acoustics: Acoustics, 
     number, palm = profile.nearest
     strongest = int(level[:, number].argmax())
     path, matrix = _beam(palm.position, drive.array, acoustics)
-    pressure = np.abs(matrix @ _drive(drive, slice(strongest, strongest + 1))[0])
+    pressure = np.abs(matrix @ drive.q_of(slice(strongest, strongest + 1))[0])
     return nonlinearity_index(pressure, path, acoustics.medium, drive.array.frequency)
 
 
@@ -363,9 +363,3 @@ def _fill(
         )
         level[frames] = sound_level(np.minimum(found.max(axis=0), most))
         loudest[frames] = found.argmax(axis=0)
-
-
-def _drive(drive: Drive, frames: slice) -> NDArray[np.complex128]:
-    phase = np.asarray(drive.phase[frames])
-    level = np.asarray(drive.level[frames]).reshape(len(phase), -1)
-    return np.asarray(level * np.exp(1j * phase), np.complex128)

@@ -118,7 +118,8 @@ class HeatSoFar:
 
     def _intensity_of(self, drive: Drive, frames: NDArray[np.intp]) -> Array:
         """Mean intensity at each point in W/m2; that of the last frame without frames."""
-        field = _drive(drive, frames if len(frames) else np.array([drive.frames - 1])) @ self._matrix
+        q = drive.q_of(frames if len(frames) else np.array([drive.frames - 1]))
+        field = q.astype(np.complex64) @ self._matrix
         return np.mean(np.abs(field) ** 2, axis=0) / (2 * self._acoustics.medium.density * self._acoustics.medium.speed)
 
 
@@ -133,9 +134,3 @@ def _sampled(frames: int, size: int) -> list[NDArray[np.intp]]:
         np.unique(first + (each * min(size, frames - first)).astype(int))
         for first, each in zip(starts, share, strict=True)
     ]
-
-
-def _drive(drive: Drive, which: NDArray[np.intp]) -> NDArray[np.complex64]:
-    phase = np.asarray(drive.phase[which])
-    level = np.asarray(drive.level[which]).reshape(len(phase), -1)
-    return np.asarray(level * np.exp(1j * phase), np.complex64)

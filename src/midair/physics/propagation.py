@@ -1,11 +1,12 @@
-"""The sound field of the array, p = G q (paper, 2.2): directivity D(theta) of eq. (3), and relative error E (5.1)."""
+"""The sound field of the array, p = G q (paper, 2.2), its radiation pressure (2.1, 4.1), and its error E (5.1)."""
 
+from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
 
 from midair.array_types import Array, Complex
-from midair.errors import InputError, ShapeError
+from midair.errors import InputError, NegativePressureError, ShapeError
 from midair.model import Acoustics, ControlGrid, Directivity, Drive, Medium, TransducerArray
 
 
@@ -174,3 +175,55 @@ def printed_error(field: Field, amplitude: Array) -> Array:
     Use `relative_error`; this function exists so that both can be quoted.
     """
     return relative_error(field, amplitude) / np.shape(amplitude)[-1]
+
+
+def sound_amplitude(pressure: Array, medium: Medium) -> Array:
+    """Peak amplitude in Pa of a plane wave whose radiation pressure on a surface is `pressure`.
+
+    p_amp = c sqrt(2 rho P / alpha), section 4.1; 100 Pa of radiation pressure need 3801 Pa of sound.
+
+    Parameters
+    ----------
+    pressure : ndarray, any shape
+        Radiation pressure in Pa, never negative.
+    medium : Medium
+        Density rho (kg/m3), speed c (m/s), alpha = 1 + R with R the power reflection coefficient.
+
+    Raises
+    ------
+    NegativePressureError
+        If any pressure is below zero.
+    """
+    pressure = np.asarray(pressure, float)
+    if pressure.size and pressure.min() < 0:
+        raise NegativePressureError(
+            f"radiation pressure cannot be negative, got {pressure.min():g} Pa; choose a mapping in prepare()"
+        )
+    return medium.speed * np.sqrt(2 * medium.density * pressure / medium.alpha)
+
+
+def radiation_pressure(amplitude: Array | Complex, medium: Medium) -> Array:
+    """Radiation pressure in Pa of a plane wave of peak `amplitude` (Pa, complex or magnitude) on a surface.
+
+    P = alpha p0^2 / (rho c^2) with p0 = amplitude / sqrt(2) the rms sound pressure, section 2.1.
+    """
+    return medium.alpha * np.abs(amplitude) ** 2 / (2 * medium.density * medium.speed**2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArrayKey:
+    """Hashable key of an array that compares its numbers, for caches: each drive file creates its own array object."""
+
+    array: TransducerArray
+
+    @property
+    def numbers(self) -> tuple[object, ...]:
+        """All values that determine the sound field."""
+        one = self.array
+        return one.position.tobytes(), one.normal.tobytes(), one.pressure, one.frequency, one.response.tobytes()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ArrayKey) and self.numbers == other.numbers
+
+    def __hash__(self) -> int:
+        return hash(self.numbers)

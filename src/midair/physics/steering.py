@@ -1,14 +1,15 @@
-"""Phases that move a solved field to a palm that lies elsewhere, and the array as it lies relative to that palm."""
+"""Phases that move a solved field to a palm that lies elsewhere, the array relative to it, and its pressure."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
 from midair.model import Acoustics, ControlGrid, Drive, Medium, PalmPath, TransducerArray
+from midair.physics.playback import Precision, Spread, Waves
 from midair.physics.propagation import off_axis, transfer_matrix, wavenumber
-from midair.streaming import read_frames
 
 Points = NDArray[np.float64]
 
@@ -158,9 +159,7 @@ def aims_of(drive: Drive, grid: ControlGrid, *, smooth: float = 0.05, block: int
     pressure = np.empty((drive.frames, grid.count), np.float32)
     for first in range(0, drive.frames, block):
         last = min(first + block, drive.frames)
-        phase, level = read_frames(drive.phase, first, last), read_frames(drive.level, first, last)
-        q = np.asarray(level.reshape(len(phase), -1) * np.exp(1j * phase), np.complex64)
-        pressure[first:last] = np.abs(q @ G) ** 2
+        pressure[first:last] = np.abs(drive.q_of(slice(first, last)).astype(np.complex64) @ G) ** 2
     power = gaussian_filter1d((pressure - pressure.mean(axis=0)) ** 2, smooth * drive.rate, axis=0, mode="nearest")
     total = power.sum(axis=1, keepdims=True)
     # Where nearly nothing presses, the aim returns to the centre.
@@ -181,3 +180,75 @@ class PoseBox:
         """Whether each pose is admitted, shape (pose,)."""
         near = (np.abs(poses.centre - solved) <= np.array(self.size) / 2 + 1e-9).all(axis=1)
         return near & (-poses.normal[:, 2] >= np.cos(self.tilt) - 1e-9)
+
+
+NEAR = (4e-3, 1.0)
+"""Motion in m, and rotation in degrees, over which the field is interpolated; errors stay below -60 dB."""
+
+
+class MovingSpread:
+    """Map from drives to the pressure at points that move with a palm, like `Spread` for points at rest.
+
+    Each transducer's phase at the centre of the palm is exact at every step; the rest of the transfer matrix changes
+    slowly, and is interpolated between poses. `points`, shape (point, 3), lie on the palm in its solved place, whose
+    centre is `solved`, shape (3,), in m. `path` begins at the first step, and its last pose holds; `rate` is in Hz.
+    """
+
+    def __init__(
+        self,
+        points: NDArray[np.float64],
+        array: TransducerArray,
+        acoustics: Acoustics,
+        *,
+        solved: NDArray[np.float64],
+        path: PalmPath,
+        rate: float,
+        precision: Precision = "single",
+    ) -> None:
+        self._array, self._acoustics, self._solved, self._path, self._rate = array, acoustics, solved, path, rate
+        self._points = points
+        self._precision: Precision = precision
+        self._known: dict[bytes, Spread] = {}
+
+    def pressure(self, q: Waves, first: int) -> Array:
+        """Radiation pressure of drives (step, transducer) from step `first` on, shape (step, point), in Pa."""
+        # A step is at the end of its interval.
+        poses = poses_at(self._path, (first + 1 + np.arange(len(q))) / self._rate)
+        phase = -steering_phase(self._array, self._acoustics.medium, self._solved, poses)
+        out = np.empty((len(q), len(self._points)))
+        for begin, end in pairwise(_knots(poses)):
+            steps = slice(begin, end + 1 if end == len(q) - 1 else end)
+            out[steps] = self._between(q[steps], phase[steps], poses, phase[[begin, end]], (begin, end))
+        return out
+
+    def _between(self, q: Waves, phase: Array, poses: PalmPath, at: Array, ends: tuple[int, int]) -> Array:
+        """Pressure of consecutive steps between two poses, whose phases at the centre of the palm are `at`."""
+        spreads = [self._at(poses, end) for end in ends]
+        first, last = (
+            (q * np.exp(1j * (phase - each))).astype(spread.G.dtype) @ spread.G
+            for spread, each in zip(spreads, at, strict=True)
+        )
+        share = np.arange(len(q))[:, None] / max(ends[1] - ends[0], 1)
+        field = first + share * (last - first)
+        return spreads[0].factor * np.asarray(field.real**2 + field.imag**2, np.float64)
+
+    def _at(self, poses: PalmPath, number: int) -> Spread:
+        """Map from drives to the field at one pose."""
+        one = pose_of(poses, number)
+        if (known := one.rotation.tobytes() + one.centre.tobytes()) not in self._known:
+            here = on_the_palm(self._points, self._solved, one)[0]
+            G = transfer_matrix(here, self._array, acoustics=self._acoustics)
+            # Two poses are enough: one stretch ends where the next begins.
+            self._known = dict([*self._known.items()][-1:])
+            self._known[known] = Spread.of(G, self._acoustics.medium, None, self._precision)
+        return self._known[known]
+
+
+def _knots(poses: PalmPath) -> list[int]:
+    """Steps between which the palm moves by `NEAR` at most, the first and the last included."""
+    way = np.linalg.norm(np.diff(poses.centre, axis=0), axis=1) / NEAR[0]
+    turn = sum(np.linalg.norm(np.diff(each, axis=0), axis=1) for each in (poses.normal, poses.fingers))
+    passed = np.concatenate([[0.0], np.cumsum(way + turn / np.radians(NEAR[1]))])
+    last = len(passed) - 1
+    inside = np.searchsorted(passed, np.arange(1, int(passed[-1]) + 1))
+    return [0, *sorted({int(each) for each in inside} - {0, last}), last]

@@ -13,7 +13,6 @@ from .footprint import Path as Path
 from .footprint import Shape as Shape
 from .footprint import Turn as Turn
 from .footprint import footprint_field as footprint_field
-from .left_out import unreproduced as unreproduced
 from .mending import GapFill as GapFill
 from .mending import Mended as Mended
 from .mending import Mending as Mending
@@ -21,3 +20,4 @@ from .mending import mend as mend
 from .quality import at_limit as at_limit
 from .quality import dead_channels as dead_channels
 from .quality import suspicious as suspicious
+from .quality import unreproduced as unreproduced

@@ -107,6 +107,7 @@ from .playing import tracker_name as tracker_name
 from .playing import watch_air as watch_air
 from .recorder import Played as Played
 from .recorder import play as play
+from .recorder import play_pressure as play_pressure
 from .recorder import record as record
 from .signals import END_SIGNALS as END_SIGNALS
 from .signals import handle_signals as handle_signals

@@ -1,17 +1,23 @@
 """Record and play from Python, each in one call, with devices given by name."""
 
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from midair.devices import PacedSensor, PlayReport, SensorDevice, check_exposure
+import numpy as np
+
+from midair.array_types import Array
+from midair.devices import ExposureClearance, PacedSensor, PlayReport, SensorDevice, check_exposure
 from midair.errors import DeviceError, InputError
 from midair.files import OpenedTake, open_take
-from midair.model import Drive, Event, Progress, SensorWiring, Solution
+from midair.model import Drive, Event, PressureFrames, Progress, SensorWiring, Solution, TransducerArray
+from midair.physics import Exposure
 from midair.rig.names import VirtualRig, open_tracker, sensor_named
 from midair.rig.opening import OpenRig, open_rig
 from midair.rig.playing import (
     PlaySettings,
+    SolvedAhead,
     clear_followed,
     follow_as_set,
     grid_of,
@@ -21,7 +27,9 @@ from midair.rig.playing import (
     rerecord,
     tracker_name,
 )
+from midair.rig.signals import signals_end_the_program
 from midair.rig.takes import Drift, RecordSettings, TakeOrder, View, record_take
+from midair.settings import Settings
 from midair.validation import check_type
 
 
@@ -38,6 +46,10 @@ class Played:
     """Re-recording with the sensor's calibration; None without a sensor."""
     report: PlayReport | None = None
     """Report of the array; None with a sensor."""
+    error: Array | None = None
+    """E of each frame that was solved while it played, shape (frame,); None for a drive."""
+    exposure: Exposure | None = None
+    """Exposure of a drive that was solved while it played."""
     followed: tuple[str, ...] = ()
     """When the palm was followed, and when the sound faded, one line each."""
 
@@ -197,16 +209,51 @@ def play(
         raise InputError("follow: expected the virtual rig or the name of an array, got an open rig with a real array")
     rig.array.cooling, rig.array.participant = chosen.cooling, chosen.participant
     admission = check_exposure(drive, rig.array, chosen.exposure, repeats=chosen.repeats)
+    return replace(_play(admission, rig, chosen, source=source, progress=progress), followed=tuple(followed))
+
+
+def _play(admission: ExposureClearance, rig: OpenRig, chosen: PlaySettings, **how: Any) -> Played:
+    """Play a cleared drive on an entered rig, and re-record it if that has a sensor."""
     played = admission.check_for(rig.array)
-    how: Any = {"source": source, "delay": chosen.delay, "progress": progress, "room": chosen.exposure.room}
+    how |= {"delay": chosen.delay, "room": chosen.exposure.room}
     if rig.sensor is None:
         report = play_cleared(admission, rig.array, **how)
-        return Played(drive=played, outcome=admission.outcome, report=report, followed=tuple(followed))
+        return Played(drive=played, outcome=admission.outcome, report=report)
     if chosen.delay and rig.sensor.simulated:
         raise InputError(f"delay: expected 0 on the virtual array, which plays at once, got {chosen.delay:g} s")
     heard = rerecord(admission, rig.array, rig.sensor, **how)
     take = OpenedTake(recording=heard, calibration=rig.sensor.calibration)
-    return Played(drive=played, outcome=admission.outcome, take=take, followed=tuple(followed))
+    return Played(drive=played, outcome=admission.outcome, take=take)
+
+
+def play_pressure(
+    pressure: PressureFrames,
+    settings: Settings,
+    rig: OpenRig,
+    *,
+    path: str | Path | None = None,
+    source: str | Path = "python",
+    report: Callable[[str], object] = print,
+    progress: Progress | None = None,
+) -> Played:
+    """Solve a pressure and play it at the same time: the first sound comes as soon as no gap will follow.
+
+    Every part is checked before it sounds; an error, also an exposure above the profile in a later part, silences the
+    array. The drive is that of `midair.pipeline.reproduce_stream`, to the last bit.
+
+    `pressure` is a calibrated recording with its lead (`add_lead`); `rig`, from `open_rig`, is not entered; `path` is a
+    drive to write, complete or not at all; `report` is called with one line if this computer is too slow to begin at
+    once. `source`, `progress` and the errors are those of `play`; InputError as in `SolvedAhead`.
+    """
+    # Without a placement the numbers are those of `midair solve`, to the last digit.
+    transducers = one if (one := TransducerArray.autd3()).same_as(rig.array.array) else rig.array.array
+    if rig.measured is not None:
+        transducers, settings, pressure = rig.measured.applied(transducers, settings, pressure)
+    solving = SolvedAhead(pressure, transducers, rig.array, settings, rig.settings, path)
+    with signals_end_the_program(), solving, rig:
+        played = _play(solving.in_time(report), rig, rig.settings, source=source, progress=progress)
+        whole = solving.finish()
+        return replace(played, outcome=whole.outcome, exposure=whole.exposure, error=np.concatenate(solving.error))
 
 
 def _play_following(drive: Drive, settings: PlaySettings, *, source: str | Path, progress: Progress | None) -> Played:

@@ -5,8 +5,8 @@ from .exact import Exact as Exact
 from .fast import Fast as Fast
 from .free import Free as Free
 from .glide import Glide as Glide
-from .glide import Piece as Piece
-from .glide import pieces as pieces
+from .glide_blocks import Piece as Piece
+from .glide_blocks import pieces as pieces
 from .levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
 from .live import FrameTracker as FrameTracker
 from .live import Live as Live
@@ -16,8 +16,10 @@ from .memory_need import memory_needed as memory_needed
 from .memory_need import memory_of as memory_of
 from .methods import METHODS as METHODS
 from .methods import Method as Method
+from .methods import MethodSettings as MethodSettings
 from .methods import check_terms as check_terms
 from .methods import name_of as name_of
+from .methods import settings_type as settings_type
 from .methods import solver as solver
 from .methods import takes as takes
 from .phases import spreading_phase as spreading_phase
@@ -30,8 +32,7 @@ from .problem import Start as Start
 from .problem import WarmStart as WarmStart
 from .problem import error_of as error_of
 from .solve_plan import automatic_level as automatic_level
-from .solver_settings import MethodSettings as MethodSettings
-from .solver_settings import settings_type as settings_type
+from .solve_plan import frames_per_part as frames_per_part
 from .solving import read_solver_blocks as read_solver_blocks
 from .solving import solve as solve
 from .solving import solve_parts as solve_parts

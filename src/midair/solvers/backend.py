@@ -4,7 +4,7 @@ The standard (data-apis.org/array-api) defines functions that NumPy, PyTorch, Cu
 directly, the others through array-api-compat, so that the solver is written once.
 """
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -57,6 +57,12 @@ class Backend:
     def rows(self) -> int:
         """Suitable batch size: limited by the cache of a CPU; on a GPU large enough that launch times do not matter."""
         return 32768 if self.on_gpu else 128
+
+    def batches(self, rows: NDArray[np.int64], size: int | None = None) -> Iterator[NDArray[np.int64]]:
+        """The rows in batches of this size, or of a suitable one."""
+        size = size or self.rows
+        for first in range(0, len(rows), size):
+            yield rows[first : first + size]
 
     def put(self, array: NDArray[Any]) -> Rows:
         """Copy a NumPy array to the device in this precision; integers keep their type."""

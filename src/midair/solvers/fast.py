@@ -10,7 +10,6 @@ Steps 1 and 3 are L-BFGS on batches. `field_operators` contains all steps; docs/
 alternatives.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -93,7 +92,7 @@ class Fast:
         before = array_backend.xp.zeros_like(operators.initial_drive)
         if after is not None:
             before = array_backend.phasor(array_backend.put(after.theta[None]))
-        for some in _batches(audible, self.batch or array_backend.rows):
+        for some in array_backend.batches(audible, self.batch):
             theta = self._phases(operators, operators.batch(some, faintest=self.faintest), before)
             phase[some], before = array_backend.get(theta), array_backend.phasor(theta[-1:, :])
             if progress is not None:
@@ -113,8 +112,3 @@ class Fast:
     def _iterations(self, problem: Problem) -> int:
         refinement = 5 * self.iterations if problem.costs else self.iterations
         return self.field_iterations + self.lift_iterations + refinement
-
-
-def _batches(audible: NDArray[np.int64], size: int) -> Iterator[NDArray[np.int64]]:
-    for first in range(0, len(audible), size):
-        yield audible[first : first + size]

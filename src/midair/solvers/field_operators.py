@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.solvers.backend import Backend, Numbers, Rows, squares
-from midair.solvers.device import RingLBFGS
-from midair.solvers.lbfgs import LBFGS, Function, RowsState
+from midair.solvers.lbfgs import LBFGS, Function, RingLBFGS, RowsState
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
 from midair.solvers.problem import Problem

@@ -10,7 +10,6 @@ effort. A frame's own best phases would need less effort, but follow the target,
 docs/decisions/0044-felt-and-quiet.md compares the alternatives.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
@@ -103,7 +102,6 @@ class _Moves:
 
     free: FieldMove
     bounded: FieldMove
-    rows: int  # Frames of a batch
 
     @property
     def operators(self) -> FieldOperators:
@@ -133,7 +131,7 @@ def _moves(settings: Free, problem: Problem, array_backend: Backend) -> _Moves:
         own.field_move(loudness=weight, floor=settings.floor, sampled=sampled, effort=settings.effort)
         for weight in (0.0, settings.loudness)
     )
-    return _Moves(free=free, bounded=bounded, rows=array_backend.rows)
+    return _Moves(free=free, bounded=bounded)
 
 
 def _phases_of_even_field(settings: Free, operators: FieldOperators) -> Rows:
@@ -177,17 +175,14 @@ class _Block:
         """Drives (frame, transducer) and iterations (frame,)."""
         last = len(self._frames) - 1
         marks = np.unique(np.minimum(np.arange(0, last + self._settings.every, self._settings.every), last))
-        for rows in self._chunks(marks):
+        batches = self._moves.operators.backend.batches
+        for rows in batches(marks):
             self._from_scratch(rows)
         rest = np.setdiff1d(np.arange(last), marks)
-        for rows in self._chunks(rest):
+        for rows in batches(rest):
             after = np.searchsorted(marks, rows)
             self._from_neighbours(rows, marks[after - 1], marks[after])
         return self._q, self._made
-
-    def _chunks(self, rows: Indices) -> Iterator[Indices]:
-        for first in range(0, len(rows), self._moves.rows):
-            yield rows[first : first + self._moves.rows]
 
     def _batch(self, rows: Indices) -> Batch:
         return self._moves.operators.batch(self._frames[rows], faintest=self._settings.faintest)

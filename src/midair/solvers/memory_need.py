@@ -8,8 +8,8 @@ from typing import Any
 
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, TransducerArray
+from midair.solvers.methods import MethodSettings
 from midair.solvers.solve_plan import frames_per_part, settings_with
-from midair.solvers.solver_settings import MethodSettings
 
 _EIGEN = 5
 """Matrices of the size of G G^H during its eigendecomposition: itself, a copy, LAPACK's workspace."""

@@ -66,7 +66,10 @@ def _computed(G: Complex, tolerance: float) -> Modes:
     # G G^H squares the singular values, so small ones lose half of their digits.
     if tolerance >= 1e-6:
         # The cost is the cube of the number of points, or of transducers for G^H G.
-        return _by_gram(G, tolerance) if len(G) <= G.shape[1] else _turned(_by_gram(G.conj().T, tolerance))
+        if len(G) <= G.shape[1]:
+            return _by_gram(G, tolerance)
+        turned = _by_gram(G.conj().T, tolerance)
+        return Modes(U=turned.V, s=turned.s, V=turned.U)
     U, s, Vh = np.linalg.svd(G, full_matrices=False)
     # Singular values below this are zero except for rounding; the limit is that of `numpy.linalg.matrix_rank`.
     rank = _rank(s, max(tolerance, max(G.shape) * np.finfo(float).eps))
@@ -119,11 +122,6 @@ def _by_sketch(G: Complex, tolerance: float) -> Modes | None:
     Q, found = np.concatenate(fields, axis=1), _by_gram(np.concatenate(reduced), 0.0)
     rank = _rank(found.s, np.sqrt(tolerance**2 - max(left, 0.0) / found.s[0] ** 2))
     return Modes(U=Q @ found.U[:, :rank], s=found.s[:rank], V=found.V[:, :rank])
-
-
-def _turned(kept: Modes) -> Modes:
-    """Modes of G from those of G^H."""
-    return Modes(U=kept.V, s=kept.s, V=kept.U)
 
 
 def _rank(s: Array, tolerance: float) -> int:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.model import Progress, Status
 from midair.physics import relative_error
+from midair.solvers.backend import Backend
 from midair.solvers.terms import CellTarget, GuardField, PhaseTerm
 
 Complex = NDArray[np.complex128]
@@ -162,3 +163,29 @@ def jacobian(problem: Problem, p: Array, x: Array) -> Array:
     theta, psi = x[: problem.transducers], x[problem.transducers :]
     slopes = np.hstack([1j * problem.level * problem.G * np.exp(1j * theta), np.diag(-1j * p * np.exp(1j * psi))])
     return np.vstack([slopes.real, slopes.imag]).astype(np.float64)
+
+
+def phases_and_errors(
+    backend: Backend, problem: Problem, phase: Array, level: Array | None, bits: int | None
+) -> tuple[Array, Array]:
+    """Phases as they are played, 0 to 2 pi (frame, transducer), and their errors (frame,) as by `error_of`.
+
+    `backend`, the device that solved them, must be in double precision; on the host this takes longer than a GPU needs
+    to solve. `phase` is in rad; `level`, (frame,) or (frame, transducer), is a factor on the problem's level; `bits`
+    rounds phases to 2 pi / 2^bits as `physics.quantise_phase` does.
+    """
+    G, played, size = backend.put(problem.level * problem.G.T), np.empty_like(phase), np.empty(problem.amplitude.shape)
+    xp, turn, steps = backend.xp, 2 * np.pi, 2.0 ** (bits or 0)
+    with backend.at_work():
+        for first in range(0, len(phase), backend.rows):
+            here = slice(first, first + backend.rows)
+            theta = backend.put(phase[here])
+            if bits is None:
+                theta = xp.remainder(theta, turn)
+            else:
+                theta = xp.remainder(xp.round(theta / turn * steps), steps) * (turn / steps)
+            q = backend.phasor(theta)
+            if level is not None:
+                q = backend.put(level[here].reshape(theta.shape[0], -1)) * q
+            played[here], size[here] = backend.get(theta), backend.get(xp.abs(q @ G))
+    return played, error_of_field(problem, size)

@@ -4,7 +4,8 @@ All return phases at equal amplitude. All but `Greedy` find only the shape of a 
 common level with the least error. A target of 0 asks for silence at that point; no formula divides by it.
 """
 
-from dataclasses import dataclass, replace
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,20 +19,46 @@ from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 Complex = NDArray[np.complexfloating[Any, Any]]
 
 
+class _Published(ABC):
+    """A method that computes complex drives for all frames at once."""
+
+    __slots__ = ()
+    iterations: int
+
+    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
+        """Compute phases for each frame independently."""
+        frames, audible = len(problem.amplitude), np.flatnonzero(problem.amplitude.any(axis=1))
+        phase = np.angle(self._drives(problem)).astype(np.float64)
+        made = np.zeros(frames, np.int64)
+        made[audible] = self.iterations
+        if progress is not None:
+            progress(frames, frames)
+        phase = hold(phase, audible, None if after is None else after.theta)
+        return Answer(
+            phase=phase,
+            level=None if isinstance(self, Greedy) else best_level(problem, phase),
+            iterations=made,
+            status=status_of(frames, audible),
+            end=WarmStart(theta=phase[-1]) if len(audible) else after,
+        )
+
+    @abstractmethod
+    def _drives(self, problem: Problem) -> Complex:
+        """Complex drives, shape (frame, transducer), of which only the phases matter."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Naive:
+class Naive(_Published):
     """Back-propagation of the target with all phases 0: q = arg(G^H p)."""
 
     iterations: int = 1
 
-    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Compute phases for each frame independently."""
-        q = unit(problem.amplitude.astype(complex) @ problem.G.conj())
-        return _shape_only(problem, q, self.iterations, after, progress)
+    def _drives(self, problem: Problem) -> Complex:
+        return unit(problem.amplitude.astype(complex) @ problem.G.conj())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GerchbergSaxton:
+class GerchbergSaxton(_Published):
     """GS: propagate between array and points in turn, keep the phase and replace the magnitude.
 
     Gerchberg & Saxton, "A practical algorithm for the determination of phase from image and diffraction plane
@@ -40,17 +67,16 @@ class GerchbergSaxton:
 
     iterations: int = 100
 
-    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Compute phases for each frame independently."""
+    def _drives(self, problem: Problem) -> Complex:
         p = problem.amplitude
         u = np.ones(p.shape, complex)
         for _ in range(self.iterations):
             u = unit(unit((p * u) @ problem.G.conj()) @ problem.G.T)
-        return _shape_only(problem, unit((p * u) @ problem.G.conj()), self.iterations, after, progress)
+        return unit((p * u) @ problem.G.conj())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WeightedGerchbergSaxton:
+class WeightedGerchbergSaxton(_Published):
     """WGS: GS with weights that grow where the field is too weak: w <- w p / |y|, both relative to their means.
 
     Di Leonardo, Ianni & Ruocco, "Computer generation of optimal holograms for optical trap arrays", Optics Express 15
@@ -59,8 +85,7 @@ class WeightedGerchbergSaxton:
 
     iterations: int = 100
 
-    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Compute phases for each frame independently."""
+    def _drives(self, problem: Problem) -> Complex:
         p = problem.amplitude
         sounding = p > 0
         w, u = p.copy(), np.ones(p.shape, complex)
@@ -71,11 +96,11 @@ class WeightedGerchbergSaxton:
             w = w * np.where(sounding, scale * p / np.maximum(size, 1e-300), 0.0)
             # Only the ratios of the weights matter; without scaling they would overflow.
             w /= np.maximum(w.max(axis=1, keepdims=True), 1e-300)
-        return _shape_only(problem, unit((w * u) @ problem.G.conj()), self.iterations, after, progress)
+        return unit((w * u) @ problem.G.conj())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GSPAT:
+class GSPAT(_Published):
     """GS-PAT: GS in the space of points, with R = G B and a backward propagator B of unit power per point.
 
     Plasencia, Hirayama, Montano-Murillo & Subramanian, "GS-PAT: high-speed multi-point sound-fields for phased arrays
@@ -84,8 +109,7 @@ class GSPAT:
 
     iterations: int = 100
 
-    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Compute phases for each frame independently."""
+    def _drives(self, problem: Problem) -> Complex:
         p = problem.amplitude
         power = (np.abs(problem.G) ** 2).sum(axis=1, keepdims=True)
         back = (problem.G.conj() / np.maximum(power, 1e-300)).T
@@ -96,11 +120,11 @@ class GSPAT:
         y = a @ R.T
         # The iteration changes phases only; the last pass corrects the magnitudes.
         last = p**2 * unit(y) / np.maximum(np.abs(y), 1e-300)
-        return _shape_only(problem, unit(last @ back.T), self.iterations, after, progress)
+        return unit(last @ back.T)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Greedy:
+class Greedy(_Published):
     """Set one transducer after another to the phase, from a few levels, with the least error so far.
 
     Suzuki, Inoue, Fujiwara & Makino, "Radiated pressure field reproduction by a greedy algorithm for phased arrays",
@@ -111,8 +135,7 @@ class Greedy:
     iterations: int = 1  # Number of passes over all transducers
     seed: int = 0
 
-    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Compute phases for each frame independently."""
+    def _drives(self, problem: Problem) -> Complex:
         choices = np.exp(2j * np.pi * np.arange(self.levels) / self.levels)
         p, G = problem.amplitude, problem.level * problem.G
         q = np.zeros((len(p), problem.transducers), complex)
@@ -126,7 +149,7 @@ class Greedy:
                 best = ((trial - p[:, None, :]) ** 2).sum(axis=2).argmin(axis=1)
                 q[:, n] = choices[best]
                 y += q[:, n, None] * G[:, n]
-        return _answer(problem, q, self.iterations, after, progress)
+        return q
 
 
 def best_level(problem: Problem, theta: Array) -> Array:
@@ -136,25 +159,3 @@ def best_level(problem: Problem, theta: Array) -> Array:
     fit = np.einsum("fm,fm->f", size, problem.amplitude)
     # Limited to full drive, even if a louder field would fit better.
     return np.clip(fit / np.where(power > 0, power, 1), 0, 1)
-
-
-def _shape_only(
-    problem: Problem, q: Complex, iterations: int, after: WarmStart | None, progress: Progress | None
-) -> Answer:
-    answer = _answer(problem, q, iterations, after, progress)
-    return replace(answer, level=best_level(problem, answer.phase))
-
-
-def _answer(
-    problem: Problem, q: Complex, iterations: int, after: WarmStart | None, progress: Progress | None
-) -> Answer:
-    """The answer for complex drives q; silent frames keep the phases of the frame before."""
-    frames = len(q)
-    audible = np.flatnonzero(problem.amplitude.any(axis=1))
-    made = np.zeros(frames, np.int64)
-    made[audible] = iterations
-    if progress is not None:
-        progress(frames, frames)
-    phase = hold(np.angle(q).astype(np.float64), audible, None if after is None else after.theta)
-    end = WarmStart(theta=phase[-1]) if len(audible) else after
-    return Answer(phase=phase, iterations=made, status=status_of(frames, audible), end=end)

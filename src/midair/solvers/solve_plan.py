@@ -12,15 +12,14 @@ from midair.model import Acoustics, AmplitudeFrames, Drive, Progress, Setting, S
 from midair.physics import quantise_phase, transfer_matrix
 from midair.solvers.backend import backend as backend_of
 from midair.solvers.backend import one_blas_thread
-from midair.solvers.device import phases_and_errors
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.free import Free
-from midair.solvers.glide import Glide, frames_in_block
-from midair.solvers.methods import Method, check_terms
+from midair.solvers.glide import Glide
+from midair.solvers.glide_blocks import frames_in_block
+from midair.solvers.methods import Method, MethodSettings, check_terms, settings_type
 from midair.solvers.phases import spreading_phase
-from midair.solvers.problem import Problem, WarmStart, error_of
-from midair.solvers.solver_settings import MethodSettings, settings_type
+from midair.solvers.problem import Problem, WarmStart, error_of, phases_and_errors
 from midair.solvers.terms import PressureMeans, Robust, Term, psi_at_temperatures
 
 TOGETHER = 256

@@ -10,9 +10,9 @@ import numpy as np
 from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, Progress, Solution, TransducerArray
+from midair.solvers.methods import MethodSettings
 from midair.solvers.problem import WarmStart
 from midair.solvers.solve_plan import SolvePlan
-from midair.solvers.solver_settings import MethodSettings
 from midair.streaming import blocks, read_frames
 from midair.validation import check_type
 

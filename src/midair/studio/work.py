@@ -13,7 +13,7 @@ from midair.errors import InputError
 from midair.evaluate import RATIOS, compare, metrics_or_none, ratio_text
 from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
 from midair.headroom import level_of
-from midair.model import Palm, PressureFrames, Provenance
+from midair.model import Palm, PressureFrames
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead, weaker_settings
 from midair.recordings import unreproduced
 from midair.rig import (
@@ -141,9 +141,13 @@ def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dic
     partial.replace(kept)
     spectrum = _spectra(before, after)
     gain = settings.target.gain / found.gain if found.gain > 0.05 else None
+    if stamp:
+        # The provenance of a re-recording begins with that of its drive.
+        steps = load_solution(drive, streamed=True).drive.provenance.steps
+        stamp = stamp if take.recording.provenance.steps[: len(steps)] == steps else ""
     return {
         "kept": kept,
-        "drive": stamp if stamp and _made_from(drive, take.recording.provenance) else "",
+        "drive": stamp,
         "simulated": found.simulated,
         "figures": [
             *([name, f"{ratio_text(limits)} dB"] for name, limits in found.ratios.items()),
@@ -160,12 +164,6 @@ def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dic
         "suggested_gain": None if gain is None else float(f"{gain:.4g}"),
         "measured_gain": float(found.gain),
     }
-
-
-def _made_from(drive: str, provenance: Provenance) -> bool:
-    """True if the provenance of a re-recording begins with that of the drive."""
-    steps = load_solution(drive, streamed=True).drive.provenance.steps
-    return provenance.steps[: len(steps)] == steps
 
 
 def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,7 +16,7 @@ from midair.model import HEIGHT, Acoustics, ControlGrid, Medium, Provenance, Sen
 from midair.physics import quantise_phase, transfer_matrix
 from midair.solvers import Problem, error_of, one_blas_thread, spreading_phase
 from midair.solvers import solver as solver_of
-from midair.sweep.task import Coordinate, Found, Task, settings_of
+from midair.sweep.task import Coordinate, Found, Job, Task, settings_of
 from midair.targets import interpolation_matrix
 from midair.validation import positive
 
@@ -117,10 +118,9 @@ class PatternSweep:
         ]
         return tuple(sorted(whole, key=lambda task: (task.first, task.condition)))
 
-    def job(self, task: Task) -> "PatternJob":
+    def job(self, task: Task) -> Job:
         """Job of a worker."""
-        patterns = self.patterns()[task.first : task.last]
-        return PatternJob(sweep=self, condition=self.conditions()[task.condition], patterns=patterns)
+        return partial(_solve_task, self, self.conditions()[task.condition], self.patterns()[task.first : task.last])
 
     def coordinates(self) -> tuple[Coordinate, ...]:
         """Arrays that are stored along the axes."""
@@ -162,18 +162,10 @@ class PatternSweep:
         return Provenance(source="virtual:binary patterns", simulated=True).then("sweep", settings)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PatternJob:
-    """Patterns of one condition for a worker."""
-
-    sweep: PatternSweep
-    condition: Condition
-    patterns: NDArray[np.int64]
-
-    def __call__(self) -> Found:
-        """Solve the patterns and return E of each."""
-        solved = solve_patterns(self.sweep, self.condition, self.patterns)
-        return Found(error=solved.error, rounded_error=solved.rounded_error, strength=self.condition.strength)
+def _solve_task(sweep: PatternSweep, condition: Condition, patterns: NDArray[np.int64]) -> Found:
+    """E of each pattern of one condition, on a worker."""
+    solved = solve_patterns(sweep, condition, patterns)
+    return Found(error=solved.error, rounded_error=solved.rounded_error, strength=condition.strength)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -6,7 +6,7 @@ Trials are cut into pieces at frames where their solver can start independently.
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -45,19 +45,13 @@ class TrialCut:
         sounds = np.concatenate([block.any(axis=1) for block in blocks(target.amplitude, 256)])
         return cls(target=target, settings=settings, pieces=tuple(pieces(method, sounds, together=together)))
 
-    def job(self, number: int, array: TransducerArray, bits: int) -> "PieceJob":
+    def job(self, number: int, array: TransducerArray, bits: int) -> Job:
         """Job for one piece: its targets and those of the marks before it."""
         piece = self.pieces[number]
         begin = int(piece.marks[0]) if len(piece.marks) else piece.first
         frames = read_solver_blocks(self.target.amplitude, begin, piece.last)
-        return PieceJob(
-            target=replace(self.target, amplitude=frames[piece.first - begin :]),
-            marks=frames[piece.marks - begin],
-            loudest=self.loudest,
-            settings=self.settings.but(jobs=1),
-            array=array,
-            bits=bits,
-        )
+        target, marks = replace(self.target, amplitude=frames[piece.first - begin :]), frames[piece.marks - begin]
+        return partial(_solve_piece, target, marks, self.loudest, self.settings.but(jobs=1), array, bits)
 
     @cached_property
     def loudest(self) -> float:
@@ -65,35 +59,22 @@ class TrialCut:
         return float(self.target.amplitude.max()) if self.settings.solver.level == "auto" else 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PieceJob:
-    """A piece of a trial for a worker; `marks` are the targets of the marks before it, shape (mark, point) in Pa."""
+def _solve_piece(
+    target: AmplitudeFrames, marks: Array, loudest: float, settings: Settings, array: TransducerArray, bits: int
+) -> Found:
+    """E of each frame of a piece, with exact and with rounded phases, on a worker.
 
-    target: AmplitudeFrames
-    marks: Array
-    loudest: float
-    settings: Settings
-    array: TransducerArray
-    bits: int
-
-    def __call__(self) -> Found:
-        """E of each frame, with exact and with rounded phases."""
-        asked, error, rounded, first = self.target, list[Array](), list[Array](), 0
-        acoustics = self.settings.acoustics
-        parts = solve_piece(
-            asked, self.array, self.settings.solver, marks=self.marks, loudest=self.loudest, acoustics=acoustics
-        )
-        for part in parts:
-            wanted_here = asked.amplitude[first : first + len(part.error)]
-            first += len(part.error)
-            error.append(part.error)
-            rounded.append(_rounded_error(part.drive, replace(asked, amplitude=wanted_here), acoustics, self.bits))
-        focus = focus_amplitude(asked.grid, self.array, acoustics=acoustics)
-        return Found(
-            error=np.concatenate(error),
-            rounded_error=np.concatenate(rounded),
-            strength=float(asked.amplitude.max() / focus),
-        )
+    `marks` are the targets of the marks before it, shape (mark, point), in Pa.
+    """
+    error, rounded, first, acoustics = list[Array](), list[Array](), 0, settings.acoustics
+    for part in solve_piece(target, array, settings.solver, marks=marks, loudest=loudest, acoustics=acoustics):
+        here = replace(target, amplitude=target.amplitude[first : first + len(part.error)])
+        first += len(part.error)
+        error.append(part.error)
+        rounded.append(_rounded_error(part.drive, here, acoustics, bits))
+    focus = focus_amplitude(target.grid, array, acoustics=acoustics)
+    strength = float(target.amplitude.max() / focus)
+    return Found(error=np.concatenate(error), rounded_error=np.concatenate(rounded), strength=strength)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -183,7 +164,7 @@ class RecordingSweep:
         cut, array = self.cuts[task.condition], self._array()
         if cut is not None:
             return cut.job(task.first // self.chunk, array, self.bits)
-        return TrialJob(trial=self.trials[task.condition], array=array, bits=self.bits)
+        return partial(_solve_trial, self.trials[task.condition], array, self.bits)
 
     def coordinates(self) -> tuple[Coordinate, ...]:
         """Index of recording and variant of each condition, with their names as attributes, and the rates.
@@ -272,20 +253,11 @@ def _digest(pressure: PressureFrames) -> str:
     return made.hexdigest()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TrialJob:
-    """A trial for a worker."""
-
-    trial: SweepTrial
-    array: TransducerArray
-    bits: int
-
-    def __call__(self) -> Found:
-        """E of each frame, with exact and with rounded phases."""
-        settings = self.trial.settings
-        made = reproduce(self.trial.pressure, self.array, settings)
-        rounded = _rounded_error(made.solution.drive, made.target, settings.acoustics, self.bits)
-        return Found(error=made.solution.error, rounded_error=rounded, strength=made.strength())
+def _solve_trial(trial: SweepTrial, array: TransducerArray, bits: int) -> Found:
+    """E of each frame of a trial, with exact and with rounded phases, on a worker."""
+    made = reproduce(trial.pressure, array, trial.settings)
+    rounded = _rounded_error(made.solution.drive, made.target, trial.settings.acoustics, bits)
+    return Found(error=made.solution.error, rounded_error=rounded, strength=made.strength())
 
 
 def _rounded_error(drive: Drive, target: AmplitudeFrames, acoustics: Acoustics, bits: int) -> Array:

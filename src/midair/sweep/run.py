@@ -55,7 +55,9 @@ class WorkerMonitor:
 
     def look(self) -> None:
         """Query the scheduler; raise a ClusterError if there was no heartbeat for too long."""
-        latest = self._ask()
+        found = self._identity()
+        # Time of the latest heartbeat on the scheduler's clock; None without an answer or workers.
+        latest = None if found is None else max((one["last_seen"] for one in found["workers"].values()), default=None)
         if latest is not None and latest != self._latest:
             self._latest = latest
             self.reset()
@@ -64,11 +66,6 @@ class WorkerMonitor:
                 f"sweep: expected running workers, got no heartbeat for {self._patience:.0f} s; all results so far "
                 "are stored; start workers (dask worker) and repeat the command to continue"
             )
-
-    def _ask(self) -> float | None:
-        """Time of the latest heartbeat on the scheduler's clock; None without an answer or workers."""
-        found = self._identity()
-        return None if found is None else max((one["last_seen"] for one in found["workers"].values()), default=None)
 
     def _identity(self) -> Any:
         """Identity of the scheduler and its workers; None without an answer."""

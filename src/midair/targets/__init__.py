@@ -6,10 +6,6 @@ from .compensation import frames_without_lead as frames_without_lead
 from .compensation import precompensate as precompensate
 from .compensation import precompensate_sound as precompensate_sound
 from .compensation import remove_lead as remove_lead
-from .decoupling import coupling as coupling
-from .decoupling import decouple as decouple
-from .decoupling import interpolation_matrix as interpolation_matrix
-from .decoupling import moved_interpolation as moved_interpolation
 from .mapping import MAPPINGS as MAPPINGS
 from .mapping import MappingReport as MappingReport
 from .mapping import MappingStream as MappingStream
@@ -21,5 +17,9 @@ from .mapping import mapping_report as mapping_report
 from .mapping import slow_bias as slow_bias
 from .preparing import Circle as Circle
 from .preparing import Interpolated as Interpolated
+from .preparing import coupling as coupling
+from .preparing import decouple as decouple
+from .preparing import interpolation_matrix as interpolation_matrix
+from .preparing import moved_interpolation as moved_interpolation
 from .preparing import prepare as prepare
 from .preparing import sensor_from_provenance as sensor_from_provenance

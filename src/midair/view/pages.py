@@ -19,7 +19,7 @@ from midair.array_types import Array
 from midair.dsp import resample
 from midair.errors import MissingExtraError
 from midair.figures import render_page
-from midair.view.page_payload import metadata, sections
+from midair.view.frame_encoding import metadata, sections
 from midair.view.view_data import Channels, ViewData
 
 RATE = 48000.0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from midair.calibration import MeasureSettings, measure_calibration
-from midair.calibration.measure.excitation import noise_signal, sweep_signal
 from midair.calibration.measure.frequency_response import channel_delay, upper_half
+from midair.calibration.measure.referenced_take import noise_signal, sweep_signal
 from midair.model import SensorGrid
 from midair.physics import SensorModel, channel_response
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.calibration.measure.excitation import noise_signal, sweep_signal
+from midair.calibration.measure.referenced_take import noise_signal, sweep_signal
 from midair.errors import InputError
 
 

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from midair.calibration.measure.excitation import noise_signal, sweep_signal
 from midair.calibration.measure.frequency_response import band_sums, solve_sums, widened
+from midair.calibration.measure.referenced_take import noise_signal, sweep_signal
 from midair.errors import BandError
 from midair.physics import SensorModel, channel_response, sense
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.calibration import noise_equivalent_pressure
-from midair.calibration.measure.noise import quiet_density, white_level
+from midair.calibration.measure.frequency_response import quiet_density, white_level
 from midair.errors import BandError
 from midair.model import Calibration, Measurement, Recording, SensorGrid
 

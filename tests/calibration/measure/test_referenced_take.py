@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.calibration import Reference, ReferencedTake, calibrate, measure_calibration, split_channel
-from midair.calibration.measure.excitation import noise_signal
+from midair.calibration.measure.referenced_take import noise_signal
 from midair.errors import BandError, InputError, MismatchError, ShapeError
 from midair.model import Provenance, Recording, SensorGrid
 from midair.physics import sense

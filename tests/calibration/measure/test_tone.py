@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.calibration import measure_calibration, measure_tone, scale_to_tone
-from midair.calibration.measure.excitation import noise_signal
+from midair.calibration.measure.referenced_take import noise_signal
 from midair.errors import BandError, InputError, MismatchError
 from midair.model import Recording, SensorGrid
 from midair.physics import channel_response

@@ -6,8 +6,7 @@ from benchmarks.unknown_arrays import measured as unknown_array
 from scipy.spatial.transform import Rotation
 
 from midair.calibration import ArrayField, ArrayPlan, SensorPlace, TransducerPrior, array_codes, check_array, fit_array
-from midair.calibration.measure.group_fit import GroupFit
-from midair.calibration.measure.shared_parameters import ArrayState, predicted_spectrum, real_parts
+from midair.calibration.measure.group_fit import ArrayState, GroupFit, predicted_spectrum, real_parts
 from midair.calibration.measure.unit_poses import columns_of_units, differences, moved_array
 from midair.model import POSE_AIMS, Acoustics, ArrayCalibration, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import (

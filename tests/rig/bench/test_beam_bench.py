@@ -10,7 +10,7 @@ from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
 from midair.errors import ExposureError, MismatchError, RateError
 from midair.model import SensorGrid, TransducerArray
 from midair.physics import SensorModel, channel_response
-from midair.rig.bench.beam_bench import calibrate_by_beam
+from midair.rig.bench.array_bench import calibrate_by_beam
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 PLAN = BeamPlan(levels=5, spacing=20.0, settle=0.05, high=460.0, top=150.0)

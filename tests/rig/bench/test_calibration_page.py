@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.calibration import measure_calibration
-from midair.calibration.measure.excitation import noise_signal
+from midair.calibration.measure.referenced_take import noise_signal
 from midair.errors import UnknownFormatError
 from midair.model import Calibration, SensorGrid
 from midair.physics import SensorModel

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.calibration import measure_calibration
-from midair.calibration.measure.excitation import noise_signal
+from midair.calibration.measure.referenced_take import noise_signal
 from midair.dsp import resample
 from midair.errors import InputError, MismatchError, UnitError
 from midair.files import save

@@ -4,7 +4,7 @@ import pytest
 from midair.devices import RemappedSensor, ReplaySensor
 from midair.errors import DeviceError, InputError
 from midair.model import Recording, SensorGrid, SensorWiring
-from midair.rig.bench.tap_test import TapTest, identify_by_taps, identify_by_tones
+from midair.rig.bench.identify import TapTest, identify_by_taps, identify_by_tones
 from midair.rig.names.virtual_rig import VirtualRig
 
 RHYTHM = TapTest(every=1.0)

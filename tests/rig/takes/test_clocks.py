@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.rig.takes.clocks import LARGEST, ClockWatch
+from midair.rig.takes.take_state import LARGEST, ClockWatch
 
 
 def watched(ppm, seconds, *, jitter=0.0, seed=0, every=0.05):

@@ -5,9 +5,8 @@ import pytest
 
 from midair.errors import DeviceError
 from midair.model import Event, EventKind, SensorGrid
-from midair.rig.takes.clocks import Drift
 from midair.rig.takes.meters import Levels
-from midair.rig.takes.take_state import Take, event_message, take_problems
+from midair.rig.takes.take_state import Drift, Take, event_message, take_problems
 
 NONE = np.zeros(16, bool)
 

@@ -5,7 +5,7 @@ import pytest
 
 from midair.solvers import Glide
 from midair.solvers.backend import backend
-from midair.solvers.glide.blocks import FrameBlock, solve_marks
+from midair.solvers.glide_blocks import FrameBlock, solve_marks
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from midair.errors import InputError
 from midair.model import AmplitudeFrames, ControlGrid, Provenance, TransducerArray
 from midair.solvers import Glide, Guard, pieces, solve, solve_parts, solve_piece
 from midair.solvers.backend import backend
-from midair.solvers.glide.blocks import FrameBlock, blocks, midpoints, solve_marks
+from midair.solvers.glide_blocks import FrameBlock, blocks, midpoints, solve_marks
 
 SIZES = {"frames": st.integers(1, 400), "coarse": st.integers(1, 40), "size": st.integers(1, 150)}
 

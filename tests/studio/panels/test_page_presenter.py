@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
-from midair.studio.panels.page_presenter import PagePresenter
+from midair.studio.panels.study_panel import PagePresenter
 from midair.study import Stimulus
 
 

@@ -3,10 +3,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import InputError, MismatchError
-from midair.study.design.analysis_plan import Analysis
-from midair.study.design.question import Question
-from midair.study.design.stimulus import Stimulus, right_answer
-from midair.study.design.study_design import Block, Design
+from midair.study.design.question import Question, Stimulus, right_answer
+from midair.study.design.study_design import Analysis, Block, Design
 
 CHOICE = Question(name="which", kind="choice", text="Which?", options=("brush", "towel"), truth="object")
 BRUSH = Stimulus(name="s1", kind="object", source="brush", levels={"object": "brush"})

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from midair.errors import InputError
-from midair.study.design.analysis_plan import Analysis
+from midair.study.design.study_design import Analysis
 from midair.study.findings.analysis import analyse
 from midair.study.findings.finding import Finding, attempt, limits_words, note_last, p_words
 from midair.study.findings.rating_findings import cumulative

@@ -8,10 +8,8 @@ import pytest
 
 from midair.errors import InputError
 from midair.study import SimulatedParticipant, SimulatedScreen, analyse, answers_table, draw_plan, replay, run
-from midair.study.design.analysis_plan import Analysis, Exclusions
-from midair.study.design.question import Question, QuestionKind
-from midair.study.design.stimulus import Stimulus
-from midair.study.design.study_design import Block, Design, Extra
+from midair.study.design.question import Question, QuestionKind, Stimulus
+from midair.study.design.study_design import Analysis, Block, Design, Exclusions, Extra
 from midair.study.findings.question_findings import question_findings
 from midair.study.findings.study_data import StudyData, data_of_answers
 from midair.study.session import InstantClock, Session, SilentPresenter, read_events

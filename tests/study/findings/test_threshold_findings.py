@@ -2,8 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from midair.study.findings.rating_findings import adaptive, psychometric
 from midair.study.findings.study_data import StudyData
-from midair.study.findings.threshold_findings import adaptive, psychometric
 
 LEVELS = np.array([0.25, 0.5, 1.0, 2.0, 4.0])
 

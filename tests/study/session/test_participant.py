@@ -4,8 +4,7 @@ import pytest
 from midair.errors import InputError
 from midair.study import d_prime_same_different, d_prime_yes_no, proportion_correct
 from midair.study.design.plan import draw_plan
-from midair.study.design.question import Question
-from midair.study.design.stimulus import Stimulus
+from midair.study.design.question import Question, Stimulus
 from midair.study.design.study_design import Block, Design
 from midair.study.session.participant import SimulatedParticipant
 

@@ -9,7 +9,7 @@ from midair.devices import VirtualArray, autd3_array, check_exposure
 from midair.errors import ExposureError, InputError, SilentFramesError
 from midair.model import Drive, Placement, TransducerArray
 from midair.rig import default_exposure
-from midair.study.design.stimulus import Stimulus
+from midair.study.design.question import Stimulus
 from midair.study.session.presenters import ArrayPresenter, ExperimenterPresenter, MaskedPresenter, SilentPresenter
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)

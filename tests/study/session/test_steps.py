@@ -3,17 +3,14 @@ from dataclasses import replace
 import pytest
 
 from midair.errors import InputError
-from midair.study.design.analysis_plan import Exclusions
 from midair.study.design.answers import answers_table, excluded_participants
 from midair.study.design.plan import draw_plan
-from midair.study.design.question import Question
+from midair.study.design.question import Question, Stimulus
 from midair.study.design.session_state import replay
-from midair.study.design.stimulus import Stimulus
-from midair.study.design.study_design import Block, Criterion, Design, Extra
+from midair.study.design.study_design import Block, Criterion, Design, Exclusions, Extra
 from midair.study.session.event_log import read_events
 from midair.study.session.presenters import SilentPresenter
-from midair.study.session.steps import InstantClock, Reply
-from midair.study.session.trials import Session
+from midair.study.session.trials import InstantClock, Reply, Session
 
 WHICH = Question(name="which", kind="choice", text="Which?", options=("a", "b"), truth="object")
 NAME = Question(name="pseudonym", kind="text", text="Pseudonym?", private=True)

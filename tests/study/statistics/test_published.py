@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.study.statistics.published import Published, chance_of_published, published_statistics
+from midair.study.statistics.power import Published, chance_of_published, published_statistics
 
 
 def value(table, begin):

@@ -12,9 +12,8 @@ import numpy as np
 
 from midair.array_types import Array, Complex
 from midair.calibration.measure.beam_plan import BeamPlan
-from midair.calibration.measure.frequency_response import channel_delay, upper_half, widened
+from midair.calibration.measure.frequency_response import channel_delay, quiet_density, upper_half, white_level, widened
 from midair.calibration.measure.linearity import bend_uncertainty, fit_levels
-from midair.calibration.measure.noise import quiet_density, white_level
 from midair.errors import InputError, ShapeError
 from midair.model import Calibration, Crosstalk, Linearity, Measurement, Recording
 

@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from midair.array_types import Array
-from midair.calibration.measure.array_field import ArrayField, SensorPlace
-from midair.calibration.measure.group_fit import GroupFit
-from midair.calibration.measure.shared_parameters import (
+from midair.calibration.measure.array_field import ArrayField, SensorPlace, placed
+from midair.calibration.measure.group_fit import (
     DEAD,
     ArrayState,
+    GroupFit,
     predicted_spectrum,
     real_parts,
     softness,
@@ -152,10 +152,7 @@ def phase_pattern(array: TransducerArray, points: Array, model: ArrayField) -> A
 
 def cell_places(model: ArrayField, place: SensorPlace) -> Array:
     """Position of the cells under the beam in m, shape (cell, 3)."""
-    flat = np.array([model.calibration.sensor.channel_position(cell) for cell in model.codes.cells])
-    cos, sin = np.cos(place.turn), np.sin(place.turn)
-    flat = flat @ np.array([[cos, sin], [-sin, cos]]) + np.array([place.x, place.y])
-    return np.column_stack([flat, np.full(len(flat), place.z)])
+    return placed(np.array([model.calibration.sensor.channel_position(cell) for cell in model.codes.cells]), place)
 
 
 def moved_array(array: TransducerArray, pose: Array) -> TransducerArray:

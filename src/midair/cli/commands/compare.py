@@ -1,8 +1,11 @@
 """The command `compare`: a re-recording or a drive against its original."""
 
+import importlib
+import sys
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from midair.cli.comparisons import (
     cached_pressure,
@@ -13,10 +16,9 @@ from midair.cli.comparisons import (
     print_ratios,
     settings_of_rerecording,
 )
-from midair.cli.console import banner, out, print_figures, print_json, print_note, progress_bars, verbosity
+from midair.cli.console import banner, out, print_figures, print_json, print_note, progress_bars, verbosity, workload_of
 from midair.cli.options import BandOptions, Force, Json, Spread
 from midair.cli.output import may_write
-from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
 from midair.evaluate import (
     FIBRES,
@@ -27,7 +29,6 @@ from midair.evaluate import (
     PerceptualMetrics,
     afferent_rates,
     compare,
-    load_touchsim,
     metrics_or_none,
     ratio_text,
 )
@@ -240,3 +241,16 @@ def _played(
             _write_film(film, frames, stage("film"))
         heard = rerecord_drive(drive, piece, asked, rig, palm=outline, band=band, stage=stage)
     return settings, OpenedTake(recording=heard.recording, calibration=heard.calibration), heard.palm
+
+
+def load_touchsim(folder: Path) -> Any:
+    """Import the package touchsim of a folder; InputError if there is none, or one of its dependencies is missing."""
+    if not (folder / "touchsim" / "__init__.py").is_file():
+        raise InputError(f"--touchsim: expected a folder that contains the package touchsim, got {folder}")
+    sys.path.insert(0, str(folder))
+    try:
+        return importlib.import_module("touchsim")
+    except ImportError as wrong:
+        raise InputError(f"--touchsim: expected its dependencies to be installed, got: {wrong}") from wrong
+    finally:
+        sys.path.remove(str(folder))

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from midair.cli.comparisons import print_laboratory, print_palm, print_side_by_side
-from midair.cli.console import banner, confirmed, out, print_rows, progress_bars
+from midair.cli.console import banner, confirmed, out, print_rows, progress_bars, workload_of
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Seed, SolveOptions, Time, mode_name, paper_options
 from midair.cli.output import level_rows
-from midair.cli.time_estimates import workload_of
 from midair.errors import InputError
 from midair.evaluate import LaboratoryLoss
 from midair.files import OpenedTake, atomic_file, check_not_recording, save, save_solution
@@ -84,7 +83,9 @@ def demo_command(
     """
     options = options or SolveOptions()
     settings = options.settings()
-    _confirm_overwrite(output, force)
+    replaces = (output / "report.html").exists() and not force
+    if replaces and not confirmed(f"{output} contains an earlier demo. Overwrite it?"):
+        raise InputError(f"{output}: contains an earlier demo; give another folder, or --force to overwrite it")
     rig = VirtualRig(seed=seed, height=settings.target.grid.height)
     touched_by = rig.touched_by(object_name)
     if not (0 <= start_at < start_at + duration <= _STROKE):
@@ -123,14 +124,6 @@ def _outcome(take: OpenedTake, options: SolveOptions, piece: _StrokePart, stage:
     return Outcome.of(
         loop, palm=palm_of_loop(loop, piece.rig, piece.palm, progress=stage("palm")), name=mode_name(options)
     )
-
-
-def _confirm_overwrite(output: Path, force: bool) -> None:
-    """Ask before replacing an earlier demo; without a terminal, refuse."""
-    if force or not (output / "report.html").exists():
-        return
-    if not confirmed(f"{output} contains an earlier demo. Overwrite it?"):
-        raise InputError(f"{output}: contains an earlier demo; give another folder, or --force to overwrite it")
 
 
 def _manual_commands(piece: _StrokePart, options: SolveOptions, paper: SolveOptions | None) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from midair.cli.options import Force, Frequency, Json, OptionalTime, Output, Sou
 from midair.cli.output import may_write, print_written, recording_figures, recording_rows
 from midair.errors import InputError
 from midair.files import contents, open_take, save
-from midair.model import Calibration, Recording
+from midair.model import Recording
 from midair.settings import MOST_GAIN
 
 Names = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
@@ -213,7 +213,15 @@ def _edit(
     takes = [open_take(source, streamed=True) for source in sources]
     recording = change([take.recording for take in takes])
     calibrations = [take.calibration for take in takes]
-    calibration = calibrations[0] if _same(calibrations) else None
+    first = calibrations[0]
+    same = first is not None and all(
+        other is not None
+        and np.array_equal(other.frequency, first.frequency)
+        and np.array_equal(other.response, first.response)
+        and other.unit == first.unit
+        for other in calibrations
+    )
+    calibration = first if same else None
     notes: list[str] = []
     if calibration is None and any(calibrations):
         notes.append("The calibration was left out: the recordings have different calibrations.")
@@ -224,18 +232,6 @@ def _edit(
     lost = save(recording, output, calibration=calibration)
     figures = {"recording": str(output), **recording_figures(recording)}
     print_written(rows, figures, notes, lost, simulated=recording.provenance.simulated, json=json)
-
-
-def _same(calibrations: list[Calibration | None]) -> bool:
-    """Whether all are present and have the same response."""
-    first = calibrations[0]
-    return first is not None and all(
-        other is not None
-        and np.array_equal(other.frequency, first.frequency)
-        and np.array_equal(other.response, first.response)
-        and other.unit == first.unit
-        for other in calibrations
-    )
 
 
 def _numbers(names: tuple[str, ...], recording: Recording) -> tuple[int, ...]:

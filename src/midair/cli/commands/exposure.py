@@ -83,7 +83,17 @@ def exposure_command(
             _json_values(found) | {"transducer_pa_m": array.pressure, "file_transducer_pa_m": drive.array.pressure}
         )
         return
-    print_figures(chosen.title, _columns(found))
+    columns = {
+        place.name + ("" if place.enforced else " (advice)"): {
+            "limit": (place.limit, "dB"),
+            "loudest frame": (float(found.peak[number]), "dB"),
+            "mean energy": (float(found.mean[number]), "dB"),
+            "same dose over 8 h": (float(found.daily[number]), "dB"),
+            "dose": (float(found.dose[number]), "Pa2 s"),
+        }
+        for number, place in enumerate(found.profile.places)
+    }
+    print_figures(chosen.title, columns)
     print_rows(
         [
             ("verdict", found.verdict()),
@@ -126,23 +136,6 @@ def _unlike_text(drive: Drive, profile: ExposureProfile) -> str:
         if place.enforced
     )
     return f"{level:.1f} dB of further sound at the loudest place if transducers differ by {spread:g} rad; not checked"
-
-
-def _columns(found: Exposure) -> dict[str, dict[str, tuple[float, str]]]:
-    return {
-        place.name + ("" if place.enforced else " (advice)"): _figures(found, number, place.limit)
-        for number, place in enumerate(found.profile.places)
-    }
-
-
-def _figures(found: Exposure, number: int, limit: float) -> dict[str, tuple[float, str]]:
-    return {
-        "limit": (limit, "dB"),
-        "loudest frame": (float(found.peak[number]), "dB"),
-        "mean energy": (float(found.mean[number]), "dB"),
-        "same dose over 8 h": (float(found.daily[number]), "dB"),
-        "dose": (float(found.dose[number]), "Pa2 s"),
-    }
 
 
 def _json_values(found: Exposure) -> dict[str, object]:

@@ -1,6 +1,7 @@
 """The commands `solve` and `play`."""
 
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,7 +10,16 @@ from typing import Any
 import numpy as np
 
 from midair.cli.comparisons import calibrated_part, unreproduced_rows, with_array_calibration, with_unreproduced
-from midair.cli.console import banner, print_json, print_note, print_rows, progress_bars
+from midair.cli.console import (
+    banner,
+    duration_text,
+    is_speed_known,
+    print_json,
+    print_note,
+    print_rows,
+    progress_bars,
+    workload_of,
+)
 from midair.cli.exposure_options import (
     AirOptions,
     ExposureOptions,
@@ -24,6 +34,7 @@ from midair.cli.options import (
     Json,
     Lead,
     PartLength,
+    PlaySolveOptions,
     SolveOptions,
     StartAt,
     StopInput,
@@ -31,11 +42,11 @@ from midair.cli.options import (
     settings_from,
 )
 from midair.cli.output import level_of_file, level_rows, may_write, reserved, solve_error, warn_level
-from midair.cli.time_estimates import duration_text, is_speed_known, workload_of
 from midair.devices import ArrayDevice, ExposureClearance, PlayReport, check_exposure, stop_on_input
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
 from midair.files import (
+    DRIVE_SUFFIX,
     check_memory_for,
     load_placement,
     load_solution,
@@ -72,6 +83,7 @@ from midair.rig import (
     open_tracker,
     play_cleared,
     play_followed,
+    play_pressure,
     rerecord,
     tracker_name,
 )
@@ -124,9 +136,7 @@ def solve_command(
     transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force, ".drive.h5")
-    piece = calibrated_part(source, settings, start_at, duration, streamed=True)
-    piece = with_unreproduced(source, piece, settings.calibration.band)
-    pressure = add_lead(piece, required_lead(settings) if lead is None else lead)
+    pressure = _led_pressure(source, settings, start_at, duration, lead)
     transducers, settings, pressure = with_array_calibration(
         array_calibration, transducers, settings, pressure, device=device
     )
@@ -181,6 +191,15 @@ def solve_command(
         ]
     )
     return None
+
+
+def _led_pressure(
+    source: Path, settings: Settings, start_at: float, duration: float | None, lead: float | None
+) -> PressureFrames:
+    """The pressure of a part of a recording, with its lead, in lazy frames."""
+    piece = calibrated_part(source, settings, start_at, duration, streamed=True)
+    piece = with_unreproduced(source, piece, settings.calibration.band)
+    return add_lead(piece, required_lead(settings) if lead is None else lead)
 
 
 TRIAL = 8
@@ -249,16 +268,23 @@ def play_command(
     air: AirOptions | None = None,
     heat: HeatOptions | None = None,
     stop_input: StopInput = None,
+    solve: PlaySolveOptions | None = None,
+    start_at: StartAt = 0.0,
+    duration: PartLength = None,
+    lead: Lead = None,
+    drive: Path | None = None,
 ) -> None:
-    """Play a drive on an array; on the virtual array, re-record the pressure.
+    """Play a drive or a recording on an array; on the virtual array, re-record the pressure.
 
+    If this computer solves a recording more slowly than it plays, it says so, and solves ahead so that no gap follows.
     Refuses drives above the exposure profile on arrays and emulators, unless --override-exposure is given.
     Ctrl-C stops, and so does midair stop in another terminal.
 
     Parameters
     ----------
     source
-        Drive to play, NAME.drive.h5; or a pattern with an end, NAME.toml or NAME.adaptics, which is drawn first.
+        Drive to play, NAME.drive.h5; recording with a calibration, NAME.h5, which is solved while it plays, with the
+        options of midair solve; or pattern with an end, NAME.toml or NAME.adaptics, which is drawn first.
     output
         Re-recording of the virtual device. [default: NAME.rerecorded.h5]
     correct_air
@@ -266,12 +292,15 @@ def play_command(
     air
         Air of the room. A virtual device plays in the drive's own air if it is not stated. The exposure check takes the
         maximum over 2 degrees around it; if not stated, over 14 to 30 degrees.
+    drive
+        Drive of a recording to write, NAME.drive.h5, the same as by midair solve.
 
     Examples
     --------
     $ midair play take.drive.h5
     $ midair play take.drive.h5 --device autd3
     $ midair play circle.toml
+    $ midair play take.h5 --duration 0.1s --mode quick --drive felt.drive.h5
     """
     air = air or AirOptions()
     room = air.medium()
@@ -282,8 +311,12 @@ def play_command(
         acoustics=None if room is None else Acoustics(medium=room),
         cooling=(heat or HeatOptions()).cooling(),
     )
-    device = settings.device
-    if source.suffix.lower() in PATTERN_ENDINGS:
+    device, target = settings.device, None
+    solve, pattern = solve or PlaySolveOptions(), source.suffix.lower() in PATTERN_ENDINGS
+    solved = pattern or source.name.lower().endswith(DRIVE_SUFFIX)
+    if solved and (solve.typed() or drive is not None or start_at or duration is not None or lead is not None):
+        raise InputError(f"options of midair solve, --drive: expected a recording with them, got {source}")
+    if pattern:
         with TemporaryDirectory() as folder:
             drawn = _drawn_into(Path(folder), source, settings)
             again = Path(f"{source.stem}.rerecorded.h5") if output is None and device == "virtual" else output
@@ -296,21 +329,33 @@ def play_command(
             raise InputError("--stop-input: expected an array, got --device virtual, which is silent; leave it out")
         if settings.delay:
             raise InputError("--delay: expected an array, got --device virtual, which plays at once; leave it out")
-        load_solution(source, streamed=True)  # a recording is refused as one, whatever stands beside it
         target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
         may_write(target, force)
-        return _play_on_virtual(source, target, settings, air, correct=correct_air)
-    if settings.array_calibration is not None:
+    elif settings.array_calibration is not None:
         raise InputError(
             f"--array-calibration: expected --device virtual, got {device}; "
             "for a real array use midair solve --array-calibration"
         )
-    if output is not None or force or settings.seed or settings.spread != "default":
+    elif output is not None or (force and drive is None) or settings.seed or settings.spread != "default":
         raise InputError(
             f"--output, --force, --seed, --spread: expected --device virtual, got {device}; "
             "midair loop re-records a real array"
         )
     with stop_on_input(stop_input):
+        if not solved:
+            if correct_air:
+                raise InputError("--correct-air: expected a drive, got a recording; it is solved for --temperature")
+            if drive is not None:
+                may_write(drive, force, DRIVE_SUFFIX)
+            solve.refuse_idle_palm()
+            solving = solve.settings()
+            if room is not None:
+                medium = replace(room, alpha=solving.acoustics.medium.alpha)
+                solving = solving.but(acoustics=replace(solving.acoustics, medium=medium))
+            pressure = _led_pressure(source, solving, start_at, duration, lead)
+            return _play_recording(source, pressure, solving, settings, air, drive, target)
+        if target is not None:
+            return _play_on_virtual(source, target, settings, air, correct=correct_air)
         if settings.follow is not None:
             return _follow_on_array(source, settings, air, correct=correct_air)
         return _play_on_array(source, settings, air, correct=correct_air)
@@ -359,6 +404,41 @@ def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: Ai
             ("measured in", admission.exposure.measured_in),
         ]
     )
+
+
+def _play_recording(
+    source: Path,
+    pressure: PressureFrames,
+    solving: Settings,
+    settings: PlaySettings,
+    air: AirOptions,
+    drive: Path | None,
+    heard: Path | None,
+) -> None:
+    """Solve a pressure while it plays, and print the result."""
+    if heard is not None:
+        settings = settings.but(height=solving.target.grid.height, cells=pressure.sensor, band=solving.calibration.band)
+    rig, device, medium = open_rig(settings=settings), settings.device, solving.acoustics.medium
+    if rig.measured is not None:
+        print_note(f"array calibration: {rig.measured.described(solving)}")
+    print_air(medium, stated=air.temperature is not None)
+    banner(rig.array.simulated or pressure.provenance.simulated)
+    watched = air_watched(air.temperature, medium, advice=PLAY_AGAIN, device="" if heard else device)
+    with watched, progress_bars() as stage, nullcontext() if drive is None else reserved(drive):
+        how: Any = {"path": drive, "source": source, "report": print_note, "progress": stage("play")}
+        played = play_pressure(pressure, solving, rig, **how)
+    found, rows = played.exposure, [] if played.report is None else _played_rows(played.report, played.drive, device)
+    if heard is not None and played.take is not None:
+        save(played.take.recording, heard, calibration=played.take.calibration)
+        rows = [("re-recorded", f"{heard}, {played.take.recording.frames} frames")]
+    if found is not None and played.error is not None:
+        said = f"on a real array: {found.verdict()}" if heard else f"{played.outcome}: {found.verdict()}"
+        rows += [("exposure", said), ("measured in", found.measured_in), ("heat", found.heat)]
+        rows += [
+            ("E", f"{100 * played.error.mean():.1f} %, mean of all frames"),
+            ("drive", str(drive or "not written")),
+        ]
+    print_rows([*rows, *unreproduced_rows(pressure.provenance)])
 
 
 def _admitted(drive: Drive, device: ArrayDevice, settings: PlaySettings) -> ExposureClearance:
@@ -443,15 +523,7 @@ def _follow_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, c
         _print_room_air(drive, source, room)
         banner(array.simulated)
         done = play_followed(
-            drive,
-            array,
-            tracker,
-            settings,
-            admission,
-            grid,
-            source=source,
-            report=print_note,
-            progress=stage("play"),
+            drive, array, tracker, settings, admission, grid, source=source, report=print_note, progress=stage("play")
         )
     middle, most = (1e3 * each for each in done.reaction)
     print_rows(

@@ -185,7 +185,10 @@ class RecordingWriter:
                 return
             live, self._live = self._live, None
             try:
-                self._trim_axes(live.file)
+                # Rows of an interrupted append or note; all datasets along an axis get equal length.
+                for name, length in self._lengths().items():
+                    if len(stored_dataset(live.file, name)) != length:
+                        stored_dataset(live.file, name).resize(length, axis=0)
                 self._add_checksums(live.file, last=True)
                 stored_dataset(live.file, "finished")[()] = 1
                 live.close()
@@ -263,12 +266,6 @@ class RecordingWriter:
     def _extend(self, dataset: "h5py.Dataset", start: int, values: np.ndarray) -> None:
         dataset.resize(start + len(values), axis=0)
         dataset[start:] = values
-
-    def _trim_axes(self, file: "h5py.File") -> None:
-        """Remove rows of an interrupted append or note, so that all datasets along an axis have equal length."""
-        for name, length in self._lengths().items():
-            if len(stored_dataset(file, name)) != length:
-                stored_dataset(file, name).resize(length, axis=0)
 
     def _add_checksums(self, file: "h5py.File", *, last: bool = False) -> None:
         for name, length in self._lengths().items():

@@ -1,6 +1,5 @@
 """A simulated calibration bench: a coupler, a probe, and a reference with a small error."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -106,9 +105,9 @@ def write_practice_recordings(
     for path in [folder / f"{name}{end}.h5" for name in names for end in ("", "-reference")]:
         if path.exists():
             raise FileError(f"{path}: is there already; give another folder")
-    for number, ((name, cell, level), signal) in enumerate(
-        zip(plan, _signals(len(plan), kind, duration, seed), strict=True)
-    ):
+    rng = np.random.default_rng((seed, 11))
+    for number, (name, cell, level) in enumerate(plan):
+        signal = sweep_signal(1.0, duration - 1) if kind == "sweep" else noise_signal(1.0, duration, rng=rng)
         recording, reference = bench.recordings(signal * level, cell=cell, number=number)
         save(recording, folder / f"{name}.h5")
         save(reference, folder / f"{name}-reference.h5")
@@ -122,10 +121,3 @@ def write_practice_recordings(
         f"--reference {folder}/all-*-reference.h5 {folder}/cell-*-reference.h5 --reference-sensitivity 50mV/Pa "
         f"--reference-uncertainty 0.01 --quiet {folder}/quiet.h5 --figure {folder}/calibration.html"
     )
-
-
-def _signals(count: int, kind: Literal["noise", "sweep"], duration: float, seed: int) -> Iterator[Array]:
-    """One signal of 1 Pa rms for each recording."""
-    rng = np.random.default_rng((seed, 11))
-    for _ in range(count):
-        yield sweep_signal(1.0, duration - 1) if kind == "sweep" else noise_signal(1.0, duration, rng=rng)

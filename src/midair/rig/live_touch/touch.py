@@ -74,7 +74,9 @@ class Touch:
         if calibration is not None:
             band = check_band(settings.band, rate)
             self._inverse = CausalInverse(calibration, rate, band=band, delay=settings.delay)
-            self.parts = tuple((low, high) for low, high in _parts_in_band(self.parts, band))
+            # The band itself if no part of the default one overlaps it.
+            inside = [(max(low, band[0]), min(high, band[1])) for low, high in self.parts]
+            self.parts = tuple((low, high) for low, high in inside if high > low) or (band,)
             self.error = causal_error(
                 self._inverse.fir,
                 calibration,
@@ -156,12 +158,6 @@ class Touch:
     def wanted(self) -> Array:
         """Target of `form` at the control points, shape (point,), relative to a focus of the whole array."""
         return self._wanted
-
-
-def _parts_in_band(parts: tuple[tuple[float, float], ...], band: tuple[float, float]) -> list[tuple[float, float]]:
-    """Parts of the default band, cut to this band; the band itself if they do not overlap."""
-    inside = [(max(low, band[0]), min(high, band[1])) for low, high in parts]
-    return [(low, high) for low, high in inside if high > low] or [band]
 
 
 def _decoupling_matrix(sensor: SensorGrid, grid: ControlGrid, rate: float) -> Array:

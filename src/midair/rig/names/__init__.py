@@ -18,5 +18,6 @@ from .sensor_names import sensor_named as sensor_named
 from .sensor_names import source_sensor as source_sensor
 from .sensor_names import stage_named as stage_named
 from .sensor_names import thermometer_named as thermometer_named
+from .sensor_names import tracker_options as tracker_options
 from .virtual_rig import TransducerSpread as TransducerSpread
 from .virtual_rig import VirtualRig as VirtualRig

@@ -210,6 +210,14 @@ def _leap_recording(path: str) -> PalmPath:
         raise BrokenFileError(f"{path}: {wrong}") from wrong
 
 
+def tracker_options(name: str) -> tuple[TrackerOptions, str]:
+    """Options and place of a tracker's name; UnknownDeviceError or InputError if it is unknown, or has wrong ones."""
+    kind, place, stated = split_name(name)
+    if kind not in TRACKERS:
+        raise UnknownDeviceError(f"tracker: expected {', '.join(f'{each}:PLACE' for each in TRACKERS)}, got {name!r}")
+    return checked_options(name, TRACKERS[kind], stated), place
+
+
 def open_tracker(
     name: str,
     *,
@@ -228,10 +236,7 @@ def open_tracker(
     clock : callable
         Clock of all times, for simulations.
     """
-    kind, place, stated = split_name(name)
-    if kind not in TRACKERS:
-        raise UnknownDeviceError(f"tracker: expected {', '.join(f'{each}:PLACE' for each in TRACKERS)}, got {name!r}")
-    options = checked_options(name, TRACKERS[kind], stated)
+    options, place = tracker_options(name)
     if placement is not None and not isinstance(placement, TrackerPlacement):
         placement = load_tracker(placement)
     source = options.source(place)

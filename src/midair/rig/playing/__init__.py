@@ -21,3 +21,4 @@ from .play_settings import check_follow as check_follow
 from .play_settings import default_exposure as default_exposure
 from .rerecording import play_cleared as play_cleared
 from .rerecording import rerecord as rerecord
+from .solving_ahead import SolvedAhead as SolvedAhead

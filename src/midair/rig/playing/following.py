@@ -139,7 +139,9 @@ class Follower:
             return
         frames = slice(0, min(max(1, round(self.rules.block * self._drive.rate)), self._drive.frames))
         part = replace(self._drive, phase=self._drive.phase[frames], level=self._drive.level[frames])
-        still = _still(self.solved)
+        down, ahead = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 1.0, 0.0]])
+        centre, zero = self.solved[None], np.zeros(1)
+        still = PalmPath(time=zero, centre=centre, normal=down, fingers=ahead, confidence=np.ones(1))
         spent = []
         for _ in range(3):
             begin = time.perf_counter()
@@ -199,12 +201,6 @@ class Follower:
         if self._confidence < self.rules.confidence:
             return f"confidence {self._confidence:.2f} of the pose, silent below {self.rules.confidence:g}"
         return "the palm left the box of admitted poses, silent"
-
-
-def _still(solved: Array) -> PalmPath:
-    """The pose that frames were solved for."""
-    down, ahead = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 1.0, 0.0]])
-    return PalmPath(time=np.zeros(1), centre=solved[None], normal=down, fingers=ahead, confidence=np.ones(1))
 
 
 TRIPS = 5

@@ -23,7 +23,7 @@ from midair.model import (
     Placement,
     SensorGrid,
 )
-from midair.rig.names import TransducerSpread, array_calibration_named
+from midair.rig.names import TransducerSpread, array_calibration_named, tracker_options
 from midair.validation import Declared, check_settings, documented, setting
 
 
@@ -33,9 +33,11 @@ def default_exposure() -> ExposureChoices:
 
 
 def check_follow(follow: str | None, latency: float | None, confidence: float) -> None:
-    """Raise InputError if settings of a tracker are given without its name."""
+    """Raise InputError for settings of a tracker without its name; UnknownDeviceError if no tracker has that name."""
     if follow is None and (latency is not None or confidence != 0.3):
         raise InputError("--tracker-latency, --confidence: expected --follow with them, got none")
+    if follow is not None:
+        tracker_options(follow)
 
 
 @documented

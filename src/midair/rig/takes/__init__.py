@@ -1,6 +1,5 @@
 """Record takes of a sensor, with meters and triggers while they run."""
 
-from .clocks import Drift as Drift
 from .meters import Levels as Levels
 from .stage_stroke import StageStroke as StageStroke
 from .stage_stroke import move_to_start as move_to_start
@@ -10,6 +9,7 @@ from .take_names import last_subject as last_subject
 from .take_names import store_subject as store_subject
 from .take_names import take_path as take_path
 from .take_state import Companion as Companion
+from .take_state import Drift as Drift
 from .take_state import RecordSettings as RecordSettings
 from .take_state import Take as Take
 from .take_state import TakeOrder as TakeOrder

@@ -20,9 +20,18 @@ from midair.devices import FrameBlock, GapFiller, SensorDevice
 from midair.errors import DeviceError, FileError, InputError, MidairError
 from midair.files import RecordingBuffer, RecordingWriter
 from midair.model import Event, EventKind, Provenance, Setting
-from midair.rig.takes.clocks import ClockWatch, Drift
 from midair.rig.takes.meters import Meters, PreRoll, Trigger
-from midair.rig.takes.take_state import Companion, EndReason, RecordSettings, Take, TakeOrder, View, Watcher
+from midair.rig.takes.take_state import (
+    ClockWatch,
+    Companion,
+    Drift,
+    EndReason,
+    RecordSettings,
+    Take,
+    TakeOrder,
+    View,
+    Watcher,
+)
 
 DRIFT_TOLD = 200.0
 """Drift in ppm above which an event is reported; quartz clocks differ by about 100 ppm at most."""

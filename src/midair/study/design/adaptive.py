@@ -6,7 +6,7 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.errors import InputError
-from midair.study.design.stimulus import right_answer
+from midair.study.design.question import right_answer
 from midair.study.design.study_design import Block, Design
 
 

@@ -1,4 +1,4 @@
-"""Table of the answers of a study, and the participants and answers that the rules of the plan exclude."""
+"""Tables of the answers and markers of a study, and the participants and answers that the plan's rules exclude."""
 
 from __future__ import annotations
 
@@ -137,3 +137,27 @@ def seconds_between(begin: str, end: str) -> float:
         return round((datetime.fromisoformat(end) - datetime.fromisoformat(begin)).total_seconds(), 3)
     except (ValueError, TypeError) as wrong:
         raise BrokenFileError(f"log: expected dates and times, got {begin[:40]!r} and {end[:40]!r}") from wrong
+
+
+def markers_table(sessions: Sequence[SessionState]) -> DataFrame:
+    """Table of all sent markers with the columns of a BIDS table of events, and participant, session and trial."""
+    from pandas import DataFrame
+
+    rows: list[dict[str, Any]] = []
+    for session in sessions:
+        trials = {trial.code: trial for trial in session.trials}
+        for marker in session.markers:
+            trial = trials[marker.trial]
+            rows.append(
+                {
+                    "participant": f"sub-{trial.participant:02d}",
+                    "session": trial.session,
+                    "onset": seconds_between(session.began.get(trial.session, marker.time), marker.time),
+                    "duration": "n/a",
+                    "trial_type": marker.kind,
+                    "value": marker.code,
+                    "trial": trial.number,
+                    "clock": marker.clock_s,
+                }
+            )
+    return DataFrame(rows)

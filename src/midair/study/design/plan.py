@@ -12,7 +12,7 @@ import numpy as np
 
 from midair.errors import InputError
 from midair.study.design.adaptive import check_sides, stimulus_levels
-from midair.study.design.stimulus import both_orders
+from midair.study.design.question import both_orders
 from midair.study.design.study_design import Block, Design
 
 Item = TypeVar("Item")

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from midair.errors import BrokenFileError, MidairError, MismatchError
 from midair.study.design.plan import Plan, Trial
-from midair.study.design.stimulus import right_answer
+from midair.study.design.question import right_answer
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from pandas import DataFrame
 
 Policy = Literal["resume", "restart", "block"]
 """After an interruption: continue with the unfinished trial, repeat the session, or repeat the block."""
@@ -268,29 +267,3 @@ def _field(event: Mapping[str, Any], name: str, *kinds: type) -> Any:
     if type(value) not in kinds:
         raise TypeError(f"{name} is {str(value)[:40]!r}")
     return value
-
-
-def markers_table(sessions: Sequence[SessionState]) -> DataFrame:
-    """Table of all sent markers with the columns of a BIDS table of events, and participant, session and trial."""
-    from pandas import DataFrame
-
-    from midair.study.design.answers import seconds_between
-
-    rows: list[dict[str, Any]] = []
-    for session in sessions:
-        trials = {trial.code: trial for trial in session.trials}
-        for marker in session.markers:
-            trial = trials[marker.trial]
-            rows.append(
-                {
-                    "participant": f"sub-{trial.participant:02d}",
-                    "session": trial.session,
-                    "onset": seconds_between(session.began.get(trial.session, marker.time), marker.time),
-                    "duration": "n/a",
-                    "trial_type": marker.kind,
-                    "value": marker.code,
-                    "trial": trial.number,
-                    "clock": marker.clock_s,
-                }
-            )
-    return DataFrame(rows)

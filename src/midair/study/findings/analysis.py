@@ -12,9 +12,8 @@ from midair.progress import report_progress
 from midair.study.findings.choice_findings import choice_findings, compared, confusions, mixed
 from midair.study.findings.finding import Choices, Finding, attempt
 from midair.study.findings.question_findings import every_question, question_findings
-from midair.study.findings.rating_findings import anova, cumulative, pairs, ranks, rating_means
+from midair.study.findings.rating_findings import adaptive, anova, cumulative, pairs, psychometric, ranks, rating_means
 from midair.study.findings.study_data import StudyData
-from midair.study.findings.threshold_findings import adaptive, psychometric
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -12,8 +12,8 @@ from .presenters import MaskedPresenter as MaskedPresenter
 from .presenters import Presenter as Presenter
 from .presenters import SilentPresenter as SilentPresenter
 from .presenters import TextPresenter as TextPresenter
-from .steps import InstantClock as InstantClock
-from .steps import Reply as Reply
-from .steps import TrialStep as TrialStep
+from .trials import InstantClock as InstantClock
+from .trials import Reply as Reply
 from .trials import Session as Session
+from .trials import TrialStep as TrialStep
 from .trials import run as run

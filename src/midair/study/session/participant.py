@@ -17,7 +17,7 @@ from midair.study.design import (
     stimulus_levels,
 )
 from midair.study.session.presenters import SilentPresenter
-from midair.study.session.steps import Reply, TrialStep
+from midair.study.session.trials import Reply, TrialStep
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
-from midair.study.statistics.psychometric import sigmoid
+from midair.study.statistics.psychometric_fit import sigmoid
 
 ThresholdTask = Literal["detection", "two sides", "choice"]
 """Signal or blank ("yes" or "no"); which of two sides, positions or intervals; one of three alternatives or more."""

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from midair.calibration import measure_calibration
-from midair.calibration.measure.excitation import noise_signal
+from midair.calibration.measure.referenced_take import noise_signal
 from midair.cli import run
-from midair.cli.commands.calibrate.output import drift
+from midair.cli.commands.calibrate.measure import drift
 from midair.files import load_calibration, load_pressure, save, save_calibration
 from midair.model import SensorGrid
 from midair.physics import SensorModel, channel_response

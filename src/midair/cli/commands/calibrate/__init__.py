@@ -4,8 +4,7 @@ from cyclopts import App
 
 from midair.cli.help_text import add_command, epilogue, examples_of
 
-from .apply import apply_command, show_command
-from .measure import beam_command, bench_command, measure_command, tone_command
+from .measure import apply_command, beam_command, bench_command, measure_command, show_command, tone_command
 from .measure_array import array_command, tracker_command
 
 calibrate_app = App(name="calibrate", help_epilogue=epilogue(examples_of(apply_command)))

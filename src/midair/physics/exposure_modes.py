@@ -1,0 +1,255 @@
+"""The field at many points of a cube from few numbers: modes of the array, shapes on a few planes, points.
+
+Frames of a drive and their products with a field are in single precision, written into reused arrays.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import prod
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.array_types import Array, Single
+from midair.model import Drive
+from midair.physics.exposure_grid import Stack, between, lattice
+from midair.physics.exposure_places import combined
+
+
+class Workspace:
+    """Named arrays that are reused, for one thread.
+
+    Allocating new ones for each block of frames would take as long as the computation, because the system clears new
+    pages.
+    """
+
+    def __init__(self) -> None:
+        self._kept: dict[str, Single] = {}
+
+    def array(self, name: str, *shape: int) -> Single:
+        """The array of that name, with undefined content."""
+        size, held = prod(shape), self._kept.get(name)
+        if held is None or held.size < size:
+            held = self._kept[name] = np.empty(size, np.float32)
+        return held[:size].reshape(shape)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Product:
+    """Multiplication by a complex matrix with three real products instead of four (Gauss)."""
+
+    real: Single  # Real part of the matrix, shape (in, out)
+    less: Single  # Imaginary minus real part
+    more: Single  # Imaginary plus real part
+
+    @classmethod
+    def of(cls, matrix: NDArray[np.complexfloating]) -> Self:
+        """Make it from a matrix of shape (in, out)."""
+        real, imaginary = matrix.real, matrix.imag
+        packed = (np.ascontiguousarray(each, np.float32) for each in (real, imaginary - real, imaginary + real))
+        return cls(**dict(zip(("real", "less", "more"), packed, strict=True)))
+
+    @property
+    def width(self) -> int:
+        """Number of outputs."""
+        return self.real.shape[1]
+
+    def into(self, found: Single, parts: Single, space: Workspace) -> None:
+        """Write real and imaginary part of the product into `found`, float32 (2 or more, frame, out).
+
+        `parts` is float32 (3, frame, in): real parts, imaginary parts, and their sums.
+        """
+        real, imaginary, both = parts
+        shared = np.matmul(both, self.real, out=space.array("shared", len(both), self.width))
+        np.matmul(imaginary, self.more, out=found[0])
+        np.subtract(shared, found[0], out=found[0])
+        np.matmul(real, self.less, out=found[1])
+        np.add(shared, found[1], out=found[1])
+
+
+def power_of(field: Single) -> Single:
+    """Squared magnitude, shape (frame, point), of (real and imaginary, frame, point), which is overwritten."""
+    np.multiply(field, field, out=field)
+    return np.add(field[0], field[1], out=field[0])
+
+
+def drive_parts(
+    drive: Drive, frames: slice | NDArray[np.intp], space: Workspace, *, steps: int | None = None
+) -> tuple[Single, Array]:
+    """Some frames as float32 (3, frame, transducer), and their level (frame, 1) or (frame, transducer).
+
+    A level common to all transducers of a frame is not yet included in the parts. `steps` rounds phases to that many
+    steps per turn.
+    """
+    phase = np.asarray(drive.phase[frames])
+    level = np.asarray(drive.level[frames]).reshape(len(phase), -1)
+    parts, angle = space.array("parts", 3, *phase.shape), space.array("angle", *phase.shape)
+    with np.errstate(over="ignore"):
+        angle[:] = phase
+    # Remove whole turns, which would cost digits in single precision; files may contain any phase.
+    if max(angle.max(initial=0.0), -angle.min(initial=0.0)) > 64:
+        angle[:] = np.remainder(phase, 2 * np.pi)
+    if steps is not None:
+        angle *= steps / (2 * np.pi)
+        np.rint(angle, out=angle)
+        angle *= 2 * np.pi / steps
+    np.cos(angle, out=parts[0])
+    np.sin(angle, out=parts[1])
+    if level.shape[1] > 1:
+        parts[:2] *= level.astype(np.float32)
+    np.add(parts[0], parts[1], out=parts[2])
+    return parts, level
+
+
+Complex = NDArray[np.complex64]
+Field = Callable[[Array], Complex]
+
+
+FEW = 64
+"""Frames whose points are computed at once, so that they stay in the cache."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Points:
+    """Points on planes through the cube: all combinations of places across and along."""
+
+    planes: slice  # The planes from which the field follows
+    across: Single  # From shapes on a plane to the pressure at its points, in Pa, shape (shape, point of a plane)
+    # From the planes to other planes, shape (point, plane); None if the planes themselves are searched
+    along: Single | None
+
+    def power(self, shaped: Single, space: Workspace) -> Single:
+        """Squared magnitude at the loudest point, shape (frame,), in Pa2, of shapes (parts, frame, plane, shape)."""
+        kept = shaped[:, :, self.planes]
+        two, frames, planes, shapes = kept.shape
+        points = self.across.shape[1]
+        field = space.array("on the planes", two, frames, planes, points)
+        # Part by part, since both together would need a copy.
+        for part, found in zip(kept, field, strict=True):
+            np.matmul(part.reshape(-1, shapes), self.across, out=found.reshape(-1, points))
+        if self.along is not None:
+            field = np.matmul(self.along, field, out=space.array("there", two, frames, len(self.along), points))
+        return power_of(field.reshape(two, frames, -1)).max(axis=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FieldByModes:
+    """The field at the points of a cube, computed from modes."""
+
+    modes: Complex  # From the transducers to the modes of their field in the cube, shape (mode, transducer)
+    # From the modes to shapes of the field on some planes, (mode, plane x shape), one per air
+    shapes: tuple[Product, ...]
+    planes: int  # Number of planes
+    points: tuple[Points, ...]
+    left_out: float  # Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa
+
+    def loudest(self, modes: Single, space: Workspace) -> Single:
+        """Magnitude at the loudest point in each air, shape (air, frame), in Pa, of modes as in `CubeSearch`."""
+        frames, power = modes.shape[1], np.empty((len(self.shapes), modes.shape[1]), np.float32)
+        for shapes, found in zip(self.shapes, power, strict=True):
+            shaped = space.array("shapes", 2, frames, shapes.width)
+            shapes.into(shaped, modes, space)
+            planes = shaped.reshape(2, frames, self.planes, -1)
+            for first in range(0, frames, FEW):
+                few = slice(first, first + FEW)
+                found[few] = np.max([each.power(planes[:, few], space) for each in self.points], axis=0)
+        return np.sqrt(power)
+
+
+def field_by_modes(
+    fields: tuple[Field, ...], wide: Array, stacks: tuple[Stack, ...], enough: float, *, step: float, tried: int
+) -> FieldByModes:
+    """Compute the modes of the field at some nodes, and the interpolation between the nodes.
+
+    `fields` return the field of each transducer in each air (point, transducer) at points of the cube, without the fast
+    wave; `wide` (3,) are the `bands` in rad; `enough` is about the allowed truncation error in Pa; `step` the spacing
+    of the nodes in rad; `tried` the maximum number of modes.
+    """
+    nodes, axis = lattice(wide, step, crowd=2.0), stacks[0].axis
+    # All airs share the same modes: the field in one air is that of a slightly different place in another.
+    waves, modes = _modes(np.concatenate([field(combined(*nodes)) for field in fields]), tried, enough)
+    # The planes are perpendicular to the axis along which the field changes most.
+    planes = np.moveaxis(waves.reshape(len(fields), *map(len, nodes), -1), axis + 1, 1)
+    count = planes.shape[1]
+    planes = planes.reshape(len(fields) * count, -1, waves.shape[1])
+    few = _shapes(planes * np.linalg.norm(modes, axis=1), 0.4 * enough / np.sqrt(modes.shape[1]))
+    to_planes = (few.T.astype(np.float32) @ planes).reshape(len(fields), count, few.shape[1], -1)
+    interpolations = [_interpolation(each, nodes, wide, few) for each in stacks]
+    rest = []
+    for field, own in zip(fields, to_planes, strict=True):
+        tests = [
+            _test_points(each, interpolation, own) for each, interpolation in zip(stacks, interpolations, strict=True)
+        ]
+        share, made = (np.concatenate(each) for each in zip(*tests, strict=True))
+        rest.append(float(np.abs(field(share) - made @ modes).sum(axis=1).max()))
+    return FieldByModes(
+        modes=modes,
+        shapes=tuple(Product.of(own.reshape(-1, own.shape[2]).T) for own in to_planes),
+        planes=count,
+        points=tuple(_points(*interpolation) for interpolation in interpolations),
+        # A quarter more than at the test points.
+        left_out=1.25 * max(rest),
+    )
+
+
+def _interpolation(stack: Stack, axes: list[Array], wide: Array, few: Array) -> tuple[Array, Array]:
+    """From the nodes' planes to those of a stack, and from the shapes on a plane to its points."""
+    one, other = (each for each in range(3) if each != stack.axis)
+    along = between(axes[stack.axis], stack.along, float(wide[stack.axis]))
+    y = between(axes[one], stack.across[:, 0], float(wide[one]))
+    z = between(axes[other], stack.across[:, 1], float(wide[other]))
+    return along, np.einsum("py,pz->pyz", y, z).reshape(len(y), -1) @ few
+
+
+def _points(along: Array, across: Array) -> Points:
+    # The first and last plane are planes of the nodes and need no interpolation.
+    own = len(along) == 2
+    return Points(
+        planes=slice(None, None, along.shape[1] - 1) if own else slice(None),
+        across=np.ascontiguousarray(across.T, np.float32),
+        along=None if own else along.astype(np.float32),
+    )
+
+
+def _test_points(stack: Stack, interpolation: tuple[Array, Array], to_planes: Complex) -> tuple[Array, Complex]:
+    """Some points of a stack, its corners included, and the matrix from the modes to the field there."""
+    along, across = interpolation
+    edge = np.abs(stack.points).sum(axis=2).ravel()
+    # A fixed seed, so that results are reproducible.
+    some = np.union1d(np.flatnonzero(edge > edge.max() - 1e-9), np.random.default_rng(0).permutation(edge.size)[:56])
+    plane, point = np.unravel_index(some, stack.points.shape[:2])
+    weights = np.einsum("tp,ts->tps", along[plane], across[point]).reshape(len(some), -1)
+    return stack.points[plane, point], weights.astype(np.float32) @ to_planes.reshape(-1, to_planes.shape[2])
+
+
+def _shapes(planes: Complex, enough: float) -> Array:
+    """Real patterns whose sums reproduce the field on each plane to the mean error `enough`, shape (point, pattern)."""
+    parts = np.concatenate([planes.real, planes.imag], axis=2).transpose(1, 0, 2).reshape(planes.shape[1], -1)
+    power, vectors = np.linalg.eigh((parts @ parts.T).astype(np.float64))
+    rest = np.cumsum(np.maximum(power, 0)) / (planes.shape[0] * planes.shape[1])
+    return np.asarray(vectors[:, rest > enough**2], np.float64)
+
+
+def _modes(field: Complex, tried: int, enough: float) -> tuple[Complex, Complex]:
+    """Shapes and modes whose product is the field except for less than `enough`, (point, mode) and (mode, transducer).
+
+    From `tried` random drives (Halko, Martinsson & Tropp 2011, SIAM Review 53, 217, section 4.1).
+    """
+    # A fixed seed, so that results are reproducible.
+    drives = np.random.default_rng(0).standard_normal((field.shape[1], min(tried, *field.shape)), dtype=np.float32)
+    found = np.empty((len(field), drives.shape[1]), np.complex128)
+    # Real drives need two products instead of four. Double precision, since weak modes would be lost in the squares.
+    found.real, found.imag = field.real @ drives, field.imag @ drives
+    power, vectors = np.linalg.eigh(found.conj().T @ found)
+    shapes = (found @ (vectors / np.sqrt(np.maximum(power, 1e-14 * power[-1])))).astype(np.complex64)
+    modes = shapes.conj().T @ field
+    # Rotate to modes in order of strength.
+    _, vectors = np.linalg.eigh((modes @ modes.conj().T).astype(np.complex128))
+    turn = vectors[:, ::-1].astype(np.complex64)
+    shapes, modes = np.asarray(shapes @ turn, np.complex64), np.asarray(turn.conj().T @ modes, np.complex64)
+    # No drive at full level can excite a mode by more than sqrt(count) times its norm.
+    rest = np.abs(shapes) ** 2 * (np.abs(modes) ** 2).sum(axis=1) * field.shape[1]
+    after = np.sqrt(np.cumsum(rest[:, ::-1], axis=1)[:, ::-1].max(axis=0))
+    count = int((after > 1.2 * enough).sum())
+    return shapes[:, :count], modes[:count]

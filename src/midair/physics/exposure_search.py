@@ -1,0 +1,225 @@
+"""Highest sound anywhere in a cube, for every frame of a drive, from few points at low cost.
+
+Sound from an array reaches a cube from a narrow cone, and the width of the cone limits how fast its magnitude can
+change. The search uses a dense lattice on the faces of the cube, outside which nothing constrains the field, and a
+wider one inside. `ALLOWANCE` is added for the maximum between points; docs/decisions/0015-exposure-bound.md gives the
+remaining error of the worst drive found.
+
+A field from a cone has few degrees of freedom, about 120 in the cube around an ear instead of one for each of 996
+transducers. The field is computed in these modes, from there on a few planes, and interpolated between them along the
+one edge of the cube, in single precision. The truncation error is measured, and added.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.array_types import Array, Single
+from midair.model import Acoustics, Medium, TransducerArray
+from midair.physics.exposure_grid import bands, middle, slow_field, stacks
+from midair.physics.exposure_modes import FieldByModes, Product, Workspace, field_by_modes, power_of
+from midair.physics.exposure_places import Place
+from midair.physics.propagation import ArrayKey, transfer_matrix
+
+Complex = NDArray[np.complex64]
+Airs = tuple[Acoustics, ...]
+
+ALLOWANCE = 1.15
+"""Added to the loudest point of a cube, in dB: about the largest excess between points and airs."""
+
+INSIDE, FACES = 1.6, 1.2
+"""Largest phase change of the fastest wave between neighbouring points inside the cube and on its faces, in rad."""
+
+NODES = 1.9
+"""Largest phase change between the nodes of the interpolation, in rad."""
+
+ENOUGH = 8e-4
+"""Allowed truncation error, relative to the sum of all transducers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PointSearch:
+    """The loudest of a few points, for a place without an enforced limit."""
+
+    modes: Complex  # From the drive to the pressure at the points in each air in Pa, shape (air x point, transducer)
+    ceiling: Array  # Maximum of each transducer alone in Pa, shape (transducer,); the sum bounds all together
+    airs: int  # Number of airs
+    left_out: float = 0.0  # 0; see `CubeSearch.left_out`
+
+    def loudest(self, modes: Single, space: Workspace) -> Array:
+        """Like `CubeSearch.loudest`, for the points alone."""
+        field = space.array("there", 2, *modes.shape[1:])
+        field[:] = modes[:2]
+        power = power_of(field).reshape(modes.shape[1], self.airs, -1).max(axis=2).T
+        # No allowance between points, since each counts alone, but between airs.
+        return np.sqrt(power).astype(np.float64) * (10 ** (ALLOWANCE / 20) if self.airs > 1 else 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CubeSearch:
+    """Computes the loudest sound in the cube of one place from a drive."""
+
+    field: FieldByModes  # From the modes of the drive to the pressure at all points
+    ceiling: Array  # Like `PointSearch.ceiling`, for the whole cube
+
+    @property
+    def modes(self) -> Complex:
+        """From the drive to its modes, shape (mode, transducer)."""
+        return self.field.modes
+
+    @property
+    def left_out(self) -> float:
+        """Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa."""
+        return self.field.left_out
+
+    def loudest(self, modes: Single, space: Workspace) -> Array:
+        """Bound of the amplitude in the cube, shape (air, frame), in Pa, without `left_out`.
+
+        `modes` is float32 (3, frame, mode): real parts, imaginary parts, and their sums.
+        """
+        return 10 ** (ALLOWANCE / 20) * self.field.loudest(modes, space).astype(np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Searches:
+    """The searches of several places in some airs at once."""
+
+    each: tuple[CubeSearch | PointSearch, ...]  # The search of each place
+    modes: Product  # From the drive to the modes of all places: one large product is faster than many
+
+    @classmethod
+    def of(cls, *each: CubeSearch | PointSearch) -> Self:
+        """Searches for one array."""
+        return cls(each=each, modes=Product.of(np.concatenate([one.modes for one in each]).T))
+
+    def loudest(self, parts: Single, space: Workspace) -> Array:
+        """Amplitude at each place in each air, shape (air, frame, place), in Pa, without `left_out`.
+
+        `parts` is float32 (3, frame, transducer), from `drive_parts`.
+        """
+        frames = parts.shape[1]
+        modes = space.array("modes", 3, frames, self.modes.width)
+        self.modes.into(modes, parts, space)
+        np.add(modes[0], modes[1], out=modes[2])
+        own = np.split(modes, np.cumsum([len(each.modes) for each in self.each])[:-1], axis=2)
+        return np.stack([each.loudest(its, space) for each, its in zip(self.each, own, strict=True)], axis=2)
+
+
+def searches_of(places: tuple[Place, ...], array: TransducerArray, airs: Airs) -> Searches:
+    """The searches of all places: the whole cube if the limit is enforced, otherwise its 27 points.
+
+    Cached, since the exposure of a drive is computed in parts, more than once, and for many drives.
+    """
+    return _searches_of(places, ArrayKey(array), airs)
+
+
+@lru_cache(maxsize=4)
+def _searches_of(places: tuple[Place, ...], key: ArrayKey, airs: Airs) -> Searches:
+    return Searches.of(*(_cube_search(place, key, airs) for place in places))
+
+
+@lru_cache(maxsize=16)
+def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> CubeSearch | PointSearch:
+    array = key.array
+    if not place.enforced or place.reach == 0:
+        return point_search(place.points, array, airs)
+    magnitudes = [np.abs(transfer_matrix(place.points, array, acoustics=air)) for air in airs]
+    alone = np.max(magnitudes, axis=(0, 1))
+    # Far below silence there are no modes, since single precision would underflow.
+    if alone.sum() < 1e-9:
+        return point_search(place.points, array, airs)
+    wide = _bands(place, array, airs)
+    fields = tuple(
+        partial(slow_field, place=place, array=array, acoustics=air, magnitude=magnitude)
+        for air, magnitude in zip(airs, magnitudes, strict=True)
+    )
+    where, step, tried = stacks(wide, inside=INSIDE, faces=FACES), NODES, _mode_count(wide)
+    while True:
+        field = field_by_modes(fields, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
+        # The truncation error is 48 dB below the sum of all transducers.
+        if field.left_out < 4e-3 * alone.sum() or step < 0.7 * NODES:
+            return CubeSearch(field=field, ceiling=alone)
+        step, tried = 0.85 * step, 2 * tried
+
+
+def _mode_count(wide: Array) -> int:
+    """Estimated number of modes of a field with these bands: products of two, since the sources form a surface."""
+    x, y, z = (float(band) for band in wide)
+    return round(24 + 0.85 * (x * y + y * z + z * x))
+
+
+def _bands(place: Place, array: TransducerArray, airs: Airs) -> Array:
+    """Largest bands of all airs."""
+    return np.max([bands(place, array, air) for air in airs], axis=0)
+
+
+def ceiling(place: Place, array: TransducerArray, airs: Airs) -> Array:
+    """Maximum of each transducer alone at a place in any of the airs, shape (transducer,), in Pa."""
+    return np.max([np.abs(transfer_matrix(place.points, array, acoustics=air)) for air in airs], axis=(0, 1))
+
+
+def point_search(points: Array, array: TransducerArray, airs: Airs) -> PointSearch:
+    """The search of some points, shape (point, 3), in m."""
+    field = np.concatenate([transfer_matrix(points, array, acoustics=air) for air in airs])
+    return PointSearch(modes=field.astype(np.complex64), ceiling=np.abs(field).max(axis=0), airs=len(airs))
+
+
+def searched_points(place: Place, array: TransducerArray, airs: Airs) -> Array:
+    """The points of a place's cube at which a drive is evaluated in every air, shape (point, 3), in m."""
+    if not place.enforced or place.reach == 0:
+        return place.points
+    wide = _bands(place, array, airs)
+    share = np.concatenate([each.points.reshape(-1, 3) for each in stacks(wide, inside=INSIDE, faces=FACES)])
+    return np.array(place.position) + place.reach * share
+
+
+UNKNOWN = (14.0, 30.0)
+"""Temperature range in degrees Celsius if no temperature is stated; 14 is the paper's 340 m/s."""
+
+AROUND = 2.0
+"""Maximum deviation of the room from its stated temperature, in degrees Celsius."""
+
+HUMID = 0.2
+"""Maximum deviation of the relative humidity from the stated one, 0 to 1."""
+
+ANY_HUMIDITY = (0.1, 0.9)
+"""Range of the relative humidity if none is stated, 0 to 1."""
+
+STEP = 2.6
+"""Largest change of phase over the array from one air to the next, in rad."""
+
+
+def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: TransducerArray) -> tuple[Acoustics, ...]:
+    """The airs that a room may have, from the coldest to the warmest.
+
+    They are 2 degrees and 20 % of humidity around the stated air; 14 to 30 degrees if `room` is None. A humidity of 50
+    % is that of `Medium.at` by default, and counts as not stated: 10 to 90 %.
+    """
+    cold, warm = UNKNOWN if room is None else (max(room.degrees - AROUND, 0.0), min(room.degrees + AROUND, 50.0))
+    humidity = 0.5 if room is None or room.humidity is None else room.humidity
+    dry, damp = ANY_HUMIDITY if humidity == 0.5 else (max(humidity - HUMID, 0.0), min(humidity + HUMID, 1.0))
+    # An attenuation that was measured, or computed for another air pressure, counts where it is lower.
+    most = np.inf if room is None else room.attenuation
+    slow, fast = (Medium.at(temperature=t, humidity=wet).speed for t, wet in ((cold, dry), (warm, damp)))
+    turns = 2 * np.pi * array.frequency * (1 / slow - 1 / fast)
+    count = 1 + max(2, int(np.ceil(turns * max(_path_difference(place, array) for place in places) / STEP)))
+    return tuple(
+        Acoustics(medium=_air(float(degrees), float(wet), (dry, damp), most, array.frequency))
+        for degrees, wet in zip(np.linspace(cold, warm, count), np.linspace(dry, damp, count), strict=True)
+    )
+
+
+def _air(degrees: float, humidity: float, ends: tuple[float, float], most: float, frequency: float) -> Medium:
+    """Air with the lowest attenuation between two humidities, where it has no minimum, and at most `most` Np/m."""
+    airs = [Medium.at(temperature=degrees, humidity=each, frequency=frequency) for each in (humidity, *ends)]
+    return replace(airs[0], attenuation=min(most, *(air.attenuation for air in airs)))
+
+
+def _path_difference(place: Place, array: TransducerArray) -> float:
+    """Largest difference between the path from a transducer to a place and that from the middle of the array, in m."""
+    points = place.points
+    path = np.linalg.norm(points[:, None] - array.position, axis=2)
+    return float(np.abs(path - np.linalg.norm(points - middle(array), axis=1)[:, None]).max())

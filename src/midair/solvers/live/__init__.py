@@ -1,5 +1,0 @@
-"""Solve one frame after another within a millisecond: solver, Numba kernel, and mirror symmetry."""
-
-from .live import FrameTracker as FrameTracker
-from .live import Live as Live
-from .mirror_symmetry import symmetric_modes as symmetric_modes
