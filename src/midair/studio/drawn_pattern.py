@@ -1,4 +1,4 @@
-"""What a pattern does to a palm, and its drive, for the panel Draw; these functions run in the worker processes."""
+"""The effect of a pattern on a palm, and its drive, for the panel Draw; these functions run in the worker processes."""
 
 from dataclasses import dataclass, replace
 from functools import cache, partial

@@ -158,7 +158,7 @@ export default class Draw {
           make("p.quiet", {}, "Save writes NAME.toml; the drive, NAME.drive.h5, can be played and used in a study."), this._row("Open", this.opens, "A pattern of the folder."), this.said)),
       make("div.column", {}, panel("Palm", make("span", {}, simulated(), " ", this.mapWords), make("div.buttons", {}, this.undoes, this.redoes, make("label", { htmlFor: "draw-snap" }, this.snaps, " Snap to 1 mm")),
         make("div.palm-picture", {}, this.map, this.view), make("p.quiet", {}, "Drag on the palm to draw a path, drag a handle to move it. Arrow keys move the handle in focus by 1 mm, with Shift by 5; Delete removes it."))),
-      make("div.column", {}, panel("What the palm gets", simulated(), make("div.gets", {}, make("figure", {}, this.skin, this.skinWords), this.lines), make("div.buttons", {}, this.play),
+      make("div.column", {}, panel("Effect on the palm", simulated(), make("div.gets", {}, make("figure", {}, this.skin, this.skinWords), this.lines), make("div.buttons", {}, this.play),
         make("p.quiet", {}, "The exposure of the whole drive is checked before it plays. Esc is STOP.")), this.formPanel, panel("Pattern", null, this.whole))));
     this._shown();
   }
