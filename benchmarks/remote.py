@@ -25,6 +25,7 @@ from pythonosc.osc_message import OscMessage
 from pythonosc.osc_message_builder import build_msg
 from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from benchmarks.live_outside import SILENT_PATTERN, frames_on, plain, watch_in_time
@@ -139,6 +140,23 @@ def trigger_times(tap: UdpProxy, client: ClientConnection, count: int) -> list[f
         times.append(wire(tap, 0, loud=True, patience=0.5)[0] - began)
         ask(client, "stop")
     return times
+
+
+def flood(client: ClientConnection) -> float:
+    """Send plays until the server closes the connection; return that time."""
+    with suppress(ConnectionClosed):
+        for _ in range(100_000):
+            client.send('{"do": "play", "file": "tap.toml", "repeats": 0}')
+        raise RuntimeError("the server took 100,000 messages")
+    return time.monotonic()
+
+
+def hold_palm(client: ClientConnection, x: float) -> None:
+    """Report a palm that is 0.2 m above the array, with a tremor of 30 um, for 0.3 s."""
+    for step in range(30):
+        pose = [x + 1e-6 * step, 0.0, 0.2, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0]
+        client.send(json.dumps({"do": "palm", "pose": pose}))
+        time.sleep(0.01)
 
 
 class OscClient(socket.socket):

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from midair.cli.console import banner, print_note
-from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions
+from midair.cli.exposure_options import AirOptions, ExposureOptions
 from midair.cli.options import StopInput, options_from, settings_from
 from midair.devices import stop_on_input
 from midair.rig import PlaySettings, read_key, request_realtime, serve
@@ -27,7 +27,6 @@ def serve_command(
     key: Path | None = None,
     exposure: ExposureOptions | None = None,
     air: AirOptions | None = None,
-    heat: HeatOptions | None = None,
     stop_input: StopInput = None,
 ) -> None:
     """Let other programs play: Unity, Max, TouchDesigner, scripts, over WebSocket or OSC.
@@ -51,8 +50,8 @@ def serve_command(
     $ midair serve effects --device autd3 --attenuate
     """
     secret = secrets.token_urlsafe(16) if key is None else read_key(key).hex()
-    choices, waits = (exposure or ExposureOptions()).choices((air or AirOptions()).medium()), heat or HeatOptions()
-    settings = settings_from(PlaySettings, options or ServeOptions(), exposure=choices, cooling=waits.cooling())
+    choices = (exposure or ExposureOptions()).choices((air or AirOptions()).medium())
+    settings = settings_from(PlaySettings, options or ServeOptions(), exposure=choices)
     banner(settings.device == "virtual")
     # Before an SDK starts its threads, which inherit the priority.
     print_note(request_realtime().words())
