@@ -2,8 +2,8 @@
 
 from midair.progress import Progress as Progress
 
-from .array_calibration import POSE_AIMS as POSE_AIMS
-from .array_calibration import ArrayCalibration as ArrayCalibration
+from .calibration import POSE_AIMS as POSE_AIMS
+from .calibration import ArrayCalibration as ArrayCalibration
 from .calibration import Calibration as Calibration
 from .calibration import Crosstalk as Crosstalk
 from .calibration import Linearity as Linearity
