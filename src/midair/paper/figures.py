@@ -15,19 +15,16 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.array_types import Array
 from midair.datasets import Object, channel_amplitudes
 from midair.dsp import band_energy
 from midair.errors import InputError
-from midair.evaluate import Leak, leak, perceptual_metrics, printed_error, relative_error
+from midair.evaluate import leak, perceptual_metrics, printed_error, relative_error
 from midair.figures import FieldRow, fields_figure, objects_figure, png_bytes, stimuli_figure
 from midair.files import atomic_file, csv_text, for_json
 from midair.model import (
     HEIGHT,
     Acoustics,
     AmplitudeFrames,
-    ControlGrid,
-    Drive,
     Medium,
     PressureFrames,
     Provenance,
@@ -130,7 +127,9 @@ def figure_3(
             shown.append(FieldRow(name="target", fields=amplitude / focus, grid=grid, notes=tuple(PATTERNS)))
         notes: list[str] = []
         for number, name in enumerate(PATTERNS):
-            outside = _leak(drive, amplitude, number, grid)
+            part = slice(number, number + 1)
+            one = replace(drive, phase=drive.phase[part], level=drive.level[part])
+            outside = leak(one, amplitude[part], grid)
             notes.append(f"E {100 * error[number]:.1f} %, leak {100 * outside.peak:.0f} %")
             rows.append(
                 {
@@ -150,12 +149,6 @@ def figure_3(
         pictures={"figure3.png": png_bytes(fields_figure(shown, sensor, quantity="sound pressure over a full focus"))},
         about={"strength": strength, "height_m": HEIGHT, "array": array.name, "sources": "points, no attenuation"},
     )
-
-
-def _leak(drive: Drive, amplitude: Array, number: int, grid: ControlGrid) -> Leak:
-    part = slice(number, number + 1)
-    one = replace(drive, phase=drive.phase[part], level=drive.level[part])
-    return leak(one, amplitude[part], grid)
 
 
 STIMULI: Mapping[str, str] = MappingProxyType(

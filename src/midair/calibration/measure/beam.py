@@ -266,7 +266,12 @@ def measure_beam(
     response = whole[:, cells, cells]
     density, noise, noise_error = _noise(quiet, reading.plan)
     random = np.abs(inverse[cells, cells] * spread[:, cells, cells]) / np.abs(response)
-    _check_heard(random)
+    worst = np.median(random, axis=0)
+    if not (worst < 0.5).all():
+        deaf = ", ".join(str(channel) for channel in np.flatnonzero(~(worst < 0.5)))
+        raise InputError(
+            f"beam: expected a signal on every channel, got none on channels {deaf}; point the beam at the sensor"
+        )
     geometry, common = _from_lengths(reading, slope, response)
     linearity, bend = _linearity(reading, response, density, sensor.sensor.shape)
     fixed = reading.level**2 + bend**2 + random**2 + geometry**2
@@ -395,12 +400,3 @@ def _noise(quiet: Recording, plan: BeamPlan) -> tuple[Array, Array, Array]:
     # The factor 2: each band is twice as wide as the band spacing.
     level, error = white_level(power, averages, 2.0)
     return np.sqrt(np.stack([np.interp(plan.tones, bins, one) for one in power.T], axis=1)), level, error
-
-
-def _check_heard(random: Array) -> None:
-    worst = np.median(random, axis=0)
-    if not (worst < 0.5).all():
-        deaf = ", ".join(str(channel) for channel in np.flatnonzero(~(worst < 0.5)))
-        raise InputError(
-            f"beam: expected a signal on every channel, got none on channels {deaf}; point the beam at the sensor"
-        )

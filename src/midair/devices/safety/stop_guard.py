@@ -264,7 +264,13 @@ class StopGuard:
                 raise StoppedError(_stopped(name)) from None
             raise
         finally:
-            self._leave()
+            with self._entering:
+                self._entered -= 1
+                if self._entered == 0:
+                    try:
+                        self._stack.close()
+                    finally:
+                        self._stopped.clear()
 
     @contextmanager
     def sounding(self, name: str) -> Generator[None]:
@@ -291,15 +297,6 @@ class StopGuard:
                     stack.enter_context(line)
                     self._stack = stack.pop_all()
             self._entered += 1
-
-    def _leave(self) -> None:
-        with self._entering:
-            self._entered -= 1
-            if self._entered == 0:
-                try:
-                    self._stack.close()
-                finally:
-                    self._stopped.clear()
 
     def _stop(self, silence: Callable[[], None]) -> None:
         with self._sound:

@@ -83,7 +83,12 @@ class PosePredictor:
                 self._state, self._covariance = np.zeros((3, 9)), np.diag([1.0, 1e8, 1e10])
                 self._state[0], before = rows[at], None
             else:
-                self._correct(rows[at], poses.time[at] - self._time)
+                transition, noise = _step(self.model, max(1, round((poses.time[at] - self._time) * 1e4)))
+                self._state = transition @ self._state
+                covariance = transition @ self._covariance @ transition.T + noise
+                gain = covariance[:, 0] / (covariance[0, 0] + 1.0)
+                self._state = self._state + np.outer(gain, rows[at] - self._state[0])
+                self._covariance = covariance - np.outer(gain, covariance[0])
             self._time, self._confidence = float(poses.time[at]), float(poses.confidence[at])
         self._blend = (-np.inf, np.zeros(9), np.zeros(9))
         if before is not None:
@@ -109,14 +114,6 @@ class PosePredictor:
             fingers=fingers / np.linalg.norm(fingers, axis=1, keepdims=True),
             confidence=np.full(len(times), self._confidence),
         )
-
-    def _correct(self, row: Array, after: float) -> None:
-        transition, noise = _step(self.model, max(1, round(after * 1e4)))
-        self._state = transition @ self._state
-        covariance = transition @ self._covariance @ transition.T + noise
-        gain = covariance[:, 0] / (covariance[0, 0] + 1.0)
-        self._state = self._state + np.outer(gain, row - self._state[0])
-        self._covariance = covariance - np.outer(gain, covariance[0])
 
     def _smoothed(self, times: Array) -> tuple[Array, Array]:
         """Values (time, 9) and their rates, with the rest of the last correction."""

@@ -150,7 +150,14 @@ class RecordingWriter:
                 for name, values in beside.items():
                     self._extend(stored_dataset(file, f"played/{name}"), start, values)
                 self._frames = stop
-                self._flush_in_time()
+                # Otherwise a timer, as the next block may be late.
+                waited = time.monotonic() - self._flushed
+                if waited >= self.interval or self._frames - self._safe >= self.interval * self.rate:
+                    self._flush()
+                elif self._timer is None:
+                    self._timer = threading.Timer(self.interval - waited, self._flush_later)
+                    self._timer.daemon = True
+                    self._timer.start()
 
     def note(self, events: Iterable[Event]) -> None:
         """Store events, also of future frames; they are flushed with the next frames, before these."""
@@ -276,16 +283,6 @@ class RecordingWriter:
         lengths |= dict.fromkeys((f"played/{name}" for name in PLAYED) if self.array is not None else (), self._frames)
         lengths |= dict.fromkeys(event_values(()), self._rows["event"])
         return lengths | dict.fromkeys(stage_values(()) if self.staged else (), self._rows["stage"])
-
-    def _flush_in_time(self) -> None:
-        """Flush after the interval or that many frames; otherwise start a timer, as the next block may be late."""
-        waited = time.monotonic() - self._flushed
-        if waited >= self.interval or self._frames - self._safe >= self.interval * self.rate:
-            self._flush()
-        elif self._timer is None:
-            self._timer = threading.Timer(self.interval - waited, self._flush_later)
-            self._timer.daemon = True
-            self._timer.start()
 
     def _flush_later(self) -> None:
         with self._lock:

@@ -193,7 +193,16 @@ def run_wizard(
     air, choices = _air(ask, choices)
     acoustics = Acoustics() if choices.room is None else Acoustics(medium=choices.room)
     checks = [*report_findings(array.name, array.describe()), air, _placement(array, ask)]
-    checks.append(_ears(array, choices, np.array([0.0, 0.0, height]), acoustics))
+    # The strongest focus, and the level at which it meets the profile.
+    phase = focus_phase(array.array, np.array([0.0, 0.0, height]), acoustics=acoustics)[None]
+    drive = Drive(phase=phase, level=np.ones(1), rate=1000.0, array=array.array, acoustics=acoustics)
+    found = measure_exposure(drive, array.array, choices.profile, steps=array.steps_a_turn, room=choices.room)
+    level = min(1.0, 10 ** (-found.excess / 20))
+    # Rounded down, so that the printed level keeps the limit.
+    digits = 10.0 ** (1 - np.floor(np.log10(level)))
+    level = np.floor(level * digits) / digits
+    said = f"a still focus at full drive: {found.verdict()}; at most {level:.2g} of full drive keeps it"
+    checks.append(ok("ears", said, "keep ears outside the places of the profile: midair exposure --help"))
     units = [int(unit) for unit in np.unique(array.array.unit)]
     try:
         if sensor is not None:
@@ -276,19 +285,6 @@ def _placement(array: ArrayDevice, ask: Ask) -> Check:
         return ok("placement", found)
     advice = "measure the distances, and describe the units in a file: --placement FILE.toml"
     return (missing if answer is None else broken)("placement", found, advice)
-
-
-def _ears(array: ArrayDevice, choices: ExposureChoices, focus: Array, acoustics: Acoustics) -> Check:
-    """Sound at the ears of the strongest focus, and the level at which it meets the profile."""
-    phase = focus_phase(array.array, focus, acoustics=acoustics)[None]
-    drive = Drive(phase=phase, level=np.ones(1), rate=1000.0, array=array.array, acoustics=acoustics)
-    found = measure_exposure(drive, array.array, choices.profile, steps=array.steps_a_turn, room=choices.room)
-    level = min(1.0, 10 ** (-found.excess / 20))
-    # Rounded down, so that the printed level keeps the limit.
-    digits = 10.0 ** (1 - np.floor(np.log10(level)))
-    level = np.floor(level * digits) / digits
-    said = f"a still focus at full drive: {found.verdict()}; at most {level:.2g} of full drive keeps it"
-    return ok("ears", said, "keep ears outside the places of the profile: midair exposure --help")
 
 
 def _heat(array: ArrayDevice) -> Check:

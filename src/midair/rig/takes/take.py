@@ -196,7 +196,11 @@ class _TakeRun:
             # An on-demand source has no clock.
             self._rate.add(block.first / self._sensor.rate, block.host_time)
             self._clock.add(block.device_time, block.host_time)
-            self._report_drift()
+            for kind, watch in self._watches:
+                drift = None if kind in self._reported else watch.drift()
+                if drift is not None and drift.certain and abs(drift.ppm) > DRIFT_TOLD:
+                    self._reported.add(kind)
+                    self._report([Event(kind=kind, frame=self._gap_filler.frames - 1, ppm=drift.ppm)], drift)
         return seamless.samples
 
     def _wait(self, samples: Array, order: TakeOrder | None) -> EndReason | None:
@@ -294,13 +298,6 @@ class _TakeRun:
         self._held += sum(row.frames for row in rows if row.kind == "lost")
         if self._writer is not None:
             self._writer.note(rows)
-
-    def _report_drift(self) -> None:
-        for kind, watch in self._watches:
-            drift = None if kind in self._reported else watch.drift()
-            if drift is not None and drift.certain and abs(drift.ppm) > DRIFT_TOLD:
-                self._reported.add(kind)
-                self._report([Event(kind=kind, frame=self._gap_filler.frames - 1, ppm=drift.ppm)], drift)
 
     def _show(self) -> None:
         self._watcher.show(

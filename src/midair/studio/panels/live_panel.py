@@ -165,7 +165,8 @@ class LivePanel(Panel):
 
     def turn(self, _: Page, order: SetLevel) -> bool:
         """Set the share of the checked level; it can never be louder."""
-        self._plays()
+        if self._state["state"] != "plays":
+            raise DeviceStateError("live: expected running live touch, none is running; start it first")
         self._playing.permit.turn(order.share)
         self._show(share=order.share)
         return True
@@ -200,10 +201,6 @@ class LivePanel(Panel):
     def _idle(self) -> None:
         if self._state["state"] != "idle":
             raise DeviceStateError("live: expected no running live touch, one is running; end it, then start again")
-
-    def _plays(self) -> None:
-        if self._state["state"] != "plays":
-            raise DeviceStateError("live: expected running live touch, none is running; start it first")
 
     def _on_message(self, said: dict[str, Any]) -> None:
         """Handle an event of the process."""

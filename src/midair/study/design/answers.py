@@ -49,7 +49,15 @@ def _violated_rules(plan: Plan, session: SessionState) -> list[tuple[str, float,
     rules = plan.design.exclusions
     found: list[tuple[str, float, float]] = []
     for role, limit in (("attention", rules.attention), ("catch", rules.catch)):
-        share = _share_correct(plan, session, role)
+        right = [
+            session.answers[trial.code, name].answer == truth
+            for trial in session.trials
+            if trial.role == role
+            for name in trial.questions
+            if (trial.code, name) in session.answers
+            and (truth := right_answer_of_trial(plan, trial, session.chosen, name))
+        ]
+        share = sum(right) / len(right) if right else None
         if share is not None and share < limit:
             found.append((role, share, limit))
     late = [given.late for given in session.answers.values()]
@@ -60,18 +68,6 @@ def _violated_rules(plan: Plan, session: SessionState) -> list[tuple[str, float,
     if rules.unfinished and (due := len(session.trials) - session.next_trial):
         found.append(("unfinished", float(due), 0.0))
     return found
-
-
-def _share_correct(plan: Plan, session: SessionState, role: str) -> float | None:
-    """Share of correct answers in the trials of a role that have a correct answer; None if there are none yet."""
-    right = [
-        session.answers[trial.code, name].answer == truth
-        for trial in session.trials
-        if trial.role == role
-        for name in trial.questions
-        if (trial.code, name) in session.answers and (truth := right_answer_of_trial(plan, trial, session.chosen, name))
-    ]
-    return sum(right) / len(right) if right else None
 
 
 def answers_table(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
