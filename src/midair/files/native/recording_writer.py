@@ -109,7 +109,30 @@ class RecordingWriter:
 
     def __enter__(self) -> Self:
         self._check_room((np.dtype(self.stored).itemsize * self.sensor.count + 8) * self.expected)
-        self._live = LiveFile(self.path, self._image())
+        import h5py
+
+        image = BytesIO()
+        start = {
+            **signature("recording", self.provenance),
+            **sensor_values(self.sensor),
+            "rate_hz": self.rate,
+            "unit": self.unit,
+            "time": np.zeros(0),
+            "samples": np.zeros((0, *self.sensor.shape), self.stored),
+            "finished": 0,
+            **event_values(()),
+            **(stage_values(()) if self.staged else {}),
+        }
+        with h5py.File(image, "w", libver=LAYOUT) as file:
+            write_group(file, "recording", start, live=True)
+            stored_dataset(file, "event_kind").attrs["flag_values"] = np.arange(len(KINDS), dtype="i1")
+            stored_dataset(file, "event_kind").attrs["flag_meanings"] = fixed_text(" ".join(KINDS))
+            if self.calibration is not None:
+                write_calibration(file.create_group("calibration"), self.calibration)
+            if self.array is not None:
+                begun = played_values(self.array, self.rate, self.provenance)
+                write_group(file.create_group("played"), "played", begun, live=True)
+        self._live = LiveFile(self.path, image.getvalue())
         return self
 
     def __exit__(
@@ -206,33 +229,6 @@ class RecordingWriter:
                     self._record_failure(wrong)
             if self._failure is not None and not self._raised:
                 raise self._disk_error() from self._failure
-
-    def _image(self) -> bytes:
-        """The file without frames, in memory, because HDF5 crashes on disk errors."""
-        import h5py
-
-        image = BytesIO()
-        start = {
-            **signature("recording", self.provenance),
-            **sensor_values(self.sensor),
-            "rate_hz": self.rate,
-            "unit": self.unit,
-            "time": np.zeros(0),
-            "samples": np.zeros((0, *self.sensor.shape), self.stored),
-            "finished": 0,
-            **event_values(()),
-            **(stage_values(()) if self.staged else {}),
-        }
-        with h5py.File(image, "w", libver=LAYOUT) as file:
-            write_group(file, "recording", start, live=True)
-            stored_dataset(file, "event_kind").attrs["flag_values"] = np.arange(len(KINDS), dtype="i1")
-            stored_dataset(file, "event_kind").attrs["flag_meanings"] = fixed_text(" ".join(KINDS))
-            if self.calibration is not None:
-                write_calibration(file.create_group("calibration"), self.calibration)
-            if self.array is not None:
-                begun = played_values(self.array, self.rate, self.provenance)
-                write_group(file.create_group("played"), "played", begun, live=True)
-        return image.getvalue()
 
     def _opened(self) -> "h5py.File":
         if self._failure is not None:

@@ -132,7 +132,21 @@ class LiveLoop:
         while not ring.ends and (duration is None or self._next < duration * self._sensor.rate):
             self._check()
             if self._sensor.ready(1e-3):
-                self._take(put)
+                block = self._sensor.read(1)
+                lost = block.first - self._next
+                if lost > 0:
+                    # The last good frame stands for lost ones, so that the filter keeps its timing.
+                    for back in range(lost, 0, -1):
+                        self._ring.miss("lost", self._next / self._sensor.rate)
+                        self._touch.feel(self._frame)
+                        self._write(block.host_time - back / self._sensor.rate, 0, FRAME_REPEATED)
+                        self._next += 1
+                self._frame[:] = block.samples.reshape(-1)
+                self._meter.add(block.first, block.host_time)
+                self._ring.put("timed", self._meter.frames)
+                self._ring.put("span_us", round(1e6 * self._meter.span))
+                self._play(put, block.host_time, 0)
+                self._next = block.first + 1
             # While no frame arrives: fade, then send silent frames that keep the failsafe of the units from acting.
             now = time.monotonic()
             if self._latest > began and self._rising is not None and now - self._latest > self._pace.quiet:
@@ -144,24 +158,6 @@ class LiveLoop:
         self._fade(put)
         time.sleep(self._pace.hold)
         self._collect_sending_times()
-
-    def _take(self, put: Put) -> None:
-        """Process all frames of the sensor's next block."""
-        block = self._sensor.read(1)
-        lost = block.first - self._next
-        if lost > 0:
-            # The last good frame stands for lost ones, so that the filter keeps its timing.
-            for back in range(lost, 0, -1):
-                self._ring.miss("lost", self._next / self._sensor.rate)
-                self._touch.feel(self._frame)
-                self._write(block.host_time - back / self._sensor.rate, 0, FRAME_REPEATED)
-                self._next += 1
-        self._frame[:] = block.samples.reshape(-1)
-        self._meter.add(block.first, block.host_time)
-        self._ring.put("timed", self._meter.frames)
-        self._ring.put("span_us", round(1e6 * self._meter.span))
-        self._play(put, block.host_time, 0)
-        self._next = block.first + 1
 
     def _play(self, put: Put, taken: float, flags: int) -> None:
         began = time.monotonic()

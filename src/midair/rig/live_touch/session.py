@@ -57,7 +57,19 @@ class LiveTake:
             rate=opened.rate,
             sensor=opened.sensor,
             unit=opened.unit,
-            provenance=_provenance(order, opened, notes),
+            provenance=Provenance(source=order.source, simulated=opened.simulated, notes=dict(notes)).then(
+                "live",
+                order.stored()
+                | {
+                    "delay_s": opened.delay,
+                    "level": opened.level,
+                    "exposure": opened.exposure,
+                    "silencer": opened.silencer,
+                    "error_by_band": opened.error,
+                    "computer": opened.granted.words(),
+                    "array_calibration": opened.array_calibration,
+                },
+            ),
             calibration=opened.calibration,
             array=(order.placement or Placement.grid()).array(),
         )
@@ -112,22 +124,6 @@ def _runs(true: np.ndarray) -> list[tuple[int, int]]:
     """(first, one after the last) of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]])))
     return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _provenance(order: LiveSettings, opened: LoopStarted, notes: Mapping[str, str]) -> Provenance:
-    return Provenance(source=order.source, simulated=opened.simulated, notes=dict(notes)).then(
-        "live",
-        order.stored()
-        | {
-            "delay_s": opened.delay,
-            "level": opened.level,
-            "exposure": opened.exposure,
-            "silencer": opened.silencer,
-            "error_by_band": opened.error,
-            "computer": opened.granted.words(),
-            "array_calibration": opened.array_calibration,
-        },
-    )
 
 
 CHANNELS = 64

@@ -140,7 +140,22 @@ class _TakeRun:
                 self._accompany(self._companion)
             except (DeviceError, FileError) as wrong:
                 error = wrong
-        return self._close(end, error)
+        for kind, watch in self._watches:
+            if (drift := watch.drift()) is not None and self._frames and end != "failure":
+                self._store([Event(kind=kind, frame=self._origin + self._frames - 1, ppm=drift.ppm)])
+        return Take(
+            path=None if self._writer is None else self._path,
+            memory=self._writer.take() if isinstance(self._writer, RecordingBuffer) else None,
+            frames=self._frames,
+            lost=self._held,
+            end=end,
+            error=error,
+            levels=self._meters.levels,
+            lowest=self._range[0],
+            highest=self._range[1],
+            rate=self._rate.drift(),
+            clock=self._clock.drift(),
+        )
 
     @property
     def _frames(self) -> int:
@@ -310,22 +325,4 @@ class _TakeRun:
                 rate=self._rate.drift(),
                 clock=self._clock.drift(),
             )
-        )
-
-    def _close(self, end: EndReason, error: MidairError | None) -> Take:
-        for kind, watch in self._watches:
-            if (drift := watch.drift()) is not None and self._frames and end != "failure":
-                self._store([Event(kind=kind, frame=self._origin + self._frames - 1, ppm=drift.ppm)])
-        return Take(
-            path=None if self._writer is None else self._path,
-            memory=self._writer.take() if isinstance(self._writer, RecordingBuffer) else None,
-            frames=self._frames,
-            lost=self._held,
-            end=end,
-            error=error,
-            levels=self._meters.levels,
-            lowest=self._range[0],
-            highest=self._range[1],
-            rate=self._rate.drift(),
-            clock=self._clock.drift(),
         )

@@ -68,39 +68,34 @@ def _finding_by_kind(title: str, rows: DataFrame) -> list[Finding]:
     if kind == "magnitude":
         return [_magnitude_finding(title, rows)]
     if kind in ("rating", "slider"):
-        return [_rating_finding(title, rows)]
+        from pandas import DataFrame
+
+        rating = np.array(rows["answer"].tolist(), float)
+        people, person = levels(rows.loc[:, "participant"])
+        stimuli, stimulus = levels(rows.loc[:, "stimulus"])
+        shape = (len(people), len(stimuli))
+        count, total = np.zeros(shape), np.zeros(shape)
+        np.add.at(count, (person, stimulus), 1)
+        np.add.at(total, (person, stimulus), rating)
+        with np.errstate(invalid="ignore"):
+            mean = total / count  # NaN where a person has no answer to a stimulus
+        own = total.sum(axis=1) / count.sum(axis=1)
+        many = (count > 0).sum(axis=0)
+        spread = [np.nanstd(mean[:, i], ddof=1) if many[i] > 1 else np.nan for i in range(len(stimuli))]
+        table = DataFrame(
+            {
+                "stimulus": list(stimuli),
+                "mean_rating": np.nanmean(mean, axis=0),
+                "sd_people": spread,
+                "people": many,
+                "given": count.sum(axis=0).astype(int),
+            }
+        )
+        limits = limits_words(lambda people: float(people.mean()), own, "plain")
+        words = f"Mean {own.mean():.2f} ({limits}), over {len(own)} people and {len(rating)} answers. {_UNTESTED}"
+        return [Finding(title=title, words=words, table=table)]
     judged = kind != "choice" and bool((rows["right"] != "n/a").any())
     return [_detection_finding(title, rows) if judged else _choice_finding(title, rows)]
-
-
-def _rating_finding(title: str, rows: DataFrame) -> Finding:
-    """Mean rating of each stimulus over participants, and the standard deviation between participants."""
-    from pandas import DataFrame
-
-    rating = np.array(rows["answer"].tolist(), float)
-    people, person = levels(rows.loc[:, "participant"])
-    stimuli, stimulus = levels(rows.loc[:, "stimulus"])
-    shape = (len(people), len(stimuli))
-    count, total = np.zeros(shape), np.zeros(shape)
-    np.add.at(count, (person, stimulus), 1)
-    np.add.at(total, (person, stimulus), rating)
-    with np.errstate(invalid="ignore"):
-        mean = total / count  # NaN where a person has no answer to a stimulus
-    own = total.sum(axis=1) / count.sum(axis=1)
-    many = (count > 0).sum(axis=0)
-    spread = [np.nanstd(mean[:, i], ddof=1) if many[i] > 1 else np.nan for i in range(len(stimuli))]
-    table = DataFrame(
-        {
-            "stimulus": list(stimuli),
-            "mean_rating": np.nanmean(mean, axis=0),
-            "sd_people": spread,
-            "people": many,
-            "given": count.sum(axis=0).astype(int),
-        }
-    )
-    limits = limits_words(lambda people: float(people.mean()), own, "plain")
-    words = f"Mean {own.mean():.2f} ({limits}), over {len(own)} people and {len(rating)} answers. {_UNTESTED}"
-    return Finding(title=title, words=words, table=table)
 
 
 def _choice_finding(title: str, rows: DataFrame) -> Finding:
