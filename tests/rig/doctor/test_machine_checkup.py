@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from midair.rig.doctor.machine_checkup import machine_findings, rx_delay
+from midair.rig.doctor.checkup import machine_findings, rx_delay
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="files of Linux")
 

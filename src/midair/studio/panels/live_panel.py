@@ -11,10 +11,9 @@ from midair.errors import DeviceStateError, InputError, MidairError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Acoustics
 from midair.rig import LiveMapping, LiveSettings, Subject, take_path
-from midair.studio.feed import Feed
 from midair.studio.live_process import REMEMBERED, run_live
 from midair.studio.panels.panel import WEB, Panel, PanelContext
-from midair.studio.panels.record_panel import VisibleRange
+from midair.studio.panels.record_panel import Feed, VisibleRange
 from midair.studio.studio_state import Arguments, Page, declared
 from midair.studio.worker_process import WorkerProcess
 
