@@ -288,7 +288,13 @@ class VirtualArray(ArrayDevice):
         """Compute the pressure of every frame on the skin, block by block."""
         if not self._open:
             raise DeviceStateError("virtual array: expected open before play")
-        path = self._path_in(self.acoustics or Acoustics(medium=drive.acoustics.medium))
+        acoustics = self.acoustics or Acoustics(medium=drive.acoustics.medium)
+        if self._skin is not None and (self._path is None or self._path.acoustics != acoustics):
+            matrix = transfer_matrix(self._skin.points, self.array, acoustics=acoustics)
+            spread = Spread.of(matrix, acoustics.medium, None, self.chain.precision)
+            moving = None if self.palm is None else self._moving(self._skin, self.palm, acoustics)
+            self._path = _Path(skin=self._skin, acoustics=acoustics, matrix=matrix, spread=spread, moving=moving)
+        path = self._path
         silencer, chain = None, self.chain
         if self.silencer != "off":
             silencer = choose_silencer(self.silencer, drive)
@@ -321,15 +327,6 @@ class VirtualArray(ArrayDevice):
     def close(self) -> None:
         """Close the array."""
         self._open = False
-
-    def _path_in(self, acoustics: Acoustics) -> "_Path | None":
-        """Propagation from the array to the skin, cached until the air changes."""
-        if self._skin is not None and (self._path is None or self._path.acoustics != acoustics):
-            matrix = transfer_matrix(self._skin.points, self.array, acoustics=acoustics)
-            spread = Spread.of(matrix, acoustics.medium, None, self.chain.precision)
-            moving = None if self.palm is None else self._moving(self._skin, self.palm, acoustics)
-            self._path = _Path(skin=self._skin, acoustics=acoustics, matrix=matrix, spread=spread, moving=moving)
-        return self._path
 
     def _moving(self, skin: VirtualSkin, palm: PalmPath, acoustics: Acoustics) -> MovingSpread:
         if self.chain.hold == "ideal":

@@ -43,18 +43,6 @@ def _without_stimulus(part: Finding) -> Finding:
     return part if part.table is None else replace(part, table=part.table.drop(columns="stimulus"))
 
 
-def every_question(questions: DataFrame) -> Finding:
-    """Part of the report that analyses each question of the plan, or the reason why none does."""
-    from pandas import DataFrame
-
-    rows = questions.to_dict("records")
-    notes = [row["part"] or f"not analysed, because {_reason(row)}" for row in rows]
-    silent = [f"{row['question']}: {note}." for row, note in zip(rows, notes, strict=True) if not row["part"]]
-    words = " ".join(silent) or "Every question of the plan is analysed; the table names the part of the report."
-    table = DataFrame(questions, columns=["question", "text", "kind", "given", "analysed"])
-    return Finding(title="Questions of the plan", words=words, table=table.assign(part=notes))
-
-
 def _reason(row: dict[str, object]) -> str:
     if row["private"]:
         return "it is private: its answers stay in the logs"
@@ -200,7 +188,14 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     for job in report_progress(jobs, len(jobs)):
         findings += job()
     if data.questions is not None:
-        findings.append(every_question(data.questions))
+        from pandas import DataFrame
+
+        rows = data.questions.to_dict("records")
+        notes = [row["part"] or f"not analysed, because {_reason(row)}" for row in rows]
+        silent = [f"{row['question']}: {note}." for row, note in zip(rows, notes, strict=True) if not row["part"]]
+        words = " ".join(silent) or "Every question of the plan is analysed; the table names the part of the report."
+        table = DataFrame(data.questions, columns=["question", "text", "kind", "given", "analysed"])
+        findings.append(Finding(title="Questions of the plan", words=words, table=table.assign(part=notes)))
     if data.files:
         findings.append(Finding(title="Check of the files", words=data.files))
     return Report(

@@ -76,15 +76,6 @@ def _confusion(name: str, rows: DataFrame, data: StudyData) -> Choices:
 
 def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> list[Finding]:
     """Scores, chance level, sensitivity, information and bias of one confusion matrix."""
-    words = [*_share_words(one), _chance_words(one.confusion, rng, draws), *_sensitivity_words(one.confusion)]
-    table = scores(one.confusion).drop(columns=["recall_low", "recall_high"])
-    if one.f_limits is not None:
-        table = table.assign(F_low=one.f_limits.low, F_high=one.f_limits.high)
-    table = note_last(table)
-    return [Finding(title=f"Identification: {one.name}", words=" ".join(words), table=table)]
-
-
-def _share_words(one: Choices) -> list[str]:
     confusion, counts = one.confusion, one.confusion.counts
     limits = interval_words(share_limits, confusion.by_person, form=".3f")
     words = [
@@ -105,7 +96,12 @@ def _share_words(one: Choices) -> list[str]:
         )
     if one.left_out:
         words.append(f"{one.left_out} answers that name an object that was never presented are left out, as planned.")
-    return words
+    words = [*words, _chance_words(one.confusion, rng, draws), *_sensitivity_words(one.confusion)]
+    table = scores(one.confusion).drop(columns=["recall_low", "recall_high"])
+    if one.f_limits is not None:
+        table = table.assign(F_low=one.f_limits.low, F_high=one.f_limits.high)
+    table = note_last(table)
+    return [Finding(title=f"Identification: {one.name}", words=" ".join(words), table=table)]
 
 
 def _chance_words(confusion: Confusion, rng: np.random.Generator, draws: int) -> str:
