@@ -134,8 +134,7 @@ def _check_numbers(name: str, item: Any, size: int) -> int:
         if made.get_external_count():
             raise NotPlainError(f"data of {name!r} in another file")
         place = item.get_offset()
-        stored = 0 if place is None else max(0, min(announced, size - place))
-        return _checked_size(name, announced, stored)
+        return _checked_size(name, announced, 0 if place is None else max(0, min(announced, size - place)))
     if layout != h5d.CHUNKED:
         raise NotPlainError(f"a virtual dataset, {name!r}, with data elsewhere")
     filters = [made.get_filter(number)[0] for number in range(made.get_nfilters())]
