@@ -12,7 +12,7 @@ from starlette.websockets import WebSocketDisconnect
 from tests.waiting import wait_until
 
 from midair.datasets import stroke
-from midair.errors import DeviceStateError, StoppedError
+from midair.errors import DeviceStateError, InputError, StoppedError
 from midair.files import load, load_solution, save
 from midair.model import Medium, Provenance, Recording
 from midair.patterns import Pattern
@@ -431,6 +431,13 @@ def test_drawn_pattern_is_saved_opened_and_never_replaced_silently(studio, monke
     assert panel.open(None, one) == pattern
     asyncio.run(panel.save(None, louder.model_copy(update={"replaces": asked["replaces"]})))
     assert load_solution(drive).drive.level.max() == pytest.approx(2**0.5 * quiet)
+    form.pattern["spot"][0]["signal"] = {"file": "../other.h5"}
+    with pytest.raises(InputError, match="leads out"):
+        asyncio.run(panel.preview(None, form))
+    touched = int(np.ptp(load(studio.folder.path / "towel.h5").samples, axis=0).argmax())
+    form.pattern["spot"][0]["signal"] = {"file": "towel.h5", "channel": touched}
+    asyncio.run(panel.draft(None, form))
+    assert load_solution(studio.takes.samples / "drawn" / "pattern.drive.h5").drive.level.std() > 0
 
 
 @pytest.mark.long

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomli_w
 
 from midair.array_types import Array
 from midair.devices import measure_exposure
@@ -32,6 +31,8 @@ class PatternRequest:
     """A pattern as the dicts of its file, the array that will play it, and the stated air of the room."""
 
     pattern: dict[str, Any]
+    text: str = ""
+    """Its TOML, in which files of recorded signals are relative."""
     device: str = "virtual"
     array_calibration: Path | None = None
     room: Medium | None = None
@@ -130,7 +131,7 @@ def save_pattern(request: PatternRequest, progress: Progressed) -> list[str]:
     if tuple(map(stamp_of, request.files)) != request.replaces:
         raise InputError("save: expected the files as they were when it was asked, one has changed; save again")
     with atomic_file(source) as written:
-        written.write_text(tomli_w.dumps(request.pattern), encoding="utf-8")
+        written.write_text(request.text, encoding="utf-8")
     for drive in request.files[1:]:
         foci, stage = pattern.foci(None if pattern.duration_s else LOOP), partial(progress, "drawing")
         draw_file(foci, source, drive, request.array(), medium=request.room, progress=stage)

@@ -1,8 +1,10 @@
 """Panel Draw: patterns of moving foci, drawn on a palm, played and saved."""
 
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+import tomli_w
 from pydantic import Field
 
 from midair.files import read_toml
@@ -85,6 +87,16 @@ class DrawPanel(Panel):
         return await queue.result(f"draw {files[0].stem}", save_pattern, request)
 
     def _request(self, order: PatternForm, **more: Any) -> PatternRequest:
-        device, known = self._context.playing.device, self._context.array_calibration
-        room = self._context.air.medium
-        return PatternRequest(pattern=order.pattern, device=device, array_calibration=known, room=room, **more)
+        plain = deepcopy(order.pattern)
+        for spot in plain["spot"] if isinstance(plain.get("spot"), list) else []:
+            if isinstance(spot, dict) and isinstance(signal := spot.get("signal"), dict):  # pyright: ignore[reportUnknownMemberType]
+                signal["file"] = str(self._takes.folder.find(str(signal.get("file", ""))))  # pyright: ignore[reportUnknownMemberType]
+        context = self._context
+        return PatternRequest(
+            pattern=plain,
+            text=tomli_w.dumps(order.pattern),
+            device=context.playing.device,
+            array_calibration=context.array_calibration,
+            room=context.air.medium,
+            **more,
+        )

@@ -26,6 +26,7 @@ const NUMBERS = {
   draw_hz: ["Passes", "per s", 50, 0.1, 200, 0.1, "How often the path is drawn in a second.", 2000], speed_m_s: ["Speed", "m/s", 1, 0.01, 10, 0.01, "Speed along the path."],
   "am.frequency_hz": ["Vibration", "Hz", 150, 1, 400, 1, "Skin feels 100 to 300 Hz best.", 2000], "am.depth": ["Depth", "", 1, 0, 1, 0.05, "1: down to silence; 0: no vibration."],
   "lm.frequency_hz": ["Orbits", "Hz", 5, 0.5, 60, 0.5, "Turns per second of the small orbit.", 100], "lm.radius_mm": ["Orbit's radius", "mm", 3, 0.5, 20, 0.5, "Radius of the small orbit."],
+  "signal.channel": ["Its channel", "", 0, 0, 255, 1, "Cell of the take, row by row from 0."], "signal.depth": ["Its depth", "", 1, 0, 1, 0.05, "Part of the pressure that follows the signal."],
   start_s: ["Begins at", "s", 0, 0, 2, 0.01, "The spot is silent before."], stop_s: ["Ends at", "s", null, 0.01, 2, 0.01, "The spot is silent afterwards; empty: at the end."],
 };
 const get = (from, path) => path.split(".").reduce((at, name) => at?.[name], from);
@@ -101,7 +102,10 @@ export default class Draw {
     const now = Date.now(), before = JSON.stringify([this.pattern, this.spot]);
     if (!kind || kind !== this.last || now - this.when > 900) { this.past.push(before); this.past.splice(0, this.past.length - 200); }
     [this.last, this.when] = [kind, now];
+    const had = JSON.stringify(this.pattern.spot);
     change();
+    const has = JSON.stringify([this.pattern.spot, this.pattern.duration_s]);
+    for (const name of Object.keys(this.pattern.parameters ?? {})) if (had.includes(`"$${name}"`) && !has.includes(`"$${name}"`)) delete this.pattern.parameters[name]; // a slider without effect
     this.future = [];
     this._shown(whole);
   }
@@ -153,11 +157,12 @@ export default class Draw {
     const simulated = () => make("strong.simulated", {}, "SIMULATED");
     this.studio.main.append(make("div.draw", {},
       make("div.column.left", {}, panel("Start from", null, this.palette, make("p.quiet", {}, "Replaces the pattern; Undo brings it back.")),
-        panel("Spots", null, this.spots, make("p.quiet", {}, "Each spot is one focus; all press at once.")), this.sliders,
+        this.sliders,
         panel("File", null, this._row("Name", this.fileName, "Name of the files in the folder."), make("div.buttons", {}, this.save, this.saveDrive),
           make("p.quiet", {}, "Save writes NAME.toml; the drive, NAME.drive.h5, can be played and used in a study."), this._row("Open", this.opens, "A pattern of the folder."), this.said)),
       make("div.column", {}, panel("Palm", make("span", {}, simulated(), " ", this.mapWords), make("div.buttons", {}, this.undoes, this.redoes, make("label", { htmlFor: "draw-snap" }, this.snaps, " Snap to 1 mm")),
-        make("div.palm-picture", {}, this.map, this.view), make("p.quiet", {}, "Drag on the palm to draw a path, drag a handle to move it. Arrow keys move the handle in focus by 1 mm, with Shift by 5; Delete removes it."))),
+        make("div.palm-picture", {}, this.map, this.view), make("p.quiet", {}, "Drag on the palm to draw a path, drag a handle to move it. Arrow keys move the handle in focus by 1 mm, with Shift by 5; Delete removes it."),
+        this.spots, make("p.quiet", {}, "Each spot is one focus; all press at once."))),
       make("div.column", {}, panel("Effect on the palm", simulated(), make("div.gets", {}, make("figure", {}, this.skin, this.skinWords), this.lines), make("div.buttons", {}, this.play),
         make("p.quiet", {}, "The exposure of the whole drive is checked before it plays. Esc is STOP.")), this.formPanel, panel("Pattern", null, this.whole))));
     this._shown();
@@ -169,7 +174,7 @@ export default class Draw {
     return make("div.field.helped", {}, make("label", { htmlFor: id }, label), make("span.buttons", {}, control, ...more), make("small.quiet", { id: `${id}-help` }, help));
   }
   _number(from, path, [label, unit, otherwise, low, high, step, help, most], key = "") {
-    const found = get(from, path), id = `draw-${key}${path.replace(/\./g, "-")}`, shown = this.value(from, path, otherwise), whole = path === "shape.a" || path === "shape.b";
+    const found = get(from, path), id = `draw-${key}${path.replace(/\./g, "-")}`, shown = this.value(from, path, otherwise), whole = ["shape.a", "shape.b", "signal.channel"].includes(path);
     const control = make("input", { type: "number", id, step: "any", value: shown === null ? "" : String(shown), onchange: () => {
       if (control.value === "" && otherwise === null) { this.edit(() => put(from, path, undefined)); return; }
       const given = Number(control.value);
@@ -183,8 +188,6 @@ export default class Draw {
     const parameters = (this.pattern.parameters ??= {}), found = get(from, path);
     if (isName(found)) {
       put(from, path, value);
-      if (!JSON.stringify(this.pattern.spot).includes(`"${found}"`)) delete parameters[found.slice(1)];
-      if (!Object.keys(parameters).length) delete this.pattern.parameters;
       return;
     }
     const stem = path.replace(/^(shape|am|lm)\./, "").replace(/_(mm|deg|pa|hz|m_s|s)$/, "").replace("centre_mm.0", "x").replace("centre_mm.1", "y");
@@ -204,17 +207,21 @@ export default class Draw {
     const own = name in SHAPES ? [] : [[name, name]];
     const shape = choice([...Object.entries(SHAPES).map(([key, [words]]) => [key, words]), ...own], name, () => this.edit(() => { one.shape = { name: shape.value, ...copy(SHAPES[shape.value]?.[1] ?? {}) }; this.corner = 0; }));
     shape.id = "draw-shape";
-    const moves = choice([["", "does not move"], ["draw_hz", "passes per second"], ["speed_m_s", "speed"]], "draw_hz" in one && one.draw_hz !== 0 ? "draw_hz" : one.speed_m_s ? "speed_m_s" : "", () => this.edit(() => { for (const key of ["draw_hz", "speed_m_s"]) delete one[key]; if (moves.value) one[moves.value] = NUMBERS[moves.value][2]; }));
+    const moves = choice([["", "none"], ["draw_hz", "passes"], ["speed_m_s", "speed"]], "draw_hz" in one && one.draw_hz !== 0 ? "draw_hz" : one.speed_m_s ? "speed_m_s" : "", () => this.edit(() => { for (const key of ["draw_hz", "speed_m_s"]) delete one[key]; if (moves.value) one[moves.value] = NUMBERS[moves.value][2]; }));
     moves.id = "draw-moves";
     const ticked = (key, label, help, start) => { const box = make("input", { type: "checkbox", id: `draw-${key}`, checked: Boolean(one[key]), onchange: () => this.edit(() => { if (box.checked) one[key] = start; else delete one[key]; }) }); return this._row(label, box, help); };
+    const files = new Set(["", one.signal?.file ?? "", ...(this.link.state.takes ?? []).filter((take) => !take.sample).map((take) => take.name)]);
+    const signal = choice([...files].map((file) => [file, file || "none"]), one.signal?.file ?? "", () => this.edit(() => { if (signal.value) one.signal = { ...one.signal, file: signal.value }; else delete one.signal; }));
+    signal.id = "draw-signal";
     const cornerRows = !many ? [] : [make("div.buttons", {}, make("button", { type: "button", id: "draw-corner-add", title: "Adds a corner after the chosen one", onclick: () => this._addCorner() }, name === "points" ? "Add a place" : "Add a corner"),
       make("button", { type: "button", id: "draw-corner-delete", title: "Removes the chosen corner", disabled: many.length <= (name === "points" ? 1 : 3), onclick: () => this._removeCorner() }, name === "points" ? "Delete the place" : "Delete the corner")),
       ...[0, 1].map((axis) => this._number(one, `shape.${CORNERS[name]}.${this.corner}.${axis}`, [`${name === "points" ? "Place" : "Corner"} ${this.corner + 1}, ${"xy"[axis]}`, "mm", 0, -40, 40, 1, "From the centre of the spot."], "corner-"))];
     this.form.replaceChildren(this._row("Shape", shape, "The path that the focus moves along."), ...Object.keys(SHAPES[name]?.[1] ?? {}).filter((key) => `shape.${key}` in NUMBERS).map((key) => number(`shape.${key}`)), ...cornerRows,
       number("centre_mm.0"), number("centre_mm.1"), number("turn_deg"), number("pressure_pa"),
-      this._row("Motion along the path (STM)", moves, "Spatiotemporal modulation: a fast path is felt as one shape."), ...(moves.value ? [number(moves.value)] : []),
+      this._row("Motion (STM)", moves, "Spatiotemporal modulation, along the path."), ...(moves.value ? [number(moves.value)] : []),
       ticked("am", "Vibration (AM)", "Amplitude modulation: the pressure rises and falls.", { frequency_hz: 150, depth: 1 }), ...(one.am ? [number("am.frequency_hz"), number("am.depth")] : []),
       ticked("lm", "Small orbit (LM)", "Lateral modulation: the focus circles around its place.", { frequency_hz: 5, radius_mm: 3 }), ...(one.lm ? [number("lm.frequency_hz"), number("lm.radius_mm")] : []),
+      this._row("Recorded signal", signal, "The pressure follows a take of the folder, too."), ...(one.signal ? [number("signal.channel"), number("signal.depth")] : []),
       number("start_s"), number("stop_s"));
     this.whole.replaceChildren(this._number(pattern, "duration_s", ["Length", "s", null, 0.1, 2, 0.1, "Length of one pass; empty: a loop, drawn for 2 s."], "whole-"), this._number(pattern, "height_mm", ["Height", "mm", 200, 100, 400, 1, "Palm above the array."], "whole-"));
     for (const button of this.whole.querySelectorAll("[aria-pressed]")) button.remove(); // the length of a file is a number
@@ -248,7 +255,7 @@ export default class Draw {
   }
   _picture() {
     const held = document.activeElement?.dataset?.handle, text = (points) => points.map(([x, y]) => `${x.toFixed(2)} ${(-y).toFixed(2)}`).join("L");
-    const parts = [drawn("path", { class: "hand", d: "M-30 52C-40 32-43 10-41-18C-40-30-39-40-41-52M41-52C39-40 40-26 42-14C49-8 52-4 52 0M42 12C40 30 34 42 30 52M-20-52L-20-44M0-52L0-46M20-52L20-44" }), drawn("path", { class: "scale", d: "M-48 47H-38M-48 46V48M-38 46V48" })];
+    const parts = [drawn("path", { class: "hand", d: "M-32 52C-42 36-47 12-46-18C-46-30-45-40-46-52M46-52C45-40 45-30 46-20C49-16 51-12 52-8M46 14C43 32 38 42 32 52M-22-52V-46M0-52V-47M22-52V-46" }), drawn("path", { class: "scale", d: "M-48 47H-38M-48 46V48M-38 46V48" })];
     const scale = drawn("text", { x: -36, y: 48.5 });
     scale.textContent = "10 mm";
     parts.push(scale);
