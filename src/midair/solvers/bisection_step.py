@@ -71,7 +71,8 @@ class BisectionStep:
             self.field.coordinates(batch, state), effort[1], relaxation=self.settings.relaxation
         )
         polished = self._refine(batch, theta, one / operators.strongest, effort[2])
-        return self._solved(batch, polished, self.operators.backend.as_complex(state.x), state.scale)
+        more = self._rescue(batch, polished)
+        return self._solved(batch, polished, self.operators.backend.as_complex(state.x), state.scale, more)
 
     def begin(self, batch: Batch, around: Neighbours) -> RowsState:
         """Start of a refinement at the mean of the neighbours' drives, with its cost."""
@@ -127,7 +128,7 @@ class BisectionStep:
         rows, iterations = batch.p.shape[0], self.settings.rescue
         if self.operators.drive.images == 1:
             return 0
-        worst = np.argsort(state.cost)[rows - rows // 8 :]
+        worst = np.argsort(state.cost)[-((rows + 7) // 8) :]
         worst = worst[state.cost[worst] > self.settings.bad**2 / 2]
         more = np.zeros(rows, np.int64)
         if len(worst):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.solvers.backend import Backend, Numbers, Rows, squares
-from midair.solvers.lbfgs import LBFGS, Function, RingLBFGS, RowsState
+from midair.solvers.lbfgs import LBFGS, CompiledLBFGS, Function, RingLBFGS, RowsState
 from midair.solvers.mirror_symmetry import KINDS, FoldedProduct, Product, modes_by_kind
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
@@ -144,7 +144,9 @@ class FieldOperators:
 
     @property
     def descent(self) -> LBFGS:
-        """The implementation for the backend: `LBFGS` for NumPy, `RingLBFGS` for others."""
+        """The implementation: `CompiledLBFGS` on a folded array, `LBFGS` for NumPy, `RingLBFGS` for others."""
+        if self.drive.kernel is not None:
+            return CompiledLBFGS(memory=self.memory, kernel=self.drive.kernel)
         method = LBFGS if self.backend.xp is np else RingLBFGS
         return method(memory=self.memory, xp=self.backend.xp)
 
@@ -239,23 +241,20 @@ class FieldOperators:
 
         With r the slope of the cost by the field, its gradient by theta_n is Im(conj(q_n) (G^H r)_n).
         """
-        xp, gain = self.backend.xp, batch.gain
+        gain = batch.gain
 
         def function(theta: Rows) -> tuple[Numbers, Rows]:
-            q = self.backend.phasor(theta)
-            cost, slope = self.cost_and_slope(batch, (gain * self.drive.to_modes(q)) @ self.field)
-            back = self.drive.of_modes(gain * (slope @ self.field_back))
-            if xp is not np:
-                return cost, xp.real(q) * xp.imag(back) - xp.imag(q) * xp.real(back)
-            back *= xp.conj(q)
-            # NumPy's imaginary part is a strided view that would keep the whole product in memory.
-            return cost, xp.asarray(xp.imag(back), copy=True)
+            q, a = self.drive.phasors(theta)
+            cost, slope = self.cost_and_slope(batch, (gain * a) @ self.field)
+            return cost, self.drive.slope(q, gain * (slope @ self.field_back))
 
         return function
 
     def cost_and_slope(self, batch: Batch, y: Rows) -> tuple[Numbers, Rows]:
         """Cost of the field y (row, listener), which may be overwritten, and its slope by y."""
         xp, guard, points = self.backend.xp, self.problem.guard, batch.p.shape[1]
+        if batch.cells is not None and self.drive.kernel is not None:
+            return self._compiled(batch, y)
         square = y if guard is None else y[:, :points]
         if batch.cells is None:
             cost, slope = misfit(xp, square, batch.p)
@@ -265,6 +264,18 @@ class FieldOperators:
             return cost, slope
         extra, outside = excess(xp, y[:, points:], self.ceiling * batch.peak, guard.weight)
         return cost + extra, xp.concat([slope, outside], axis=1)
+
+    def _compiled(self, batch: Batch, y: Rows) -> tuple[Numbers, Rows]:
+        """`cost_and_slope` of cells by `folded_kernel`; the slope takes the place of y."""
+        guard, square = self.problem.guard, np.empty(batch.p.shape, np.float32)
+        self.drive.kernel.square(y, square)
+        missed = square @ self.weights - batch.cells
+        cost = 0.5 * batch.cell_scale * squares(np, missed)
+        missed *= 2 * batch.cell_scale[:, None]
+        ceiling = np.zeros(0, np.float32) if self.ceiling is None else self.ceiling[0]
+        weight = np.float32(0 if guard is None else guard.weight)
+        self.drive.kernel.pull(missed @ self.weights.T, ceiling, batch.peak, weight, y, cost)
+        return cost, y
 
 
 def in_order(backend: Backend, parts: list[tuple[NDArray[np.int64], Rows]]) -> Rows:

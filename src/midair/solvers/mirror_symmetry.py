@@ -6,7 +6,7 @@ product with V. The control points need not be centred on the lattice (on AUTD3 
 drives are even or odd, and there are a few more modes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -152,6 +152,7 @@ class Product:
     backend: Backend
     matrix: Rows  # M, shape (mode, column)
     back: Rows  # Its adjoint
+    kernel: Any = None  # `folded_kernel` where it may be used
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -177,6 +178,20 @@ class Product:
         """The product y M^H, from rows (row, column) to rows (row, mode)."""
         return y @ self.back
 
+    def phasors(self, theta: Rows) -> tuple[Any, Rows]:
+        """Drives q = exp(j theta), in a form for `slope`, and q M^H, for theta (row, column) in rad."""
+        q = self.backend.phasor(theta)
+        return q, self.to_modes(q)
+
+    def slope(self, q: Any, b: Rows) -> Rows:
+        """The imaginary part of conj(q) (b M), shape (row, column): the slope by the phases, with b (row, mode)."""
+        xp, back = self.backend.xp, self.of_modes(b)
+        if xp is not np:
+            return xp.real(q) * xp.imag(back) - xp.imag(q) * xp.real(back)
+        back *= xp.conj(q)
+        # NumPy's imaginary part is a strided view that would keep the whole product in memory.
+        return xp.asarray(xp.imag(back), copy=True)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FoldedProduct(Product):
@@ -192,7 +207,8 @@ class FoldedProduct(Product):
         """From drives of each kind (kind, mode, place) and a factor of each place, on the host."""
         # Half of the factor of `KINDS`, so that `_mirrored` has none.
         matrix = backend.put(V / 2)
-        return cls(backend=backend, matrix=matrix, back=_adjoints(matrix), weight=backend.put(weight))
+        own = backend.put(weight)
+        return cls(backend=backend, matrix=matrix, back=_adjoints(matrix), weight=own, kernel=backend.kernel)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -209,7 +225,7 @@ class FoldedProduct(Product):
         """The product with these columns of each image and each mode divided by a number, shape (kind * mode,)."""
         matrix = np.ascontiguousarray(self.matrix[:, :, some] / root.reshape(self.images, -1, 1))
         weight = self.weight.reshape(self.images, -1)[:, some].reshape(-1)
-        return FoldedProduct(backend=self.backend, matrix=matrix, back=_adjoints(matrix), weight=weight)
+        return replace(self, matrix=matrix, back=_adjoints(matrix), weight=weight)
 
     def of_modes(self, b: Rows) -> Rows:
         """The product b M, from rows (row, kind * mode) to rows (row, image * column)."""
@@ -218,6 +234,29 @@ class FoldedProduct(Product):
     def to_modes(self, y: Rows) -> Rows:
         """The product y M^H, from rows (row, image * column) to rows (row, kind * mode)."""
         return self._each(_mirrored(self.weight * y), self.back)
+
+    def phasors(self, theta: Rows) -> tuple[Any, Rows]:
+        """As of `Product`; compiled where Numba is installed."""
+        # Without super(), which a class with slots lacks.
+        if self.kernel is None:
+            return Product.phasors(self, theta)
+        q = self._images(np.cos(theta)), self._images(np.sin(theta))
+        kinds = np.empty(q[0].shape, np.complex64)
+        self.kernel.spread(*q, self.weight.reshape(4, -1), kinds)
+        return q, self._each(kinds, self.back)
+
+    def slope(self, q: Any, b: Rows) -> Rows:
+        """As of `Product`; compiled where Numba is installed."""
+        if self.kernel is None:
+            return Product.slope(self, q, b)
+        slope = np.empty((len(b), self.shape[1]), np.float32)
+        back = self._images(self._each(b, self.matrix))
+        self.kernel.turn(back, *q, self.weight.reshape(4, -1), self._images(slope))
+        return slope
+
+    def _images(self, x: Any) -> Any:
+        """Rows (row, image * column) as (row, image, column)."""
+        return x.reshape(len(x), 4, -1)
 
     def _each(self, x: Rows, matrices: Rows) -> Rows:
         """Multiply each kind of the rows by its matrix."""
