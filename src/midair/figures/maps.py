@@ -290,13 +290,14 @@ def _draw_traces(figure: SubFigure, original: PressureFrames, ways: Sequence[Pal
     axes = figure.subplots(1, len(ways), sharex=True, sharey=True, squeeze=False)[0]
     for axis, way in zip(axes, ways, strict=True):
         plain_axes(axis)
-        for name, frames, colour in (
-            ("original", original, STYLE.original),
-            ("re-recorded", way.felt, STYLE.reproduced),
+        # The wide line of the original is seen on both sides of the reproduction.
+        for name, frames, colour, wide in (
+            ("original", original, STYLE.original, 2.2),
+            ("re-recorded", way.felt, STYLE.reproduced, 0.9),
         ):
             # The rates may differ.
             part = (frames.time >= begin) & (frames.time <= begin + window)
-            axis.plot(frames.time[part], frames.pressure[part, *cell], color=colour, linewidth=1, label=name)
+            axis.plot(frames.time[part], frames.pressure[part, *cell], color=colour, linewidth=wide, label=name)
         axis.set_title(f"{way.name}, cell {cell[0] + 1}, {cell[1] + 1}", fontsize=9, loc="left", color=STYLE.ink)
         axis.margins(x=0)
         axis.set_xlabel("time (s)", fontsize=9)

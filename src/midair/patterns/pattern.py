@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from midair.array_types import Array
-from midair.errors import BrokenFileError, InputError
-from midair.files import check_memory_for, from_plain, read_text, read_toml, save_solutions
+from midair.dsp import resample
+from midair.errors import BrokenFileError, InputError, UnitError
+from midair.files import check_memory_for, from_plain, open_take, read_text, read_toml, save_solutions
 from midair.model import HEIGHT, HEIGHTS, Acoustics, Medium, Progress, Provenance, TransducerArray
 from midair.patterns.adaptics import AdapticsPattern, check_parameters, load_adaptics
 from midair.patterns.drawing import Foci, check_reach, draw_parts, drawn_settings, wanted_amplitude
@@ -63,6 +64,34 @@ class LateralModulation(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SignalModulation(Checked):
+    """Factor 1 - depth / 2 + depth / 2 s(t) on the pressure, s being a recorded signal with its peak at 1 or -1."""
+
+    file: str = setting("", "Recording, wave or effect that midair import reads; repeated to the end of the spot.")
+    channel: int = setting(0, "Channel, row by row.", limits=(0, 100_000))
+    depth: float = setting(1.0, "Part of the pressure that follows the signal.", limits=(0, 1))
+
+    def factor(self, time: Array, rate: float) -> Array:
+        """Factor on the pressure at times in s, of frames at `rate` in Hz; 1 before time 0.
+
+        Raises InputError if the file has no such channel, or nothing changes in it.
+        """
+        try:
+            recording = open_take(self.file).recording
+        except UnitError:
+            # The level counts for nothing.
+            recording = open_take(self.file, unit="V").recording
+        if self.channel >= (count := recording.sensor.count):
+            raise InputError(f"signal.channel: expected 0 to {count - 1} of {self.file}, got {self.channel}")
+        signal = np.asarray(recording.samples).reshape(recording.frames, -1)[:, self.channel]
+        signal = resample(signal - np.median(signal), recording.rate, rate)
+        if not (peak := np.abs(signal).max()) > 0:
+            raise InputError(f"signal.file: expected a signal that changes, got a constant in {self.file}")
+        at = np.round(time * rate).astype(int)
+        return np.where(at < 0, 1.0, 1 - self.depth / 2 + self.depth / 2 * signal[at % len(signal)] / peak)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Spot(Checked):
     """One focus: where it moves, and how hard it presses."""
 
@@ -76,6 +105,7 @@ class Spot(Checked):
     positions: int = setting(0, "Number of places on the path; 0 moves with every frame.", limits=(0, 100_000))
     am: AmplitudeModulation | None = setting(None, "Amplitude modulation.")
     lm: LateralModulation | None = setting(None, "Lateral modulation.")
+    signal: SignalModulation | None = setting(None, "A recorded signal as the modulation.")
     start_s: float = setting(0.0, "Time at which it begins.", unit="s", limits=(0, np.inf))
     stop_s: float = setting(np.inf, "Time at which it ends.", unit="s", limits=(0, np.inf), above=True)
 
@@ -106,11 +136,12 @@ class Spot(Checked):
         flat = turned + np.array(self.centre_mm)
         return 1e-3 * np.column_stack([flat, np.full(len(flat), self.above_mm)])
 
-    def pressure(self, time: Array) -> Array:
-        """Pressure at times in s, shape (frame,), in Pa; 0 before its start and from its end on."""
+    def pressure(self, time: Array, rate: float) -> Array:
+        """Pressure of frames at times in s, at `rate` in Hz: shape (frame,), in Pa; 0 outside of its start and end."""
         sounds = (time >= self.start_s - 1e-9) & (time < self.stop_s - 1e-9)
         modulation = 1.0 if self.am is None else self.am.factor(time - self.start_s)
-        return np.asarray(self.pressure_pa * sounds * modulation, float)
+        recorded = 1.0 if self.signal is None else self.signal.factor(time - self.start_s, rate)
+        return np.asarray(self.pressure_pa * sounds * modulation * recorded, float)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,7 +196,7 @@ class Pattern(Checked):
         position = np.stack([spot.places(time) for spot in self.spot], axis=1)
         return Foci(
             position=position + np.array([0, 0, 1e-3 * self.height_mm]),
-            pressure=np.stack([spot.pressure(time) for spot in self.spot], axis=1),
+            pressure=np.stack([spot.pressure(time, self.rate_hz) for spot in self.spot], axis=1),
             rate=self.rate_hz,
             height=1e-3 * self.height_mm,
         )
@@ -226,6 +257,10 @@ def load_pattern(
     if os.fspath(path).lower().endswith(".adaptics"):
         return load_adaptics(path, chosen or {}, pressure=pressure)
     content = read_toml(path, "a pattern in TOML")
+    for spot in content.get("spot", []):
+        if isinstance(spot, dict) and isinstance(signal := spot.get("signal"), dict) and "file" in signal:
+            # A path is relative to the pattern.
+            signal["file"] = os.path.join(os.path.dirname(os.fspath(path)), str(signal["file"]))
     try:
         return Pattern.from_plain(content, chosen)
     except InputError as wrong:

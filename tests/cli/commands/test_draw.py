@@ -4,10 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import soundfile
 
 from midair.cli import run
+from midair.errors import InputError
 from midair.files import load_solution, load_target, save_palm_path
 from midair.model import PalmPath
+from midair.patterns import load_pattern
 from midair.physics import transfer_matrix
 from midair.settings import Settings
 
@@ -42,6 +45,26 @@ def test_a_drawn_drive_states_how_it_was_made(drawn):
     target = load_target("circle.drive.h5")
     field = np.abs(drive.q @ transfer_matrix(target.grid, drive.array, acoustics=drive.acoustics).T)
     assert np.abs(field - target.amplitude).max() < 0.01 * target.amplitude.max()  # phases of 8 bits
+
+
+def test_a_recorded_signal_modulates_a_moving_spot(answer):
+    time = np.arange(4000) / 8000
+    soundfile.write("hum.wav", 0.25 * np.sin(2 * np.pi * 100 * time), 8000)
+    table = 'signal = { file = "hum.wav", depth = 0.5 }'
+    Path("hum.toml").write_text(f"[[spot]]\npressure_pa = 40\nshape = {{ name = 'line', length_mm = 40 }}\n{table}\n")
+    answer("draw", "hum.toml", "hum.drive.h5", "--duration", "1s")
+    pressure = load_solution("hum.drive.h5").drive.level ** 2
+    pressure = 40 * pressure / pressure.max()
+    line = 2 / len(pressure) * np.abs(np.fft.rfft(pressure))[100]
+    assert line == pytest.approx(10, rel=0.03)
+    assert pressure.min() == pytest.approx(20, rel=0.05)
+    # The same through another folder; and with a channel that is not there.
+    Path("sub").mkdir()
+    Path("sub/hum.toml").write_text(Path("hum.toml").read_text().replace("hum.wav", "../hum.wav"))
+    answer("draw", "sub/hum.toml", "other.drive.h5", "--duration", "1s")
+    Path("wrong.toml").write_text(Path("hum.toml").read_text().replace("depth = 0.5", "channel = 3"))
+    with pytest.raises(InputError, match=r"signal\.channel: expected 0 to 0 of hum\.wav, got 3"):
+        load_pattern("wrong.toml").foci(1.0)
 
 
 @pytest.mark.long

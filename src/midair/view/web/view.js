@@ -491,7 +491,8 @@ export class TracesPicture extends Picture {
     context.rect(left, 0, w, base);
     context.clip();
     const ticks = this._axis(context, base);
-    this._lines(context, track, colour.trace, scale, from);
+    // The wide line below is seen on both sides of the other.
+    this._lines(context, track, colour.trace, scale, from, this.over ? 2 : 1);
     if (this.over) this._lines(context, this.over, colour.second, scale, from);
     context.fillStyle = colour.ink;
     if (this.head) context.fillRect(left + w / 2 - ratio / 2, 0, ratio, base);
@@ -525,14 +526,14 @@ export class TracesPicture extends Picture {
     // The scale bar does not move with the traces.
     return Math.max(left + 1, left + w - gone - Math.ceil(this._barWidth ?? 0));
   }
-  _lines(context, track, colour, scale, from) {
+  _lines(context, track, colour, scale, from, wide = 1) {
     const { left, w, lane, begin, span } = this.lanes, { ratio } = this, step = w / span, per = Math.max(1, Math.floor(span / w / 2));
     context.strokeStyle = colour;
     context.lineJoin = "round";
     // Begin at the same frame boundaries as the last time.
     const first = Math.max(track.first, per * Math.floor((begin + (from - left) / step) / per - 2)), last = Math.min(track.last - 1, Math.ceil(begin + span));
     for (let c = 0; c < track.width; c++) {
-      context.lineWidth = (c === this.state.channel ? 1.6 : 1) * ratio;
+      context.lineWidth = (c === this.state.channel ? 1.6 : 1) * wide * ratio;
       context.beginPath();
       let pen = false;
       for (let f = first; f <= last; f += per) {
