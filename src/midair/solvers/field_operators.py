@@ -72,16 +72,14 @@ class FieldOperators:
             listeners = np.concatenate([problem.G, problem.guard.G])
             weighted = np.concatenate([problem.G, outside * problem.guard.G])
         lattice, psi = problem.lattice, np.exp(1j * problem.first_psi)
-        if lattice is not None and (found := modes_by_kind(weighted, tolerance)) is not None:
-            strength, kinds = found
+        if lattice is not None:
+            strength, kinds = modes_by_kind(weighted, tolerance)
             V, drive = (
                 np.einsum("ki,kmn->inkm", KINDS, kinds).reshape(-1, len(strength)),
                 FoldedProduct.of(backend, kinds, lattice.weight),
             )
             first = psi @ (problem.G @ V).conj() / strength
         else:
-            if lattice is not None:
-                listeners, weighted = lattice.weight * listeners, lattice.weight * weighted
             kept = modes(weighted, tolerance=tolerance)
             strength, V, matrix = kept.s, kept.V, backend.put(kept.V.T)
             drive = Product(backend=backend, matrix=matrix, back=backend.adjoint(matrix))

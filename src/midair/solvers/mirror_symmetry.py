@@ -26,8 +26,10 @@ SIDES = np.array([[1, 1], [-1, 1], [1, -1], [-1, -1]])
 KINDS = np.array([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]]) / 2
 """Sign of each kind on each image, shape (kind, image); orthonormal, and its own inverse."""
 
-_EMPTY, _MORE, _WORK = 1.1, 1.3, 0.8
-"""Largest places per transducer, and modes and operations relative to the whole array, at which symmetry saves work."""
+_EMPTY, _MORE, _DIFFERENT = 1.1, 1.3, 0.7
+"""Limits of symmetry: most places per transducer, and most modes relative to the whole array, at which it saves work;
+the least share of different fields among those of all kinds.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,22 +124,26 @@ def by_kind(G: Complex) -> Complex:
     return np.asarray(np.einsum("ki,pin->kpn", KINDS, G.reshape(len(G), len(KINDS), -1)))
 
 
-def modes_by_kind(G: Complex, tolerance: float) -> tuple[Array, Complex] | None:
+def kinds_differ(G: Complex, tolerance: float) -> bool:
+    """Whether drives of different kinds make different fields of G (row, place), as points in the middle ensure.
+
+    Points far from the middle couple to all kinds, whose modes above the tolerance then make the same fields.
+    """
+    found = [modes(fields, tolerance=tolerance) for fields in by_kind(G)]
+    U = np.concatenate([each.U for each in found], axis=1)
+    return U.shape[1] > _DIFFERENT * float(np.linalg.norm(U.conj().T @ U)) ** 2
+
+
+def modes_by_kind(G: Complex, tolerance: float) -> tuple[Array, Complex]:
     """Singular values (kind * mode,) and drives V (kind, mode, place) of G (row, place), as many modes of each kind.
 
     Those above `tolerance` times the strongest, and weaker ones of kinds that have fewer; where a kind has none, V is
-    0. None if products by kind would not save work.
+    0.
     """
     found = [modes(fields, tolerance=0.1 * tolerance) for fields in by_kind(G)]
     least = max(tolerance, 1e-9) * max(float(each.s[0]) for each in found)
     most = max(int((each.s > least).sum()) for each in found)
-    rows, places = G.shape
-    # Points far from the middle couple to all kinds, which then make the same fields: fewer modes would do for all.
-    U = np.concatenate([each.U[:, each.s > least] for each in found], axis=1)
-    different = U.shape[1] ** 2 / np.linalg.norm(U.conj().T @ U) ** 2
-    if 4 * most * (rows + places / 4) > _WORK * different * (rows + places):
-        return None
-    s, V = np.full((4, most), least), np.zeros((4, most, places // 4), np.complex128)
+    s, V = np.full((4, most), least), np.zeros((4, most, G.shape[1] // 4), np.complex128)
     for kind, each in enumerate(found):
         # A kind can be silent, except for rounding.
         count = int((each.s[:most] > 1e-3 * least).sum())

@@ -18,7 +18,7 @@ from midair.solvers.free import Free
 from midair.solvers.glide import Glide
 from midair.solvers.glide_blocks import frames_in_block
 from midair.solvers.methods import Method, MethodSettings, check_terms, settings_type
-from midair.solvers.mirror_symmetry import Lattice
+from midair.solvers.mirror_symmetry import Lattice, kinds_differ
 from midair.solvers.phases import spreading_phase
 from midair.solvers.problem import Problem, WarmStart, error_of, phases_and_errors
 from midair.solvers.terms import Guard, PressureMeans, Robust, Term, psi_at_temperatures
@@ -146,8 +146,9 @@ class SolvePlan:
             level = automatic_level(np.array((target.amplitude.max() if loudest is None else loudest) / own.focus))
         if len(airs) > 1:
             scene = NormalisedSetup.of(target, array, airs)
-        elif folds(settings, solver) and (lattice := Lattice.of(array)) is not None:
-            scene = own.folded(lattice)
+        elif isinstance(solver, Glide) and folds(settings) and (lattice := Lattice.of(array)) is not None:
+            folded = own.folded(lattice)
+            scene = folded if kinds_differ(folded.G[0], solver.tolerance) else own
         return cls(
             settings=settings,
             solver=solver,
@@ -241,15 +242,13 @@ class SolvePlan:
         }
 
 
-def folds(settings: MethodSettings, solver: Method) -> bool:
-    """Whether an array with mirror symmetry is folded, see docs/decisions/0048-folding.md.
+def folds(settings: MethodSettings) -> bool:
+    """Whether an array with mirror symmetry is folded: for windows or cells, with or without a guard, on NumPy.
 
-    Beside the lattice's middle fields of different kinds overlap, which ADMM at points alone cannot handle.
+    At points alone ADMM cannot handle fields of different kinds that overlap, see docs/decisions/0048-folding.md.
     """
-    terms = set(settings.asked)
-    return (
-        isinstance(solver, Glide) and solver.backend == "numpy" and terms - {Guard.shown()} == {PressureMeans.shown()}
-    )
+    solver, terms = settings.solver(), set(settings.asked) - {Guard.shown()}
+    return isinstance(solver, Glide) and solver.backend == "numpy" and terms == {PressureMeans.shown()}
 
 
 def settings_with(settings: MethodSettings | None, changes: dict[str, Any]) -> MethodSettings:
