@@ -11,6 +11,7 @@ from midair.settings import best_mode
 from midair.solvers import backend as backend_module
 from midair.solvers import solve_parts
 from midair.solvers.backend import backend
+from midair.solvers.lbfgs import LBFGS, CompiledLBFGS
 from midair.solvers.mirror_symmetry import KINDS, FoldedProduct, Lattice, Product, modes_by_kind
 from midair.solvers.solve_plan import SolvePlan
 
@@ -107,13 +108,19 @@ def test_parts_jobs_and_blocks_do_not_change_a_bit():
     np.testing.assert_array_equal(parts, one.drive.phase)
 
 
-def test_compiled_loops_make_the_steps_of_numpy(monkeypatch):
-    pytest.importorskip("numba")
-    plan, target = SolvePlan.of(wave(6), ARRAY, SETTINGS), wave(6)
-    compiled = plan.solve(target, None, None)[0]
-    monkeypatch.setattr(backend_module, "_kernel", lambda: None)
-    plain = plan.solve(target, None, None)[0]
-    np.testing.assert_allclose(compiled.error, plain.error, rtol=0.03, atol=1e-4)
+def test_compiled_loops_make_the_steps_of_numpy():
+    """A convex cost, from a step that is accepted and from one that is rejected at first."""
+    kernel = pytest.importorskip("midair.solvers.folded_kernel")
+    curvature = np.linspace(0.2, 2, 50, dtype=np.float32)
+    x, step = RNG.normal(size=(2, 50)).astype(np.float32), np.array([0.5, 8], np.float32)
+
+    def function(x):
+        return 0.5 * (curvature * x**2).sum(axis=1), curvature * x
+
+    compiled, plain = (method.run(function, x, step, 9) for method in (CompiledLBFGS(kernel=kernel), LBFGS()))
+    for name in ("x", "gradient", "cost", "scale", "length"):
+        np.testing.assert_allclose(getattr(compiled, name), getattr(plain, name), rtol=1e-3, atol=1e-5)
+    assert (plain.cost < 1e-2).all()
 
 
 @pytest.mark.parametrize(

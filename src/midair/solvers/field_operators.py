@@ -74,19 +74,17 @@ class FieldOperators:
         lattice, psi = problem.lattice, np.exp(1j * problem.first_psi)
         if lattice is not None:
             strength, kinds = modes_by_kind(weighted, tolerance)
-            V, drive = (
-                np.einsum("ki,kmn->inkm", KINDS, kinds).reshape(-1, len(strength)),
-                FoldedProduct.of(backend, kinds, lattice.weight),
-            )
-            first = psi @ (problem.G @ V).conj() / strength
+            drives = np.einsum("ki,kmn->inkm", KINDS, kinds).reshape(-1, len(strength))
+            drive: Product = FoldedProduct.of(backend, kinds, lattice.weight)
+            first = psi @ (problem.G @ drives).conj() / strength
         else:
             kept = modes(weighted, tolerance=tolerance)
-            strength, V, matrix = kept.s, kept.V, backend.put(kept.V.T)
+            strength, drives, matrix = kept.s, kept.V, backend.put(kept.V.T)
             drive = Product(backend=backend, matrix=matrix, back=backend.adjoint(matrix))
             first = psi @ kept.U[: problem.points].conj()
         s = problem.level * strength
-        first_drive = (first / np.where(s > 0, s, 1)) @ V.T
-        field = backend.put(problem.level * (listeners @ V).T)
+        first_drive = (first / np.where(s > 0, s, 1)) @ drives.T
+        field = backend.put(problem.level * (listeners @ drives).T)
         return cls(
             backend=backend,
             problem=problem,
@@ -251,8 +249,6 @@ class FieldOperators:
     def cost_and_slope(self, batch: Batch, y: Rows) -> tuple[Numbers, Rows]:
         """Cost of the field y (row, listener), which may be overwritten, and its slope by y."""
         xp, guard, points = self.backend.xp, self.problem.guard, batch.p.shape[1]
-        if batch.cells is not None and self.drive.kernel is not None:
-            return self._compiled(batch, y)
         square = y if guard is None else y[:, :points]
         if batch.cells is None:
             cost, slope = misfit(xp, square, batch.p)
@@ -262,18 +258,6 @@ class FieldOperators:
             return cost, slope
         extra, outside = excess(xp, y[:, points:], self.ceiling * batch.peak, guard.weight)
         return cost + extra, xp.concat([slope, outside], axis=1)
-
-    def _compiled(self, batch: Batch, y: Rows) -> tuple[Numbers, Rows]:
-        """`cost_and_slope` of cells by `folded_kernel`; the slope takes the place of y."""
-        guard, square = self.problem.guard, np.empty(batch.p.shape, np.float32)
-        self.drive.kernel.square(y, square)
-        missed = square @ self.weights - batch.cells
-        cost = 0.5 * batch.cell_scale * squares(np, missed)
-        missed *= 2 * batch.cell_scale[:, None]
-        ceiling = np.zeros(0, np.float32) if self.ceiling is None else self.ceiling[0]
-        weight = np.float32(0 if guard is None else guard.weight)
-        self.drive.kernel.pull(missed @ self.weights.T, ceiling, batch.peak, weight, y, cost)
-        return cost, y
 
 
 def in_order(backend: Backend, parts: list[tuple[NDArray[np.int64], Rows]]) -> Rows:

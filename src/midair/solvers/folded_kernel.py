@@ -24,12 +24,12 @@ def _mirror(x, y):
 @_fused
 def spread(cosine, sine, weight, kinds):
     """Write into kinds (row, kind, place) the parts of drives of these angles (row, image, place) and weights."""
-    q, K = np.empty((4, kinds.shape[2]), np.complex64), kinds
+    q = np.empty((4, kinds.shape[2]), np.complex64)
     for row in range(len(cosine)):
         for i in range(4):
             for n in range(q.shape[1]):
                 q[i, n] = complex(weight[i, n] * cosine[row, i, n], weight[i, n] * sine[row, i, n])
-        _mirror(q, K[row])
+        _mirror(q, kinds[row])
 
 
 @_fused
@@ -99,31 +99,3 @@ def accept(trial, new, pull, slope, x, cost, gradient, S, Y, inverse, at, scale,
                 x[row, i], gradient[row, i] = trial[row, i], pull[row, i]
         else:
             length[row] *= shrink
-
-
-@_fused
-def square(y, size):
-    """Write into size (row, point) the squared magnitude of the first columns of y."""
-    for row in range(len(y)):
-        for m in range(size.shape[1]):
-            size[row, m] = y[row, m].real ** 2 + y[row, m].imag ** 2
-
-
-@_fused
-def pull(press, ceiling, peak, weight, y, cost):
-    """Make of y (row, listener) the slope by it: `press` times y at the points, and that of `excess` beyond.
-
-    The cost of the excess is added to `cost` (row,); `ceiling` has a number for each listener beyond the points.
-    """
-    points = press.shape[1]
-    for row in range(len(y)):
-        total = np.float32(0)
-        for m in range(points):
-            y[row, m] *= press[row, m]
-        for m in range(len(ceiling)):
-            at = y[row, points + m]
-            size = np.sqrt(at.real * at.real + at.imag * at.imag)
-            above = max(size - ceiling[m] * peak[row, 0], np.float32(0))
-            total += weight * above * above
-            y[row, points + m] = at * (weight * above / max(size, np.float32(1e-30)))
-        cost[row] += np.float32(0.5) * total

@@ -51,7 +51,7 @@ def memory_needed(
     # The guard's rows exist alone and then below the others, both unweighted and weighted.
     G = 16 * M * N * (2 if airs > 1 else 1) + (16 * N * (listeners - M + 2 * listeners) if guard else 0)
     # G of all places of the lattice, and the fields of each kind, which remain with their modes.
-    G += 16 * N * (M + 2 * listeners) if folded else 0
+    places = 16 * N * (M + 2 * listeners) if folded else 0
     answer = _ANSWER * 8 * frames * N
     gram = 16 * M * M + _PLAIN * 16 * M * M + 8 * M * N
     if method in ("exact", "fast", "glide", "live", "free"):
@@ -59,7 +59,7 @@ def memory_needed(
         work = max(_modes(listeners, N), batch, gram if method == "exact" else 0)
     else:
         work = gram if method == "lm" else 16 * M * N
-    return G + work + answer
+    return G + places + work + answer
 
 
 def memory_of(

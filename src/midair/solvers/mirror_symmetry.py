@@ -162,14 +162,14 @@ class Product:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Numbers of modes and of columns."""
-        modes, columns = self.matrix.shape
-        return modes, columns
+        """Numbers of modes and of columns, of all kinds and images."""
+        *_, modes, columns = self.matrix.shape
+        return self.images * modes, self.images * columns
 
     @property
     def images(self) -> int:
-        """Number of images of which the columns consist."""
-        return 1
+        """Number of images of which the columns consist: four if folded."""
+        return 1 if self.matrix.ndim == 2 else 4
 
     def sampled(self, some: NDArray[np.int64], root: Numbers) -> "Product":
         """The product with these columns of each image and each mode divided by a number, shape (mode,)."""
@@ -201,10 +201,7 @@ class Product:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FoldedProduct(Product):
-    """The product with V of four kinds and a factor on each place, on NumPy.
-
-    `matrix` is that of each kind, shape (kind, mode, column of an image), and `back` its adjoint.
-    """
+    """The product with V of four kinds, `matrix` (kind, mode, column of an image), and a factor on each place."""
 
     weight: Numbers  # Factor of each column, shape (image * column,)
 
@@ -216,21 +213,10 @@ class FoldedProduct(Product):
         own = backend.put(weight)
         return cls(backend=backend, matrix=matrix, back=_adjoints(matrix), weight=own, kernel=backend.kernel)
 
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Numbers of modes and of columns, of all kinds and images."""
-        kinds, modes, columns = self.matrix.shape
-        return kinds * modes, kinds * columns
-
-    @property
-    def images(self) -> int:
-        """Number of images of which the columns consist."""
-        return len(self.matrix)
-
     def sampled(self, some: NDArray[np.int64], root: Numbers) -> "FoldedProduct":
         """The product with these columns of each image and each mode divided by a number, shape (kind * mode,)."""
-        matrix = np.ascontiguousarray(self.matrix[:, :, some] / root.reshape(self.images, -1, 1))
-        weight = self.weight.reshape(self.images, -1)[:, some].reshape(-1)
+        matrix = np.ascontiguousarray(self.matrix[:, :, some] / root.reshape(4, -1, 1))
+        weight = self.weight.reshape(4, -1)[:, some].reshape(-1)
         return replace(self, matrix=matrix, back=_adjoints(matrix), weight=weight)
 
     def of_modes(self, b: Rows) -> Rows:
