@@ -1,12 +1,6 @@
 import numpy as np
 import pytest
-from benchmarks.materials import (
-    MaterialsPlan,
-    left_out_names,
-    material_of,
-    materials_table,
-    recorded,
-)
+from benchmarks.materials import MaterialsPlan, left_out_names, material_of, materials_table, recorded
 
 from midair.datasets import stroke
 from midair.files import save

@@ -130,10 +130,7 @@ def stages():
         ("ControlGrid(height=200)", "lengths are in metres, 200 mm is 0.2"),
         ("ControlGrid(height='200mm')", "height: expected a number in m, got '200mm'"),
         ("ControlGrid(rows='4')", "rows: expected a number, got '4'"),
-        (
-            "ControlGrid(rows=4000, columns=4000)",
-            "3.67 mm pitch, 14.7 x 14.7 m; use at most 272 x 272",
-        ),
+        ("ControlGrid(rows=4000, columns=4000)", "3.67 mm pitch, 14.7 x 14.7 m; use at most 272 x 272"),
         ("TransducerArray.autd3(columns=1.5)", "units: expected whole numbers"),
         ("TransducerArray.autd3(columns='2')", "columns of units: expected a number, got '2'"),
         ("TransducerArray.autd3(columns=3000, rows=1000)", "expected at most 10000 in an array, got 3000 x 1000"),

@@ -99,11 +99,7 @@ MISTAKES = (
     ("mend gaps.csv --unit V --fill magic", 2, 'Invalid value "magic" for --fill.'),
     ("export take.h5", 2, 'Command "export" parameter OUTPUT'),
     ("export take.h5 take.h5", 1, "take.h5: already exists; give"),
-    (
-        "export take.h5 take",
-        1,
-        ".npz, .mat, .nc, .hjif, .ahap, .haptic; got 'no ending'",
-    ),
+    ("export take.h5 take", 1, ".npz, .mat, .nc, .hjif, .ahap, .haptic; got 'no ending'"),
     ("export take.h5 take.mp3", 1, "MP3 can be read, not written; writable formats are .h5, .hdf5, .csv"),
     ("export there.drive.h5 x.wav", 1, "expected a name that ends in .npz or .json"),
     ("show there.drive.h5 x.gif", 1, "a file to write is --save x.gif"),

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from midair.errors import InputError, NonFiniteError, ShapeError, UnitError
-from midair.model import Recording, SensorGrid
+from midair.model import Recording, SensorGrid, SensorWiring
 
 
 def test_times_are_exact_multiples_of_the_period():
@@ -36,3 +38,51 @@ def test_the_samples_are_a_copy():
 def test_bad_input_is_refused(changes, error, says):
     with pytest.raises(error, match=says):
         Recording(**({"samples": np.zeros((3, 4, 4)), "rate": 1000.0} | changes))
+
+
+def test_cells_are_taken_from_the_channels_that_they_are_wired_to():
+    wiring = SensorWiring(grid=SensorGrid(rows=2, columns=2), order=(3, 0, 5, 1))
+    frame = np.array([[10.0, 11, 12, 13, 14, 15]])
+    np.testing.assert_array_equal(wiring.arrange(frame), [[[13, 10], [15, 11]]])
+    assert wiring.channels == 6
+
+
+@given(st.permutations(range(16)))
+def test_the_right_order_undoes_swapped_wires(order):
+    # Cell k's signal comes in at channel order[k].
+    signal = np.arange(32.0).reshape(2, 16)
+    channels = np.empty_like(signal)
+    channels[:, list(order)] = signal
+    put_right = SensorWiring().with_order(order)
+    np.testing.assert_array_equal(put_right.arrange(channels).reshape(2, 16), signal)
+
+
+@pytest.mark.parametrize(("channels", "shape"), [(1, (1, 1)), (16, (4, 4)), (17, (1, 17)), (64, (8, 8))])
+def test_cells_without_a_sensor_file(channels, shape):
+    wiring = SensorWiring.for_channels(channels)
+    assert wiring.grid.shape == shape
+    assert wiring.order == tuple(range(channels))
+
+
+@pytest.mark.parametrize("order", [(0,) * 16, tuple(range(15)), tuple(range(17)), (-1, *range(15))])
+def test_orders_that_make_no_sense(order):
+    with pytest.raises(ShapeError, match="expected 16 different numbers from 0 on"):
+        SensorWiring(order=order)
+
+
+def test_other_values_that_make_no_sense():
+    with pytest.raises(UnitError, match="got 'mV'"):
+        SensorWiring(unit="mV")
+    with pytest.raises(InputError, match="full scale: expected a number above 0 V"):
+        SensorWiring(unit="V", full_scale=0.0)
+    for sensitivity in (0.0, float("nan")):
+        with pytest.raises(InputError, match="sensitivity: expected a number other than 0 V/Pa"):
+            SensorWiring(unit="V", sensitivity=sensitivity)
+    with pytest.raises(ShapeError, match="at least 1, got 0"):
+        SensorWiring.for_channels(0)
+
+
+@pytest.mark.parametrize("shape", [(3, 15), (16,)])
+def test_too_few_channels_are_refused(shape):
+    with pytest.raises(ShapeError, match=r"16 channels or more.*correct the order"):
+        SensorWiring().arrange(np.zeros(shape))

@@ -71,13 +71,7 @@ def test_killed_live_touch_makes_the_sum_a_lower_bound():
 
 def test_days_participants_and_simulated_arrays_are_summed_apart():
     later = "2026-03-02T00:00:01.000+00:00"
-    write(
-        order("a"),
-        order("b"),
-        order("c", time=later),
-        order("d", participant="P2"),
-        order("e", simulated=True),
-    )
+    write(order("a"), order("b"), order("c", time=later), order("d", participant="P2"), order("e", simulated=True))
     found = [(day["day"], day["participant"], day["simulated"], day["orders"]) for day in dose_report().days]
     assert found == [
         ("2026-03-01", "P1", False, 2),

@@ -74,11 +74,7 @@ def _measured():
 
 @pytest.mark.parametrize(
     ("array", "grid"),
-    [
-        (_tilted(), GRID),
-        (_measured(), GRID),
-        (TransducerArray.autd3(), replace(GRID, centre=(0.02, 0.0))),
-    ],
+    [(_tilted(), GRID), (_measured(), GRID), (TransducerArray.autd3(), replace(GRID, centre=(0.02, 0.0)))],
     ids=["tilted", "measured", "beside the middle"],
 )
 def test_an_array_without_mirror_symmetry_is_not_split_into_kinds(array, grid):

@@ -12,10 +12,13 @@ from starlette.websockets import WebSocketDisconnect
 from tests.waiting import wait_until
 
 from midair.datasets import stroke
-from midair.errors import DeviceStateError, StoppedError
-from midair.files import load, save
+from midair.errors import DeviceStateError, InputError, StoppedError
+from midair.files import load, load_solution, save
 from midair.model import Medium, Provenance, Recording
+from midair.patterns import Pattern
 from midair.studio import Studio, StudioPlan
+from midair.studio.drawn_pattern import PatternRequest, preview_pattern
+from midair.studio.panels.draw_panel import SaveForm, TakeNamed
 from midair.studio.panels.play_panel import CheckExposure, PlayNow
 from midair.studio.work import SolveRequest, solve_take
 from midair.view import unpack
@@ -110,7 +113,7 @@ def test_all_files_of_a_page_are_small_and_preloaded(client):
     scripts = {name for name in wanted if name.endswith(".js")}
     imported = {name for script in scripts for name in re.findall(r'from "(/web/[^"]+)"', client.get(script).text)}
     tabs = re.findall(r'data-room="(\w+)" data-script="([^"]+)"', page)
-    assert [name for name, _ in tabs] == ["record", "calibrate", "reproduce", "compare", "study", "live"]
+    assert [name for name, _ in tabs] == ["record", "calibrate", "reproduce", "compare", "draw", "study", "live"]
     assert imported | {"/web/app.js"} | {script for _, script in tabs} == scripts
     received = 0
     for name in ["/", *wanted]:
@@ -409,3 +412,44 @@ def test_a_stop_between_the_sounds_of_a_presentation_ends_it(studio):
     playing.permit.stop()
     with pytest.raises(StoppedError, match="stopped on request"):
         asyncio.run(playing.quiet(1.0))
+
+
+def test_drawn_pattern_is_saved_opened_and_never_replaced_silently(studio, monkeypatch):
+    async def result(_, __, work, order):
+        return work(order, lambda *_: None)
+
+    monkeypatch.setattr("midair.studio.jobs.Jobs.result", result)
+    panel, drive, one = studio.panels["draw"], studio.folder.path / "tap.drive.h5", TakeNamed(take="tap.toml")
+    pattern = {"duration_s": 0.05, "spot": [{"pressure_pa": 20}]}
+    form = SaveForm(name="tap", pattern=pattern, drive=True)
+    assert asyncio.run(panel.save(None, form)) == {"saved": ["tap.toml", "tap.drive.h5"]}
+    assert panel.open(None, one) == pattern
+    assert len({Pattern.from_plain(plain).name for plain in panel._state["palette"].values()}) == 12
+    louder = form.model_copy(update={"pattern": {**pattern, "spot": [{"pressure_pa": 40}]}})
+    asked, quiet = asyncio.run(panel.save(None, louder))["asks"], load_solution(drive).drive.level.max()
+    assert asked["files"] == ["tap.toml", "tap.drive.h5"]
+    assert panel.open(None, one) == pattern
+    asyncio.run(panel.save(None, louder.model_copy(update={"replaces": asked["replaces"]})))
+    assert load_solution(drive).drive.level.max() == pytest.approx(2**0.5 * quiet)
+    form.pattern["spot"][0]["signal"] = {"file": "../other.h5"}
+    with pytest.raises(InputError, match="leads out"):
+        asyncio.run(panel.preview(None, form))
+    touched = int(np.ptp(load(studio.folder.path / "towel.h5").samples, axis=0).argmax())
+    form.pattern["spot"][0]["signal"] = {"file": "towel.h5", "channel": touched}
+    asyncio.run(panel.draft(None, form))
+    assert load_solution(studio.takes.samples / "drawn" / "pattern.drive.h5").drive.level.std() > 0
+
+
+@pytest.mark.long
+def test_preview_of_a_pattern_has_the_place_and_the_law_of_the_pressure():
+    def seen(pascal):
+        spot = {"centre_mm": [10, -5], "pressure_pa": pascal, "am": {"frequency_hz": 200}}
+        return preview_pattern(PatternRequest(pattern={"duration_s": 0.2, "spot": [spot]}), print)
+
+    full, half = seen(40), seen(20)
+    assert full["pressure"]["at_mm"] == full["motion"]["at_mm"] == [10, -5]
+    # 40 Pa times 1/2 + 1/2 cos has the rms 40 sqrt(3/8).
+    assert full["pressure"]["top"] == pytest.approx(40 * 0.375**0.5, rel=0.03)
+    assert full["motion"]["top"] == pytest.approx(2 * half["motion"]["top"], rel=0.01)
+    assert full["felt"]["level_db"] == pytest.approx(half["felt"]["level_db"] + 6, abs=0.2)
+    assert full["exposure"]["peak_db"] == pytest.approx(half["exposure"]["peak_db"] + 3, abs=0.3)

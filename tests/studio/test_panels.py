@@ -60,7 +60,7 @@ PRESENTS = """void studio.link.on('session', session =>
     session?.due && studio.link.order('study', 'presented').catch(() => {}))"""
 """The experimenter presents as soon as the page requests it. Void, since Playwright calls returned functions."""
 
-ROOMS = ("record", "calibrate", "reproduce", "compare", "study", "live")
+ROOMS = ("record", "calibrate", "reproduce", "compare", "draw", "study", "live")
 
 
 def answers(study, folder="sessions"):

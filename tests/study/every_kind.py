@@ -19,10 +19,7 @@ STIMULI = {  # name: lines
     "pair": "kind = 'pair'\nmembers = ['touch', 'nothing']\neither_order = 'interval'",
     "mixed": "kind = 'pair'\nmembers = ['word', 'touch']",
 }
-MEDIA = {
-    "photo": "kind = 'picture'\nsource = 'photo.png'",
-    "noise": "kind = 'sound'\nsource = 'noise.wav'",
-}
+MEDIA = {"photo": "kind = 'picture'\nsource = 'photo.png'", "noise": "kind = 'sound'\nsource = 'noise.wav'"}
 """Stimuli that only a browser presents."""
 
 

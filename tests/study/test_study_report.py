@@ -1,8 +1,21 @@
-import numpy as np
-import pytest
+from itertools import pairwise
 
-from midair.study import analyse, data_of_columns, report_page
-from midair.study.study_report import study_pictures
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from midair.errors import InputError
+from midair.study import Chance, analyse, confusion_matrix, data_of_columns, report_page
+from midair.study.findings.finding import Choices
+from midair.study.study_report import (
+    chance_figure,
+    confusion_figure,
+    f_figure,
+    power_figure,
+    rating_figure,
+    study_pictures,
+)
 
 OBJECTS = ["brush", "sponge", "towel"]
 
@@ -54,3 +67,70 @@ def test_a_picture_is_no_wider_than_half_a_page(reported):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_the_page_does_not_overflow(reported, overflowing, width, media, scheme):
     assert overflowing(reported[1], width, media=media, color_scheme=scheme) == []
+
+
+def choices(name):
+    answer = ["brush", "sponge", "towel", "towel", "sponge", "brush"]
+    confusion = confusion_matrix(OBJECTS * 2, answer, labels=OBJECTS)
+    return Choices(name=name, confusion=confusion, f_limits=None)
+
+
+def test_confusions_show_every_count():
+    figure = confusion_figure([choices("plain"), choices("grooved")], simulated=True)
+    assert [axes.get_title() for axes in figure.axes] == ["plain", "grooved"]
+    assert [text.get_text() for text in figure.axes[0].texts] == [str(n) for n in [1, 0, 1, 0, 2, 0, 1, 0, 1]]
+    assert any(text.get_text() == "SIMULATED" for text in figure.texts)
+
+
+def test_bars_are_the_f_measures_and_the_line_is_chance():
+    figure = f_figure([choices("plain"), choices("grooved")], simulated=False)
+    heights = [bar.get_height() for bar in figure.axes[0].patches]
+    assert heights == pytest.approx([0.5, 1, 0.5] * 2)
+    assert figure.axes[0].lines[0].get_ydata()[0] == pytest.approx(1 / 3)
+    assert not figure.texts
+
+
+@pytest.mark.parametrize(("factors", "panels"), [(1, 1), (2, 1), (3, 2)])
+def test_ratings_have_a_panel_a_level_of_the_first_of_three_factors(factors, panels):
+    names = ["surface", "object", "rated"][3 - factors :]
+    where = np.indices((2, 3, 3)[3 - factors :]).reshape(factors, -1)
+    columns = {name: np.array([f"{name}{i}" for i in row]) for name, row in zip(names, where, strict=True)}
+    mean = np.linspace(2, 6, where.shape[1])
+    ratings = pd.DataFrame({**columns, "mean": mean, "low": mean - 1, "high": mean + 1})
+    figure = rating_figure(ratings, names, simulated=False)
+    assert len(figure.axes) == panels
+    shown = [y for axes in figure.axes for box in axes.containers for y in box.lines[0].get_ydata()]
+    assert sorted(shown) == pytest.approx(mean.tolist())
+
+
+def test_long_names_stay_apart_and_inside():
+    names = [f"corduroy-0{i}.fade" for i in range(4)]
+    shown = [Choices(name="all", confusion=confusion_matrix(names, names, labels=names), f_limits=None)]
+    table = pd.DataFrame({"cloth": names * 2, "hand": [f"the {i} hand" for i in range(2) for _ in names]})
+    table = table.assign(mean=3.0, low=2.0, high=4.0)
+    both = [
+        rating_figure(part, list(part)[-4::-1], simulated=True)
+        for part in (table[["cloth", "mean", "low", "high"]][:4], table)
+    ]
+    for figure in (confusion_figure(shown, simulated=True), f_figure(shown, simulated=True), *both):
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        labels = [label.get_window_extent() for label in figure.axes[0].get_xticklabels()]
+        slanted = figure.axes[0].get_xticklabels()[0].get_rotation() > 0
+        assert slanted or all(left.x1 < right.x0 for left, right in pairwise(labels))
+        for box in [*labels, *(legend.get_window_extent() for legend in figure.legends)]:
+            assert 0 <= box.x0 < box.x1 <= figure.bbox.x1
+
+
+def test_four_factors_are_too_many():
+    with pytest.raises(InputError, match="one to three"):
+        rating_figure(pd.DataFrame({}), ["a", "b", "c", "d"], simulated=False)
+
+
+def test_chance_and_power():
+    chance = Chance(value=0.5, distribution=np.linspace(0.2, 0.4, 100), p=0.01)
+    figure = chance_figure(chance, simulated=False)
+    assert "0.205 to 0.395" in figure.axes[0].get_xlabel()
+    curve = pd.DataFrame({"participants": np.array([3, 10]), "power": np.array([0.1, 0.8])})
+    figure = power_figure([("d_z = 1", curve)])
+    assert figure.axes[0].lines[0].get_ydata().tolist() == [0.1, 0.8]

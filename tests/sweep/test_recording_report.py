@@ -20,11 +20,7 @@ def trial(name, frames, method, **more):
     return SweepTrial(recording=name, variant=f"method={method}", pressure=pressure, settings=settings)
 
 
-SWEEP = RecordingSweep(
-    trials=(trial("a", 10, "naive"), trial("b", 6, "lm", iterations=(4, 2))),
-    columns=1,
-    rows=1,
-)
+SWEEP = RecordingSweep(trials=(trial("a", 10, "naive"), trial("b", 6, "lm", iterations=(4, 2))), columns=1, rows=1)
 
 
 def test_report_counts_only_audible_frames(finished, tmp_path):

@@ -17,9 +17,7 @@ def results(finished, tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "change",
-    [{"strengths": [[]]}, {"heights": ["a"]}, {"count": "n/a"}, {"x": 1}, {"acoustics": 3}],
-    ids=str,
+    "change", [{"strengths": [[]]}, {"heights": ["a"]}, {"count": "n/a"}, {"x": 1}, {"acoustics": 3}], ids=str
 )
 def test_settings_of_patterns(change, results):
     with pytest.raises(BrokenFileError, match="expected settings and results of midair"):

@@ -37,10 +37,7 @@ def opened(chromium, tmp_path):
 
 def held(page, frame):
     """Stop at a frame, and wait until it is drawn."""
-    page.evaluate(
-        f"frame => {{ {VIEW} transport.pause(); transport.seek(frame); return {SECOND_TICK}; }}",
-        frame,
-    )
+    page.evaluate(f"frame => {{ {VIEW} transport.pause(); transport.seek(frame); return {SECOND_TICK}; }}", frame)
 
 
 def picture(page, title):

@@ -84,7 +84,8 @@ def declared(kind: Any, name: str, factor: float = 1.0, *, most: float = math.in
     """
     known: Any = {one.name: one for one in fields(kind)}[name]
     low, high = (factor * each for each in known.metadata["limits"])
-    default = known.default if known.default is None else factor * known.default
+    # 1 stays a whole number.
+    default = known.default if known.default is None or factor == 1 else factor * known.default
     made: Any = {"gt" if known.metadata["above"] else "ge": low, "le": min(high, most), "default": default, **other}
     return Field(**made)
 

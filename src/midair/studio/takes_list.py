@@ -14,8 +14,8 @@ from midair.studio.demo_stroke import FIRST
 from midair.studio.folders import StudioFolder
 from midair.studio.take_data import TakeData, stamp_of
 
-SAMPLE = "sample:"
-"""Prefix of the names of samples, which are not files of the folder."""
+SAMPLE, DRAWN = "sample:", "drawn:"
+"""Prefixes of the names of samples and of patterns that are not saved, which are not files of the folder."""
 
 _ENDINGS = (".drive.h5", ".rerecorded.h5", ".calibration.h5", ".array.h5")
 """Endings of files that are not takes."""
@@ -85,6 +85,8 @@ class TakesList:
             if name not in found:
                 raise InputError(f"take: expected one of {', '.join(found) or 'no samples yet'}, got {name[:80]!r}")
             return found[name]
+        if name.startswith(DRAWN):
+            return StudioFolder(self.samples / "drawn").find(name.removeprefix(DRAWN))
         return self.folder.find(name)
 
     def incoming(self, name: str) -> Path:

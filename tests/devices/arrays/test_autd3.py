@@ -1,9 +1,11 @@
+import socket
 import sys
 
 import pytest
 
 from midair.devices import autd3_array, pyautd3_array
-from midair.errors import MissingExtraError
+from midair.devices.arrays.autd3 import SERVER_PORT, SIMULATOR_PORT, autd3_place
+from midair.errors import MissingExtraError, UnknownDeviceError
 
 WITHOUT = {
     "autd3": (autd3_array, "midair.devices.arrays.autd3_udp", "autd3"),
@@ -31,3 +33,52 @@ def test_names_state_the_kind_of_device():
     )
     assert pyautd3_array("audit").simulated
     assert not pyautd3_array("ethercrab:eth0").simulated
+
+
+PLACES = {
+    "auto": ("auto", "autd3", False),
+    "eth0": ("interface", "autd3:eth0", False),
+    "emulator": ("emulator", "autd3:emulator", True),
+    "[::1]:50000": ("address", "autd3:[::1]:50000", True),
+    "[fe80::9:1]:44336": ("address", "autd3:[fe80::9:1]:44336", False),
+    "[fe80::9:1%3]:44336": ("address", "autd3:[fe80::9:1%3]:44336", False),
+    "simulator": ("simulator", "autd3-simulator:44336", True),
+    "simulator:5000": ("simulator", "autd3-simulator:5000", True),
+    "server": ("server", "autd3-server:44338", False),
+    "server:5000": ("server", "autd3-server:5000", False),
+    "server:localhost:5000": ("server", "autd3-server:5000", False),
+    "server:[::1]:5000": ("server", "autd3-server:5000", False),
+}
+
+
+@pytest.mark.parametrize("where", PLACES)
+def test_a_place_by_its_name(where):
+    place = autd3_place(where)
+    assert (place.kind, place.device, place.simulated) == PLACES[where]
+
+
+@pytest.mark.parametrize(
+    ("where", "words"),
+    [
+        ("[::1]", "an IPv6 address with a port"),
+        ("[::1]:70000", "an IPv6 address with a port"),
+        ("[127.0.0.1]:5000", "an IPv6 address with a port"),
+        ("[fe80::1%nowhere]:5000", "one of the interfaces .*lo.*, got 'nowhere'"),
+        ("simulator:x", "a port from 1 to 65534, got 'x'"),
+        ("simulator:65535", "a port from 1 to 65534"),
+        ("server:lab:5000", r"on this computer only, got 'lab:5000'; forward its port with ssh -L"),
+    ],
+)
+def test_what_is_no_place(where, words):
+    with pytest.raises(UnknownDeviceError, match=words):
+        autd3_place(where)
+
+
+def test_an_interface_in_an_address_becomes_its_number():
+    number, name = socket.if_nameindex()[0]
+    assert autd3_place(f"[fe80::1%{name}]:5000").name == f"[fe80::1%{number}]:5000"
+
+
+def test_the_ports_are_the_sdk_s_own():
+    sdk = pytest.importorskip("autd3._autd3")
+    assert (SIMULATOR_PORT, SERVER_PORT) == (sdk.SIMULATOR_PORT, sdk.SERVER_PORT)

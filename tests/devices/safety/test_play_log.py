@@ -115,10 +115,7 @@ def test_a_day_has_no_more_hours_of_sound_than_the_profile():
 
     assert PROFILE.hours == 4
     order("P1")
-    with pytest.raises(
-        ExposureError,
-        match=r"at most 2e-06 h of sound a day for P1, got .* today and 1.67e-06 h more",
-    ):
+    with pytest.raises(ExposureError, match=r"at most 2e-06 h of sound a day for P1, got .* today and 1.67e-06 h more"):
         order("P1")
     order("P2")
     order("P1", override="A. Person")

@@ -176,11 +176,7 @@ def test_faults_are_refused_counted_and_reported_once_and_good_poses_go_on(sende
         hand = Hand(sender, tracker)
         hand.good(5)
         assert eventually(lambda: tracker.status().poses == 5)
-        wrong = {
-            "number": (np.nan, 0, 0.2, *FLAT),
-            "range": (0, 0, 7.0, *FLAT),
-            "jump": (1.0, 0, 0.2, *FLAT),
-        }
+        wrong = {"number": (np.nan, 0, 0.2, *FLAT), "range": (0, 0, 7.0, *FLAT), "jump": (1.0, 0, 0.2, *FLAT)}
         if sender.junk is not None:
             sender.junk()
             assert hand.refused("message", 2)

@@ -69,8 +69,7 @@ def test_what_is_written_is_read_back(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "content",
-    [[], {"signals": {}}, {"signals": {"continuous": {"envelopes": {"amplitude": []}}}}, {"signals": None}],
+    "content", [[], {"signals": {}}, {"signals": {"continuous": {"envelopes": {"amplitude": []}}}}, {"signals": None}]
 )
 def test_a_clip_without_an_envelope_is_refused(content, tmp_path):
     (tmp_path / "a.haptic").write_text(json.dumps(content))

@@ -1,10 +1,12 @@
 import numpy as np
 import pandas
 import pytest
+from tests.palms import palm_path
 
 from midair.datasets.catalogue import sample_path
 from midair.errors import BrokenFileError, MismatchError, NonFiniteError, RateError, ShapeError, UnitError
-from midair.files import load, open_take, save
+from midair.files import load, load_palm_path, open_take, save, save_palm_path
+from midair.files.importers.csv_file import read_table
 from midair.model import SensorGrid
 
 PAIR = SensorGrid(rows=1, columns=2)
@@ -193,3 +195,91 @@ def test_repeated_rows_and_gaps_are_reported(tmp_path):
     assert any("1 of 415 rows have the time stamp of the row before" in sentence for sentence in seen.report)
     assert any("1 gaps in the time stamps" in sentence for sentence in seen.report)
     assert seen.recording.frames == pytest.approx(424, abs=1)
+
+
+HEAD = "time,x,y,z,nx,ny,nz,dx,dy,dz,confidence\n"
+
+
+def test_poses_are_read_as_they_were_written(tmp_path):
+    rng = np.random.default_rng(1)
+    palm = palm_path(np.arange(5) / 110, rng.random((5, 3)), confidence=rng.random(5))
+    save_palm_path(palm, tmp_path / "hand.csv")
+    read = load_palm_path(tmp_path / "hand.csv")
+    for name in ("time", "centre", "normal", "fingers", "confidence"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(palm, name))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("time,x\n0,1\n", "expected the columns time,x,y,z"),
+        (HEAD + "0,0,0,.2,0,0,-2,0,1,0,1\n", "vectors of length 1"),
+        (HEAD + "0,0,0,.2,0,0,-1,0,1,0,1\n" * 2, "increasing times"),
+        (HEAD + "0,0,0,.2,0,0,-1,0,1,0,7\n", "confidence"),
+    ],
+)
+def test_a_file_of_other_content_is_refused(tmp_path, text, told):
+    (tmp_path / "hand.csv").write_text(text)
+    with pytest.raises(BrokenFileError, match=told):
+        load_palm_path(tmp_path / "hand.csv")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a,b,c\n1,2,3\n4,5,6\n",
+        "a, b, c\n1, 2, 3\n4, 5, 6",
+        "a,b,c\r\n1,2,3\r\n4,5,6\r\n",
+        "a,b,c\n1,2,3,\n4,5,6,\n",
+        "a,b,c,\n1,2,3,\n4,5,6,\n",
+        "a;b;c\n1;2;3\n4;5;6\n",
+        "a\tb\tc\n1\t2\t3\n4\t5\t6\n",
+        "# made by a machine, 2019\na,b,c\n\n1,2,3\n  \n4,5,6\n\n",
+        '"a","b","c"\n"1","2","3"\n4,5,6\n',
+        " a ,b , c \n 1 ,2.0,3e0\n4,+5,6\n",
+    ],
+    ids=[
+        "plain",
+        "spaces after commas",
+        "line ends of Windows",
+        "rows end in a comma",
+        "names and rows end in a comma",
+        "semicolons",
+        "tabs",
+        "comments and empty lines",
+        "quotes",
+        "spaces and signs",
+    ],
+)
+def test_reads_every_dialect_alike(text, tmp_path):
+    table = read_table(text, tmp_path)
+    assert table.names == ("a", "b", "c")
+    np.testing.assert_array_equal(table.values, [[1, 2, 3], [4, 5, 6]])
+
+
+def test_reads_rows_without_names(tmp_path):
+    table = read_table("1,2,\n3,4,\n", tmp_path)
+    assert table.names == ()
+    np.testing.assert_array_equal(table.values, [[1, 2], [3, 4]])
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("", BrokenFileError, "expected rows of numbers, got none"),
+        ("a,b\n", BrokenFileError, "expected rows of numbers, got none"),
+        ("a,b\n1,2\n3\n", BrokenFileError, "expected 2 fields in line 3, got 1"),
+        ("a,b\n1,2,3\n", BrokenFileError, "expected 2 fields in line 2, got 3"),
+        ("a,b\n1,2,,\n", BrokenFileError, "expected 2 fields in line 2, got 4"),
+        ("a,b\n1,x\n", BrokenFileError, "got 'x' in line 2, column 'b'"),
+        ("a,b\n1,1_000\n", BrokenFileError, "got '1_000' in line 2, column 'b'"),
+        ('a;b\n1;"2,5"\n', BrokenFileError, "write decimals with a point"),
+        ("a,b\n1,\n", NonFiniteError, "empty field in line 2, column 'b'"),
+        ("a,b\n,1\n", NonFiniteError, "empty field in line 2, column 'a'"),
+        ("a,b\n1,2\n3,nan\n", NonFiniteError, "got nan in line 3, column 'b'"),
+        ("1,2\n3,inf\n", NonFiniteError, "got inf in line 2, column 2"),
+    ],
+)
+def test_errors_name_the_place(text, error, message, tmp_path):
+    with pytest.raises(error, match=message):
+        read_table(text, tmp_path)

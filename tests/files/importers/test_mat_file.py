@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
-from midair.errors import BrokenFileError
+from midair.errors import BrokenFileError, MismatchError, UnitError
 from midair.files import load, open_take, save
 from midair.files.importers.mat_file import is_mat5, read_mat5
+from midair.model import SensorGrid
 
 RNG = np.random.default_rng(0)
 ARRAYS = {
@@ -115,3 +116,94 @@ def test_scipy_never_reads_other_files(start, tmp_path):
 
 def test_a_dropped_calibration_is_reported(recording, calibration, tmp_path):
     assert [loss.what for loss in save(recording, tmp_path / "a.mat", calibration=calibration)] == ["calibration"]
+
+
+def write(path, arrays):
+    if path.suffix == ".npz":
+        np.savez(path, **arrays)
+    else:
+        savemat(path, arrays)
+    return path
+
+
+each = pytest.mark.parametrize("ending", [".npz", ".mat"])
+
+
+@each
+def test_other_programs_read_samples_rate_and_unit(ending, recording, tmp_path):
+    path = tmp_path / f"a{ending}"
+    save(recording, path)
+    arrays = np.load(path) if ending == ".npz" else loadmat(path)
+    np.testing.assert_array_equal(arrays["samples"], recording.samples)
+    assert arrays["rate"].item() == recording.rate
+    assert arrays["unit"].item() == "Pa"
+
+
+@each
+def test_reads_frames_and_channels(ending, tmp_path):
+    data = np.arange(32).reshape(2, 16)
+    seen = open_take(write(tmp_path / f"a{ending}", {"data": data}), **SAID)
+    np.testing.assert_array_equal(seen.recording.samples, data.reshape(2, 4, 4))
+    assert "4 x 4" in seen.report[0]
+    assert seen.recording.provenance.steps[0].settings["array"] == "data"
+
+
+@each
+def test_reads_frames_rows_and_columns(ending, tmp_path):
+    data = np.random.default_rng(0).normal(size=(5, 2, 3))
+    seen = open_take(write(tmp_path / f"a{ending}", {"data": data, "scale": 3.0}), **SAID)
+    np.testing.assert_array_equal(seen.recording.samples, data)
+    assert seen.recording.sensor == SensorGrid(rows=2, columns=3)
+    assert "pitch" in seen.report[0]
+
+
+@each
+def test_takes_samples_among_several(ending, tmp_path):
+    data = np.ones((3, 2, 2))
+    path = write(tmp_path / f"a{ending}", {"samples": data, "noise": np.zeros((3, 2, 2))})
+    np.testing.assert_array_equal(load(path, **SAID).samples, data)
+
+
+@each
+@pytest.mark.parametrize(
+    "arrays",
+    [{"a": np.ones((3, 4)), "b": np.ones((3, 4))}, {"a": np.array("text")}, {"a": np.ones((2, 2), complex)}],
+    ids=["two", "text", "complex"],
+)
+def test_refuses_ambiguous_arrays(ending, arrays, tmp_path):
+    with pytest.raises(BrokenFileError, match="expected one array of numbers"):
+        load(write(tmp_path / f"a{ending}", arrays), **SAID)
+
+
+@each
+def test_requires_facts_that_the_file_lacks(ending, tmp_path):
+    with pytest.raises(UnitError):
+        load(write(tmp_path / f"a{ending}", {"a": np.ones((3, 4, 4))}), rate=10)
+
+
+@each
+def test_refuses_a_rate_that_was_edited(ending, recording, tmp_path):
+    path = tmp_path / f"a{ending}"
+    save(recording, path)
+    arrays = dict(np.load(path) if ending == ".npz" else loadmat(path))
+    arrays = {name: value for name, value in arrays.items() if not name.startswith("__")}
+    with pytest.raises(BrokenFileError, match="rate was edited"):
+        load(write(path, {**arrays, "rate": 5.0}))
+
+
+@each
+def test_one_row_or_column_is_one_channel(ending, tmp_path):
+    data = np.random.default_rng(0).normal(size=50)
+    for shape in ((50, 1), (1, 50)):
+        seen = open_take(write(tmp_path / f"a{ending}", {"wave": data.reshape(shape), "fs": 3.0}), **SAID)
+        np.testing.assert_array_equal(seen.recording.samples.ravel(), data)
+        assert seen.recording.sensor.count == 1
+    assert "one channel of 50 frames" in seen.report[0]
+
+
+@each
+def test_takes_the_array_that_is_named(ending, tmp_path):
+    path = write(tmp_path / f"a{ending}", {"a": np.ones((3, 4)), "b": np.zeros((3, 4))})
+    assert load(path, **SAID, stream="b", channels=["1"]).samples.max() == 0
+    with pytest.raises(MismatchError, match="called 'c'"):
+        load(path, **SAID, stream="c")

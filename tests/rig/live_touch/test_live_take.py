@@ -16,10 +16,7 @@ from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_RE
 
 SENSOR, ONE = SensorGrid(rows=2, columns=2), Placement.grid(columns=1, rows=1)
 ORDER = LiveSettings(
-    sensor="lsl:Skin",
-    device="virtual",
-    exposure=ExposureChoices(profile=profile_named(DEFAULT_PROFILE)),
-    placement=ONE,
+    sensor="lsl:Skin", device="virtual", exposure=ExposureChoices(profile=profile_named(DEFAULT_PROFILE)), placement=ONE
 )
 FOUND = LoopStarted(
     sensor=SENSOR,

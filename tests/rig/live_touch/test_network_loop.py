@@ -73,12 +73,7 @@ def replay(proxy):
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("disturb", "way"),
-    [
-        (longer_way, {}),
-        (replay, {}),
-        (lambda proxy: None, {"loss": 0.05}),
-        (lambda proxy: None, {"jitter": 0.025}),
-    ],
+    [(longer_way, {}), (replay, {}), (lambda proxy: None, {"loss": 0.05}), (lambda proxy: None, {"jitter": 0.025})],
     ids=["longer way", "replay", "loss", "jitter"],
 )
 def test_no_frame_sounds_for_more_than_40_ms(disturb, way):

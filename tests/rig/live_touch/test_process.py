@@ -51,10 +51,7 @@ def test_all_frames_of_another_program_arrive_and_lost_ones_are_counted(skin, tm
 
 def test_a_program_that_ends_is_a_sensor_that_is_lost(skin):
     sensor, running = skin
-    with (
-        pytest.raises(DeviceError, match="lsl"),
-        midair.live(sensor, "autd3:emulator", exposure=ANSWERED) as session,
-    ):
+    with pytest.raises(DeviceError, match="lsl"), midair.live(sensor, "autd3:emulator", exposure=ANSWERED) as session:
         session.wait(1.0)
         running.kill()
         wait_until(lambda: not session.wait(0.1), 10)

@@ -138,9 +138,7 @@ def test_catch_trials_do_not_change_the_threshold(tmp_path):
     nothing = Stimulus(name="nothing", kind="silence")
     extras = (Extra(role="catch", stimuli=("nothing",), repetitions=15),)
     block = replace(made.blocks[0], extras=extras)
-    plan = draw_plan(
-        replace(made, stimuli=(*made.stimuli, nothing), questions=(felt,), blocks=(block,)),
-    )
+    plan = draw_plan(replace(made, stimuli=(*made.stimuli, nothing), questions=(felt,), blocks=(block,)))
     trials = plan.of(1)
     assert [trial.role for trial in trials].count("catch") == 15
     assert trials[0].role == "test"

@@ -31,7 +31,7 @@ from midair.errors import MismatchError
 from midair.model import ArrayCalibration, Progress, Provenance
 from midair.physics import TransducerDynamics, transfer_matrix, wavenumber
 
-_UNIT_ERROR = 0.09e-3
+_UNIT_ERROR = 0.11e-3
 """Standard uncertainty in m of x and y of a unit, since directivity and gel differ from the model: fitted to arrays
 of another model (benchmarks/unknown_arrays.py).
 """

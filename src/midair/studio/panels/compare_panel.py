@@ -45,8 +45,8 @@ class ComparePanel(Panel):
         return self._add(take, title, work, (str(self._takes.path(take)), str(drive)), section)
 
     def _played(self, take: str) -> None:
-        """Compare a take after it was played."""
-        if self._takes.beside(take, ".rerecorded.h5").exists():
+        """Compare a take after it was played; a drawn pattern has no recording to compare with."""
+        if not take.endswith(".toml") and self._takes.beside(take, ".rerecorded.h5").exists():
             self._compare(take)
         self._context.show_takes()
 

@@ -86,6 +86,7 @@ PANELS: Registry[type[Panel]] = Registry(
         "calibrate": "midair.studio.panels.calibrate_panel:CalibratePanel",
         "reproduce": "midair.studio.panels.reproduce_panel:ReproducePanel",
         "compare": "midair.studio.panels.compare_panel:ComparePanel",
+        "draw": "midair.studio.panels.draw_panel:DrawPanel",
         "study": "midair.studio.panels.study_panel:StudyPanel",
         "live": "midair.studio.panels.live_panel:LivePanel",
     },

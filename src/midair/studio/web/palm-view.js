@@ -2,7 +2,7 @@
 
 import { make } from "/web/dom.js";
 
-const drawn = (tag, given) => {
+export const drawn = (tag, given) => {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
   for (const [name, value] of Object.entries(given)) made.setAttribute(name, value);
   return made;

@@ -26,7 +26,7 @@ export function askToPlay(studio, take, again, correct = false) {
   const drifted = warningBox("drift", make("button", { type: "button", id: "correct-air", onclick: () => { given.correct_air = true; check(); } }, "Correct phases"),
     make("button", { type: "button", id: "solve-again", onclick: () => { dialog.close(); again(); } }, "Solve again"));
   let admission = 0, checks = 0, timer = 0, solved = NaN;
-  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^sample:/, "").replace(/\.h5$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, make("div.column", {}, field("Times", repeats), field("Ear protection of everyone here, dB at 40 kHz", protection), field("Follow the palm of a tracker", tracker), field("Its latency, ms", latency)), palm, refused,
+  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, make("div.column", {}, field("Times", repeats), field("Ear protection of everyone here, dB at 40 kHz", protection), field("Follow the palm of a tracker", tracker), field("Its latency, ms", latency)), palm, refused,
     make("div.buttons", {}, hold, make("button", { type: "button", onclick: () => dialog.close() }, "Close")), done,
     make("p.quiet", {}, "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it."));
 
@@ -71,7 +71,7 @@ export function askToPlay(studio, take, again, correct = false) {
     verdict.textContent = report ? (report.output ? `played, and re-recorded as ${report.output}` : `played ${report.frames} frames, ${report.late ?? 0} late`) : link.state.player.said;
     verdict.className = report ? "good" : "bad";
     if (report) {
-      const more = [make("button", { type: "button", id: "play-again", onclick: () => { for (const one of more) one.remove(); check(); } }, "Check and play again"), ...(report.output ? [make("button", { type: "button", id: "to-compare", onclick: () => { dialog.close(); studio.go("compare", take); } }, "Compare")] : [])];
+      const more = [make("button", { type: "button", id: "play-again", onclick: () => { for (const one of more) one.remove(); check(); } }, "Check and play again"), ...(report.output && !take.endsWith(".toml") ? [make("button", { type: "button", id: "to-compare", onclick: () => { dialog.close(); studio.go("compare", take); } }, "Compare")] : [])];
       hold.parentElement.append(...more);
     }
     if (dialog.open) { given.override = ""; setTimeout(() => { if (dialog.open && !report) check(); }, 300); }

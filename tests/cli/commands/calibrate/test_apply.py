@@ -161,11 +161,7 @@ WRONG = {
     "no pressure": (["tone", "all-a.h5"], 2, "pressure"),
     "a pressure without a unit": (["tone", "all-a.h5", "--pressure", "10"], 1, "--pressure"),
     "nothing to show": (["show", "all-a.h5"], 1, "none"),
-    "unknown crosstalk": (
-        ["all-a.h5", "--sensitivity", "20mV/Pa", "--crosstalk", "undo"],
-        1,
-        "press on each",
-    ),
+    "unknown crosstalk": (["all-a.h5", "--sensitivity", "20mV/Pa", "--crosstalk", "undo"], 1, "press on each"),
     "air that is none": (["beam", "--temperature", "60C"], 1, "0 to 50 degrees"),
     "too few levels": (["beam", "--levels", "3"], 1, "5 or more"),
     "an unknown array": (["beam", "--device", "autd9"], 2, "autd9"),

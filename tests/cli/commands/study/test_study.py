@@ -176,10 +176,7 @@ def test_a_person_at_the_terminal(tmp_path):
     folder = StudyFolder(tmp_path / "s")
     plan = folder.plan()
     console = Typist(["", "AB12", "1", "", "cat", "brush", "2", None])
-    with (
-        pytest.raises(KeyboardInterrupt),
-        Session(plan, 1, folder.log(1), SilentPresenter()) as session,
-    ):
+    with pytest.raises(KeyboardInterrupt), Session(plan, 1, folder.log(1), SilentPresenter()) as session:
         run(session, TerminalScreen(console))
     console.file.close()
     (progress,) = folder.sessions()
