@@ -28,8 +28,8 @@ from midair.figures import png_bytes
 from midair.figures.style import STYLE, new_figure
 from midair.files import contents, open_take
 from midair.model import Calibration, PressureFrames, Recording
+from midair.paper.figures import PaperResult, Row
 from midair.paper.modes_compared import strongest_begins
-from midair.paper.result import PaperResult, Row
 from midair.pipeline import calibrated_pressure, reproduce, required_lead, with_fitted_gain
 from midair.rig import Stage, VirtualRig, default_exposure, no_progress, record, rerecord
 from midair.settings import Mode, Settings, paper_mode, with_paper_mode

@@ -13,7 +13,7 @@ from tests.simulators.openmpd import CommandReader, measured_board
 
 from midair.datasets import stroke
 from midair.devices import ExposureChoices, OpenMpdArray, check_exposure
-from midair.devices.arrays.openmpd_frames import START, STEPS, drive_frames
+from midair.devices.arrays.openmpd import START, STEPS, drive_frames
 from midair.files import profile_named
 from midair.model import AmplitudeFrames, Board, Drive, array_of_boards
 from midair.physics import transfer_matrix

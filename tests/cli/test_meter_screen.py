@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from midair.cli.commands.record import MeterScreen, decibels, meters
 from midair.cli.keys import Keys, Signals
-from midair.cli.meter_screen import MeterScreen, decibels, meters
 from midair.devices import ReplaySensor
 from midair.model import Event, Recording, SensorGrid
 from midair.rig.takes.meters import Meters

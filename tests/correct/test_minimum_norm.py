@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.correct import MinimumNorm
-from midair.correct.minimum_norm import slopes
+from midair.correct.iterative import slopes
 from midair.errors import InputError, ShapeError
 from midair.model import ControlGrid, Drive, SensorGrid, TransducerArray
 from midair.physics import (

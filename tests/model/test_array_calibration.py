@@ -45,7 +45,7 @@ def test_a_measured_array_has_poles_and_its_nominal_one_has_none():
 def test_resonance_and_quality_are_those_of_the_pole():
     known = calibration(pole=np.full(ARRAY.count, -1 / 188e-6 - 2j * np.pi * 200))
     np.testing.assert_allclose(known.resonance, 39800)
-    # omega tau / 2, as in `midair.physics.transducers`.
+    # omega tau / 2, as in `midair.physics.playback`.
     np.testing.assert_allclose(known.quality, 2 * np.pi * 39800 * 188e-6 / 2)
 
 

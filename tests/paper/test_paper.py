@@ -7,9 +7,8 @@ import pytest
 
 from midair.errors import InputError
 from midair.model import ControlGrid
-from midair.paper.figures import PATTERNS, StimuliPlan, figure_3, figure_4, figure_9
+from midair.paper.figures import PATTERNS, PaperResult, StimuliPlan, figure_3, figure_4, figure_9
 from midair.paper.modes_compared import FidelityPlan, at_strength, fidelity_table, original_of, target_strength
-from midair.paper.result import PaperResult
 from midair.settings import Settings
 
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)

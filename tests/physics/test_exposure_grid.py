@@ -6,7 +6,7 @@ import pytest
 from midair.files import profile_named
 from midair.model import Acoustics, TransducerArray
 from midair.physics import transfer_matrix
-from midair.physics.exposure_grid import bands, between, lattice, middle, slow_field, stacks
+from midair.physics.exposure_modes import bands, between, lattice, middle, slow_field, stacks
 from midair.physics.exposure_places import combined
 
 ARRAY = TransducerArray.autd3()

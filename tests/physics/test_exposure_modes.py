@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from midair.physics.exposure_grid import stacks
-from midair.physics.exposure_modes import Product, Workspace, field_by_modes
+from midair.physics.exposure_modes import Product, Workspace, field_by_modes, stacks
 
 WIDE = np.array([3.0, 5.0, 2.5])
 

@@ -53,7 +53,7 @@ def test_a_pattern_is_drawn_changed_played_and_saved(studio_at, look, tmp_path):
     click("#draw-delete")
     page.until(f"{SEEN} && !document.querySelector('#draw-play').disabled", timeout=120)
     click("#draw-play")
-    page.until(f"/^SIMULATED: played 4000 frames/.test({said})", timeout=120)
+    page.until(f"/^SIMULATED: played 4000 frames/.test({said.replace('said', 'played')})", timeout=120)
     page.page.locator("#draw-name").fill("grainy")
     click("#draw-save-drive")
     page.until(f"{said} === 'saved grainy.toml and grainy.drive.h5'", timeout=60)

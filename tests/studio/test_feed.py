@@ -3,7 +3,7 @@ import asyncio
 import numpy as np
 import pytest
 
-from midair.studio.feed import Feed
+from midair.studio.panels.record_panel import Feed
 from midair.studio.studio_state import Page
 from midair.view import Kind, Section, pack, unpack
 

@@ -7,7 +7,7 @@ import pytest
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.study.design import draw_plan
-from midair.study.design.answers import answers_table
+from midair.study.design.session_state import answers_table
 from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.session import Session, SilentPresenter, read_events
 from midair.study.tables import read_csv, write_csv

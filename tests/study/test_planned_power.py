@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tests.study.simulated import simulate
 
-from midair.study.design.answers import answers_table
+from midair.study.design.session_state import answers_table
 from midair.study.design.study_design import PlannedPower
 from midair.study.findings import analyse, data_of_answers
 from midair.study.findings.rating_findings import adaptive

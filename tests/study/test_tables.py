@@ -9,7 +9,7 @@ import pytest
 from tests.study.simulated import simulate
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
-from midair.study.design.answers import answers_table
+from midair.study.design.session_state import answers_table
 from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv, write_psych_ds
 

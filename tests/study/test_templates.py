@@ -5,8 +5,8 @@ import pytest
 from tests.study.simulated import simulate
 
 from midair.study.design.adaptive_block import thresholds_of
-from midair.study.design.answers import answers_table, excluded_participants
 from midair.study.design.plan import draw_plan
+from midair.study.design.session_state import answers_table, excluded_participants
 from midair.study.drives import prepare_drives
 from midair.study.findings import analyse, data_of_answers
 from midair.study.folder import StudyFolder, Template, read_design, template_text

@@ -107,27 +107,23 @@ def import_recording(
 ) -> OpenedTake:
     """The recording in a file and the assumptions made; lazy frames if `streamed`, unless gaps are filled."""
     try:
-        return _read_with_options(file, options, streamed=streamed, mending=mending)
+        shared = [field.name for field in fields(ImportOptions) if hasattr(options, field.name)]
+        facts = {name: getattr(options, name) for name in shared}
+        layout = None if options.footprint else options.layout
+        taken = open_take(file, **facts, sensor=layout, mending=mending, streamed=streamed)
+        recording, report = taken.recording, taken.report
+        if isinstance(recording.samples, LazyFrames):
+            report = (*report, *suspicious(recording))
+        if options.resample is not None:
+            recording = resampled(recording, options.resample)
+        if options.footprint is not None:
+            recording, more = _field(recording, options, options.footprint)
+            report = (*report, *more)
+        if options.footprint is not None or options.resample is not None:
+            return OpenedTake(recording=recording, report=report)
+        return replace(taken, recording=recording, report=report)
     except InputError as wrong:
         raise type(wrong)(wrong.message(_TYPED)) from wrong
-
-
-def _read_with_options(file: File, options: FileOptions, *, streamed: bool, mending: Mending | None) -> OpenedTake:
-    shared = [field.name for field in fields(ImportOptions) if hasattr(options, field.name)]
-    facts = {name: getattr(options, name) for name in shared}
-    layout = None if options.footprint else options.layout
-    taken = open_take(file, **facts, sensor=layout, mending=mending, streamed=streamed)
-    recording, report = taken.recording, taken.report
-    if isinstance(recording.samples, LazyFrames):
-        report = (*report, *suspicious(recording))
-    if options.resample is not None:
-        recording = resampled(recording, options.resample)
-    if options.footprint is not None:
-        recording, more = _field(recording, options, options.footprint)
-        report = (*report, *more)
-    if options.footprint is not None or options.resample is not None:
-        return OpenedTake(recording=recording, report=report)
-    return replace(taken, recording=recording, report=report)
 
 
 def _field(recording: Recording, options: FileOptions, patch: Patch) -> tuple[Recording, tuple[str, ...]]:

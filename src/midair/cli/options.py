@@ -200,7 +200,16 @@ def _settings_of_file(path: Path) -> Settings:
 
 def _parameter(choice: Choice, otherwise: Literal["paper", "best"]) -> Any:
     """The option of a choice; its help shows the default, and the paper's where the best mode's differs."""
-    kind = _type_of(choice)
+    # No objects, and the tuple where both a number and a tuple are allowed.
+    hint: Any = Settings
+    for part in choice.path.split("."):
+        holder = next(each for each in _alternatives(hint) if hasattr(each, "__dataclass_fields__"))
+        hint = get_type_hints(holder)[part]
+    plain = [
+        each for each in _alternatives(hint) if not hasattr(each, "__dataclass_fields__") and each is not type(None)
+    ]
+    pairs = [each for each in plain if get_origin(each) is tuple]
+    kind = pairs[0] if pairs else reduce(or_, plain)
 
     shown = {name: format_value(choice.of(MODES[name]()), choice.unit) for name in ("paper", "best")}
     default = shown[otherwise]
@@ -224,19 +233,6 @@ def _constant_default(default: str) -> Any:
         return default
 
     return False if default == "its own" else shown
-
-
-def _type_of(choice: Choice) -> Any:
-    """Type of a choice on the command line: no objects, and the tuple where both a number and a tuple are allowed."""
-    hint: Any = Settings
-    for part in choice.path.split("."):
-        holder = next(each for each in _alternatives(hint) if hasattr(each, "__dataclass_fields__"))
-        hint = get_type_hints(holder)[part]
-    plain = [
-        each for each in _alternatives(hint) if not hasattr(each, "__dataclass_fields__") and each is not type(None)
-    ]
-    pairs = [each for each in plain if get_origin(each) is tuple]
-    return pairs[0] if pairs else reduce(or_, plain)
 
 
 def _alternatives(hint: Any) -> Sequence[Any]:

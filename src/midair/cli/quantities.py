@@ -47,7 +47,13 @@ def parse_quantity(text: str, unit: str) -> float:
     if not written:
         raise ValueError(f"{advice}; add the unit")
     if unit in _BY_HAND:
-        return _by_hand(float(parts[1]), written, unit, advice)
+        if written not in _BY_HAND[unit]:
+            raise ValueError(f"{advice}; possible units: {', '.join(_BY_HAND[unit])}")
+        factor, offset = _BY_HAND[unit][written]
+        value = factor * float(parts[1]) + offset
+        if not math.isfinite(value):
+            raise ValueError(f"{advice}; it must be finite")
+        return value
     # The import of pint takes a quarter of a second.
     prefix = {"": 1.0, "k": 1e3, "m": 1e-3}.get(written.removesuffix(unit)) if written.endswith(unit) else None
     try:
@@ -57,16 +63,6 @@ def parse_quantity(text: str, unit: str) -> float:
         raise ValueError(f"{advice}; the unit measures another quantity") from None
     except (AttributeError, ValueError):
         raise ValueError(f"{advice}; unknown unit") from None
-    if not math.isfinite(value):
-        raise ValueError(f"{advice}; it must be finite")
-    return value
-
-
-def _by_hand(number: float, written: str, unit: str, advice: str) -> float:
-    if written not in _BY_HAND[unit]:
-        raise ValueError(f"{advice}; possible units: {', '.join(_BY_HAND[unit])}")
-    factor, offset = _BY_HAND[unit][written]
-    value = factor * number + offset
     if not math.isfinite(value):
         raise ValueError(f"{advice}; it must be finite")
     return value

@@ -9,6 +9,6 @@ from .gains import commanded_pressure as commanded_pressure
 from .gains import correct_air as correct_air
 from .gains import sine_amplitude as sine_amplitude
 from .iterative import IterativeCorrection as IterativeCorrection
+from .iterative import MinimumNorm as MinimumNorm
 from .iterative import Response as Response
 from .iterative import measured_response as measured_response
-from .minimum_norm import MinimumNorm as MinimumNorm

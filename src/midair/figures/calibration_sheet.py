@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -95,14 +94,9 @@ def _response(axis: Axes, calibration: Calibration) -> None:
             axis.fill_between(calibration.frequency, low, high, color=tuple(colours[channel]), alpha=0.15, linewidth=0)
     axis.set_yscale("log")
     axis.set_title("magnitude", fontsize=8, loc="left")
-    _name_channels(axis, colours, heard)
-
-
-def _name_channels(axis: Axes, colours: Array, heard: Sequence[int], *, most: int = 16) -> None:
-    """Add a legend of at most `most` channels."""
     from matplotlib.lines import Line2D
 
-    named = list(heard)[:: -(-len(heard) // most) or 1]
+    named = list(heard)[:: -(-len(heard) // 16) or 1]
     lines = [Line2D([], [], color=colours[channel], label=str(channel)) for channel in named]
     axis.legend(handles=lines, title="channel", title_fontsize=7, fontsize=7, ncols=4, frameon=False, loc="best")
 

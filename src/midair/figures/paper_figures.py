@@ -15,7 +15,6 @@ from midair.figures.style import STYLE, new_figure, plain_axes
 from midair.model import ControlGrid, PressureFrames, SensorGrid
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -156,23 +155,19 @@ def stimuli_figure(
             place.set_yticks([])
             place.set_ylabel(name if column == 0 else "", fontsize=8)
             place.set_title(f"{stimulus}, rms 0 to {top:.0f} Pa" if row == 0 else "", fontsize=8, loc="left")
-            _traces(wave, each[name], channels, shown)
+            frames = each[name]
+            count = min(frames.frames, round(shown * frames.rate))
+            first = (frames.frames - count) // 2
+            time = 1e3 * np.arange(count) / frames.rate
+            signals = frames.pressure[first : first + count].reshape(count, -1)
+            wave.plot(time, np.delete(signals, list(channels), axis=1), color="#9aa4ae", linewidth=0.6)
+            for channel, line in zip(channels, ("-", ":"), strict=False):
+                wave.plot(time, signals[:, channel], line, color=STYLE.ink, linewidth=1.1)
+            wave.margins(x=0)
             wave.set_ylim(-1.05 * high, 1.05 * high)
             wave.set_ylabel("pressure (Pa)", fontsize=8)
             wave.set_xlabel("time (ms)" if row == len(rows) - 1 else "", fontsize=8)
     return figure
-
-
-def _traces(axis: Axes, frames: PressureFrames, channels: Sequence[int], shown: float) -> None:
-    """Draw the middle `shown` seconds of all channels."""
-    count = min(frames.frames, round(shown * frames.rate))
-    first = (frames.frames - count) // 2
-    time = 1e3 * np.arange(count) / frames.rate
-    signals = frames.pressure[first : first + count].reshape(count, -1)
-    axis.plot(time, np.delete(signals, list(channels), axis=1), color="#9aa4ae", linewidth=0.6)
-    for channel, line in zip(channels, ("-", ":"), strict=False):
-        axis.plot(time, signals[:, channel], line, color=STYLE.ink, linewidth=1.1)
-    axis.margins(x=0)
 
 
 def objects_figure(

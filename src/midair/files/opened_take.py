@@ -204,9 +204,6 @@ class ImportedData:
             return given.sensor, ""
         if self.sensor is not None:
             return self.sensor, ""
-        return self._assumed_sensor(channels, path)
-
-    def _assumed_sensor(self, channels: int, path: Path) -> tuple[SensorGrid, str]:
         pitch = SensorGrid().pitch
         if self.samples.ndim == 3:
             sensor = SensorGrid(rows=self.samples.shape[1], columns=self.samples.shape[2])

@@ -2,8 +2,8 @@
 
 from midair.progress import Progress as Progress
 
-from .array_calibration import POSE_AIMS as POSE_AIMS
-from .array_calibration import ArrayCalibration as ArrayCalibration
+from .calibration import POSE_AIMS as POSE_AIMS
+from .calibration import ArrayCalibration as ArrayCalibration
 from .calibration import Calibration as Calibration
 from .calibration import Crosstalk as Crosstalk
 from .calibration import Linearity as Linearity
@@ -16,8 +16,6 @@ from .drive import Drive as Drive
 from .drive import PlayedTouch as PlayedTouch
 from .drive import Solution as Solution
 from .drive import Status as Status
-from .frames import AmplitudeFrames as AmplitudeFrames
-from .frames import PressureFrames as PressureFrames
 from .geometry import UNIT as UNIT
 from .geometry import Board as Board
 from .geometry import ControlGrid as ControlGrid
@@ -34,8 +32,10 @@ from .palm import TrackerPlacement as TrackerPlacement
 from .provenance import Provenance as Provenance
 from .provenance import Setting as Setting
 from .provenance import Step as Step
+from .recording import AmplitudeFrames as AmplitudeFrames
 from .recording import Event as Event
 from .recording import EventKind as EventKind
+from .recording import PressureFrames as PressureFrames
 from .recording import Recording as Recording
 from .recording import SensorWiring as SensorWiring
 from .recording import Unit as Unit

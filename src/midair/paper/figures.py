@@ -1,43 +1,87 @@
-"""Reproduce the paper's figures.
+"""Reproduce the paper's figures, as pictures and as numbers in CSV and JSON.
 
 Fig. 3: binary patterns and the fields solved for them (5.1). Fig. 4: experiment 5.2, modulated foci, recorded,
 reproduced and re-recorded. Fig. 9, for the synthetic objects: spectra of the target pressure on both surfaces (5.3).
 """
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
+from pathlib import Path
 from types import MappingProxyType
 from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.array_types import Array
 from midair.datasets import Object, channel_amplitudes
 from midair.dsp import band_energy
 from midair.errors import InputError
-from midair.evaluate import Leak, leak, perceptual_metrics, printed_error, relative_error
+from midair.evaluate import leak, perceptual_metrics, printed_error, relative_error
 from midair.figures import FieldRow, fields_figure, objects_figure, png_bytes, stimuli_figure
+from midair.files import atomic_file, csv_text, for_json
 from midair.model import (
     HEIGHT,
     Acoustics,
     AmplitudeFrames,
-    ControlGrid,
-    Drive,
     Medium,
     PressureFrames,
     Provenance,
     SensorGrid,
     TransducerArray,
 )
-from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude, propagate
 from midair.pipeline import calibrated_pressure, solve_with
 from midair.progress import report_progress
 from midair.rig import Loop, OpenRig, Stage, VirtualRig, loop, no_progress, record
 from midair.settings import MODES, Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import MAPPINGS, interpolation_matrix
+
+Row = Mapping[str, str | int | float | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperResult:
+    """One figure or table in the paper's mode and in another one."""
+
+    name: str
+    """Base name of the files."""
+    title: str
+    rows: tuple[Row, ...]
+    """Numbers; all rows have the same keys."""
+    pictures: Mapping[str, bytes]
+    """PNG files by name."""
+    about: Mapping[str, object] = field(default_factory=dict[str, object])
+    """Parameters of the computation."""
+
+    def plain(self) -> dict[str, object]:
+        """Values for JSON; infinite values become null."""
+        return {
+            "name": self.name,
+            "title": self.title,
+            "simulated": True,
+            "about": dict(self.about),
+            "rows": [for_json(row) for row in self.rows],
+        }
+
+    def table(self) -> str:
+        """Return the rows as CSV."""
+        return csv_text(self.rows)
+
+    def files(self, folder: Path) -> list[Path]:
+        """Paths of the files that `write` creates."""
+        return [folder / f"{self.name}.csv", folder / f"{self.name}.json", *(folder / name for name in self.pictures)]
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write pictures, CSV and JSON into a folder; each file is written atomically."""
+        folder.mkdir(parents=True, exist_ok=True)
+        contents = [self.table().encode(), json.dumps(self.plain(), indent=2).encode(), *self.pictures.values()]
+        for path, content in zip(self.files(folder), contents, strict=True):
+            with atomic_file(path) as partial:
+                partial.write_bytes(content)
+        return self.files(folder)
+
 
 PATTERNS: Mapping[str, int] = MappingProxyType(
     {
@@ -83,7 +127,9 @@ def figure_3(
             shown.append(FieldRow(name="target", fields=amplitude / focus, grid=grid, notes=tuple(PATTERNS)))
         notes: list[str] = []
         for number, name in enumerate(PATTERNS):
-            outside = _leak(drive, amplitude, number, grid)
+            part = slice(number, number + 1)
+            one = replace(drive, phase=drive.phase[part], level=drive.level[part])
+            outside = leak(one, amplitude[part], grid)
             notes.append(f"E {100 * error[number]:.1f} %, leak {100 * outside.peak:.0f} %")
             rows.append(
                 {
@@ -103,12 +149,6 @@ def figure_3(
         pictures={"figure3.png": png_bytes(fields_figure(shown, sensor, quantity="sound pressure over a full focus"))},
         about={"strength": strength, "height_m": HEIGHT, "array": array.name, "sources": "points, no attenuation"},
     )
-
-
-def _leak(drive: Drive, amplitude: Array, number: int, grid: ControlGrid) -> Leak:
-    part = slice(number, number + 1)
-    one = replace(drive, phase=drive.phase[part], level=drive.level[part])
-    return leak(one, amplitude[part], grid)
 
 
 STIMULI: Mapping[str, str] = MappingProxyType(

@@ -12,7 +12,7 @@ from midair.evaluate import Budget, in_band
 from midair.figures import budget_figure, passes_figure, png_bytes
 from midair.files import open_take
 from midair.model import BAND, PressureFrames
-from midair.paper.result import PaperResult, Row
+from midair.paper.figures import PaperResult, Row
 from midair.physics import focus_amplitude
 from midair.pipeline import calibrated_pressure, required_lead, target_amplitude
 from midair.rig import BudgetPlan, Loop, OpenRig, Stage, VirtualRig, error_budget, loop, no_progress, record

@@ -21,9 +21,12 @@ from .heating import unit_duty as unit_duty
 from .heating import unit_levels as unit_levels
 from .playback import PlaybackChain as PlaybackChain
 from .playback import Spread as Spread
+from .playback import TransducerDynamics as TransducerDynamics
+from .playback import Transducers as Transducers
 from .playback import TransducerState as TransducerState
 from .playback import Waves as Waves
 from .playback import check_frame_rate as check_frame_rate
+from .playback import envelope as envelope
 from .playback import playback_response as playback_response
 from .playback import radiate as radiate
 from .playback import simulate as simulate
@@ -68,6 +71,3 @@ from .steering import on_the_palm as on_the_palm
 from .steering import pose_of as pose_of
 from .steering import poses_at as poses_at
 from .steering import steering_phase as steering_phase
-from .transducers import TransducerDynamics as TransducerDynamics
-from .transducers import Transducers as Transducers
-from .transducers import envelope as envelope

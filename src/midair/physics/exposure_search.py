@@ -19,8 +19,17 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array, Single
 from midair.model import Acoustics, Medium, TransducerArray
-from midair.physics.exposure_grid import bands, middle, slow_field, stacks
-from midair.physics.exposure_modes import FieldByModes, Product, Workspace, field_by_modes, power_of
+from midair.physics.exposure_modes import (
+    FieldByModes,
+    Product,
+    Workspace,
+    bands,
+    field_by_modes,
+    middle,
+    power_of,
+    slow_field,
+    stacks,
+)
 from midair.physics.exposure_places import Place
 from midair.physics.propagation import ArrayKey, transfer_matrix
 

@@ -322,19 +322,14 @@ def channel_volts(
         # Horner's scheme in the phase factor of one step.
         spectrum *= turn
         spectrum += rfft(part, length, overwrite_x=True)
-    spectrum *= _response(model, number, length, rate) / oversample
-    return np.asarray(irfft(spectrum, length, overwrite_x=True)[:frames], np.float64)
-
-
-def _response(model: SensorModel, number: int, length: int, rate: float) -> Complex:
-    """Response of one channel at every bin, shape (bin,)."""
     frequency = np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64)
     row, column = divmod(number, model.grid.columns)
     parts = [
         channel_response(model, frequency[first : first + _BINS])[:, row, column]
         for first in range(0, len(frequency), _BINS)
     ]
-    return np.concatenate(parts)
+    spectrum *= np.concatenate(parts) / oversample
+    return np.asarray(irfft(spectrum, length, overwrite_x=True)[:frames], np.float64)
 
 
 _BINS = 2**13

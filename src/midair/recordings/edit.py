@@ -62,22 +62,17 @@ def resample(recording: Recording, rate: float) -> Recording:
     denominator up to 1000; where that error exceeds 1e-6, the result has the rate of the fraction. Raises InputError if
     the rate is not above 0.
     """
+    from fractions import Fraction
+
     rate = positive(rate, "rate", "Hz")
-    exact = _rate_of(recording.rate, rate)
+    slow, fast = sorted((recording.rate, rate))
+    # The same fraction as `dsp.resample` takes.
+    ratio = Fraction(fast / slow).limit_denominator(1000)
+    exact = recording.rate * float(ratio) if rate > recording.rate else recording.rate / float(ratio)
+    exact = rate if abs(exact / rate - 1) < 1e-6 else exact
     settings: dict[str, Setting] = {"from_hz": recording.rate, "to_hz": exact}
     samples = dsp.resample(recording.samples, recording.rate, rate)
     return replace(recording, samples=samples, rate=exact, provenance=recording.provenance.then("resample", settings))
-
-
-def _rate_of(rate: float, wanted: float) -> float:
-    """Rate of the result of `midair.dsp.resample`, in Hz: `wanted` where it agrees to 1e-6."""
-    from fractions import Fraction
-
-    slow, fast = sorted((rate, wanted))
-    # The same fraction as `dsp.resample` takes.
-    ratio = Fraction(fast / slow).limit_denominator(1000)
-    exact = rate * float(ratio) if wanted > rate else rate / float(ratio)
-    return wanted if abs(exact / wanted - 1) < 1e-6 else exact
 
 
 def trim(recording: Recording, *, share: float = 0.05, level: float | None = None, margin: float = 0.05) -> Recording:

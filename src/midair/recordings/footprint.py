@@ -76,7 +76,13 @@ class Footprint:
             return float(np.sqrt(0.5) * (across + along)) + half
         if self.shape == "square":
             return float(np.sqrt(2)) * (min(across, along) + half)
-        return _circle_leaves(across, along, half)
+        # It last touches the corner if the rectangle is nearly square, otherwise a side.
+        root = np.sqrt(0.5)
+        short, long = sorted((across, along))
+        if (short + half) <= long:
+            return float((short + half) / root)
+        middle, off = (short + long) * root, (long - short) * root
+        return float(middle + np.sqrt(half**2 - off**2))
 
     def crossing(self, sensor: SensorGrid) -> float:
         """Time from the first contact to the last, in s; infinite at speed 0."""
@@ -191,14 +197,3 @@ def _square_below(reach: Array, pitch: float) -> Array:
     corner = pitch * np.sqrt(0.5)
     d = np.clip(reach, -corner, corner)
     return np.where(d < 0, (corner + d) ** 2, pitch**2 - (corner - d) ** 2)
-
-
-def _circle_leaves(across: float, along: float, radius: float) -> float:
-    """Distance from the centre of a rectangle at which a disc that moves at 45 degrees last touches it."""
-    # It last touches the corner if the rectangle is nearly square, otherwise a side.
-    root = np.sqrt(0.5)
-    short, long = sorted((across, along))
-    if (short + radius) <= long:
-        return float((short + radius) / root)
-    middle, off = (short + long) * root, (long - short) * root
-    return float(middle + np.sqrt(radius**2 - off**2))

@@ -81,19 +81,16 @@ class LazyFrames:
             frame = range(len(self))[int(key)]
             return self._read(frame, frame + 1)[0]
         if isinstance(key, np.ndarray) and key.ndim == 1:
-            return self._read_chosen(np.arange(len(self))[key])
+            frames = np.arange(len(self))[key]
+            some, most = np.empty((len(frames), *self.shape[1:])), next(block_ranges(self.shape), (0, 1))[1]
+            ends = [*(np.flatnonzero(np.diff(frames) != 1) + 1).tolist(), len(frames)]
+            for begin, end in zip([0, *ends], ends, strict=False):
+                for at in range(begin, end, most):
+                    # Copied into place: a view would keep its whole segment in memory.
+                    count = min(most, end - at)
+                    some[at : at + count] = self._read(int(frames[at]), int(frames[at]) + count)
+            return some
         return np.asarray(self)[key]
-
-    def _read_chosen(self, frames: NDArray[np.intp]) -> Array:
-        """Read chosen frames; consecutive ones are read together, because each read may open a file."""
-        some, most = np.empty((len(frames), *self.shape[1:])), next(block_ranges(self.shape), (0, 1))[1]
-        ends = [*(np.flatnonzero(np.diff(frames) != 1) + 1).tolist(), len(frames)]
-        for begin, end in zip([0, *ends], ends, strict=False):
-            for at in range(begin, end, most):
-                # Copied into place: a view would keep its whole segment in memory.
-                count = min(most, end - at)
-                some[at : at + count] = self._read(int(frames[at]), int(frames[at]) + count)
-        return some
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         """Read the whole array into memory."""

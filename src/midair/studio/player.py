@@ -206,7 +206,12 @@ class _Player:
                 case "unfollow":
                     return self._unfollow()
                 case "quiet":
-                    return self._quiet(order)
+                    with self.noise.over(order["masked"]):
+                        end = time.monotonic() + order["seconds"]
+                        while time.monotonic() < end:
+                            self.permit.check(order["leave"], "silence")
+                            time.sleep(0.02)
+                    return True
                 case _:
                     # "let go": another process uses the array for a while.
                     self.held.close()
@@ -338,15 +343,6 @@ class _Player:
             raise DeviceStateError("play: expected a drive that was just checked, got none; check its exposure again")
         with self.noise.over(order["masked"]):
             return self._let_sound(order, *found)
-
-    def _quiet(self, order: Mapping[str, Any]) -> bool:
-        """Present silence for as long as the other stimuli, with the same noise."""
-        with self.noise.over(order["masked"]):
-            end = time.monotonic() + order["seconds"]
-            while time.monotonic() < end:
-                self.permit.check(order["leave"], "silence")
-                time.sleep(0.02)
-        return True
 
     def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path, room: Medium | None) -> dict[str, Any]:
         leave, output = order["leave"], order["output"]

@@ -20,7 +20,7 @@ from midair.pipeline import calibrated_pressure
 from midair.rig import event_message
 from midair.settings import CHOICES, Settings, format_value, nearest_mode
 from midair.targets import frames_without_lead
-from midair.view import Channels, Kind, Section, channel_sound, encode_counts, fit_interpolation, pack, phase_counts
+from midair.view import Channels, Kind, channel_sound, encode_counts, fit_interpolation, pack, phase_counts
 
 Streams = Literal["samples", "wanted", "played", "phases", "original", "again"]
 
@@ -190,7 +190,11 @@ def frames_of(order: tuple[TakeData, Streams, int], _: object = None) -> bytes:
         samples = np.asarray(take.recording.samples[first : first + count]).reshape(count, -1)
         return pack([encode_counts(samples - _rest(data.take, data.stamp), Kind.SAMPLES, first=first, rate=rate)])
     if stream == "wanted" and not data.drive:
-        return pack([_wanted_early(data, first, count, rate)])
+        wanted = _wanted(data.take, data.stamp)
+        places = np.minimum(np.rint(np.arange(first, first + count) / rate * wanted.rate), wanted.frames - 1)
+        return pack(
+            [encode_counts(wanted.amplitude[places.astype(np.intp)], Kind.FIELD, dtype="<i2", first=first, rate=rate)]
+        )
     if not data.drive:
         raise InputError(f"{stream}: expected a take that was solved; solve it first")
     solution, target, matrix = _drive(data.drive, data.stamp)
@@ -211,24 +215,12 @@ def _frames_of(solution: Solution, target: AmplitudeFrames, rate: float, first: 
     """Indices of the drive frames at the times of recording frames; its fade-in is left out."""
     drive = solution.drive
     inside = frames_without_lead(target.provenance, drive.frames, drive.rate)
-    begin = _begin_of(target) * drive.rate
-    places = np.rint((np.arange(first, first + count) / rate) * drive.rate - begin).astype(np.intp) + inside.start
-    return places[(places >= inside.start) & (places < inside.stop)]
-
-
-def _begin_of(target: AmplitudeFrames) -> float:
-    """Time in s at which the drive begins in the recording."""
     cut = target.provenance.last("cut")
     start = cut.get("start_s")
     # A recording that was cut by an edit begins at 0; the part of a solve has a duration.
-    return float(start) if isinstance(start, int | float) and "duration_s" in cut else 0.0
-
-
-def _wanted_early(data: TakeData, first: int, count: int, rate: float) -> Section:
-    """Target of the paper's mode, for a take that is not solved yet."""
-    wanted = _wanted(data.take, data.stamp)
-    places = np.minimum(np.rint(np.arange(first, first + count) / rate * wanted.rate), wanted.frames - 1)
-    return encode_counts(wanted.amplitude[places.astype(np.intp)], Kind.FIELD, dtype="<i2", first=first, rate=rate)
+    begin = (float(start) if isinstance(start, int | float) and "duration_s" in cut else 0.0) * drive.rate
+    places = np.rint((np.arange(first, first + count) / rate) * drive.rate - begin).astype(np.intp) + inside.start
+    return places[(places >= inside.start) & (places < inside.stop)]
 
 
 def _compared(data: TakeData, stream: Streams, second: int) -> bytes:

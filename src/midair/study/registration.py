@@ -195,15 +195,11 @@ def _experiment(power: PlannedPower, design: Design) -> tuple[Experiment, str]:
     if power.test == "equivalence":
         what = f"Equivalence within {effect:g} times the standard deviation of the people's differences"
         return EquivalenceExperiment(margin=effect), what
-    others, groups = _other_levels(design)
-    effects = 2 ** (1 + len(others)) - 1 if not groups else 2 ** len(groups) * 2 ** (1 + len(others)) - 1
-    what = f"Difference of {effect:g} rating steps, with Holm's correction for {effects} effects"
-    return RatingExperiment(means=(0.0, effect), others=others, groups=groups), what
-
-
-def _other_levels(design: Design) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Levels of the further factors of the ratings, within and between participants, for Holm's correction."""
+    # Levels of the further factors of the ratings, within and between participants.
     parts = [part.levels for part in (*design.stimuli, *design.blocks, *design.questions)]
     within = [len({levels[name] for levels in parts if name in levels}) for name in design.analysis.within[1:]]
     between = [len(design.question(name).answers) for name in design.analysis.between if name in design.form]
-    return tuple(within), tuple(between)
+    others, groups = tuple(within), tuple(between)
+    effects = 2 ** (1 + len(others)) - 1 if not groups else 2 ** len(groups) * 2 ** (1 + len(others)) - 1
+    what = f"Difference of {effect:g} rating steps, with Holm's correction for {effects} effects"
+    return RatingExperiment(means=(0.0, effect), others=others, groups=groups), what

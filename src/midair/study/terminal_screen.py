@@ -129,7 +129,10 @@ class TerminalScreen:
             return self._read_key(self._keyboard, question)
         if self._keyboard and question.kind == "slider":
             return self._read_slider(self._keyboard, question)
-        return self._read_line(question)
+        self._console.print("> ", end="")
+        if self._keyboard and question.timeout_s and not self._keyboard.line_in(question.timeout_s):
+            return Reply(text="", reaction_s=question.timeout_s, by="line", late=True)
+        return Reply(text=self._console.input(""), by="line")
 
     def _read_key(self, keyboard: Keyboard, question: Question) -> Reply:
         """Answer of a single key, with its reaction time."""
@@ -162,12 +165,6 @@ class TerminalScreen:
                     self._console.print("")
                     return Reply(text=text, reaction_s=monotonic() - begin, by="key")
             return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
-
-    def _read_line(self, question: Question) -> Reply:
-        self._console.print("> ", end="")
-        if self._keyboard and question.timeout_s and not self._keyboard.line_in(question.timeout_s):
-            return Reply(text="", reaction_s=question.timeout_s, by="line", late=True)
-        return Reply(text=self._console.input(""), by="line")
 
     def accepted(self, step: TrialStep, answer: str) -> None:
         """Print a message if the time limit passed; nothing else, since feedback would bias the answers."""

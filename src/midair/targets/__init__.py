@@ -1,19 +1,19 @@
 """Convert the pressure on a few cells to target sound amplitudes at the control points (paper, 4.1)."""
 
-from .compensation import add_lead as add_lead
-from .compensation import default_lead as default_lead
-from .compensation import frames_without_lead as frames_without_lead
-from .compensation import precompensate as precompensate
-from .compensation import precompensate_sound as precompensate_sound
-from .compensation import remove_lead as remove_lead
 from .mapping import MAPPINGS as MAPPINGS
 from .mapping import MappingReport as MappingReport
 from .mapping import MappingStream as MappingStream
 from .mapping import SlowBias as SlowBias
+from .mapping import add_lead as add_lead
 from .mapping import constant_offset as constant_offset
+from .mapping import default_lead as default_lead
+from .mapping import frames_without_lead as frames_without_lead
 from .mapping import half_wave as half_wave
 from .mapping import mapping_of as mapping_of
 from .mapping import mapping_report as mapping_report
+from .mapping import precompensate as precompensate
+from .mapping import precompensate_sound as precompensate_sound
+from .mapping import remove_lead as remove_lead
 from .mapping import slow_bias as slow_bias
 from .preparing import Circle as Circle
 from .preparing import Interpolated as Interpolated

@@ -143,7 +143,11 @@ class Film:
         for group in self._groups:
             for tile in group:
                 draw.text((left, 8), tile.title, fill="white", font=self._font)
-                self._length(draw, left, tile.width)
+                # A scale bar below the map, at most a third of its width.
+                length = max(each for each in _LENGTHS if each <= tile.width / 3 or each == _LENGTHS[0])
+                end, level = left + round(self._side * length / tile.width), 42 + self._side
+                draw.line([(left, level - 4), (left, level), (end, level), (end, level - 4)], fill="white")
+                draw.text((end + 6, level - 10), f"{_short(1e3 * length)} mm", fill="white", font=self._font)
                 left += self._side + _EDGE
             bar = Image.fromarray(self.table[::-1, None]).resize((18, self._side), Image.Resampling.NEAREST)
             picture.paste(bar, (left, 30))
@@ -156,13 +160,6 @@ class Film:
         if self._showing.simulated:
             draw.text((width - _EDGE, height - 30), "SIMULATED", fill="#ff7b72", font=self._font, anchor="ra")
         return picture
-
-    def _length(self, draw: Any, left: int, width: float) -> None:
-        """Draw a scale bar below a map, at most a third of its width."""
-        length = max(each for each in _LENGTHS if each <= width / 3 or each == _LENGTHS[0])
-        end, level = left + round(self._side * length / width), 42 + self._side
-        draw.line([(left, level - 4), (left, level), (end, level), (end, level - 4)], fill="white")
-        draw.text((end + 6, level - 10), f"{_short(1e3 * length)} mm", fill="white", font=self._font)
 
 
 _EDGE, _BAR = 14, 74

@@ -57,7 +57,13 @@ def channel_sound(
     heard = _faded(resample(heard, rate, sound_rate), round(10e-3 * sound_rate))
     if full_scale is None:
         full_scale = float(np.abs(heard).max()) / _PEAK or 1.0
-    return ChannelSound(data=_wav(np.clip(heard / full_scale, -1, 1), sound_rate), full_scale=full_scale)
+    out = io.BytesIO()
+    with wave.open(out, "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(round(sound_rate))
+        file.writeframes(np.rint(np.clip(heard / full_scale, -1, 1) * 32767).astype("<i2").tobytes())
+    return ChannelSound(data=out.getvalue(), full_scale=full_scale)
 
 
 def comparison_sounds(showing: ViewData) -> tuple[tuple[str, ChannelSound], ...]:
@@ -75,16 +81,6 @@ def _faded(x: Array, length: int) -> Array:
     window = np.ones(len(x))
     window[:length], window[len(x) - length :] = ramp, ramp[::-1]
     return x * window
-
-
-def _wav(x: Array, rate: float) -> bytes:
-    out = io.BytesIO()
-    with wave.open(out, "wb") as file:
-        file.setnchannels(1)
-        file.setsampwidth(2)
-        file.setframerate(round(rate))
-        file.writeframes(np.rint(x * 32767).astype("<i2").tobytes())
-    return out.getvalue()
 
 
 WEB = Path(__file__).parent / "web"

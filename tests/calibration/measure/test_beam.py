@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
-from midair.calibration.measure.beam import BeamReading, find_lag, measure_beam, tone_amplitudes
-from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting, beam_field, focus_position
+from midair.calibration.measure.beam import (
+    BeamPlan,
+    BeamReading,
+    BeamSetting,
+    beam_field,
+    find_lag,
+    focus_position,
+    measure_beam,
+    tone_amplitudes,
+)
 from midair.errors import InputError, ShapeError
 from midair.model import Recording, SensorGrid, TransducerArray
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.simulators.openmpd import CommandReader, measured_board
 
-from midair.devices.arrays.openmpd_frames import (
+from midair.devices.arrays.openmpd import (
     AHEAD,
     FramesAhead,
     drive_frames,

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from midair.devices.arrays.openmpd_frames import drive_frames
+from midair.devices.arrays.openmpd import drive_frames
 from midair.model import Board, Drive, array_of_boards
 
 SOURCES = os.environ.get("MIDAIR_OPENMPD", "")

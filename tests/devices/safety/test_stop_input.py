@@ -7,7 +7,7 @@ import time
 import pytest
 
 from midair.devices.safety.stop_channel import open_stop_channel
-from midair.devices.safety.stop_input import open_stop_input, stop_on_input
+from midair.devices.safety.stop_guard import open_stop_input, stop_on_input
 from midair.errors import DeviceError, InputError, StoppedError
 
 
@@ -73,7 +73,7 @@ KEYBOARD = """
 import os, sys, threading
 os.close(os.open(sys.argv[1], os.O_RDWR))
 from midair.devices.safety.stop_channel import open_stop_channel
-from midair.devices.safety.stop_input import stop_on_input
+from midair.devices.safety.stop_guard import stop_on_input
 silent = threading.Event()
 with stop_on_input("keyboard"), open_stop_channel("a device", silent.set):
     print("plays", flush=True)

@@ -59,7 +59,7 @@ def test_a_long_recording_is_sensed_piece_by_piece(monkeypatch):
     """A modulated focus of 3 s in pieces of 1 s equals the whole one to the noise, across the borders too."""
 
     def samples(whole, seconds):
-        monkeypatch.setattr("midair.devices.virtual.virtual_sensor.WHOLE", whole)
+        monkeypatch.setattr("midair.devices.virtual.virtual_array.WHOLE", whole)
         monkeypatch.setattr("midair.datasets.stimuli.LAZY_FROM", whole)
         model = replace(SensorModel(), noise=0.0)
         with VirtualSensor(VirtualSkin(model), touch=am_stimulus("i", duration=seconds, rate=8000.0)) as sensor:

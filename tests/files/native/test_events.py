@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from midair.errors import BrokenFileError
 from midair.files import RecordingWriter, load, open_take, repair, save
-from midair.files.native.events import KINDS, LISTED, event_values, events_from, with_events
+from midair.files.native.recording_file import KINDS, LISTED, event_values, events_from, with_events
 from midair.model import Event, Provenance, SensorGrid
 
 EVENTS = (

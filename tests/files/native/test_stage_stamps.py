@@ -4,7 +4,7 @@ import pytest
 
 from midair.errors import BrokenFileError, FileError
 from midair.files import RecordingWriter, load, repair, save
-from midair.files.native.events import stage_values, stamps_from, with_stage
+from midair.files.native.recording_file import stage_values, stamps_from, with_stage
 from midair.model import Event, Provenance, SensorGrid, StageStamp
 
 STAMPS = [StageStamp(time=0.1 * i, position=(0.005 * i, -0.06, -0.02), feed=0.05) for i in range(25)]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting
+from midair.calibration.measure.beam import BeamPlan, BeamSetting
 from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
 from midair.errors import ExposureError, MismatchError, RateError
 from midair.model import SensorGrid, TransducerArray

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from midair.rig.doctor.machine_checkup import machine_findings, rx_delay
+from midair.rig.doctor.checkup import machine_findings, rx_delay
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="files of Linux")
 
@@ -156,9 +156,9 @@ def test_unreadable_system_files_are_no_error(tmp_path):
 
 
 def test_a_full_disk_is_reported(monkeypatch):
-    from midair.rig.doctor import machine_checkup
+    from midair.rig.doctor import checkup
 
-    monkeypatch.setattr(machine_checkup, "ROOM", 1e30)
+    monkeypatch.setattr(checkup, "ROOM", 1e30)
     finding = {each.subject: each for each in machine_findings()}["room"]
     assert finding.state == "missing"
     assert "free disk space" in finding.advice

@@ -21,8 +21,17 @@ from midair.files import save_solution
 from midair.model import Acoustics, Drive, Placement, Solution
 from midair.physics import Transducers
 from midair.rig import VirtualRig, checkup_line, default_exposure
-from midair.rig.doctor.array_by_sensor import DEAD, _fit, check_sensor_rate, places_of_units, transducer_strengths
-from midair.rig.doctor.wizard import NOISY, _transducers, click_drive, run_wizard
+from midair.rig.doctor.wizard import (
+    DEAD,
+    NOISY,
+    _fit,
+    _transducers,
+    check_sensor_rate,
+    click_drive,
+    places_of_units,
+    run_wizard,
+    transducer_strengths,
+)
 
 WIZARD = ["doctor", "--device", "autd3:emulator", "--wizard"]
 SWITCH, SILENCE = 0x12, 0x16

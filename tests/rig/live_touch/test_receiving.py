@@ -16,9 +16,9 @@ from midair.errors import DeviceError
 from midair.model import Calibration, SensorGrid, SensorWiring
 from midair.rig.live_touch import receiving, timing
 from midair.rig.live_touch.encryption import END, ReceivedFrame
+from midair.rig.live_touch.playing_live import FrameSender
 from midair.rig.live_touch.process import RepeatedSource
 from midair.rig.live_touch.receiving import JitterBuffer, NetworkSource, RateLimit
-from midair.rig.live_touch.sending import FrameSender
 
 KEY, OTHER = bytes(range(32)), bytes(32)
 GRID = SensorGrid(rows=2, columns=2)

@@ -9,9 +9,8 @@ from midair.devices import PacedSensor, ReplaySensor, StageDevice
 from midair.errors import DeviceError
 from midair.files import open_take
 from midair.model import Recording, StageSetup, StageStamp
-from midair.rig.takes.stage_stroke import StageStroke, move_to_start
 from midair.rig.takes.take import record_take
-from midair.rig.takes.take_state import RecordSettings
+from midair.rig.takes.take_state import RecordSettings, StageStroke, move_to_start
 
 SETUP = StageSetup(
     heading="+x",

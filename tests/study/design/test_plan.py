@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import InputError, MismatchError
-from midair.study.design.answers import answers_table
 from midair.study.design.plan import balanced_latin_square, block_order, constrained_shuffle, draw_plan, longest_run_of
-from midair.study.design.session_state import replay
+from midair.study.design.session_state import answers_table, replay
 from midair.study.folder import read_design, template_text
 
 

@@ -1,9 +1,8 @@
 import pytest
 
 from midair.errors import BrokenFileError
-from midair.study.design.answers import answers_table
 from midair.study.design.plan import draw_plan
-from midair.study.design.session_state import replay
+from midair.study.design.session_state import answers_table, replay
 from midair.study.folder import read_design, template_text
 
 PLAN = draw_plan(read_design(template_text("paper"), participants=1))

@@ -10,7 +10,7 @@ from midair.errors import InputError
 from midair.study import SimulatedParticipant, SimulatedScreen, analyse, answers_table, draw_plan, replay, run
 from midair.study.design.question import Question, QuestionKind, Stimulus
 from midair.study.design.study_design import Analysis, Block, Design, Exclusions, Extra
-from midair.study.findings.question_findings import question_findings
+from midair.study.findings.analysis import question_findings
 from midair.study.findings.study_data import StudyData, data_of_answers
 from midair.study.session import InstantClock, Session, SilentPresenter, read_events
 

@@ -3,10 +3,9 @@ from dataclasses import replace
 import pytest
 
 from midair.errors import InputError
-from midair.study.design.answers import answers_table, excluded_participants
 from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question, Stimulus
-from midair.study.design.session_state import replay
+from midair.study.design.session_state import answers_table, excluded_participants, replay
 from midair.study.design.study_design import Block, Criterion, Design, Exclusions, Extra
 from midair.study.session.event_log import read_events
 from midair.study.session.presenters import SilentPresenter

@@ -4,9 +4,8 @@ import pytest
 
 from midair.errors import DeviceStateError, InputError, LinkLostError, MismatchError, SilentFramesError
 from midair.model import Medium
-from midair.study.design.answers import answers_table
 from midair.study.design.plan import draw_plan
-from midair.study.design.session_state import replay
+from midair.study.design.session_state import answers_table, replay
 from midair.study.folder import read_design, template_text
 from midair.study.session.event_log import read_events
 from midair.study.session.participant import SimulatedParticipant, SimulatedScreen

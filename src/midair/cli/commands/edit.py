@@ -141,7 +141,18 @@ def gain_command(
     """
 
     def louder(takes: list[Recording]) -> Recording:
-        recording, factor = takes[0], _factor(by)
+        decibels = by.lower().endswith("db")
+        try:
+            value = float(by[:-2] if decibels else by)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or (decibels and abs(value) > 200):
+            raise InputError(f"--by: expected a factor such as 2 or decibels such as 6dB, got {by!r}")
+        factor = 10 ** (value / 20) if decibels else value
+        if (factor <= 0 and factor != -1) or factor > MOST_GAIN:
+            weaker = "" if factor >= 0 else f"; {by}dB weakens"
+            raise InputError(f"--by: expected a factor other than 0, up to {MOST_GAIN:g} or 60dB, got {by}{weaker}")
+        recording = takes[0]
         factors = np.ones(recording.sensor.count)
         factors[list(_numbers(channels, recording)) or slice(None)] = factor
         return recordings.gain(recording, factors.reshape(recording.sensor.shape) if channels else factor)
@@ -240,19 +251,3 @@ def _numbers(names: tuple[str, ...], recording: Recording) -> tuple[int, ...]:
     if wrong:
         raise InputError(f"channels: expected comma-separated numbers from 0 to {count - 1}, got {', '.join(wrong)}")
     return tuple(int(name) for name in names)
-
-
-def _factor(text: str) -> float:
-    """Factor that a number or a number of decibels means."""
-    decibels = text.lower().endswith("db")
-    try:
-        value = float(text[:-2] if decibels else text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value) or (decibels and abs(value) > 200):
-        raise InputError(f"--by: expected a factor such as 2 or decibels such as 6dB, got {text!r}")
-    factor = 10 ** (value / 20) if decibels else value
-    if (factor <= 0 and factor != -1) or factor > MOST_GAIN:
-        weaker = "" if factor >= 0 else f"; {text}dB weakens"
-        raise InputError(f"--by: expected a factor other than 0, up to {MOST_GAIN:g} or 60dB, got {text}{weaker}")
-    return factor

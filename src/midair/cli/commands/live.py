@@ -182,14 +182,10 @@ def _watch(session: LiveSession, signals: Signals, *, quiet: bool) -> None:
         while session.wait(0.1) and not signals.came:
             counts = session.statistics
             if screen is not None:
-                screen.update(Text(_status_line(counts)))
+                parts = " + ".join(f"{name} {1e3 * part:.3g}" for name, part in counts.parts.items())
+                seen = f"{counts.frames} frames, {counts.lost} lost, {counts.late} late"
+                screen.update(Text(f"{seen}   {1e3 * counts.latency:.3g} ms = {parts} ms"))
             warned = _rate_warning(counts, warned)
-
-
-def _status_line(counts: LiveStatistics) -> str:
-    parts = " + ".join(f"{name} {1e3 * part:.3g}" for name, part in counts.parts.items())
-    seen = f"{counts.frames} frames, {counts.lost} lost, {counts.late} late"
-    return f"{seen}   {1e3 * counts.latency:.3g} ms = {parts} ms"
 
 
 def _by_band(session: LiveSession) -> dict[str, float]:

@@ -215,22 +215,19 @@ class PyAutd3Banks:
             case "remote" if address:
                 return remote.Remote(address, *_later_option(remote, "RemoteOption"))
             case "ethercrab":
-                return self._ethercrab(address)
+                try:
+                    ethercrab = importlib.import_module("pyautd3.link.ethercrab")
+                except ImportError:
+                    raise UnknownDeviceError(
+                        "pyautd3: expected version 36 for the link ethercrab, got a later one without it; "
+                        "use twincat or remote:ADDRESS:PORT, or Python 3.11 and pip install 'pyautd3==36.0.2'"
+                    ) from None
+                return ethercrab.EtherCrab(self._on_lost, ethercrab.EtherCrabOption(ifname=address or None))
             case _:
                 raise UnknownDeviceError(
                     "pyautd3: expected the link audit, nop, twincat, remote:ADDRESS:PORT or ethercrab[:INTERFACE], "
                     f"got {name!r}"
                 )
-
-    def _ethercrab(self, interface: str):
-        try:
-            ethercrab = importlib.import_module("pyautd3.link.ethercrab")
-        except ImportError:
-            raise UnknownDeviceError(
-                "pyautd3: expected version 36 for the link ethercrab, got a later one without it; "
-                "use twincat or remote:ADDRESS:PORT, or Python 3.11 and pip install 'pyautd3==36.0.2'"
-            ) from None
-        return ethercrab.EtherCrab(self._on_lost, ethercrab.EtherCrabOption(ifname=interface or None))
 
     def _on_lost(self, unit: int, status: object) -> None:
         self._lost = f"unit {unit}: {status}"

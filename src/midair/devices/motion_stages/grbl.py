@@ -93,8 +93,20 @@ class GrblStage(StageDevice):
     def ready(self, *, homing: bool) -> StageStamp:
         """Return the position if the machine is ready to move."""
         report = self._query_status()
-        self._check_rest(report)
-        self._read_settings()
+        state = report.state.partition(":")[0]
+        if state == "Alarm":
+            raise DeviceError(
+                f"{self.name}: it is locked (Alarm) and its position is unknown; remove all obstacles, "
+                "then home it: --home"
+            )
+        if state != "Idle":
+            means = STATES.get(state, "it is not at rest")
+            raise DeviceError(f"{self.name}: expected a machine at rest (Idle), got {report.state}: {means}")
+        for line in ("$$", "$I"):
+            self._send(line)
+        self._until_answered(ANSWER_LIMIT)
+        if not self._version.startswith("1.1"):
+            raise DeviceError(f"{self.name}: expected Grbl 1.1, got {self._version or 'no version'}")
         if pressed := sorted(set(report.pins) & set("XYZ")):
             raise DeviceError(f"{self.name}: a limit switch is pressed ({', '.join(pressed)}); move it off by hand")
         if homing and not self._setting(22):
@@ -183,25 +195,6 @@ class GrblStage(StageDevice):
             self._asked = None
             self._wait_for_report(0.5)
         self._restarting = False
-
-    def _check_rest(self, report: StatusReport) -> None:
-        state = report.state.partition(":")[0]
-        if state == "Alarm":
-            raise DeviceError(
-                f"{self.name}: it is locked (Alarm) and its position is unknown; remove all obstacles, "
-                "then home it: --home"
-            )
-        if state != "Idle":
-            means = STATES.get(state, "it is not at rest")
-            raise DeviceError(f"{self.name}: expected a machine at rest (Idle), got {report.state}: {means}")
-
-    def _read_settings(self) -> None:
-        """Read settings and version."""
-        for line in ("$$", "$I"):
-            self._send(line)
-        self._until_answered(ANSWER_LIMIT)
-        if not self._version.startswith("1.1"):
-            raise DeviceError(f"{self.name}: expected Grbl 1.1, got {self._version or 'no version'}")
 
     def _setting(self, number: int) -> float:
         if number not in self._settings:
@@ -302,20 +295,17 @@ class GrblStage(StageDevice):
         elif line.startswith("[VER:"):
             self._version = line[5:].split(":")[0].rstrip("]")
         elif (report := parse_status(line)) is not None:
-            return self._store_report(report)
+            self._report, self._reported_at, self._damaged = report, time.monotonic(), 0
+            # The position is that at about the middle between query and answer.
+            self._when = self._reported_at if self._asked is None else (self._reported_at + self._asked) / 2
+            self._asked = None
+            self._offset = report.offset or self._offset
+            return report
         elif line.startswith("<"):
             self._damaged, self._asked = self._damaged + 1, None
             if self._damaged == DAMAGED_LIMIT:
                 raise LinkLostError(f"{self.name}: expected a status report, got {line!r}; check cable and baud rate")
         return None
-
-    def _store_report(self, report: StatusReport) -> StatusReport:
-        self._report, self._reported_at, self._damaged = report, time.monotonic(), 0
-        # The position is that at about the middle between query and answer.
-        self._when = self._reported_at if self._asked is None else (self._reported_at + self._asked) / 2
-        self._asked = None
-        self._offset = report.offset or self._offset
-        return report
 
     def _stamp(self, report: StatusReport) -> StageStamp:
         scale = 25.4e-3 if self._settings.get(13) else 1e-3

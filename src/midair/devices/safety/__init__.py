@@ -19,5 +19,5 @@ from .stop_channel import stop_playing as stop_playing
 from .stop_channel import uptime as uptime
 from .stop_guard import StopGuard as StopGuard
 from .stop_guard import device_lock as device_lock
-from .stop_input import open_stop_input as open_stop_input
-from .stop_input import stop_on_input as stop_on_input
+from .stop_guard import open_stop_input as open_stop_input
+from .stop_guard import stop_on_input as stop_on_input

@@ -170,7 +170,13 @@ class Decimated:
             return
         rate = self._stream.rate
         for part in chunk.finite_parts(rate):
-            decimator = self._continued(part, self._filter)
+            # After a gap an empty filter begins with the next whole run.
+            if self._decimator is None or part.first != self._expected:
+                self._decimator = Decimator(self._filter, part.samples.shape[1])
+                runs = -(-part.first // self._filter.length)
+                self._begin, self._given = runs * self._filter.length, runs * self._filter.count
+            self._expected = part.first + len(part)
+            decimator = self._decimator
             # After a gap the filter waits for the start of a run, so that output frames keep their time grid.
             out = decimator.push(part.samples[max(0, self._begin - part.first) :])
             if len(out):
@@ -184,12 +190,3 @@ class Decimated:
                     uncertain=part.uncertain,
                 )
                 self._given += len(out)
-
-    def _continued(self, part: Chunk, polyphase: Polyphase) -> Decimator:
-        """The current filter, or after a gap an empty one that begins with the next whole run."""
-        if self._decimator is None or part.first != self._expected:
-            self._decimator = Decimator(polyphase, part.samples.shape[1])
-            runs = -(-part.first // polyphase.length)
-            self._begin, self._given = runs * polyphase.length, runs * polyphase.count
-        self._expected = part.first + len(part)
-        return self._decimator

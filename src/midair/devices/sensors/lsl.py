@@ -9,7 +9,6 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 import pylsl
@@ -76,7 +75,23 @@ class LslSource:
             self._correction = self._inlet.time_correction(timeout=self._search)
         except (LostError, TimeoutError) as wrong:
             raise self._lost() from wrong
-        return self._stream_of(info)
+        if info.channel_format() == pylsl.cf_string:
+            raise DeviceError(f"lsl: expected numbers from {self._name!r}, got text; select another stream")
+        self._rate, channels = float(info.nominal_srate()), int(info.channel_count())
+        if self._rate <= 0:
+            raise RateError(
+                f"lsl: expected a regular rate of {self._name!r}, got none; select a stream of samples, not of events"
+            )
+        if self._counter is not None:
+            if not 0 <= self._counter < channels:
+                raise InputError(f"lsl: expected a counter among channels 0 to {channels - 1}, got {self._counter}")
+            channels -= 1
+        self._host_name = str(info.hostname())
+        stated = info.get_channel_units() or []
+        names = {(name or "").lower() for at, name in enumerate(stated) if at != self._counter}
+        unit, scale = UNITS.get(names.pop(), (None, 1.0)) if len(names) == 1 else (None, 1.0)
+        stored = "f4" if info.channel_format() in (pylsl.cf_float32, pylsl.cf_int16, pylsl.cf_int8) else "f8"
+        return Stream(channels=channels, rate=self._rate, unit=unit, scale=scale, stored=stored)
 
     def start(self) -> None:
         """Subscribe to the stream, or discard the data received so far."""
@@ -153,25 +168,6 @@ class LslSource:
                 return wanted
             seen = len(found)
         return []
-
-    def _stream_of(self, info: Any) -> Stream:
-        if info.channel_format() == pylsl.cf_string:
-            raise DeviceError(f"lsl: expected numbers from {self._name!r}, got text; select another stream")
-        self._rate, channels = float(info.nominal_srate()), int(info.channel_count())
-        if self._rate <= 0:
-            raise RateError(
-                f"lsl: expected a regular rate of {self._name!r}, got none; select a stream of samples, not of events"
-            )
-        if self._counter is not None:
-            if not 0 <= self._counter < channels:
-                raise InputError(f"lsl: expected a counter among channels 0 to {channels - 1}, got {self._counter}")
-            channels -= 1
-        self._host_name = str(info.hostname())
-        stated = info.get_channel_units() or []
-        names = {(name or "").lower() for at, name in enumerate(stated) if at != self._counter}
-        unit, scale = UNITS.get(names.pop(), (None, 1.0)) if len(names) == 1 else (None, 1.0)
-        stored = "f4" if info.channel_format() in (pylsl.cf_float32, pylsl.cf_int16, pylsl.cf_int8) else "f8"
-        return Stream(channels=channels, rate=self._rate, unit=unit, scale=scale, stored=stored)
 
     def _runs(self, samples: Samples, stamps: NDArray[np.float64]) -> Iterator[Run]:
         """Frames with known numbers, in runs without a gap; the first one since start is 0."""

@@ -121,7 +121,22 @@ class StreamedSensor(SensorDevice):
             return
         try:
             stream = self.source.open()
-            self._configure(stream)
+            wiring = self._wire(stream)
+            if wiring.channels > stream.channels:
+                raise MismatchError(
+                    f"{self.name}: expected {wiring.channels} channels for {wiring.grid.rows} x {wiring.grid.columns} "
+                    f"cells, got {stream.channels}; correct rows, columns and order in the sensor file"
+                )
+            scale = _scale(self.name, stream, wiring)
+            clips = None if stream.full_scale is None else stream.full_scale * scale
+            # The user's statement takes precedence over the source's.
+            self.wiring = replace(wiring, full_scale=wiring.full_scale or clips)
+            self.grid, self.rate, self.unit, self._scale = wiring.grid, stream.rate, wiring.unit, scale
+            self.full_scale = self.wiring.full_scale
+            # A power of two does not change the mantissa.
+            self.stored = stream.stored if abs(np.frexp(scale)[0]) == 0.5 else "f8"
+            if wiring.sensitivity is not None:
+                self.calibration = Calibration.flat(wiring.grid, sensitivity=wiring.sensitivity, unit=wiring.unit)
         except BaseException:
             self.source.close()
             raise
@@ -211,25 +226,6 @@ class StreamedSensor(SensorDevice):
 
     def _in_order(self, stream: Stream) -> SensorWiring:
         return SensorWiring.for_channels(stream.channels, name=self.name, unit=stream.unit or "count")
-
-    def _configure(self, stream: Stream) -> None:
-        """Combine wiring, unit and scale of the source with those that the user stated."""
-        wiring = self._wire(stream)
-        if wiring.channels > stream.channels:
-            raise MismatchError(
-                f"{self.name}: expected {wiring.channels} channels for {wiring.grid.rows} x {wiring.grid.columns} "
-                f"cells, got {stream.channels}; correct rows, columns and order in the sensor file"
-            )
-        scale = _scale(self.name, stream, wiring)
-        clips = None if stream.full_scale is None else stream.full_scale * scale
-        # The user's statement takes precedence over the source's.
-        self.wiring = replace(wiring, full_scale=wiring.full_scale or clips)
-        self.grid, self.rate, self.unit, self._scale = wiring.grid, stream.rate, wiring.unit, scale
-        self.full_scale = self.wiring.full_scale
-        # A power of two does not change the mantissa.
-        self.stored = stream.stored if abs(np.frexp(scale)[0]) == 0.5 else "f8"
-        if wiring.sensitivity is not None:
-            self.calibration = Calibration.flat(wiring.grid, sensitivity=wiring.sensitivity, unit=wiring.unit)
 
 
 def _scale(name: str, stream: Stream, wiring: SensorWiring) -> float:

@@ -4,7 +4,7 @@ from .leap_frames import LeapFrames as LeapFrames
 from .prediction import DAMPED_VELOCITY as DAMPED_VELOCITY
 from .prediction import MotionModel as MotionModel
 from .prediction import PosePredictor as PosePredictor
-from .replay import ReplaySource as ReplaySource
+from .prediction import ReplaySource as ReplaySource
 from .tracker import PoseSource as PoseSource
 from .tracker import RawPose as RawPose
 from .tracker import Tracker as Tracker

@@ -1,11 +1,15 @@
-"""Prediction of the palm over the latency of its tracker, smooth between the poses."""
+"""Prediction of the palm over the latency of its tracker, smooth between the poses, and replayed poses."""
 
+import math
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from midair.array_types import Array
+from midair.devices.trackers.tracker import RawPose
 from midair.errors import DeviceStateError
 from midair.model import PalmPath
 
@@ -79,7 +83,12 @@ class PosePredictor:
                 self._state, self._covariance = np.zeros((3, 9)), np.diag([1.0, 1e8, 1e10])
                 self._state[0], before = rows[at], None
             else:
-                self._correct(rows[at], poses.time[at] - self._time)
+                transition, noise = _step(self.model, max(1, round((poses.time[at] - self._time) * 1e4)))
+                self._state = transition @ self._state
+                covariance = transition @ self._covariance @ transition.T + noise
+                gain = covariance[:, 0] / (covariance[0, 0] + 1.0)
+                self._state = self._state + np.outer(gain, rows[at] - self._state[0])
+                self._covariance = covariance - np.outer(gain, covariance[0])
             self._time, self._confidence = float(poses.time[at]), float(poses.confidence[at])
         self._blend = (-np.inf, np.zeros(9), np.zeros(9))
         if before is not None:
@@ -106,14 +115,6 @@ class PosePredictor:
             confidence=np.full(len(times), self._confidence),
         )
 
-    def _correct(self, row: Array, after: float) -> None:
-        transition, noise = _step(self.model, max(1, round(after * 1e4)))
-        self._state = transition @ self._state
-        covariance = transition @ self._covariance @ transition.T + noise
-        gain = covariance[:, 0] / (covariance[0, 0] + 1.0)
-        self._state = self._state + np.outer(gain, row - self._state[0])
-        self._covariance = covariance - np.outer(gain, covariance[0])
-
     def _smoothed(self, times: Array) -> tuple[Array, Array]:
         """Values (time, 9) and their rates, with the rest of the last correction."""
         after = np.clip(times - self._time, -LONGEST, LONGEST)
@@ -130,3 +131,43 @@ class PosePredictor:
             rows = rows + rest * (1 + 2 * part) * offset + rest * part * self.smoothing * slope
             rates = rates - 6 * part * (1 - part) / self.smoothing * offset + (1 - part) * (1 - 3 * part) * slope
         return rows, rates
+
+
+class ReplaySource:
+    """Sends each pose, in the tracker's coordinates, `latency` s after its time, which counts from `begin`, once."""
+
+    host_clock = True
+
+    def __init__(self, palm: PalmPath, *, latency: float = 0.0) -> None:
+        self.clock: Callable[[], float] = time.monotonic
+        self._times, self._latency = palm.time, latency
+        self._rows = np.column_stack([palm.centre, palm.normal, palm.fingers])
+        self._confidence = palm.confidence
+        self.begin(math.inf)
+
+    def begin(self, at: float) -> None:
+        """Set time 0 of the poses on the clock."""
+        self._zero, self._next = at, 0
+
+    def open(self) -> None:
+        """Set time 0 to now."""
+        self.begin(self.clock())
+
+    def pull(self, wait: float) -> list[RawPose | str]:
+        """Poses that have arrived."""
+        if wait and self._next < len(self._times):
+            left = self._zero + self._times[self._next] + self._latency - self.clock()
+            time.sleep(float(np.clip(left, 0.0, wait)))
+        elif wait:
+            time.sleep(wait)
+        end = int(np.searchsorted(self._times, self.clock() - self._zero - self._latency, "right"))
+        first, self._next = self._next, max(end, self._next)
+        return [
+            RawPose(
+                stamp=float(self._zero + self._times[at]), values=self._rows[at], confidence=float(self._confidence[at])
+            )
+            for at in range(first, self._next)
+        ]
+
+    def close(self) -> None:
+        """Nothing to disconnect."""

@@ -2,8 +2,7 @@
 
 from midair.files.opened_take import Format
 
-from .ahap_file import read_ahap, write_ahap
-from .haptic_file import read_haptic, write_haptic
+from .ahap_file import read_ahap, read_haptic, write_ahap, write_haptic
 from .hjif_file import read_hjif, write_hjif
 
 HJIF = Format(name="MPEG haptics", read=read_hjif, write=write_hjif, memory=4, effect=True)

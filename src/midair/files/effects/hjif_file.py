@@ -223,7 +223,14 @@ def _rendered(channel: Plain, time: Array, ticks: float) -> Array:
     wave = np.zeros(len(time))
     for band, effect in _effects(channel):
         if band["band_type"] == "Transient":
-            _add_clicks(wave, time, effect, ticks)
+            for key in effect["keyframes"]:
+                at = (float(effect.get("position", 0)) + float(key["relative_position"])) / ticks
+                part = slice(*np.searchsorted(time, [at - 1e-9, at + 7 * CLICK]))
+                since = time[part] - at
+                click = np.exp(-since / CLICK) * np.sin(
+                    2 * np.pi * float(key.get("frequency_modulation", 150.0)) * since
+                )
+                wave[part] += float(key.get("amplitude_modulation", 1.0)) * click
         else:
             _add_wave(wave, time, band, effect, ticks)
     return float(channel.get("gain", 1.0)) * float(channel.get("mixing_weight", 1.0)) * wave
@@ -253,13 +260,3 @@ def _add_wave(wave: Array, time: Array, band: Plain, effect: Plain, ticks: float
     step = time[1] - time[0] if len(time) > 1 else 1.0
     turns = np.concatenate([[0.0], np.cumsum(frequency)[:-1]]) * step + float(effect.get("phase", 0.0)) / (2 * np.pi)
     wave[part] += level * _base(effect.get("base_signal", "Sine"), turns)
-
-
-def _add_clicks(wave: Array, time: Array, effect: Plain, ticks: float) -> None:
-    """Add a decaying click at each keyframe, with its amplitude and frequency."""
-    for key in effect["keyframes"]:
-        at = (float(effect.get("position", 0)) + float(key["relative_position"])) / ticks
-        part = slice(*np.searchsorted(time, [at - 1e-9, at + 7 * CLICK]))
-        since = time[part] - at
-        click = np.exp(-since / CLICK) * np.sin(2 * np.pi * float(key.get("frequency_modulation", 150.0)) * since)
-        wave[part] += float(key.get("amplitude_modulation", 1.0)) * click

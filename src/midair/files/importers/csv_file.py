@@ -177,7 +177,19 @@ def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
         return _own(text, path, given)
     table = read_table(text, path, gaps=given.mending is not None)
     if table.names == FABRICSLIDE:
-        return _of_fabricslide(table, path, given).resolve(given, path)
+        even = to_fixed_rate(table.values[:, 0] / 1e3, table.values[:, 3:], rate=given.rate)
+        layout = {} if given.sensor else {"layout": _LAYOUT}
+        return ImportedData(
+            samples=even.samples,
+            form="CSV of FabricSlide",
+            rate=even.rate,
+            unit="count",
+            names=FABRICSLIDE[3:],
+            sensor=SensorGrid(name="CPM-finger of FabricSlide"),
+            notes={**_notes(path), **layout},
+            settings={"left_out": FABRICSLIDE[1:3], "rate_hz": even.rate, "interpolation": "linear"},
+            report=(*even.report, "Columns proximity1 and proximity2 were left out: not taxels.", *layout.values()),
+        ).resolve(given, path)
     return _foreign(table, given).resolve(given, path)
 
 
@@ -243,23 +255,6 @@ _LAYOUT = (
     "Neither the layout nor the pitch of the 16 taxels is documented: 4 x 4 in the order of the "
     "channels, 11 mm apart as in the paper's sensor, was assumed."
 )
-
-
-def _of_fabricslide(table: TextTable, path: Path, given: ImportOptions) -> ImportedData:
-    """The 16 taxels at a fixed rate, without the proximity readings."""
-    even = to_fixed_rate(table.values[:, 0] / 1e3, table.values[:, 3:], rate=given.rate)
-    layout = {} if given.sensor else {"layout": _LAYOUT}
-    return ImportedData(
-        samples=even.samples,
-        form="CSV of FabricSlide",
-        rate=even.rate,
-        unit="count",
-        names=FABRICSLIDE[3:],
-        sensor=SensorGrid(name="CPM-finger of FabricSlide"),
-        notes={**_notes(path), **layout},
-        settings={"left_out": FABRICSLIDE[1:3], "rate_hz": even.rate, "interpolation": "linear"},
-        report=(*even.report, "Columns proximity1 and proximity2 were left out: not taxels.", *layout.values()),
-    )
 
 
 def _notes(path: Path) -> dict[str, str]:

@@ -199,18 +199,15 @@ def _matrix(data: bytes, order: str, path: Path) -> tuple[str, Any]:
     name = parts[2].data.decode("latin-1")
     kind, complex_numbers = word & 0xFF, bool(word >> 8 & _COMPLEX)
     if kind == _CHAR and len(parts) > 3:
-        return name, np.array([_characters(parts[3], order)])
+        part = parts[3]
+        spelled = _TEXT.get(part.kind, "latin-1")
+        wide = spelled in ("utf-16", "utf-32")
+        return name, np.array([part.data.decode(f"{spelled}-{'le' if order == '<' else 'be'}" if wide else spelled)])
     if kind not in _CLASSES or len(parts) < 4:
         return name, np.empty(0, object)
     real = _numbers(parts[3], shape, _CLASSES[kind], order, path)
     # The imaginary part is not read; the complex type prevents use of the real part alone.
     return name, real.astype(complex) if complex_numbers else real
-
-
-def _characters(part: _Element, order: str) -> str:
-    spelled = _TEXT.get(part.kind, "latin-1")
-    wide = spelled in ("utf-16", "utf-32")
-    return part.data.decode(f"{spelled}-{'le' if order == '<' else 'be'}" if wide else spelled)
 
 
 def _numbers(part: _Element, shape: tuple[int, ...], dtype: str, order: str, path: Path) -> NDArray[Any]:

@@ -40,7 +40,25 @@ class _Topic:
 
 def read_mcap(path: Path, given: ImportOptions) -> OpenedTake:
     """Read the only numeric topic of an MCAP, or the topic `stream`; files that were not closed are read too."""
-    topics, cut = _messages(path)
+    try:
+        from mcap.records import Channel, Footer, Message, Schema
+    except ImportError as wrong:
+        raise MissingExtraError(f"{path}: MCAP needs mcap; pip install 'midair[mcap]'") from wrong
+    schemas: dict[int, str] = {}
+    channels: dict[int, _Topic] = {}
+    topics: dict[str, _Topic] = {}
+    # Only a closed file has a footer.
+    cut = True
+    for record in _records(path):
+        if isinstance(record, Schema):
+            schemas[record.id] = record.name
+        elif isinstance(record, Channel):
+            decoder = _decoder(record.message_encoding, schemas.get(record.schema_id, ""))
+            channels[record.id] = topics.setdefault(record.topic, _Topic(decode=decoder))
+        elif isinstance(record, Message):
+            channels[record.channel_id].messages.append((record.publish_time, record.data))
+        elif isinstance(record, Footer):
+            cut = False
     topic, name = _chosen(topics, path, given)
     decode = topic.decode or _from_json
     rows, names = _rows([decode(data) for _, data in topic.messages], name, path)
@@ -68,30 +86,6 @@ def _chosen(topics: dict[str, _Topic], path: Path, given: ImportOptions) -> tupl
     if len(usable) != 1:
         raise BrokenFileError(f"{path}: expected one topic of numbers, or its name as stream, got {found}")
     return topics[usable[0]], usable[0]
-
-
-def _messages(path: Path) -> tuple[dict[str, _Topic], bool]:
-    """All topics by name, and whether the file is truncated."""
-    try:
-        from mcap.records import Channel, Footer, Message, Schema
-    except ImportError as wrong:
-        raise MissingExtraError(f"{path}: MCAP needs mcap; pip install 'midair[mcap]'") from wrong
-    schemas: dict[int, str] = {}
-    channels: dict[int, _Topic] = {}
-    topics: dict[str, _Topic] = {}
-    # Only a closed file has a footer.
-    cut = True
-    for record in _records(path):
-        if isinstance(record, Schema):
-            schemas[record.id] = record.name
-        elif isinstance(record, Channel):
-            decoder = _decoder(record.message_encoding, schemas.get(record.schema_id, ""))
-            channels[record.id] = topics.setdefault(record.topic, _Topic(decode=decoder))
-        elif isinstance(record, Message):
-            channels[record.channel_id].messages.append((record.publish_time, record.data))
-        elif isinstance(record, Footer):
-            cut = False
-    return topics, cut
 
 
 def _check_chunks(path: Path) -> None:

@@ -154,7 +154,10 @@ def _metadata(cursor: _Cursor, objects: dict[str, _Object], active: list[str]) -
             # The index of plain numbers is 20 bytes long.
             if index != 20:
                 raise UnknownFormatError(f"{cursor.path}: {name} holds text or DAQmx raw data, which is not read")
-            _index(cursor, item, name)
+            code, dimension, count = cursor.number("I"), cursor.number("I"), cursor.number("Q")
+            if code not in _TYPES or dimension != 1:
+                raise UnknownFormatError(f"{cursor.path}: {name} holds data of type {code}, which is not read")
+            item.dtype, item.count = np.dtype(cursor.order + _TYPES[code]), count
         if index == 0xFFFFFFFF:
             active = [other for other in active if other != name]
         elif name not in active:
@@ -163,13 +166,6 @@ def _metadata(cursor: _Cursor, objects: dict[str, _Object], active: list[str]) -
             key = cursor.text()
             item.properties[key] = _value(cursor, cursor.number("I"))
     return active
-
-
-def _index(cursor: _Cursor, item: _Object, name: str) -> None:
-    code, dimension, count = cursor.number("I"), cursor.number("I"), cursor.number("Q")
-    if code not in _TYPES or dimension != 1:
-        raise UnknownFormatError(f"{cursor.path}: {name} holds data of type {code}, which is not read")
-    item.dtype, item.count = np.dtype(cursor.order + _TYPES[code]), count
 
 
 def _value(cursor: _Cursor, code: int) -> Any:

@@ -26,7 +26,17 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
         raise MissingExtraError(f"{path}: XDF needs pyxdf; pip install 'midair[xdf]'") from wrong
     with _captured_log("pyxdf") as messages, path.open("rb") as file:
         streams, _ = load_xdf(file, synchronize_clocks=True, dejitter_timestamps=True)
-    stream = _chosen(streams, path, given)
+    usable = [stream for stream in streams if isinstance(stream["time_series"], np.ndarray)]
+    usable = [stream for stream in usable if len(stream["time_series"]) > 1]
+    names = ", ".join(f"{_first(stream['info'], 'name')} ({len(stream['time_series'])})" for stream in streams)
+    found = names or "none"
+    if given.stream is not None:
+        usable = [stream for stream in usable if _first(stream["info"], "name") == given.stream]
+        if len(usable) != 1:
+            raise MismatchError(f"{path}: expected one stream of numbers called {given.stream!r}, got {found}")
+    if len(usable) != 1:
+        raise BrokenFileError(f"{path}: expected one stream of numbers, or its name as stream, got {found}")
+    stream = usable[0]
     info = stream["info"]
     channels = _channels(info)
     scale = np.array([1.0 if given.scale else factor for _, _, factor in channels] or [1.0])
@@ -43,20 +53,6 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
         settings={"stream": _first(info, "name"), "rate_hz": even.rate, "nominal_hz": _first(info, "nominal_srate")},
         report=(*(f"pyxdf: {sentence}" for sentence in dict.fromkeys(messages)), *even.report),
     ).resolve(given, path)
-
-
-def _chosen(streams: list[dict[str, Any]], path: Path, given: ImportOptions) -> dict[str, Any]:
-    usable = [stream for stream in streams if isinstance(stream["time_series"], np.ndarray)]
-    usable = [stream for stream in usable if len(stream["time_series"]) > 1]
-    names = ", ".join(f"{_first(stream['info'], 'name')} ({len(stream['time_series'])})" for stream in streams)
-    found = names or "none"
-    if given.stream is not None:
-        usable = [stream for stream in usable if _first(stream["info"], "name") == given.stream]
-        if len(usable) != 1:
-            raise MismatchError(f"{path}: expected one stream of numbers called {given.stream!r}, got {found}")
-    if len(usable) != 1:
-        raise BrokenFileError(f"{path}: expected one stream of numbers, or its name as stream, got {found}")
-    return usable[0]
 
 
 def _channels(info: Mapping[str, Any]) -> list[tuple[str, Unit | None, float]]:

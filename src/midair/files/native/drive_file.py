@@ -160,8 +160,24 @@ def solution_from(values: Mapping[str, Any], path: Path) -> Solution:
     """Solution from its stored values."""
     with parse_errors(path, "a drive of midair"):
         check_time(values, path)
+        level = values.get("level", values.get("transducer_level"))
+        if level is None or ("level" in values and "transducer_level" in values):
+            raise BrokenFileError(f"{path}: expected either level or transducer_level; the file is damaged")
+        if "phase" not in values:
+            raise BrokenFileError(f"{path}: expected either phase or phase_change; the file is damaged")
+        if ("response_real" in values) != ("response_imag" in values):
+            raise BrokenFileError(f"{path}: expected response_real and response_imag together; the file is damaged")
+        measured = np.asarray(values.get("response_real", np.zeros(0)) + 1j * values.get("response_imag", np.zeros(0)))
+        provenance = from_json(values["provenance"])
         return Solution(
-            drive=_drive_from(values, path),
+            drive=Drive(
+                phase=finite(values["phase"], "phase"),
+                level=_levels(level, path),
+                rate=values["rate_hz"],
+                array=replace(array_from(values), response=measured),
+                acoustics=_acoustics_from(values, provenance, path),
+                provenance=provenance,
+            ),
             error=values["error"],
             iterations=values["iterations"],
             status=_status_from(values["status"], values["flag_meanings"], path),
@@ -293,26 +309,6 @@ def _target_values(target: AmplitudeFrames) -> dict[str, Any]:
         if isinstance(wanted, LazyFrames)
         else wanted.astype(np.float32),
     }
-
-
-def _drive_from(values: Mapping[str, Any], path: Path) -> Drive:
-    level = values.get("level", values.get("transducer_level"))
-    if level is None or ("level" in values and "transducer_level" in values):
-        raise BrokenFileError(f"{path}: expected either level or transducer_level; the file is damaged")
-    if "phase" not in values:
-        raise BrokenFileError(f"{path}: expected either phase or phase_change; the file is damaged")
-    if ("response_real" in values) != ("response_imag" in values):
-        raise BrokenFileError(f"{path}: expected response_real and response_imag together; the file is damaged")
-    measured = np.asarray(values.get("response_real", np.zeros(0)) + 1j * values.get("response_imag", np.zeros(0)))
-    provenance = from_json(values["provenance"])
-    return Drive(
-        phase=finite(values["phase"], "phase"),
-        level=_levels(level, path),
-        rate=values["rate_hz"],
-        array=replace(array_from(values), response=measured),
-        acoustics=_acoustics_from(values, provenance, path),
-        provenance=provenance,
-    )
 
 
 def _levels(level: "np.ndarray | LazyFrames", path: Path) -> NDArray[np.float64]:

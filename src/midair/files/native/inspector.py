@@ -88,7 +88,18 @@ def _walk(file: h5py.File, size: int) -> None:
         seen.add(place)
         if len(seen) > OBJECTS:
             raise NotPlainError(f"more than {OBJECTS} objects")
-        _check_attributes(name, item)
+        # Looking up a name uses a separate tree, which can crash HDF5 even if the list of names is sound.
+        h5a.exists(item, b"kind")
+        room = TEXT
+        for number in range(h5a.get_num_attrs(item)):
+            attribute = h5a.open(item, index=number)
+            kind = attribute.get_type()
+            room -= math.prod(attribute.shape or ()) * kind.get_size()
+            if room < 0:
+                raise NotPlainError(f"attributes of {name!r} that take more than {TEXT} bytes")
+            if kind.get_class() in (h5t.INTEGER, h5t.FLOAT, h5t.STRING):
+                holder = h5py.Group(item) if isinstance(item, h5g.GroupID) else h5py.Dataset(item)
+                _ = holder.attrs[attribute.name.decode("utf-8", "replace")]
         if isinstance(item, h5d.DatasetID):
             expanded += _check_numbers(name, item, size)
             if expanded > max(EXPANDED * size, EXPANDED_ANYWAY):
@@ -112,22 +123,6 @@ def _links(name: str, group: Any) -> Iterator[tuple[str, Any]]:
         yield full, h5o.open(group, link)
 
 
-def _check_attributes(name: str, item: Any) -> None:
-    """Read text and numeric attributes; lists of references, as for netCDF axes, are never read by midair."""
-    # Looking up a name uses a separate tree, which can crash HDF5 even if the list of names is sound.
-    h5a.exists(item, b"kind")
-    room = TEXT
-    for number in range(h5a.get_num_attrs(item)):
-        attribute = h5a.open(item, index=number)
-        kind = attribute.get_type()
-        room -= math.prod(attribute.shape or ()) * kind.get_size()
-        if room < 0:
-            raise NotPlainError(f"attributes of {name!r} that take more than {TEXT} bytes")
-        if kind.get_class() in (h5t.INTEGER, h5t.FLOAT, h5t.STRING):
-            holder = h5py.Group(item) if isinstance(item, h5g.GroupID) else h5py.Dataset(item)
-            _ = holder.attrs[attribute.name.decode("utf-8", "replace")]
-
-
 def _check_numbers(name: str, item: Any, size: int) -> int:
     """Size of a dataset in memory in bytes, after checking that it is plain and that the file contains its data."""
     made, kind = item.get_create_plist(), item.get_type()
@@ -139,14 +134,9 @@ def _check_numbers(name: str, item: Any, size: int) -> int:
         if made.get_external_count():
             raise NotPlainError(f"data of {name!r} in another file")
         place = item.get_offset()
-        stored = 0 if place is None else max(0, min(announced, size - place))
-        return _checked_size(name, announced, stored)
+        return _checked_size(name, announced, 0 if place is None else max(0, min(announced, size - place)))
     if layout != h5d.CHUNKED:
         raise NotPlainError(f"a virtual dataset, {name!r}, with data elsewhere")
-    return _check_chunks(name, item, made, announced, size)
-
-
-def _check_chunks(name: str, item: Any, made: Any, announced: int, size: int) -> int:
     filters = [made.get_filter(number)[0] for number in range(made.get_nfilters())]
     unknown = [number for number in filters if number not in (DEFLATE, SHUFFLE, FLETCHER32)]
     if unknown or len(set(filters)) < len(filters):

@@ -19,10 +19,9 @@ from midair.files.atomic import note_written_file, reason, writable_path
 from midair.files.native.axes import sensor_values, single
 from midair.files.native.calibration_file import write_calibration
 from midair.files.native.checksums import extend_checksums
-from midair.files.native.events import KINDS, event_values, stage_values
 from midair.files.native.hdf5 import LAYOUT, fixed_text, signature, stored_dataset, write_group
 from midair.files.native.live_file import LiveFile
-from midair.files.native.recording_file import PLAYED, played_values
+from midair.files.native.recording_file import KINDS, PLAYED, event_values, played_values, stage_values
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, StageStamp, TransducerArray, Unit
 from midair.streaming import Stored
 from midair.validation import frozen_array, positive
@@ -110,7 +109,30 @@ class RecordingWriter:
 
     def __enter__(self) -> Self:
         self._check_room((np.dtype(self.stored).itemsize * self.sensor.count + 8) * self.expected)
-        self._live = LiveFile(self.path, self._image())
+        import h5py
+
+        image = BytesIO()
+        start = {
+            **signature("recording", self.provenance),
+            **sensor_values(self.sensor),
+            "rate_hz": self.rate,
+            "unit": self.unit,
+            "time": np.zeros(0),
+            "samples": np.zeros((0, *self.sensor.shape), self.stored),
+            "finished": 0,
+            **event_values(()),
+            **(stage_values(()) if self.staged else {}),
+        }
+        with h5py.File(image, "w", libver=LAYOUT) as file:
+            write_group(file, "recording", start, live=True)
+            stored_dataset(file, "event_kind").attrs["flag_values"] = np.arange(len(KINDS), dtype="i1")
+            stored_dataset(file, "event_kind").attrs["flag_meanings"] = fixed_text(" ".join(KINDS))
+            if self.calibration is not None:
+                write_calibration(file.create_group("calibration"), self.calibration)
+            if self.array is not None:
+                begun = played_values(self.array, self.rate, self.provenance)
+                write_group(file.create_group("played"), "played", begun, live=True)
+        self._live = LiveFile(self.path, image.getvalue())
         return self
 
     def __exit__(
@@ -151,7 +173,14 @@ class RecordingWriter:
                 for name, values in beside.items():
                     self._extend(stored_dataset(file, f"played/{name}"), start, values)
                 self._frames = stop
-                self._flush_in_time()
+                # Otherwise a timer, as the next block may be late.
+                waited = time.monotonic() - self._flushed
+                if waited >= self.interval or self._frames - self._safe >= self.interval * self.rate:
+                    self._flush()
+                elif self._timer is None:
+                    self._timer = threading.Timer(self.interval - waited, self._flush_later)
+                    self._timer.daemon = True
+                    self._timer.start()
 
     def note(self, events: Iterable[Event]) -> None:
         """Store events, also of future frames; they are flushed with the next frames, before these."""
@@ -200,33 +229,6 @@ class RecordingWriter:
                     self._record_failure(wrong)
             if self._failure is not None and not self._raised:
                 raise self._disk_error() from self._failure
-
-    def _image(self) -> bytes:
-        """The file without frames, in memory, because HDF5 crashes on disk errors."""
-        import h5py
-
-        image = BytesIO()
-        start = {
-            **signature("recording", self.provenance),
-            **sensor_values(self.sensor),
-            "rate_hz": self.rate,
-            "unit": self.unit,
-            "time": np.zeros(0),
-            "samples": np.zeros((0, *self.sensor.shape), self.stored),
-            "finished": 0,
-            **event_values(()),
-            **(stage_values(()) if self.staged else {}),
-        }
-        with h5py.File(image, "w", libver=LAYOUT) as file:
-            write_group(file, "recording", start, live=True)
-            stored_dataset(file, "event_kind").attrs["flag_values"] = np.arange(len(KINDS), dtype="i1")
-            stored_dataset(file, "event_kind").attrs["flag_meanings"] = fixed_text(" ".join(KINDS))
-            if self.calibration is not None:
-                write_calibration(file.create_group("calibration"), self.calibration)
-            if self.array is not None:
-                begun = played_values(self.array, self.rate, self.provenance)
-                write_group(file.create_group("played"), "played", begun, live=True)
-        return image.getvalue()
 
     def _opened(self) -> "h5py.File":
         if self._failure is not None:
@@ -277,16 +279,6 @@ class RecordingWriter:
         lengths |= dict.fromkeys((f"played/{name}" for name in PLAYED) if self.array is not None else (), self._frames)
         lengths |= dict.fromkeys(event_values(()), self._rows["event"])
         return lengths | dict.fromkeys(stage_values(()) if self.staged else (), self._rows["stage"])
-
-    def _flush_in_time(self) -> None:
-        """Flush after the interval or that many frames; otherwise start a timer, as the next block may be late."""
-        waited = time.monotonic() - self._flushed
-        if waited >= self.interval or self._frames - self._safe >= self.interval * self.rate:
-            self._flush()
-        elif self._timer is None:
-            self._timer = threading.Timer(self.interval - waited, self._flush_later)
-            self._timer.daemon = True
-            self._timer.start()
 
     def _flush_later(self) -> None:
         with self._lock:

@@ -306,7 +306,13 @@ def _palm(sheet: PalmSheet, path: Path) -> Palm:
     if sheet.width_mm is None or not sheet.picture:
         raise InputError("expected width_mm beside picture, got none")
     dark = _dark(path.parent / sheet.picture)
-    return _sampled(dark, positive(sheet.width_mm, "width_mm", "mm") * 1e-3, pitch, name)
+    side = (positive(sheet.width_mm, "width_mm", "mm") * 1e-3) / dark.shape[1]
+    counts = [2 * int(each * side / 2 / pitch) + 1 for each in dark.shape]
+    rows, columns = (
+        np.clip(((np.arange(count) - count // 2) * pitch / side + pixels / 2).astype(int), 0, pixels - 1)
+        for count, pixels in zip(counts, dark.shape, strict=True)
+    )
+    return Palm(inside=dark[np.ix_(rows, columns)], pitch=pitch, name=name)
 
 
 _MOST = 4096
@@ -336,14 +342,3 @@ def _dark(picture: Path) -> NDArray[np.bool_]:
     seen = pixels[..., -1] if colours in (2, 4) else np.ones(pixels.shape[:2])
     light = pixels[..., : 3 if colours >= 3 else 1].mean(axis=2)
     return (light < 0.5) & (seen > 0.5)
-
-
-def _sampled(dark: NDArray[np.bool_], width: float, pitch: float, name: str) -> Palm:
-    """A palm whose grid points take the nearest pixel."""
-    side = width / dark.shape[1]
-    counts = [2 * int(each * side / 2 / pitch) + 1 for each in dark.shape]
-    rows, columns = (
-        np.clip(((np.arange(count) - count // 2) * pitch / side + pixels / 2).astype(int), 0, pixels - 1)
-        for count, pixels in zip(counts, dark.shape, strict=True)
-    )
-    return Palm(inside=dark[np.ix_(rows, columns)], pitch=pitch, name=name)

@@ -5,9 +5,12 @@ from .array_bench import calibrate_array as calibrate_array
 from .array_bench import calibrate_by_beam as calibrate_by_beam
 from .array_bench import check_array_calibration as check_array_calibration
 from .array_bench import check_silence as check_silence
+from .calibration_page import ReferenceChoice as ReferenceChoice
 from .calibration_page import calibration_rows as calibration_rows
 from .calibration_page import check_page_name as check_page_name
 from .calibration_page import describe_uncertainty as describe_uncertainty
+from .calibration_page import read_silence as read_silence
+from .calibration_page import read_takes as read_takes
 from .calibration_page import write_calibration_page as write_calibration_page
 from .identify import Identity as Identity
 from .identify import TapTest as TapTest
@@ -15,9 +18,6 @@ from .identify import assignment_problems as assignment_problems
 from .identify import identify_by_taps as identify_by_taps
 from .identify import identify_by_tones as identify_by_tones
 from .identify import tone_answers as tone_answers
-from .reference_files import ReferenceChoice as ReferenceChoice
-from .reference_files import read_silence as read_silence
-from .reference_files import read_takes as read_takes
 from .simulated_bench import PRACTICE_RECORDINGS as PRACTICE_RECORDINGS
 from .simulated_bench import write_practice_recordings as write_practice_recordings
 from .tracker_bench import PLACES as PLACES

@@ -196,7 +196,9 @@ def band_power_share(recording: Recording, band: tuple[float, float]) -> float |
 def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage: Stage) -> Generator[StageOutput]:
     settings, rig, drive = plan.settings, plan.rig, made.solution.drive
     compensated = compensate_pressure(asked, settings)
-    done = _compensation_text(settings)
+    decoupled = ["corrects the mixing of neighbouring cells by interpolation"] if settings.compensation.decouple else []
+    louder = settings.compensation.precompensate and settings.compensation.compensate == "pressure"
+    done = " and ".join([*decoupled, *(["compensates the attenuation by hold and transducers"] if louder else [])])
     if done:
         yield StageOutput(name="beforehand", what=f"{done}; later stages cancel this", pressure=compensated)
     to_push = mapping_of(settings.target.mapping, compensated.band)
@@ -241,13 +243,6 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
         noise=known_noise(calibration_of(rig.sensor_model), plan.settings.calibration.band),
         tells_images=False,
     )
-
-
-def _compensation_text(settings: Settings) -> str:
-    """Describe the processing of the pressure before the mapping."""
-    decoupled = ["corrects the mixing of neighbouring cells by interpolation"] if settings.compensation.decouple else []
-    louder = settings.compensation.precompensate and settings.compensation.compensate == "pressure"
-    return " and ".join([*decoupled, *(["compensates the attenuation by hold and transducers"] if louder else [])])
 
 
 def _chains(drive: Drive, plan: BudgetPlan) -> Generator[tuple[str, str, PlaybackChain]]:

@@ -149,7 +149,10 @@ def beam_test(
     rig: OpenRig, settings: Settings, *, top: float = 100.0, levels: int = 6, progress: Progress | None = None
 ) -> BeamTest:
     """Measure the beam's gain over the model's, by a beating focus at levels up to `top` Pa on the centre channel."""
-    frequency, cycles = _beat(settings)
+    middle = float(np.sqrt(settings.calibration.band[0] * settings.calibration.band[1]))
+    # A period has at least four frames, as `beam_drive` requires.
+    frequency = settings.target.rate / max(4, round(settings.target.rate / middle))
+    cycles = max(4, round(0.2 * frequency))
     sensor, transducers = rig.listening(), rig.transducers
     channel = (sensor.grid.rows - 1) // 2 * sensor.grid.columns + (sensor.grid.columns - 1) // 2
     point = np.array([*sensor.grid.channel_position(channel), settings.target.grid.height])
@@ -276,11 +279,3 @@ def loop(
         taken_back=further.taken_back,
         end=further.end,
     )
-
-
-def _beat(settings: Settings) -> tuple[float, int]:
-    """Frequency of the beat in Hz, at the logarithmic centre of the band, and its cycles at each level."""
-    middle = float(np.sqrt(settings.calibration.band[0] * settings.calibration.band[1]))
-    # A period has at least four frames, as `beam_drive` requires.
-    frequency = settings.target.rate / max(4, round(settings.target.rate / middle))
-    return frequency, max(4, round(0.2 * frequency))

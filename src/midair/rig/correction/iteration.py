@@ -150,7 +150,15 @@ def run_iterations(
     for number in range(1, times + 1):
         best, name, delay = passes[-1], f"correction {number}", start.comparison.delay
         if lifts:
-            made = _minimum_norm_step(original, best, settings, step, delay)
+            lacking = replace(original, pressure=step * _missing_pressure(original, best, delay))
+            chosen, grid = settings.compensation, settings.target.grid
+            # Pressure below the band stays unchanged; the delay was removed already.
+            louder = precompensate(lacking, dynamics=chosen.dynamics, ramp=chosen.ramp)
+            weights = cell_weights(SensorModel.usual(original.sensor), grid, centre=grid.centre, between="waves")
+            drive = MinimumNorm(dynamics=chosen.dynamics).corrected(
+                best.reproduction.solution.drive, louder.pressure.reshape(louder.frames, -1), weights, grid
+            )
+            made = replace(best.reproduction, solution=replace(best.reproduction.solution, drive=drive))
             tried = play_made(original, best.asked, made, rig, settings, name, stage, step=step)
         else:
             asked = _next_target(original, best, rig, settings, correction, step, delay)
@@ -167,21 +175,6 @@ def run_iterations(
             end = f"the last step lowered the error by less than {100 * correction.least:g} %"
             break
     return IterationResult(passes=tuple(passes[1:]), taken_back=taken_back, end=end)
-
-
-def _minimum_norm_step(
-    original: PressureFrames, best: Pass, settings: Settings, step: float, delay: float
-) -> Reproduction:
-    """The best pass's reproduction with a drive that adds the missing pressure; errors are those of the solve."""
-    lacking = replace(original, pressure=step * _missing_pressure(original, best, delay))
-    chosen, grid = settings.compensation, settings.target.grid
-    # Pressure below the band stays unchanged; the delay was removed already.
-    louder = precompensate(lacking, dynamics=chosen.dynamics, ramp=chosen.ramp)
-    weights = cell_weights(SensorModel.usual(original.sensor), grid, centre=grid.centre, between="waves")
-    drive = MinimumNorm(dynamics=chosen.dynamics).corrected(
-        best.reproduction.solution.drive, louder.pressure.reshape(louder.frames, -1), weights, grid
-    )
-    return replace(best.reproduction, solution=replace(best.reproduction.solution, drive=drive))
 
 
 def _missing_pressure(original: PressureFrames, best: Pass, delay: float) -> Array:

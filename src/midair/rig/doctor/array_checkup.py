@@ -50,19 +50,15 @@ def report_findings(name: str, said: Mapping[str, str]) -> list[Check]:
     """Check the description of an open array."""
     return [
         broken(f"{name}: {subject}", found, _ADVICE[subject])
-        if _unwell(subject, found)
+        if {
+            "firmware": "but the SDK supports" in found,
+            "link": "heartbeats missed" in found and " 0 heartbeats missed" not in found,
+            "failsafe": "it acted" in found and "it acted 0 times" not in found,
+            "temperature": found == "too hot",
+        }.get(subject, False)
         else ok(f"{name}: {subject}", found)
         for subject, found in said.items()
     ]
-
-
-def _unwell(subject: str, found: str) -> bool:
-    return {
-        "firmware": "but the SDK supports" in found,
-        "link": "heartbeats missed" in found and " 0 heartbeats missed" not in found,
-        "failsafe": "it acted" in found and "it acted 0 times" not in found,
-        "temperature": found == "too hot",
-    }.get(subject, False)
 
 
 def _installed(package: str) -> str | None:

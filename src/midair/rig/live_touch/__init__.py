@@ -5,7 +5,6 @@ from .live_loop import LiveLoop as LiveLoop
 from .live_loop import Pace as Pace
 from .live_settings import LiveMapping as LiveMapping
 from .live_settings import LiveSettings as LiveSettings
-from .live_take import LiveTake as LiveTake
 from .playing_live import live as live
 from .playing_live import live_clearance as live_clearance
 from .playing_live import send_touch as send_touch
@@ -13,6 +12,7 @@ from .process import LoopStarted as LoopStarted
 from .process import play_live as play_live
 from .session import LiveSession as LiveSession
 from .session import LiveStatistics as LiveStatistics
+from .session import LiveTake as LiveTake
 from .timing import SensorRate as SensorRate
 from .touch import Touch as Touch
 from .touch_ring import FRAME_EMITTED as FRAME_EMITTED

@@ -132,32 +132,32 @@ class LiveLoop:
         while not ring.ends and (duration is None or self._next < duration * self._sensor.rate):
             self._check()
             if self._sensor.ready(1e-3):
-                self._take(put)
-            self._wait(put, began)
+                block = self._sensor.read(1)
+                lost = block.first - self._next
+                if lost > 0:
+                    # The last good frame stands for lost ones, so that the filter keeps its timing.
+                    for back in range(lost, 0, -1):
+                        self._ring.miss("lost", self._next / self._sensor.rate)
+                        self._touch.feel(self._frame)
+                        self._write(block.host_time - back / self._sensor.rate, 0, FRAME_REPEATED)
+                        self._next += 1
+                self._frame[:] = block.samples.reshape(-1)
+                self._meter.add(block.first, block.host_time)
+                self._ring.put("timed", self._meter.frames)
+                self._ring.put("span_us", round(1e6 * self._meter.span))
+                self._play(put, block.host_time, 0)
+                self._next = block.first + 1
+            # While no frame arrives: fade, then send silent frames that keep the failsafe of the units from acting.
+            now = time.monotonic()
+            if self._latest > began and self._rising is not None and now - self._latest > self._pace.quiet:
+                self._fade(put)
+                self._ring.miss("gaps", self._next / self._sensor.rate)
+            if self._rising is None and now - self._last_sent > self._pace.word:
+                self._intensity = 0
+                self._send(put, self._array.units.now() + round(self._pace.hold * _NS), -1)
         self._fade(put)
         time.sleep(self._pace.hold)
         self._collect_sending_times()
-
-    def _take(self, put: Put) -> None:
-        """Process all frames of the sensor's next block."""
-        block = self._sensor.read(1)
-        lost = block.first - self._next
-        if lost > 0:
-            self._repeat_frame(lost, block.host_time)
-        self._frame[:] = block.samples.reshape(-1)
-        self._meter.add(block.first, block.host_time)
-        self._ring.put("timed", self._meter.frames)
-        self._ring.put("span_us", round(1e6 * self._meter.span))
-        self._play(put, block.host_time, 0)
-        self._next = block.first + 1
-
-    def _repeat_frame(self, lost: int, taken: float) -> None:
-        """Repeat the last good frame for lost frames, so that the filter keeps its timing."""
-        for back in range(lost, 0, -1):
-            self._ring.miss("lost", self._next / self._sensor.rate)
-            self._touch.feel(self._frame)
-            self._write(taken - back / self._sensor.rate, 0, FRAME_REPEATED)
-            self._next += 1
 
     def _play(self, put: Put, taken: float, flags: int) -> None:
         began = time.monotonic()
@@ -260,16 +260,6 @@ class LiveLoop:
         told = self._array.units.told()
         self._ring.put("unanswered", told["lost"] + told["late"] + told["crowded"])
         self._ring.put("failsafe", told["failsafe"])
-
-    def _wait(self, put: Put, began: float) -> None:
-        """While no frame arrives: fade, then send silent frames that keep the units' failsafe from acting."""
-        now = time.monotonic()
-        if self._latest > began and self._rising is not None and now - self._latest > self._pace.quiet:
-            self._fade(put)
-            self._ring.miss("gaps", self._next / self._sensor.rate)
-        if self._rising is None and now - self._last_sent > self._pace.word:
-            self._intensity = 0
-            self._send(put, self._array.units.now() + round(self._pace.hold * _NS), -1)
 
     def _fade(self, put: Put) -> None:
         """Fade to silence; the level rises again afterwards."""

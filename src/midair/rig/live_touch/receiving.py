@@ -252,7 +252,10 @@ class NetworkSource:
             if due <= now and not over:
                 number, pressure = buffer.get()
                 if pressure is not None:
-                    return self._chunk(number, pressure, due)
+                    if self._origin < 0:
+                        self._origin = number
+                    first, rate = number - self._origin, 1.0 if self.greeting is None else self.greeting.rate
+                    return Chunk(samples=pressure[None], first=first, device_time=number / rate, host_time=due)
             elif over and now > self._ended + WINDOW:
                 raise DeviceError("live: the sender has ended")
             elif now > self._came + GONE:
@@ -279,12 +282,6 @@ class NetworkSource:
             f"{told.repeated} repeated and {told.refused} others refused",
             "jitter buffer": f"{1e3 * self._length:g} ms",
         }
-
-    def _chunk(self, number: int, pressure: np.ndarray, due: float) -> Chunk:
-        if self._origin < 0:
-            self._origin = number
-        first, rate = number - self._origin, 1.0 if self.greeting is None else self.greeting.rate
-        return Chunk(samples=pressure[None], first=first, device_time=number / rate, host_time=due)
 
     def _take_all(self) -> None:
         """Process the messages that wait; their number is limited, since a flood has no end."""

@@ -61,7 +61,15 @@ class Meters:
         together = block if self._full_scale is not None else np.concatenate([self._recent, block])
         at_limit = self._limits(together)[-len(block) :]
         first = self._frames
-        self._update_changes(block)
+        before = self._recent[-1:] if len(self._recent) else block[:1]
+        changed = np.diff(np.concatenate([before, block]), axis=0) != 0
+        moves = changed.any(axis=0)
+        last = self._frames + len(block) - 1 - changed[::-1].argmax(axis=0)
+        self._since = np.where(moves, last, self._since)
+        self._moved |= moves
+        # A channel that changes and then stops again is reported again.
+        self._reported &= ~moves
+        self._frames += len(block)
         self._recent = np.concatenate([self._recent, block])[-self._window :]
         self._highest = np.maximum(self._highest, np.abs(block - self._recent.mean(axis=0)).max(axis=0))
         counts = at_limit.sum(axis=0)
@@ -104,18 +112,6 @@ class Meters:
         # A slow or coarse signal repeats values everywhere, so that a run at its extreme is no sign of clipping.
         repeats = (same & elsewhere).sum(axis=0) <= 0.05 * elsewhere.sum(axis=0)
         return runs & repeats & elsewhere.any(axis=0)
-
-    def _update_changes(self, block: Array) -> None:
-        """Update the frame since which each channel has its value, and the channels that have ever changed."""
-        before = self._recent[-1:] if len(self._recent) else block[:1]
-        changed = np.diff(np.concatenate([before, block]), axis=0) != 0
-        moves = changed.any(axis=0)
-        last = self._frames + len(block) - 1 - changed[::-1].argmax(axis=0)
-        self._since = np.where(moves, last, self._since)
-        self._moved |= moves
-        # A channel that changes and then stops again is reported again.
-        self._reported &= ~moves
-        self._frames += len(block)
 
     def _new_events(self) -> list[Event]:
         new = (self._frames - self._since >= self._still) & ~self._reported

@@ -140,7 +140,22 @@ class _TakeRun:
                 self._accompany(self._companion)
             except (DeviceError, FileError) as wrong:
                 error = wrong
-        return self._close(end, error)
+        for kind, watch in self._watches:
+            if (drift := watch.drift()) is not None and self._frames and end != "failure":
+                self._store([Event(kind=kind, frame=self._origin + self._frames - 1, ppm=drift.ppm)])
+        return Take(
+            path=None if self._writer is None else self._path,
+            memory=self._writer.take() if isinstance(self._writer, RecordingBuffer) else None,
+            frames=self._frames,
+            lost=self._held,
+            end=end,
+            error=error,
+            levels=self._meters.levels,
+            lowest=self._range[0],
+            highest=self._range[1],
+            rate=self._rate.drift(),
+            clock=self._clock.drift(),
+        )
 
     @property
     def _frames(self) -> int:
@@ -196,7 +211,11 @@ class _TakeRun:
             # An on-demand source has no clock.
             self._rate.add(block.first / self._sensor.rate, block.host_time)
             self._clock.add(block.device_time, block.host_time)
-            self._report_drift()
+            for kind, watch in self._watches:
+                drift = None if kind in self._reported else watch.drift()
+                if drift is not None and drift.certain and abs(drift.ppm) > DRIFT_TOLD:
+                    self._reported.add(kind)
+                    self._report([Event(kind=kind, frame=self._gap_filler.frames - 1, ppm=drift.ppm)], drift)
         return seamless.samples
 
     def _wait(self, samples: Array, order: TakeOrder | None) -> EndReason | None:
@@ -295,13 +314,6 @@ class _TakeRun:
         if self._writer is not None:
             self._writer.note(rows)
 
-    def _report_drift(self) -> None:
-        for kind, watch in self._watches:
-            drift = None if kind in self._reported else watch.drift()
-            if drift is not None and drift.certain and abs(drift.ppm) > DRIFT_TOLD:
-                self._reported.add(kind)
-                self._report([Event(kind=kind, frame=self._gap_filler.frames - 1, ppm=drift.ppm)], drift)
-
     def _show(self) -> None:
         self._watcher.show(
             View(
@@ -313,22 +325,4 @@ class _TakeRun:
                 rate=self._rate.drift(),
                 clock=self._clock.drift(),
             )
-        )
-
-    def _close(self, end: EndReason, error: MidairError | None) -> Take:
-        for kind, watch in self._watches:
-            if (drift := watch.drift()) is not None and self._frames and end != "failure":
-                self._store([Event(kind=kind, frame=self._origin + self._frames - 1, ppm=drift.ppm)])
-        return Take(
-            path=None if self._writer is None else self._path,
-            memory=self._writer.take() if isinstance(self._writer, RecordingBuffer) else None,
-            frames=self._frames,
-            lost=self._held,
-            end=end,
-            error=error,
-            levels=self._meters.levels,
-            lowest=self._range[0],
-            highest=self._range[1],
-            rate=self._rate.drift(),
-            clock=self._clock.drift(),
         )

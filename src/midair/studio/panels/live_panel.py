@@ -11,10 +11,9 @@ from midair.errors import DeviceStateError, InputError, MidairError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Acoustics
 from midair.rig import LiveMapping, LiveSettings, Subject, take_path
-from midair.studio.feed import Feed
 from midair.studio.live_process import REMEMBERED, run_live
 from midair.studio.panels.panel import WEB, Panel, PanelContext
-from midair.studio.panels.record_panel import VisibleRange
+from midair.studio.panels.record_panel import Feed, VisibleRange
 from midair.studio.studio_state import Arguments, Page, declared
 from midair.studio.worker_process import WorkerProcess
 
@@ -165,7 +164,8 @@ class LivePanel(Panel):
 
     def turn(self, _: Page, order: SetLevel) -> bool:
         """Set the share of the checked level; it can never be louder."""
-        self._plays()
+        if self._state["state"] != "plays":
+            raise DeviceStateError("live: expected running live touch, none is running; start it first")
         self._playing.permit.turn(order.share)
         self._show(share=order.share)
         return True
@@ -200,10 +200,6 @@ class LivePanel(Panel):
     def _idle(self) -> None:
         if self._state["state"] != "idle":
             raise DeviceStateError("live: expected no running live touch, one is running; end it, then start again")
-
-    def _plays(self) -> None:
-        if self._state["state"] != "plays":
-            raise DeviceStateError("live: expected running live touch, none is running; start it first")
 
     def _on_message(self, said: dict[str, Any]) -> None:
         """Handle an event of the process."""

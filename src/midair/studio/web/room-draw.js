@@ -145,10 +145,11 @@ export default class Draw {
     this.map.setAttribute("aria-label", "Pressure on the palm: not computed yet");
     this.view = drawn("svg", { viewBox: `${-HALF} ${-HALF} ${2 * HALF} ${2 * HALF}`, role: "group", "aria-label": "Palm with the paths of the spots; arrow keys move the chosen handle" });
     this._pointer();
-    this.lines = make("div.lines", { role: "status" }, make("p.quiet", {}, "computing …"));
+    this.lines = make("div.lines", { role: "status" });
     this.mapWords = make("span", {}, "pressure, rms");
     this.skinWords = make("p.quiet");
     this.play = make("button.main", { type: "button", id: "draw-play", onclick: () => this._play() }, "Play");
+    this.played = make("p", { id: "draw-played", role: "status" });
     this.form = make("div.column");
     this.more = make("div.column");
     this.sliders = panel("Sliders", null, this.more);
@@ -163,7 +164,7 @@ export default class Draw {
       make("div.column", {}, panel("Palm", make("span", {}, simulated(), " ", this.mapWords), make("div.buttons", {}, this.undoes, this.redoes, make("label", { htmlFor: "draw-snap" }, this.snaps, " Snap to 1 mm")),
         make("div.palm-picture", {}, this.map, this.view), make("p.quiet", {}, "Drag on the palm to draw a path, drag a handle to move it. Arrow keys move the handle in focus by 1 mm, with Shift by 5; Delete removes it."),
         this.spots, make("p.quiet", {}, "Each spot is one focus; all press at once."))),
-      make("div.column", {}, panel("Effect on the palm", simulated(), make("div.gets", {}, make("figure", {}, this.skin, this.skinWords), this.lines), make("div.buttons", {}, this.play),
+      make("div.column", {}, panel("Effect on the palm", simulated(), make("div.gets", {}, make("figure", {}, this.skin, this.skinWords), this.lines), make("div.buttons", {}, this.play), this.played,
         make("p.quiet", {}, "The exposure of the whole drive is checked before it plays. Esc is STOP.")), this.formPanel, panel("Pattern", null, this.whole))));
     this._shown();
   }
@@ -408,7 +409,7 @@ export default class Draw {
     const { link } = this;
     this.playing = true;
     this.control();
-    const say = (words) => { this.said.textContent = words; };
+    const say = (words) => { this.played.textContent = words; };
     try {
       say("drawing …");
       const take = await link.order("draw", "draft", { pattern: this.pattern });

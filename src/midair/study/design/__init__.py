@@ -5,9 +5,6 @@ from .adaptive import stimulus_levels as stimulus_levels
 from .adaptive_block import next_stimulus as next_stimulus
 from .adaptive_block import threshold_cautions as threshold_cautions
 from .adaptive_block import thresholds_of as thresholds_of
-from .answers import answers_table as answers_table
-from .answers import excluded_participants as excluded_participants
-from .answers import markers_table as markers_table
 from .plan import Plan as Plan
 from .plan import Trial as Trial
 from .plan import balanced_latin_square as balanced_latin_square
@@ -21,6 +18,9 @@ from .question import StimulusKind as StimulusKind
 from .question import right_answer as right_answer
 from .session_state import Policy as Policy
 from .session_state import SessionState as SessionState
+from .session_state import answers_table as answers_table
+from .session_state import excluded_participants as excluded_participants
+from .session_state import markers_table as markers_table
 from .session_state import replay as replay
 from .session_state import right_answer_of_trial as right_answer_of_trial
 from .study_design import Analysis as Analysis

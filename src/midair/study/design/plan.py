@@ -40,7 +40,13 @@ def constrained_shuffle(
     item by item. Raises InputError if no order keeps the limit.
     """
     if longest_run:
-        _check_feasible(items, longest_run)
+        item, most = Counter(items).most_common(1)[0]
+        others = len(items) - most
+        if most > longest_run * (others + 1):
+            raise InputError(
+                f"order: expected runs of at most {longest_run}, got {most} trials of {item!r} among {others} others;"
+                " allow longer runs or add other stimuli"
+            )
     for _ in range(tries):
         order = [items[i] for i in rng.permutation(len(items))]
         if not longest_run or longest_run_of(order) <= longest_run:
@@ -51,16 +57,6 @@ def constrained_shuffle(
 def longest_run_of(items: Sequence[object]) -> int:
     """Largest number of equal items in a row."""
     return max((len(list(run)) for _, run in groupby(items)), default=0)
-
-
-def _check_feasible(items: Sequence[object], longest_run: int) -> None:
-    item, most = Counter(items).most_common(1)[0]
-    others = len(items) - most
-    if most > longest_run * (others + 1):
-        raise InputError(
-            f"order: expected runs of at most {longest_run}, got {most} trials of {item!r} among {others} others;"
-            " allow longer runs or add other stimuli"
-        )
 
 
 def _build_order(items: list[Item], rng: np.random.Generator, longest_run: int) -> list[Item]:

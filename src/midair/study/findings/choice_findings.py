@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.study.findings.finding import Choices, Finding, attempt, interval_words, note_last, p_words
@@ -77,15 +76,6 @@ def _confusion(name: str, rows: DataFrame, data: StudyData) -> Choices:
 
 def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> list[Finding]:
     """Scores, chance level, sensitivity, information and bias of one confusion matrix."""
-    words = [*_share_words(one), _chance_words(one.confusion, rng, draws), *_sensitivity_words(one.confusion)]
-    table = scores(one.confusion).drop(columns=["recall_low", "recall_high"])
-    if one.f_limits is not None:
-        table = table.assign(F_low=one.f_limits.low, F_high=one.f_limits.high)
-    table = note_last(table)
-    return [Finding(title=f"Identification: {one.name}", words=" ".join(words), table=table)]
-
-
-def _share_words(one: Choices) -> list[str]:
     confusion, counts = one.confusion, one.confusion.counts
     limits = interval_words(share_limits, confusion.by_person, form=".3f")
     words = [
@@ -106,7 +96,12 @@ def _share_words(one: Choices) -> list[str]:
         )
     if one.left_out:
         words.append(f"{one.left_out} answers that name an object that was never presented are left out, as planned.")
-    return words
+    words = [*words, _chance_words(one.confusion, rng, draws), *_sensitivity_words(one.confusion)]
+    table = scores(one.confusion).drop(columns=["recall_low", "recall_high"])
+    if one.f_limits is not None:
+        table = table.assign(F_low=one.f_limits.low, F_high=one.f_limits.high)
+    table = note_last(table)
+    return [Finding(title=f"Identification: {one.name}", words=" ".join(words), table=table)]
 
 
 def _chance_words(confusion: Confusion, rng: np.random.Generator, draws: int) -> str:
@@ -169,7 +164,11 @@ def _over_objects(first: Choices, second: Choices, names: str) -> Finding:
 def _over_people(
     first: Choices, second: Choices, data: StudyData, names: str, rng: np.random.Generator
 ) -> list[Finding]:
-    a, b = _macro_f_of_same_people(first.confusion, second.confusion)
+    both = [who for who in first.confusion.participants if who in second.confusion.participants]
+    if len(both) < 2:
+        raise InputError(f"pairs: expected two or more people with both conditions, got {len(both)}")
+    pick = [[one.participants.index(who) for who in both] for one in (first.confusion, second.confusion)]
+    a, b = first.confusion.macro_f_by_person[pick[0]], second.confusion.macro_f_by_person[pick[1]]
     found = paired_t(a, b)
     same = equivalence(a, b, margin=data.margin)
     evidence = bayes_factor(found.t, found.n)
@@ -188,14 +187,6 @@ def _over_people(
         f" {strength:.1f} {side}{'' if strength >= 3 else ', inconclusive'}."
     )
     return [Finding(title="Effect of the condition over people", words=words)]
-
-
-def _macro_f_of_same_people(first: Confusion, second: Confusion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    both = [who for who in first.participants if who in second.participants]
-    if len(both) < 2:
-        raise InputError(f"pairs: expected two or more people with both conditions, got {len(both)}")
-    pick = [[one.participants.index(who) for who in both] for one in (first, second)]
-    return first.macro_f_by_person[pick[0]], second.macro_f_by_person[pick[1]]
 
 
 def mixed(data: StudyData) -> list[Finding]:

@@ -77,7 +77,11 @@ class SimulatedParticipant:
     def _answer(
         self, design: Design, question: Question, stimulus: Stimulus, trial: Trial, rng: np.random.Generator
     ) -> str:
-        middle = _mean_strengths(design)
+        middle = {
+            block.strength: float(np.exp(np.log(stimulus_levels(design, block)[1]).mean()))
+            for block in design.blocks
+            if block.adaptive
+        }
         factor = next((factor for factor in middle if factor in stimulus.levels), "")
         strength = float(stimulus.levels[factor]) / middle[factor] if factor else 1.0
         person = self._stream(f"person {trial.participant} {question.name}")
@@ -106,15 +110,6 @@ class SimulatedParticipant:
 
     def _stream(self, words: str) -> np.random.Generator:
         return np.random.default_rng([self.seed, int.from_bytes(sha256(words.encode()).digest()[:8], "big")])
-
-
-def _mean_strengths(design: Design) -> dict[str, float]:
-    """Geometric mean of the strengths of each adaptive factor."""
-    return {
-        block.strength: float(np.exp(np.log(stimulus_levels(design, block)[1]).mean()))
-        for block in design.blocks
-        if block.adaptive
-    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -298,7 +298,18 @@ class Session:
             self._clock.wait(trial.wait_s, self._stopped)
             self._present_members(stimulus, step.text, cue or (lambda _: None))
         except DeviceError as wrong:
-            self._failed(step, wrong)
+            if self._stopped.is_set():
+                raise wrong
+            self._write("silent", trial=step.code, reason=str(wrong))
+            self._silences += 1
+            if not isinstance(wrong, SilentFramesError):
+                raise wrong
+            if self._silences == ATTEMPTS:
+                raise SilentFramesError(
+                    f"trial {step.number}: the array failed {ATTEMPTS} times in a row, the session ends; {wrong}"
+                ) from wrong
+            self._script = chain([step], self._script)
+            self._step = TrialStep(kind="show", text=AGAIN)
             return
         if not self._stopped.is_set():
             self._silences = 0
@@ -349,21 +360,6 @@ class Session:
             self._presenter.present(self.plan.design.stimulus(name))
         if text:
             cue("")
-
-    def _failed(self, step: TrialStep, wrong: DeviceError) -> None:
-        """Log a failed presentation and repeat the trial if the array can still play."""
-        if self._stopped.is_set():
-            raise wrong
-        self._write("silent", trial=step.code, reason=str(wrong))
-        self._silences += 1
-        if not isinstance(wrong, SilentFramesError):
-            raise wrong
-        if self._silences == ATTEMPTS:
-            raise SilentFramesError(
-                f"trial {step.number}: the array failed {ATTEMPTS} times in a row, the session ends; {wrong}"
-            ) from wrong
-        self._script = chain([step], self._script)
-        self._step = TrialStep(kind="show", text=AGAIN)
 
     def _due(self, trial: Trial) -> Stimulus:
         """Stimulus of a trial; the choice of an adaptive block is logged before the presentation."""
