@@ -349,8 +349,8 @@ def _product(asked: Problem, method: Glide) -> float:
     y = np.ones((rows, machine.field.shape[1]), np.complex64)
 
     def once() -> None:
-        (q @ machine.drive_back) @ machine.field
-        (y @ machine.field_back) @ machine.drive
+        machine.drive.to_modes(q) @ machine.field
+        machine.drive.of_modes(y @ machine.field_back)
 
     return fastest(once) / rows
 

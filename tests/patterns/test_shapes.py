@@ -12,6 +12,26 @@ from midair.patterns.shapes import Arc, Circle, Lissajous, Polygon
 SHARE = np.linspace(0, 1, 401)
 
 
+def test_keys_move_a_spot_and_change_its_pressure():
+    keys = [{"at_s": 0.0, "ease": "smooth"}, {"at_s": 0.5, "centre_mm": [20.0, 0.0], "ease": "step"}]
+    keys += [{"at_s": 1.0, "centre_mm": [0.0, 10.0], "part": 0.5}]
+    spot = {"pressure_pa": 40.0, "key": keys, "start_s": 0.2, "centre_mm": [1.0, 0.0]}
+    for loop, at_the_end in ((False, (1.0, 10.0, 20.0)), (True, (21.0, 0.0, 40.0))):
+        foci = Pattern.from_plain({"duration_s": 3.0, "spot": [spot | {"loop_keys": loop}]}).foci()
+        x, y = 1e3 * foci.position[:, 0, :2].T
+        at = (4000 * (0.2 + np.array([0.0, 0.125, 0.25, 0.4999, 0.5, 0.9]))).astype(int)
+        # 3 s^2 - 2 s^3 of a quarter and a half of the way.
+        np.testing.assert_allclose(x[at], [1, 1 + 20 * 0.15625, 11, 21, 21, 21], atol=0.05)
+        assert foci.pressure[int(4000 * 1.1), 0] == 40
+        np.testing.assert_allclose((x[-801], y[-801], foci.pressure[-801, 0]), at_the_end, atol=0.05)
+
+
+@pytest.mark.parametrize("keys", [[{"at_s": 1.0}, {"at_s": 0.5}], [{"at_s": 0.0, "ease": "bounce"}]])
+def test_keys_that_are_not_in_order_or_unknown_are_refused(keys):
+    with pytest.raises(InputError, match=r"spot 1: key"):
+        Pattern.from_plain({"duration_s": 1.0, "spot": [{"key": keys}]})
+
+
 @pytest.mark.parametrize("name", SHAPES)
 def test_every_shape_goes_through_its_file_and_ends_where_it_says(name):
     shape = SHAPES[name]()

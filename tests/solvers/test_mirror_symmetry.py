@@ -5,7 +5,7 @@ import pytest
 
 from midair.model import Acoustics, ControlGrid, Placement, TransducerArray
 from midair.solvers import Live, error_of, multi_plane_problem, symmetric_modes
-from midair.solvers.live import full_phase
+from midair.solvers.mirror_symmetry import full_phase
 from midair.solvers.modes import modes
 
 AIR = Acoustics()

@@ -12,7 +12,8 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from itertools import pairwise
+from typing import Any, Literal
 
 import numpy as np
 
@@ -92,6 +93,16 @@ class SignalModulation(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Key(Checked):
+    """Where the centre of a spot is at a time after its start, and which part of its pressure it has."""
+
+    at_s: float = setting(0.0, "Time after the start of the spot.", unit="s", limits=(0, 1e5))
+    centre_mm: tuple[float, float] = setting((0.0, 0.0), "Centre, from that of the spot.", unit="mm")
+    part: float = setting(1.0, "Part of the pressure.", limits=(0, 1))
+    ease: Literal["linear", "smooth", "step"] = setting("linear", "Way to the next key; a step holds until there.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Spot(Checked):
     """One focus: where it moves, and how hard it presses."""
 
@@ -106,6 +117,8 @@ class Spot(Checked):
     am: AmplitudeModulation | None = setting(None, "Amplitude modulation.")
     lm: LateralModulation | None = setting(None, "Lateral modulation.")
     signal: SignalModulation | None = setting(None, "A recorded signal as the modulation.")
+    key: tuple[Key, ...] = setting((), "Key frames in order of time; the last one holds.")
+    loop_keys: bool = setting(False, "Whether the keys begin again after the last one.")
     start_s: float = setting(0.0, "Time at which it begins.", unit="s", limits=(0, np.inf))
     stop_s: float = setting(np.inf, "Time at which it ends.", unit="s", limits=(0, np.inf), above=True)
 
@@ -115,11 +128,32 @@ class Spot(Checked):
             raise InputError("speed_m_s: expected draw_hz or speed_m_s, got both; leave out one of them")
         if not np.isfinite(self.centre_mm).all():
             raise InputError(f"centre_mm: expected finite numbers, got {self.centre_mm}")
+        times = [key.at_s for key in self.key]
+        if any(later <= earlier for earlier, later in pairwise(times)) or (self.loop_keys and len(times) < 2):
+            raise InputError(f"key: expected at_s that increase, and two keys or more for loop_keys, got {times}")
 
     def rate(self) -> float:
         """Times per second that the path is drawn, there and back for an open one."""
         there = (1 if self.shape.closed else 2) * self.shape.length() if self.speed_m_s else 0.0
         return 1e3 * self.speed_m_s / there if there else self.draw_hz
+
+    def keyed(self, time: Array) -> Array:
+        """Way of the centre in mm, and part of the pressure, by the keys at times in s: shape (frame, 3)."""
+        if not self.key:
+            return np.tile([0.0, 0.0, 1.0], (len(time), 1))
+        at, values = (
+            np.array([key.at_s for key in self.key]),
+            np.array([(*key.centre_mm, key.part) for key in self.key]),
+        )
+        since = time - self.start_s
+        since = at[0] + np.mod(since - at[0], at[-1] - at[0]) if self.loop_keys else np.clip(since, at[0], at[-1])
+        before = np.clip(np.searchsorted(at, since + 1e-9, "right") - 1, 0, max(len(at) - 2, 0))
+        after = np.minimum(before + 1, len(at) - 1)
+        share = np.clip((since + 1e-9 - at[before]) / np.maximum(at[after] - at[before], 1e-9), 0, 1)
+        ways = {"linear": share, "smooth": share**2 * (3 - 2 * share), "step": np.floor(share)}
+        names = np.array([key.ease for key in self.key])[before]
+        eased = np.select([names == name for name in ways], list(ways.values()))[:, None]
+        return values[before] + eased * (values[after] - values[before])
 
     def places(self, time: Array) -> Array:
         """Places relative to the centre of the palm at times in s, shape (frame, 3), in m."""
@@ -133,7 +167,7 @@ class Spot(Checked):
         turned = self.shape.at(share) @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         if self.lm is not None:
             turned = turned + self.lm.offset(time - self.start_s)
-        flat = turned + np.array(self.centre_mm)
+        flat = turned + np.array(self.centre_mm) + self.keyed(time)[:, :2]
         return 1e-3 * np.column_stack([flat, np.full(len(flat), self.above_mm)])
 
     def pressure(self, time: Array, rate: float) -> Array:
@@ -141,7 +175,7 @@ class Spot(Checked):
         sounds = (time >= self.start_s - 1e-9) & (time < self.stop_s - 1e-9)
         modulation = 1.0 if self.am is None else self.am.factor(time - self.start_s)
         recorded = 1.0 if self.signal is None else self.signal.factor(time - self.start_s, rate)
-        return np.asarray(self.pressure_pa * sounds * modulation * recorded, float)
+        return np.asarray(self.pressure_pa * sounds * modulation * recorded * self.keyed(time)[:, 2], float)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

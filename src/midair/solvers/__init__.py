@@ -10,7 +10,6 @@ from .glide_blocks import pieces as pieces
 from .levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
 from .live import FrameTracker as FrameTracker
 from .live import Live as Live
-from .live import symmetric_modes as symmetric_modes
 from .memory_need import check_memory as check_memory
 from .memory_need import memory_needed as memory_needed
 from .memory_need import memory_of as memory_of
@@ -22,6 +21,7 @@ from .methods import name_of as name_of
 from .methods import settings_type as settings_type
 from .methods import solver as solver
 from .methods import takes as takes
+from .mirror_symmetry import symmetric_modes as symmetric_modes
 from .phases import spreading_phase as spreading_phase
 from .planes import multi_plane_problem as multi_plane_problem
 from .planes import place_grid as place_grid

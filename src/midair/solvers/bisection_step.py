@@ -29,6 +29,7 @@ class FrameSolution:
     z: Rows  # Field in the coordinates of `FieldMove`, shape (row, mode), that the phases make or approximate
     scale: Numbers  # Final inverse curvature of the refinement, in units of the target, shape (row,)
     field_scale: Numbers  # Final inverse curvature of the field step, in units of the target, shape (row,)
+    more: NDArray[np.int64] | int = 0  # Additional iterations of bad rows, shape (row,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,7 +71,8 @@ class BisectionStep:
             self.field.coordinates(batch, state), effort[1], relaxation=self.settings.relaxation
         )
         polished = self._refine(batch, theta, one / operators.strongest, effort[2])
-        return self._solved(batch, polished, self.operators.backend.as_complex(state.x), state.scale)
+        more = self._rescue(batch, polished)
+        return self._solved(batch, polished, self.operators.backend.as_complex(state.x), state.scale, more)
 
     def begin(self, batch: Batch, around: Neighbours) -> RowsState:
         """Start of a refinement at the mean of the neighbours' drives, with its cost."""
@@ -83,9 +85,10 @@ class BisectionStep:
         method, function = self._method(), self.operators.phase_function(batch)
         for _ in range(iterations):
             method.step(function, state)
+        more = self._rescue(batch, state)
         q = self.operators.backend.phasor(state.x)
-        z = batch.gain * (q @ self.operators.drive_back) * self.operators.root
-        return self._solved(batch, state, z, around.field_scale)
+        z = batch.gain * self.operators.drive.to_modes(q) * self.operators.root
+        return self._solved(batch, state, z, around.field_scale, more)
 
     def from_field(self, batch: Batch, around: Neighbours, effort: Effort, *, rough: bool) -> FrameSolution:
         """Solve frames by all three steps, from the mean field adapted to the new part of the target.
@@ -107,7 +110,8 @@ class BisectionStep:
             if rough and batch.cells is None
             else self._refine(batch, self._angle(q), scale, effort[2])
         )
-        return self._solved(batch, polished, backend.as_complex(state.x), state.scale)
+        more = self._rescue(batch, polished)
+        return self._solved(batch, polished, backend.as_complex(state.x), state.scale, more)
 
     def _method(self) -> LBFGS:
         return self.operators.descent
@@ -119,9 +123,24 @@ class BisectionStep:
     def _refine(self, batch: Batch, theta: Rows, scale: Numbers, iterations: int) -> RowsState:
         return self._method().run(self.operators.phase_function(batch), theta, scale, iterations)
 
-    def _solved(self, batch: Batch, state: RowsState, z: Rows, field_scale: Numbers) -> FrameSolution:
+    def _rescue(self, batch: Batch, state: RowsState) -> NDArray[np.int64] | int:
+        """Continue the refinement of the worst rows of a folded array; returns the iterations of each row."""
+        rows, iterations = batch.p.shape[0], self.settings.rescue
+        if self.operators.drive.images == 1:
+            return 0
+        worst = np.argsort(state.cost)[-((rows + 7) // 8) :]
+        worst = worst[state.cost[worst] > self.settings.bad**2 / 2]
+        more = np.zeros(rows, np.int64)
+        if len(worst):
+            better = self._refine(batch.some(np, worst), state.x[worst], state.scale[worst], iterations)
+            state.x[worst], state.scale[worst], more[worst] = better.x, better.scale, iterations
+        return more
+
+    def _solved(
+        self, batch: Batch, state: RowsState, z: Rows, field_scale: Numbers, more: NDArray[np.int64] | int = 0
+    ) -> FrameSolution:
         scale = state.scale * batch.gain[:, 0] ** 2
-        return FrameSolution(theta=state.x, z=z, scale=scale, field_scale=field_scale)
+        return FrameSolution(theta=state.x, z=z, scale=scale, field_scale=field_scale, more=more)
 
     def _phase_fit(self, a: Rows, q: Rows, iterations: int) -> Rows:
         """Drive of magnitude 1 with V^H q close to a, by a heavy ball on the phases starting at q; see `live`."""
@@ -129,7 +148,7 @@ class BisectionStep:
         xp = backend.xp
         speed = xp.zeros_like(xp.real(q))
         for _ in range(iterations):
-            change = (a - q @ operators.drive_back) @ operators.drive
+            change = operators.drive.of_modes(a - operators.drive.to_modes(q))
             uphill = xp.real(q) * xp.imag(change) - xp.imag(q) * xp.real(change)
             speed = self.settings.momentum * speed + self.settings.step * uphill
             # Rotate by the angle whose tangent is the speed, which needs no sine.

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.solvers.backend import Backend, Numbers, Rows, squares
-from midair.solvers.lbfgs import LBFGS, Function, RingLBFGS, RowsState
+from midair.solvers.lbfgs import LBFGS, CompiledLBFGS, Function, RingLBFGS, RowsState
+from midair.solvers.mirror_symmetry import KINDS, FoldedProduct, Product, modes_by_kind
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
 from midair.solvers.problem import Problem
@@ -47,9 +48,8 @@ class FieldOperators:
     backend: Backend
     problem: Problem
     field: Rows  # (U diag(s) A)^T, from V^H q to the field, shape (mode, listener)
-    drive: Rows  # V transposed, shape (mode, transducer)
+    drive: Product  # V transposed, shape (mode, transducer)
     field_back: Rows  # Adjoint of `field`
-    drive_back: Rows  # Adjoint of `drive`
     root: Numbers  # Square roots of A s, shape (mode,)
     strongest: float  # Largest singular value times A
     psi: Numbers  # exp j psi, initial phases of the field, shape (point,)
@@ -71,19 +71,28 @@ class FieldOperators:
         if problem.guard is not None:
             listeners = np.concatenate([problem.G, problem.guard.G])
             weighted = np.concatenate([problem.G, outside * problem.guard.G])
-        kept = modes(weighted, tolerance=tolerance)
-        s, psi = problem.level * kept.s, np.exp(1j * problem.first_psi)
-        first_drive = (psi @ kept.U[: problem.points].conj() / np.where(s > 0, s, 1)) @ kept.V.T
-        field, drive = backend.put(problem.level * (listeners @ kept.V).T), backend.put(kept.V.T)
+        lattice, psi = problem.lattice, np.exp(1j * problem.first_psi)
+        if lattice is not None:
+            strength, kinds = modes_by_kind(weighted, tolerance)
+            drives = np.einsum("ki,kmn->inkm", KINDS, kinds).reshape(-1, len(strength))
+            drive: Product = FoldedProduct.of(backend, kinds, lattice.weight)
+            first = psi @ (problem.G @ drives).conj() / strength
+        else:
+            kept = modes(weighted, tolerance=tolerance)
+            strength, drives, matrix = kept.s, kept.V, backend.put(kept.V.T)
+            drive = Product(backend=backend, matrix=matrix, back=backend.adjoint(matrix))
+            first = psi @ kept.U[: problem.points].conj()
+        s = problem.level * strength
+        first_drive = (first / np.where(s > 0, s, 1)) @ drives.T
+        field = backend.put(problem.level * (listeners @ drives).T)
         return cls(
             backend=backend,
             problem=problem,
             field=field,
             drive=drive,
             field_back=backend.adjoint(field),
-            drive_back=backend.adjoint(drive),
             root=backend.put(np.sqrt(s)),
-            strongest=float(s[0]),
+            strongest=float(s.max()),
             psi=backend.put(psi),
             initial_drive=backend.put(rippled(first_drive)[None, :]),
             weights=None if problem.cells is None else backend.put(problem.cells.weights.T),
@@ -113,19 +122,17 @@ class FieldOperators:
     def field_move(
         self, *, loudness: float, floor: float, sampled: NDArray[np.int64], effort: float = 0.0
     ) -> "FieldMove":
-        """The field step; `loudness` is the weight of amplitudes above full drive at the `sampled` transducers.
+        """The field step; `loudness` is the weight of amplitudes above full drive at the `sampled` columns of `drive`.
 
         `effort` is the weight of the squared length of V^H q, in units of a target in the strongest mode.
         """
         # Convergence is best in z = sqrt(s) a, for strong and weak modes; a and s a are both slower.
-        heard_at = self.backend.xp.take(self.drive, self.backend.put(sampled), axis=1)
-        out, loud = self.field / self.root[:, None], heard_at / self.root[:, None]
+        out, loud = self.field / self.root[:, None], self.drive.sampled(sampled, self.root)
         return FieldMove(
             operators=self,
             out=out,
             loud=loud,
             out_back=self.backend.adjoint(out),
-            loud_back=self.backend.adjoint(loud),
             loudness=loudness / loud.shape[1],
             pseudo=self.root / (self.root**4 + (floor * self.strongest) ** 2),
             effort=effort * (self.strongest / self.root) ** 2 if effort else None,
@@ -133,7 +140,9 @@ class FieldOperators:
 
     @property
     def descent(self) -> LBFGS:
-        """The implementation for the backend: `LBFGS` for NumPy, `RingLBFGS` for others."""
+        """The implementation: `CompiledLBFGS` on a folded array, `LBFGS` for NumPy, `RingLBFGS` for others."""
+        if self.drive.kernel is not None:
+            return CompiledLBFGS(memory=self.memory, kernel=self.drive.kernel)
         method = LBFGS if self.backend.xp is np else RingLBFGS
         return method(memory=self.memory, xp=self.backend.xp)
 
@@ -144,7 +153,7 @@ class FieldOperators:
         """
         xp, q = self.backend.xp, self.initial_drive
         for _ in range(iterations):
-            q = self.backend.unit(q + relaxation * ((a - q @ self.drive_back) @ self.drive))
+            q = self.backend.unit(q + relaxation * self.drive.of_modes(a - self.drive.to_modes(q)))
         q = xp.broadcast_to(q, (a.shape[0], q.shape[1]))
         return xp.atan2(xp.imag(q), xp.real(q))
 
@@ -168,15 +177,15 @@ class FieldOperators:
         backend, s, points = self.backend, self.root**2, batch.p.shape[1]
         weight = (stiffness * self.strongest * batch.gain) ** 2
         inverse = 1 / ((s * batch.gain) ** 2 + weight)
-        b, u = q @ self.drive_back, 0 * a
+        b, u = self.drive.to_modes(q), 0 * a
         for _ in range(iterations):
             y = ((batch.gain * a) @ self.field)[:, :points]
             wanted = (batch.gain * (batch.p * backend.unit(y))) @ self.field_back[:points, :]
             a = (wanted + weight * (b - u)) * inverse
             # Less than the full step of the dual, which at few iterations overshoots.
             u = u + 0.8 * (a - b)
-            q = backend.unit(q + relaxation * ((a + u - b) @ self.drive))
-            b = q @ self.drive_back
+            q = backend.unit(q + relaxation * self.drive.of_modes(a + u - b))
+            b = self.drive.to_modes(q)
         return q
 
     def refine(self, theta: Rows, batch: Batch, iterations: int, *, more: int) -> Rows:
@@ -228,17 +237,12 @@ class FieldOperators:
 
         With r the slope of the cost by the field, its gradient by theta_n is Im(conj(q_n) (G^H r)_n).
         """
-        xp, gain = self.backend.xp, batch.gain
+        gain = batch.gain
 
         def function(theta: Rows) -> tuple[Numbers, Rows]:
-            q = self.backend.phasor(theta)
-            cost, slope = self.cost_and_slope(batch, (gain * (q @ self.drive_back)) @ self.field)
-            back = (gain * (slope @ self.field_back)) @ self.drive
-            if xp is not np:
-                return cost, xp.real(q) * xp.imag(back) - xp.imag(q) * xp.real(back)
-            back *= xp.conj(q)
-            # NumPy's imaginary part is a strided view that would keep the whole product in memory.
-            return cost, xp.asarray(xp.imag(back), copy=True)
+            q, a = self.drive.phasors(theta)
+            cost, slope = self.cost_and_slope(batch, (gain * a) @ self.field)
+            return cost, self.drive.slope(q, gain * (slope @ self.field_back))
 
         return function
 
@@ -274,10 +278,7 @@ class FieldMove:
     operators: FieldOperators
     out: Rows  # From z to the listeners, shape (mode, listener)
     out_back: Rows  # Adjoint of `out`
-    # From z to the sampled transducers, shape (mode, sampled): drives of r modes are smooth, so a sample is
-    # enough
-    loud: Rows
-    loud_back: Rows  # Adjoint of `loud`
+    loud: Product  # From z to the sampled transducers: drives of r modes are smooth, so a sample is enough
     loudness: float  # Weight of amplitudes above full drive, per sampled transducer
     pseudo: Numbers  # Damped inverse from the field at the points to z, shape (mode,)
     effort: Numbers = None  # Weight of |z|^2 / 2, shape (mode,), or None
@@ -304,9 +305,9 @@ class FieldMove:
             cost, slope = self.operators.cost_and_slope(batch, z @ self.out)
             gradient = slope @ self.out_back
             if weight:
-                q = inverse * (z @ self.loud)
+                q = inverse * self.loud.of_modes(z)
                 above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
-                gradient = gradient + heavy * ((above * q) @ self.loud_back)
+                gradient = gradient + heavy * self.loud.to_modes(above * q)
                 cost = cost + 0.25 * weight * squares(xp, above)
             if self.effort is not None:
                 pull = self.effort * z

@@ -109,7 +109,7 @@ class _Moves:
 
     def drive(self, batch: Batch, state: RowsState) -> NDArray[np.complex64]:
         """Drives of a state, (row, transducer), relative to the level of the problem."""
-        return self.operators.backend.host(self.free.coordinates(batch, state) @ self.operators.drive)
+        return self.operators.backend.host(self.operators.drive.of_modes(self.free.coordinates(batch, state)))
 
 
 def _moves(settings: Free, problem: Problem, array_backend: Backend) -> _Moves:
@@ -125,7 +125,8 @@ def _moves(settings: Free, problem: Problem, array_backend: Backend) -> _Moves:
         changed, array_backend, tolerance=settings.tolerance, memory=settings.memory, outside=settings.outside
     )
     operators = replace(operators, psi=_phases_of_even_field(settings, operators))
-    own = replace(operators, drive=operators.drive @ array_backend.put(root.T))
+    turned = operators.drive.matrix @ array_backend.put(root.T)
+    own = replace(operators, drive=replace(operators.drive, matrix=turned, back=array_backend.adjoint(turned)))
     sampled = evenly_spread(problem.position, every=4, count=problem.transducers)
     free, bounded = (
         own.field_move(loudness=weight, floor=settings.floor, sampled=sampled, effort=settings.effort)

@@ -60,6 +60,12 @@ class Glide:
     """Fraction of the array's power, needed for a field, above which `hard_polish` replaces ADMM."""
     hard_polish: int = 40
     """Iterations of the refinement of such frames."""
+    bad: float = 0.012
+    """Error of a frame above which the worst frames of a batch, at most one in eight, are refined further: on an array
+    that is folded by its mirrors, where single frames would otherwise end at a larger error.
+    """
+    rescue: int = 12
+    """Iterations of that refinement."""
     towards: float = 0.2
     """Weight, relative to the peak, of an even field in the phases of the new part of a target."""
     # With 5e-3, as in the batch solver, the omitted modes would limit the error.
@@ -173,7 +179,9 @@ class Glide:
         operators = FieldOperators.of(
             problem, array_backend, tolerance=self.tolerance, memory=self.memory, outside=self.outside
         )
-        sampled = evenly_spread(problem.position, every=self.every, count=problem.transducers)
+        columns = problem.transducers // operators.drive.images
+        position = None if problem.position is None else problem.position[:columns]
+        sampled = evenly_spread(position, every=self.every, count=columns)
         return BisectionStep(
             operators=operators,
             field=operators.field_move(loudness=self.loudness, floor=self.floor, sampled=sampled),

@@ -123,9 +123,9 @@ class SolvedFrames:
 
     def keep(self, index: Indices, solved: FrameSolution, iterations: int, backend: Backend) -> None:
         """Copy a solution from the backend into these rows."""
-        for name in FrameSolution.__slots__:
+        for name in ("theta", "z", "scale", "field_scale"):
             getattr(self, name)[index] = backend.host(getattr(solved, name))
-        self.iterations[index] = iterations
+        self.iterations[index] = iterations + solved.more
 
     def put(self, index: Indices, other: "SolvedFrames") -> None:
         """Copy all rows of another object into these rows."""

@@ -9,7 +9,7 @@ from typing import Any
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, TransducerArray
 from midair.solvers.methods import MethodSettings
-from midair.solvers.solve_plan import frames_per_part, settings_with
+from midair.solvers.solve_plan import folds, frames_per_part, settings_with
 
 _EIGEN = 5
 """Matrices of the size of G G^H during its eigendecomposition: itself, a copy, LAPACK's workspace."""
@@ -24,7 +24,9 @@ _PLAIN = 6
 """Matrices of 2 M x 2 M half complex numbers in the plain form of the step."""
 
 
-def memory_needed(points: int, transducers: int, frames: int, *, method: str, guard: int = 0, airs: int = 1) -> int:
+def memory_needed(
+    points: int, transducers: int, frames: int, *, method: str, guard: int = 0, airs: int = 1, folded: bool = False
+) -> int:
     """Maximum memory in bytes that solving needs, besides the memory in use already.
 
     Parameters
@@ -41,11 +43,15 @@ def memory_needed(points: int, transducers: int, frames: int, *, method: str, gu
         Points outside the control grid that shall be quiet.
     airs : int
         Number of temperatures that are solved for at once, see `terms.temperatures`.
+    folded : bool
+        Whether the array is folded by its mirrors, see `solve_plan.folds`.
     """
     M, N = airs * points, transducers
     listeners = M + airs * guard
     # The guard's rows exist alone and then below the others, both unweighted and weighted.
     G = 16 * M * N * (2 if airs > 1 else 1) + (16 * N * (listeners - M + 2 * listeners) if guard else 0)
+    # G of all places of the lattice, and the fields of each kind, which remain with their modes.
+    places = 16 * N * (M + 2 * listeners) if folded else 0
     answer = _ANSWER * 8 * frames * N
     gram = 16 * M * M + _PLAIN * 16 * M * M + 8 * M * N
     if method in ("exact", "fast", "glide", "live", "free"):
@@ -53,7 +59,7 @@ def memory_needed(points: int, transducers: int, frames: int, *, method: str, gu
         work = max(_modes(listeners, N), batch, gram if method == "exact" else 0)
     else:
         work = gram if method == "lm" else 16 * M * N
-    return G + work + answer
+    return G + places + work + answer
 
 
 def memory_of(
@@ -81,6 +87,7 @@ def memory_of(
         method=settings.name,
         guard=sum(term.quiet_rows(grid) for term in terms),
         airs=len(settings.airs(acoustics or Acoustics())),
+        folded=folds(settings),
     )
 
 

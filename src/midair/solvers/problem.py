@@ -16,6 +16,7 @@ from midair.array_types import Array
 from midair.model import Progress, Status
 from midair.physics import relative_error
 from midair.solvers.backend import Backend
+from midair.solvers.mirror_symmetry import Lattice
 from midair.solvers.terms import CellTarget, GuardField, PhaseTerm
 
 Complex = NDArray[np.complex128]
@@ -48,6 +49,8 @@ class Problem:
     """Costs of the phases of successive frames; see `terms.smooth`."""
     position: Array | None = None
     """Positions of the transducers in m, shape (transducer, 3), for methods that sample them evenly."""
+    lattice: Lattice | None = None
+    """If given, the columns of G are its places, as if there were a transducer of strength 1 at each."""
 
     def with_quiet(self, rows: Complex, weight: float) -> "Problem":
         """Add rows (row, transducer) whose field shall be minimal, with their weight."""

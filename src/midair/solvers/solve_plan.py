@@ -18,9 +18,10 @@ from midair.solvers.free import Free
 from midair.solvers.glide import Glide
 from midair.solvers.glide_blocks import frames_in_block
 from midair.solvers.methods import Method, MethodSettings, check_terms, settings_type
+from midair.solvers.mirror_symmetry import Lattice, kinds_differ
 from midair.solvers.phases import spreading_phase
 from midair.solvers.problem import Problem, WarmStart, error_of, phases_and_errors
-from midair.solvers.terms import PressureMeans, Robust, Term, psi_at_temperatures
+from midair.solvers.terms import Guard, PressureMeans, Robust, Term, psi_at_temperatures
 
 TOGETHER = 256
 """Approximate number of sounding frames in a part."""
@@ -67,6 +68,7 @@ class NormalisedSetup:
     airs: tuple[Acoustics, ...]
     G: list[NDArray[np.complex128]]  # One matrix for each air, the nominal air first
     focus: float  # The strongest focus in the nominal air
+    lattice: Lattice | None = None  # That of a symmetric array, whose places then are `array`
 
     @classmethod
     def of(cls, target: AmplitudeFrames, array: TransducerArray, airs: tuple[Acoustics, ...]) -> "NormalisedSetup":
@@ -77,6 +79,11 @@ class NormalisedSetup:
             each /= focus
         return cls(target=target, array=array, airs=airs, G=G, focus=focus)
 
+    def folded(self, lattice: Lattice) -> "NormalisedSetup":
+        """The same setup on the places of the array's lattice."""
+        G = [transfer_matrix(self.target.grid, lattice.array, acoustics=each) / self.focus for each in self.airs]
+        return replace(self, array=lattice.array, G=G, lattice=lattice)
+
     def problem(self, level: float, terms: tuple[Term, ...] = ()) -> Problem:
         """The problem for a solver: the target in all airs, and the terms."""
         times = len(self.airs)
@@ -86,6 +93,7 @@ class NormalisedSetup:
             level=level,
             psi=psi_at_temperatures(self.G, spreading_phase(self.target.grid, self.array, self.airs[0].medium)),
             position=self.array.position,
+            lattice=self.lattice,
         )
         for term in terms:
             problem = term.added(problem, self)
@@ -133,15 +141,20 @@ class SolvePlan:
                 "with --correct-air"
             )
         airs = settings.airs(acoustics)
-        own = NormalisedSetup.of(target, array, (acoustics,))
+        own = scene = NormalisedSetup.of(target, array, (acoustics,))
         if level == "auto":
             level = automatic_level(np.array((target.amplitude.max() if loudest is None else loudest) / own.focus))
+        if len(airs) > 1:
+            scene = NormalisedSetup.of(target, array, airs)
+        elif isinstance(solver, Glide) and folds(settings) and (lattice := Lattice.of(array)) is not None:
+            folded = own.folded(lattice)
+            scene = folded if kinds_differ(folded.G[0], solver.tolerance) else own
         return cls(
             settings=settings,
             solver=solver,
             terms=settings.terms(),
             own=own,
-            scene=own if len(airs) == 1 else NormalisedSetup.of(target, array, airs),
+            scene=scene,
             level=level,
             bits=bits,
         )
@@ -182,6 +195,8 @@ class SolvePlan:
             answer = self.solver.solve(self._asked(problem), after=after, progress=progress)
             for term in self.terms:
                 answer = term.answered(answer)
+            if self.scene.lattice is not None:
+                answer = replace(answer, phase=self.scene.lattice.phase(answer.phase))
             # The error is computed after rounding, so that it is the error of the phases that are played.
             phase, error = self._played(own, answer.phase, answer.level)
         audible = np.array([status != "silent" for status in answer.status], float)
@@ -225,6 +240,15 @@ class SolvePlan:
             **({"array_calibration": known} if (known := self.own.array.calibration_id) else {}),
             **{field.name: getattr(solver, field.name) for field in fields(solver) if field.name != "jobs"},
         }
+
+
+def folds(settings: MethodSettings) -> bool:
+    """Whether an array with mirror symmetry is folded: for windows or cells, with or without a guard, on NumPy.
+
+    At points alone ADMM cannot handle fields of different kinds that overlap, see docs/decisions/0048-folding.md.
+    """
+    solver, terms = settings.solver(), set(settings.asked) - {Guard.shown()}
+    return isinstance(solver, Glide) and solver.backend == "numpy" and terms == {PressureMeans.shown()}
 
 
 def settings_with(settings: MethodSettings | None, changes: dict[str, Any]) -> MethodSettings:

@@ -78,5 +78,5 @@ def test_the_field_that_is_kept_is_the_one_that_the_phases_make(bisection, aroun
     operators = bisection.operators
     solved = bisection.refine_mean(batch, around, bisection.begin(batch, around), 10)
     heard = (solved.z @ bisection.field.out)[0, : operators.problem.points]
-    made = (np.exp(1j * solved.theta) @ operators.drive_back @ operators.field)[0, : operators.problem.points]
+    made = (operators.drive.to_modes(np.exp(1j * solved.theta)) @ operators.field)[0, : operators.problem.points]
     np.testing.assert_allclose(heard, made * batch.gain[0, 0], rtol=1e-9)

@@ -1,0 +1,141 @@
+"""Recordings solved on an array that is folded by its mirrors; the array as a whole is the reference."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.model import AmplitudeFrames, Board, ControlGrid, TransducerArray, array_of_boards
+from midair.physics import focus_amplitude, transfer_matrix
+from midair.settings import best_mode
+from midair.solvers import backend as backend_module
+from midair.solvers import solve_parts
+from midair.solvers.backend import backend
+from midair.solvers.lbfgs import LBFGS, CompiledLBFGS
+from midair.solvers.mirror_symmetry import KINDS, FoldedProduct, Lattice, Product, modes_by_kind
+from midair.solvers.solve_plan import SolvePlan
+
+ARRAY, GRID, SETTINGS = TransducerArray.autd3(), ControlGrid(), best_mode().solver
+RNG = np.random.default_rng(5)
+MEASURED = replace(ARRAY, response=RNG.uniform(0.7, 1.2, ARRAY.count) * np.exp(1j * RNG.uniform(-1, 1, ARRAY.count)))
+
+
+def rows(*shape):
+    return np.asarray(RNG.normal(size=shape) + 1j * RNG.normal(size=shape))
+
+
+def close(found, expected):
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+
+
+def wave(frames, grid=GRID, array=ARRAY):
+    """A spot that moves and swings, at a strength of .15."""
+    time, at = np.arange(frames)[:, None] / 400, grid.position - [*grid.centre, 0]
+    x = 0.01 * np.sin(2 * np.pi * time)
+    spot = np.exp(-((at[:, 0] - x) ** 2 + at[:, 1] ** 2) / (2 * 0.009**2)) * (0.6 + 0.4 * np.sin(25 * time))
+    return AmplitudeFrames(amplitude=0.15 * focus_amplitude(grid, array) * spot, rate=4000.0, grid=grid)
+
+
+@pytest.fixture(params=["double", "single", "single, no Numba"])
+def own_backend(request, monkeypatch):
+    if "no" in request.param:
+        monkeypatch.setattr(backend_module, "_kernel", lambda: None)
+    return backend("numpy", precision=request.param.partition(",")[0])
+
+
+@pytest.mark.parametrize("array", [ARRAY, MEASURED], ids=["alike", "measured"])
+def test_products_by_kind_are_those_of_the_whole_matrix(array, own_backend):
+    lattice, put = Lattice.of(array), own_backend.put
+    _, V = modes_by_kind(transfer_matrix(GRID, lattice.array), 5e-3)
+    dense = lattice.weight * np.einsum("ki,kmn->kmin", KINDS, V).reshape(V.shape[0] * V.shape[1], -1)
+    product = FoldedProduct.of(own_backend, V, lattice.weight)
+    b, q, theta = rows(3, len(dense)), rows(3, dense.shape[1]), RNG.uniform(-3, 3, (3, dense.shape[1]))
+    close(product.of_modes(put(b)), b @ dense)
+    close(product.to_modes(put(q)), q @ dense.conj().T)
+    held, a = product.phasors(put(theta))
+    close(a, np.exp(1j * theta) @ dense.conj().T)
+    close(product.slope(held, put(b)), np.imag(np.exp(-1j * theta) * (b @ dense)))
+    root, some = RNG.uniform(1, 2, len(dense)), np.array([3, 8, 100])
+    every = (np.arange(4)[:, None] * V.shape[2] + some).reshape(-1)
+    sampled = product.sampled(some, put(root))
+    close(sampled.of_modes(put(b)), (b / root) @ dense[:, every])
+    whole = Product(backend=own_backend, matrix=put(dense), back=put(dense.conj().T))
+    close(whole.sampled(every, put(root)).to_modes(put(q[:, every])), sampled.to_modes(put(q[:, every])))
+
+
+def test_a_lattice_has_the_fields_of_its_array():
+    lattice, theta = Lattice.of(MEASURED), RNG.uniform(-3, 3, (2, 1008))
+    field = np.exp(1j * lattice.phase(theta)) @ transfer_matrix(GRID, MEASURED).T
+    close((lattice.weight * np.exp(1j * theta)) @ transfer_matrix(GRID, lattice.array).T, field)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "array", [ARRAY, MEASURED, array_of_boards(Board.nominal())], ids=["alike", "measured", "openmpd"]
+)
+def test_the_error_is_that_of_the_array_as_a_whole(array):
+    target = wave(300, array=array)
+    plan = SolvePlan.of(target, array, SETTINGS)
+    assert plan.scene.lattice is not None
+    folded, whole = (each.solve(target, None, None)[0].error for each in (plan, replace(plan, scene=plan.own)))
+    assert folded.mean() < 1.02 * whole.mean()
+    assert folded.max() < 1.02 * whole.max()
+
+
+@pytest.mark.long
+def test_bad_frames_are_refined_further():
+    target = wave(200)
+    errors, made = [], []
+    for rescue in (0, 12):
+        settings = replace(SETTINGS, method=replace(SETTINGS.method, rescue=rescue))
+        solution = SolvePlan.of(target, ARRAY, settings).solve(target, None, None)[0]
+        errors.append(solution.error)
+        made.append(solution.iterations.sum())
+    assert errors[1].max() < 0.95 * errors[0].max()
+    assert made[0] < made[1] < 1.2 * made[0]
+
+
+@pytest.mark.long
+def test_parts_jobs_and_blocks_do_not_change_a_bit():
+    target = wave(150)
+    settings = [
+        replace(SETTINGS, method=replace(SETTINGS.method, coarse=16, block=32, opening=32, jobs=jobs))
+        for jobs in (1, 2)
+    ]
+    one, two = (SolvePlan.of(target, ARRAY, each).solve(target, None, None)[0] for each in settings)
+    parts = np.concatenate([part.drive.phase for part in solve_parts(target, ARRAY, settings[0])])
+    np.testing.assert_array_equal(two.drive.phase, one.drive.phase)
+    np.testing.assert_array_equal(parts, one.drive.phase)
+
+
+def test_compiled_loops_make_the_steps_of_numpy():
+    """A convex cost, from a step that is accepted and from one that is rejected at first."""
+    kernel = pytest.importorskip("midair.solvers.folded_kernel")
+    curvature = np.linspace(0.2, 2, 50, dtype=np.float32)
+    x, step = RNG.normal(size=(2, 50)).astype(np.float32), np.array([0.5, 8], np.float32)
+
+    def function(x):
+        return 0.5 * (curvature * x**2).sum(axis=1), curvature * x
+
+    compiled, plain = (method.run(function, x, step, 9) for method in (CompiledLBFGS(kernel=kernel), LBFGS()))
+    for name in ("x", "gradient", "cost", "scale", "length"):
+        np.testing.assert_allclose(getattr(compiled, name), getattr(plain, name), rtol=1e-3, atol=1e-5)
+    assert (plain.cost < 1e-2).all()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"fit": "points"}, {"quiet_palm": 1.0}, {"backend": "strict"}, {"method": "fast"}, {"amplitudes": "bounded"}],
+    ids=str,
+)
+def test_other_settings_keep_the_array_as_a_whole(changes):
+    assert SolvePlan.of(wave(2), ARRAY, SETTINGS, **changes).scene.lattice is None
+
+
+def test_arrays_without_symmetry_and_points_off_the_middle_keep_the_array_as_a_whole():
+    beside = replace(GRID, centre=(0.01, 0.0))
+    assert SolvePlan.of(wave(2, beside), ARRAY, SETTINGS).scene.lattice is None
+    odd = TransducerArray(position=ARRAY.position[:-1], normal=ARRAY.normal[:-1])
+    assert SolvePlan.of(wave(2), odd, SETTINGS).scene.lattice is not None  # one more empty place
+    half = TransducerArray(position=ARRAY.position[:700], normal=ARRAY.normal[:700])
+    assert SolvePlan.of(wave(2), half, SETTINGS).scene.lattice is None
