@@ -5,7 +5,7 @@ import pytest
 
 from midair.model import Acoustics, Drive, TransducerArray
 from midair.physics import focus_phase, palm_warming, skin_warming, transfer_matrix, unit_duty, unit_levels
-from midair.physics.heating import PUBLISHED_RISE, STRONG_FOCUS
+from midair.physics.exposure_places import PUBLISHED_RISE, STRONG_FOCUS
 
 ARRAY = TransducerArray.autd3()
 PALM = np.array([[0.0, 0.0, 0.2]])
@@ -83,7 +83,7 @@ def test_a_still_focus_warms_as_published_and_a_weaker_one_by_the_square_of_its_
 @pytest.mark.parametrize(("period", "few"), [(2, 5000), (7, 5000), (7, 1500), (8, 1500), (20, 1500)])
 def test_a_modulated_focus_warms_as_its_mean_intensity_whatever_its_period(period, few, monkeypatch):
     """All frames, or some of a long drive."""
-    monkeypatch.setattr("midair.physics.heating._FRAMES", few)
+    monkeypatch.setattr("midair.physics.exposure_places._FRAMES", few)
     drive = still(5.0, rate=1000.0)
     level = (np.arange(drive.frames) % period < period / 2).astype(float)
     modulated = Drive(phase=drive.phase, level=level, rate=1000.0, array=ARRAY)

@@ -8,10 +8,9 @@ from tests.study.simulated import simulate
 
 from midair.cli import run as midair
 from midair.errors import DeviceStateError, FileError, InputError
-from midair.study.folder import StudyFolder, read_design, template_text
+from midair.study.folder import MADE, StudyFolder, log_derived_file, read_design, template_text, withdraw, withdrawn
 from midair.study.session import Session, SilentPresenter
 from midair.study.tables import read_bids, read_csv
-from midair.study.withdrawal import MADE, log_derived_file, withdraw, withdrawn
 
 
 @pytest.fixture(scope="module")

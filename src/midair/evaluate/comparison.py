@@ -8,9 +8,8 @@ import numpy as np
 from midair.array_types import Array
 from midair.dsp import welch
 from midair.errors import MismatchError, RateError
-from midair.evaluate.alignment import advance, find_delay
-from midair.evaluate.distortion import OVERALL, Limits, distortion_ratios
-from midair.evaluate.spectrum import dominant_frequency, spectral_error
+from midair.evaluate.distortion import OVERALL, Limits, advance, distortion_ratios, find_delay
+from midair.evaluate.perception import dominant_frequency, spectral_error
 from midair.model import ControlGrid, PressureFrames, SensorGrid
 from midair.streaming import LazyFrames, blocks
 from midair.validation import check_type

@@ -145,19 +145,15 @@ def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> CubeSearch | PointS
         partial(slow_field, place=place, array=array, acoustics=air, magnitude=magnitude)
         for air, magnitude in zip(airs, magnitudes, strict=True)
     )
-    where, step, tried = stacks(wide, inside=INSIDE, faces=FACES), NODES, _mode_count(wide)
+    # The number of modes is estimated from products of two bands, since the sources form a surface.
+    x, y, z = (float(band) for band in wide)
+    where, step, tried = stacks(wide, inside=INSIDE, faces=FACES), NODES, round(24 + 0.85 * (x * y + y * z + z * x))
     while True:
         field = field_by_modes(fields, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
         # The truncation error is 48 dB below the sum of all transducers.
         if field.left_out < 4e-3 * alone.sum() or step < 0.7 * NODES:
             return CubeSearch(field=field, ceiling=alone)
         step, tried = 0.85 * step, 2 * tried
-
-
-def _mode_count(wide: Array) -> int:
-    """Estimated number of modes of a field with these bands: products of two, since the sources form a surface."""
-    x, y, z = (float(band) for band in wide)
-    return round(24 + 0.85 * (x * y + y * z + z * x))
 
 
 def _bands(place: Place, array: TransducerArray, airs: Airs) -> Array:

@@ -17,9 +17,8 @@ import numpy as np
 
 from midair.errors import ClusterError
 from midair.model import Progress
-from midair.sweep.storage import sweep_package
+from midair.sweep.storage import Job, Result, Task, sweep_package
 from midair.sweep.store import Sweep, SweepAddress, open_sweep
-from midair.sweep.task import Job, Result, Task
 from midair.version import __version__
 
 if TYPE_CHECKING:

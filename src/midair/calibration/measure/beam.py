@@ -11,8 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from midair.array_types import Array, Complex
-from midair.calibration.measure.frequency_response import channel_delay, quiet_density, upper_half, white_level, widened
-from midair.calibration.measure.linearity import bend_uncertainty, fit_levels
+from midair.calibration.measure.frequency_response import (
+    bend_uncertainty,
+    channel_delay,
+    fit_levels,
+    quiet_density,
+    upper_half,
+    white_level,
+    widened,
+)
 from midair.errors import InputError, ShapeError
 from midair.model import (
     BAND,

@@ -34,13 +34,11 @@ def question_findings(data: StudyData) -> list[Finding]:
         for name, answers in [] if rows is None else rows.groupby("question", sort=False):
             one = title.format(name)
             parts = attempt(one, partial(_finding_by_kind, one, answers))
-            found += parts if rows is data.others else [_without_stimulus(part) for part in parts]
+            if rows is data.form:
+                tables = [None if part.table is None else part.table.drop(columns="stimulus") for part in parts]
+                parts = [replace(part, table=table) for part, table in zip(parts, tables, strict=True)]
+            found += parts
     return found
-
-
-def _without_stimulus(part: Finding) -> Finding:
-    """The finding without the column "stimulus", for questions of the form."""
-    return part if part.table is None else replace(part, table=part.table.drop(columns="stimulus"))
 
 
 def _reason(row: dict[str, object]) -> str:
