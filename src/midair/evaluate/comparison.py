@@ -120,6 +120,8 @@ def compare(
     low, high = band or original.band or (0.0, original.rate / 2)
     values = 2 * (high - low) * frames / original.rate
     found = distortion_ratios(sums.xx, own, float(gain), sums.apart, noise=noise, frames=frames, values=values)
+    least, most = band or original.band or (0.0, float("inf"))
+    inside = (sums.frequency >= least) & (sums.frequency <= most)
     return Comparison(
         delay=delay,
         correlation=float(_over(sums.xy.sum(), np.sqrt(sums.xx.sum() * sums.yy.sum()))),
@@ -127,7 +129,7 @@ def compare(
         waveform_error=_ratio(np.sqrt(sums.error.sum()), np.sqrt(sums.xx.sum())),
         distortion_ratio=found[OVERALL][0],
         ratios=found,
-        spectral_error=_spectral_error(sums, band or original.band),
+        spectral_error=spectral_error(sums.densities[0][inside], sums.densities[1][inside]),
         peak=_peaks(sums.xx.reshape(shape) / frames, sums.yy.reshape(shape) / frames, original.sensor),
         frequency=(dominant_frequency(x, original.rate), dominant_frequency(y, original.rate)),
         rms=(float(np.sqrt(sums.xx.max() / frames)), float(np.sqrt(sums.yy.max() / frames))),
@@ -221,12 +223,6 @@ def check_alike(original: PressureFrames, reproduced: PressureFrames) -> None:
         raise RateError(
             f"reproduced: expected the original's {original.rate:g} Hz, got {reproduced.rate:g} Hz; resample one first"
         )
-
-
-def _spectral_error(sums: _Sums, band: tuple[float, float] | None) -> float:
-    low, high = band or (0.0, float("inf"))
-    inside = (sums.frequency >= low) & (sums.frequency <= high)
-    return spectral_error(sums.densities[0][inside], sums.densities[1][inside])
 
 
 def _over(part: Array | np.floating | float, whole: Array | np.floating | float) -> Array:

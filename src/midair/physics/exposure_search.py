@@ -210,7 +210,11 @@ def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: Transduc
     most = np.inf if room is None else room.attenuation
     slow, fast = (Medium.at(temperature=t, humidity=wet).speed for t, wet in ((cold, dry), (warm, damp)))
     turns = 2 * np.pi * array.frequency * (1 / slow - 1 / fast)
-    count = 1 + max(2, int(np.ceil(turns * max(_path_difference(place, array) for place in places) / STEP)))
+    # The paths from the transducers to a place differ from that from the middle of the array by this much, in m.
+    points = np.concatenate([place.points for place in places])
+    paths = np.linalg.norm(points[:, None] - array.position, axis=2)
+    longest = float(np.abs(paths - np.linalg.norm(points - middle(array), axis=1)[:, None]).max())
+    count = 1 + max(2, int(np.ceil(turns * longest / STEP)))
     return tuple(
         Acoustics(medium=_air(float(degrees), float(wet), (dry, damp), most, array.frequency))
         for degrees, wet in zip(np.linspace(cold, warm, count), np.linspace(dry, damp, count), strict=True)
@@ -221,10 +225,3 @@ def _air(degrees: float, humidity: float, ends: tuple[float, float], most: float
     """Air with the lowest attenuation between two humidities, where it has no minimum, and at most `most` Np/m."""
     airs = [Medium.at(temperature=degrees, humidity=each, frequency=frequency) for each in (humidity, *ends)]
     return replace(airs[0], attenuation=min(most, *(air.attenuation for air in airs)))
-
-
-def _path_difference(place: Place, array: TransducerArray) -> float:
-    """Largest difference between the path from a transducer to a place and that from the middle of the array, in m."""
-    points = place.points
-    path = np.linalg.norm(points[:, None] - array.position, axis=2)
-    return float(np.abs(path - np.linalg.norm(points - middle(array), axis=1)[:, None]).max())

@@ -300,17 +300,13 @@ def _delete_from_derived(folder: StudyFolder, person: str) -> list[str]:
         elif kind == "csv":
             report.append(_delete_rows(path, ",", person))
         else:
-            report += _delete_from_dataset(path, person)
-    return report
-
-
-def _delete_from_dataset(path: Path, person: str) -> list[str]:
-    report = [_delete_rows(path / "participants.tsv", "\t", person)] if (path / "participants.tsv").exists() else []
-    for data in (path / person, path / "data" / person):  # of BIDS, of Psych-DS
-        if data.is_dir():
-            files = sum(one.is_file() for one in data.rglob("*"))
-            shutil.rmtree(data)
-            report.append(f"{data}: deleted, {files} files")
+            if (path / "participants.tsv").exists():
+                report.append(_delete_rows(path / "participants.tsv", "\t", person))
+            for data in (path / person, path / "data" / person):  # of BIDS, of Psych-DS
+                if data.is_dir():
+                    files = sum(one.is_file() for one in data.rglob("*"))
+                    shutil.rmtree(data)
+                    report.append(f"{data}: deleted, {files} files")
     return report
 
 

@@ -12,8 +12,17 @@ import numpy as np
 
 from midair.errors import InputError
 from midair.progress import report_progress
-from midair.study.findings.choice_findings import choice_findings, compared, confusions, mixed
-from midair.study.findings.finding import Choices, Finding, attempt, interval_words, limits_words
+from midair.study.findings.choice_findings import (
+    Choices,
+    Finding,
+    attempt,
+    choice_findings,
+    compared,
+    confusions,
+    interval_words,
+    limits_words,
+    mixed,
+)
 from midair.study.findings.rating_findings import adaptive, anova, cumulative, pairs, psychometric, ranks, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import d_prime_same_different, d_prime_yes_no, levels, two_answers_limits

@@ -49,7 +49,12 @@ class Headphones:
         self._stream: Any = None
 
     def __enter__(self) -> Self:
-        sounddevice = _sounddevice()
+        try:
+            import sounddevice
+        except ImportError as wrong:
+            raise MissingExtraError("headphones: expected the extra audio; pip install 'midair[audio]'") from wrong
+        except OSError as wrong:
+            raise DeviceError("headphones: expected PortAudio; apt-get install libportaudio2") from wrong
         try:
             self._stream = sounddevice.OutputStream(
                 device=self._device, channels=self._channels, dtype="float32", callback=self._fill
@@ -105,16 +110,6 @@ class Headphones:
             # The target may have changed in the meantime.
             if self._gain == self._target:
                 self._reached.set()
-
-
-def _sounddevice() -> Any:
-    try:
-        import sounddevice
-    except ImportError as wrong:
-        raise MissingExtraError("headphones: expected the extra audio; pip install 'midair[audio]'") from wrong
-    except OSError as wrong:
-        raise DeviceError("headphones: expected PortAudio; apt-get install libportaudio2") from wrong
-    return sounddevice
 
 
 class Presenter(Protocol):
