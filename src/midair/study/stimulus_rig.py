@@ -49,6 +49,10 @@ from midair.study.session import (
     TrialStep,
 )
 
+if sys.platform != "win32":
+    import termios
+    import tty
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StimulusRig:
@@ -227,10 +231,6 @@ def _array_presenter(
                 console.print(plain_text(f"{one.source}: exposure {admission.verdict()}"), style="yellow")
         yield presenter
 
-
-if sys.platform != "win32":
-    import termios
-    import tty
 
 ARROWS = {b"\x1b[D": "left", b"\x1b[C": "right", b"\x1b[B": "down", b"\x1b[A": "up"}
 """Escape sequences of the arrow keys; in application mode terminals send O instead of the bracket."""
